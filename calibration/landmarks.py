@@ -105,7 +105,7 @@ def remember(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> La
 
     Raises ConfigurationError where the camera does not see the tip.
     """
-    grey = _grey(frame.image)
+    grey = grey_of(frame.image)
     u, v = lens.distort(homography.to_image(np.array([[pose.x, pose.z]])))[0]
     left, top = round(u) - TIP_SIDE // 2, round(v) - TIP_SIDE // 2
     height, width = grey.shape
@@ -123,7 +123,7 @@ def camera_shift(
     frame: Frame, landmarks: Landmarks, lens: Lens, homography: Homography
 ) -> CameraShift:
     """Shift of the landmarks in an image (h, w, 3) of the hand at rest at the same pose."""
-    grey = _grey(frame.image)
+    grey = grey_of(frame.image)
     found = [(mark, _find(grey, mark)) for mark in landmarks.marks]
     tips = [_moved_mm(m, at, lens, homography) for m, at in found if m.kind == "tip" and at]
     desk = [_moved_mm(m, at, lens, homography)[1] for m, at in found if m.kind == "desk" and at]
@@ -193,5 +193,6 @@ def _moved_mm(
     return float(x), float(z)
 
 
-def _grey(image: Image) -> Image:
+def grey_of(image: Image) -> Image:
+    """`image` (h, w, 3) in grey levels (h, w)."""
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

@@ -62,12 +62,12 @@ def print_board(settings: BoardSettings, path: Path) -> str:
     with PdfPages(content) as pages:
         for figure in figures:
             pages.savefig(figure)
-    with writing(path), _new(path) as file:
+    with writing(path), _create(path) as file:
         write_all(file, content.getvalue())
     return paper(settings)[0]
 
 
-def _new(path: Path) -> FileIO:
+def _create(path: Path) -> FileIO:
     try:
         return new_file(path)
     except FileExistsError:

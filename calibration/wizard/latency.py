@@ -197,7 +197,7 @@ def _best(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, 
 def _defects(verdict: LatencyVerdict, settings: LatencySettings) -> tuple[str, ...]:
     return reasons(
         (abs(verdict.latency) > settings.most,
-         f"the latency is {1e3 * verdict.latency:.0f} ms, believed are "
+         f"the latency is {1e3 * verdict.latency:.0f} ms, plausible up to "
          f"{1e3 * settings.most:.0f} ms; check the clock of the camera's stamps"),
         (verdict.apart > settings.uncertainty,
          f"two halves of the images differ by {1e3 * verdict.apart:.1f} ms in latency, allowed "

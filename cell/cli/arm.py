@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cell.cli.options import Arm, Configs, ask, check_names, length_option
+from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from cell.config.cell import CellFile
@@ -75,6 +76,8 @@ def jog(
     configs: Configs = None,
 ) -> None:
     """Move the gripper a little from where it is."""
+    if not (x or z or pitch):
+        raise ConfigurationError("--x, --z, --pitch: give one at least, as --z 20mm")
     from cell.arm import by_hand
     from cell.config.places import find_configs
 
@@ -107,7 +110,8 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 
     touched = []
     for number, point in enumerate(POINTS, start=1):
-        ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: ")
+        if not ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: "):
+            raise ConfigurationError("the input ended before Enter was pressed; nothing is changed")
         touched.append(hand_pose(task)[12:15])
     mounting = mounting_from(np.array(touched), lying.length)
     path = write_mounting(found, mounting)

@@ -156,6 +156,8 @@ def calibrate_homography(
     from cell.calibrating import homography_wizard as wizard
 
     settings = _settings(configs)
+    if use:
+        _check_own(configs)
     if again is not None:
         found = wizard.homography_again(
             again, without or (), out, settings.fold.speed, accept_anyway=accept_anyway
@@ -242,11 +244,14 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
     """The folder of --resume or --out, or a new one named by time; refuses an existing --out."""
     from datetime import UTC, datetime
 
+    from calibration.wizard.session import SESSION
     from drivers.errors import ConfigurationError
 
     if resume is not None and out is not None:
         raise ConfigurationError("--resume: goes on in its own folder; leave --out away")
     if resume is not None:
+        if not (resume / SESSION).is_file():
+            raise ConfigurationError(f"--resume: {resume} holds no session: no {SESSION}")
         return resume
     if out is None:
         return SESSIONS / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{cell}-{kind}"
@@ -282,18 +287,25 @@ def _page(folder: Path) -> Path:
     return write_session_page(folder)
 
 
+def _check_own(configs: Path | None) -> None:
+    """Refuse to change the packaged configuration, before the arm has moved for it."""
+    from cell.config.places import PACKAGED, find_configs
+    from drivers.errors import ConfigurationError
+
+    if find_configs(configs).folder == PACKAGED:
+        raise ConfigurationError("--use: copy the configs folder; name the copy by --configs")
+
+
 def _use(configs: Path | None, found: "TouchSession", again: Path | None) -> Path | None:
     """Name the calibration of a session in cell.yaml; None where there is none."""
     from calibration.calibration import load_calibration
     from cell.calibrating.calibration_in_use import use_calibration
-    from cell.config.places import PACKAGED, find_configs
+    from cell.config.places import find_configs
     from drivers.errors import ConfigurationError
 
     if found.calibration is None:
         return None
     folder, place = find_configs(configs).folder, found.folder or again
-    if folder == PACKAGED:
-        raise ConfigurationError("--use: copy the configs folder; name the copy by --configs")
     file = Path() if place is None else place / "calibration.yaml"
     if not file.is_file() or load_calibration(file).id != found.calibration.id:
         raise ConfigurationError("--use: keep this calibration in a folder first, by --out")

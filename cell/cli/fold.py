@@ -279,13 +279,12 @@ def _results(
     wanted: "Sequence[Request]", jobs: int, *, quiet: bool, real: bool
 ) -> "Iterator[FoldResult]":
     from cell.calibrating.calibrate import calibration_of
-    from cell.config.places import find_configs
     from cell.folding.batch import each_of
     from cell.folding.fold import fold as fold_once
     from cell.folding.progress import progress
     from cell.orchestrator.interrupt import Interrupt
 
-    settings = find_configs(wanted[0].configs).cell()
+    settings, _ = wanted[0].read_files()
     if jobs > 1 and len(wanted) > 1:
         with Interrupt() as interrupted:
             calibration = calibration_of(settings, _remark, interrupted)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cell.cli.options import Json, busy, print_json
+from cell.report.words import plural
 
 if TYPE_CHECKING:
     from cell.record.run import Run
@@ -48,7 +49,7 @@ def import_runs(
         runs = [read_run(folder) for folder in made]
         strip = runs[0].header.strip if runs else "STRIP"
         sys.stdout.writelines(f"{_summary(run)}\n" for run in runs)
-        sys.stdout.write(f"{len(made)} runs in {out}\n")
+        sys.stdout.write(f"{plural(len(made), 'run')} in {out}\n")
         sys.stdout.write(f"next: cell gap fit {out} --strip {strip} --out {out}-fit\n")
 
 
@@ -60,8 +61,8 @@ def _summary(run: "Run") -> str:
     first, last = (_place(ticks.x[k], ticks.z[k]) for k in (0, -1))
     touch = None if run.result is None else run.result.t_layer_touch
     seen = "no touch" if touch is None else f"touch at {touch:.2f} s"
-    images = len(set(run.profile.t.tolist()))
-    return f"{run.name}: {ticks.t[-1]:.2f} s from {first} to {last}; {images} images, {seen}"
+    images = plural(len(set(run.profile.t.tolist())), "image")
+    return f"{run.name}: {ticks.t[-1]:.2f} s from {first} to {last}; {images}, {seen}"
 
 
 def _place(x: float, z: float) -> str:

@@ -23,21 +23,12 @@ INTERRUPTED = 130  # exit code
 
 
 def length_parser(option: str, bare: str = "m", least: float = -inf) -> "Callable[[str], float]":
-    """Parser of an `option` that takes a length [m] of `least` or more: `600mm`, `60cm`, `0.6m`, or
-    a number in `bare`; ConfigurationError for anything else.
-    """
+    """Parser of an `option` that takes a length [m] of `least` or more, as `metres` reads it."""
 
     def parse(text: str) -> float:
-        from cell.config.length import length
-        from drivers.errors import ConfigurationError
+        from cell.config.length import metres
 
-        value = length(str(text), bare)
-        if not value >= least:
-            few = "" if least == -inf else f" of {1e3 * least:g} mm or more"
-            raise ConfigurationError(
-                f"{option}: {text!r} is no length{few}; write one as 600mm or 0.6m"
-            )
-        return value
+        return metres(option, str(text), bare=bare, least=least)
 
     return parse
 

@@ -85,15 +85,14 @@ def note(
 ) -> None:
     """Tag runs, or write a note on them; both are kept in the run and found by `cell runs`."""
     from cell.record.documents import write_document
-    from cell.record.files import NOTES, RUN, is_run
+    from cell.record.files import NOTES, check_run
     from cell.record.listing import read_row
 
     for word in (*(tag or ()), *(untag or ())):
         if TAG.fullmatch(word) is None:
             raise ConfigurationError(f"--tag: {word!r} is no tag; use letters, digits, . - and _")
     for run in runs:
-        if not is_run(run):
-            raise ConfigurationError(f"{run}: is not a run: it holds no {RUN}")
+        check_run(run)
     for run in runs:
         row = read_row(run)
         tags = sorted({*row.tags.split(), *(tag or ())} - set(untag or ()))

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cell.cli.options import Json, Runs, print_json
+from cell.report.words import plural
+from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from cell.record.catalogue import Catalogue
@@ -37,12 +39,10 @@ def runs(
     html: Annotated[
         Path | None, typer.Option(help="Write the list there as one page with thumbnails.")
     ] = None,
-    keep: Annotated[
-        int | None, typer.Option(help="Let go of all but the newest this many.")
-    ] = None,
+    keep: Annotated[int | None, typer.Option(min=0, help="Keep only the newest this many.")] = None,
     older_than: Annotated[
         float | None,
-        typer.Option(min=0, max=36500, help="Let go of runs older than this many days."),
+        typer.Option(min=0, max=36500, help="Keep only runs of this many days or less."),
     ] = None,
     delete: Annotated[
         bool, typer.Option("--delete", help="Really delete what --keep or --older-than name.")
@@ -52,26 +52,28 @@ def runs(
     """List the runs in a folder; with --keep or --older-than, those that may go."""
     from cell.record.listing import remove, to_prune
 
+    pruning = keep is not None or older_than is not None or delete
+    if (pruning and sql is not None) or (delete and html is not None):
+        raise ConfigurationError("--keep, --older-than, --delete: go without --sql and --html")
     with _catalogue(folder) as catalogue:
         if sql is not None:
             _show_query(*catalogue.query(sql), as_csv=as_csv, as_json=as_json)
             return
         rows = catalogue.rows(where, sort)
-    pruning = keep is not None or older_than is not None
     if pruning:
         age = None if older_than is None else timedelta(days=_days(older_than))
         rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=age)
     if html is not None:
         from cell.report.runs_page import write_runs_page
 
-        sys.stdout.write(f"{len(rows)} runs\n  {write_runs_page(rows, html)}\n")
+        sys.stdout.write(f"{plural(len(rows), 'run')}\n  {write_runs_page(rows, html)}\n")
         return
     _show(rows, as_csv=as_csv, as_json=as_json)
     if pruning and delete:
         freed = remove(rows)
-        sys.stderr.write(f"deleted {len(rows)} runs, {freed / MEGABYTE:.1f} MB\n")
+        sys.stderr.write(f"deleted {plural(len(rows), 'run')}, {freed / MEGABYTE:.1f} MB\n")
     elif pruning:
-        sys.stderr.write(f"{len(rows)} runs may go; nothing was deleted, add --delete\n")
+        sys.stderr.write(f"{plural(len(rows), 'run')} may go; nothing was deleted, add --delete\n")
 
 
 @contextmanager
@@ -93,8 +95,6 @@ def _progress() -> Callable[[int, int], None]:
 
 
 def _days(stated: float) -> float:
-    from drivers.errors import ConfigurationError
-
     if isnan(stated):
         raise ConfigurationError("--older-than: is nan; give a number of days")
     return stated

@@ -91,7 +91,7 @@ def _train(
     workers: "AbstractContextManager[Executor]",
     grid: int,
 ) -> "Trained":
-    """The policy trained in the rod and judged on a `grid`; `size` is that of `feedback`."""
+    """Train `policy` in the rod and evaluate it on a `grid`; `size` is for `feedback` alone."""
     from rich.console import Console
 
     from cell.train.critic import train_critic

@@ -88,11 +88,12 @@ def sitting(folder: Path, kind: str, viz: WizardViz) -> Iterator[Sitting]:
 def _remainder(folder: Path, kind: str) -> str:
     """What an interrupted session leaves, and how to go on with it."""
     from calibration.wizard.session import ROWS, read_rows
+    from cell.report.words import plural
 
     taken = sum(row.taken for row in read_rows(folder)) if (folder / ROWS).is_file() else 0
     if taken == 0:
         return f"interrupted; nothing was taken yet; {folder} may be deleted"
     return (
-        f"interrupted; {taken} images are kept in {folder}: `cell calibrate {kind} --resume "
+        f"interrupted; {plural(taken, 'image')} kept in {folder}: `cell calibrate {kind} --resume "
         f"{folder}` goes on, `cell calibrate {kind} --from {folder}` solves them"
     )

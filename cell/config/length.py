@@ -1,7 +1,7 @@
 """Lengths as an operator writes them: `3.5mm`, `0.0035m`, or metres without a unit."""
 
-import math
 import re
+from math import inf, nan
 
 from drivers.errors import ConfigurationError
 
@@ -12,19 +12,24 @@ def length(text: str, bare: str = "m") -> float:
     """The length [m] that `text` states, in `bare` where it names no unit; otherwise NaN."""
     found = re.fullmatch(r"\s*([-+]?[\d.]+(?:e-?\d+)?)\s*(m|cm|mm)?\s*", text)
     try:
-        return float(found[1]) * UNITS[found[2] or bare] if found else math.nan
+        return float(found[1]) * UNITS[found[2] or bare] if found else nan
     except ValueError:
-        return math.nan
+        return nan
 
 
-def metres(option: str, text: str, most: float) -> float:
-    """The length [m] that `text` states, of at most `most` [m] to either side.
+def metres(
+    option: str, text: str, largest: float = inf, *, bare: str = "m", least: float = -inf
+) -> float:
+    """The length [m] that `text` states: `600mm`, `60cm`, `0.6m`, or a number in `bare`.
 
-    Raises ConfigurationError naming `option` for anything else.
+    Raises ConfigurationError naming `option` for other text, and for a length below `least` [m] or
+    of more than `largest` [m] to either side.
     """
-    value = length(text)
-    if abs(value) <= most:
+    value = length(text, bare)
+    if value >= least and abs(value) <= largest:
         return value
+    bounds = "" if least == -inf else f" of {1e3 * least:g} mm or more"
+    bounds += "" if largest == inf else f" of at most {1e3 * largest:g} mm"
     raise ConfigurationError(
-        f"{option}: {text!r} is no length of at most {1e3 * most:g} mm; write one as 3.5mm"
+        f"{option}: {text!r} is no length{bounds}; write one as 3.5mm, 600mm or 0.6m"
     )

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from drivers.errors import ConfigurationError
+from cell.config.length import metres
 from drivers.settings import parse
 from drivers.strip.file import StripFile
 
@@ -27,23 +27,14 @@ def unknown_strip(known: str) -> StripFile:
     Raises ConfigurationError for what are no such numbers.
     """
     length, _, thickness = known.partition(":")
-    content = _content(_metres("--length", length))
+    content = _content(metres("--length", length))
     if thickness:
-        content["thickness"] = _metres("--thickness", thickness)
+        content["thickness"] = metres("--thickness", thickness)
         del content["spread"]["thickness"]
         content["provenance"].append(CALIPERS)
     else:
         content["provenance"].append({"key": "thickness", "source": "assumed"})
     return parse(content, StripFile, "--length, --thickness")
-
-
-def _metres(option: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ConfigurationError(
-            f"{option}: {text!r} is no number; give it in metres, as 0.6 for a length of 60 cm"
-        ) from None
 
 
 def _content(length: float) -> dict[str, Any]:

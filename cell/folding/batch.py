@@ -8,7 +8,6 @@ from pathlib import Path
 
 from calibration.calibration import Calibration
 from cell.campaign import worker as process
-from cell.config.places import find_configs
 from cell.devices.open import check_calibrated, check_drivers
 from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
@@ -79,26 +78,25 @@ def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Reques
 
 
 def check_requests(wanted: Sequence[Request]) -> Sequence[Request]:
-    """`wanted`, which differ in plant and seed, after reading every file that they name.
+    """`wanted`, which differ in plant and seed, with the cell and the strip read once for all.
 
-    Raises ConfigurationError before anything has moved, not in the middle of the folds.
+    Reads every file that they name: raises ConfigurationError before anything has moved, not in the
+    middle of the folds.
     """
     first = wanted[0]
-    configs = find_configs(first.configs)
-    settings = configs.cell()
-    check_drivers(settings, first.choice)
-    check_calibrated(settings, first.choice)
-    configs.strip(first.strip)
+    files = first.read_files()
+    check_drivers(files[0], first.choice)
+    check_calibrated(files[0], first.choice)
     make_policy(first.policy, first.checkpoint)
     for request in wanted:
         if request.choice.plant is not None:
             load_plant(request.choice.plant)
-    return wanted
+    return [replace(request, files=files) for request in wanted]
 
 
 def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
     """Where strips and plants lie outside what an engine is known to hold for, a sentence each."""
-    named = find_configs(wanted[0].configs).strip(wanted[0].strip)
+    _, named = wanted[0].read_files()
     plants = [load_plant(r.choice.plant) for r in wanted if r.choice.plant is not None]
     return tuple(dict.fromkeys(doubt for strip in (named, *plants) for doubt in doubts(strip)))
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from cell.arm.real_robot import is_real
 from cell.config.cell import CellFile
 from cell.config.length import metres
-from cell.config.places import find_configs
 from cell.devices.open import real_camera
 from cell.folding.fold import Request
 from cell.learning.correction import Correction, learned_correction, subject_of
@@ -21,14 +20,13 @@ def with_correction(request: Request, learning: str | None) -> Request:
     `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None for the
     cell's own setting. Raises ConfigurationError for other text.
     """
-    settings = find_configs(request.configs).cell()
+    settings, strip = request.read_files()
     if learning is not None and learning not in WORDS:
         bias = metres("--learning", learning, settings.learning.limit)
         return replace(request, correction=Correction(bias, 0.0), learns=False)
     memory = Memory(settings.name, request.memory)
     if not _learns(settings, request, learning, memory):
         return replace(request, correction=Correction(0.0, 0.0), learns=False)
-    strip = find_configs(request.configs).strip(request.strip)
     subject = subject_of(request.policy, request.checkpoint, strip.name, request.specimen)
     found = learned_correction(memory, subject, settings.learning)
     return replace(request, correction=found, learns=True)

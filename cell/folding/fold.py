@@ -73,6 +73,14 @@ class Request:
     learns: bool = False  # whether the cell keeps the fold's bias
     memory: Path | None = None  # folder of what the cell learned, instead of the user's
     film: Encoder | None = None  # by which a film of its images is kept
+    files: tuple[CellFile, StripFile] | None = None  # as read once for all folds of a batch
+
+    def read_files(self) -> tuple[CellFile, StripFile]:
+        """The cell and the strip: `files`, or what stands in the configuration now."""
+        if self.files is not None:
+            return self.files
+        configs = find_configs(self.configs)
+        return configs.cell(), configs.strip(self.strip)
 
 
 def fold(
@@ -92,8 +100,8 @@ def fold(
     what measures images on the wall clock; without `page` no report is written. Raises CellError
     for errors before the run; errors during the run are its outcome.
     """
-    configs = find_configs(request.configs)
-    settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
+    stated, strip = request.read_files()
+    settings = at_speed(stated, request.speed)
     if is_real(settings, request.choice) and not request.full_speed:
         settings = slow_down(settings)
     settings = suit_to_arm(settings, request.choice)

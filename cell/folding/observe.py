@@ -184,12 +184,12 @@ def _write(
     calibration: Calibration,
     touch: SeenTouch | None,
 ) -> None:
-    """The run: t = 0 is the film's first image, rows of the held end are interpolated."""
+    """Write the run: t = 0 is the film's first image; the held end is interpolated to rows."""
     rows = [sight_row(held.measurement) for held in read if _sure(held)]
     sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
     t, x, z = _path(read, strip)
-    contact = np.asarray(sights["contact_x"]), np.asarray(sights["stamp"])
-    contact_x, contact_t = place_contacts(t, contact[1], contact[0])
+    stamps, contacts = np.asarray(sights["stamp"]), np.asarray(sights["contact_x"])
+    contact_x, contact_t = place_contacts(t, stamps, contacts)
     ticks = {"t": t, "x": x, "z": z, "contact_x": contact_x, "contact_t": contact_t}
     kept = sights.drop_columns(["profile_x", "profile_z"])
     write_tables(folder, Tables(pa.table(ticks), profile_table(sights), kept))

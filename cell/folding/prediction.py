@@ -15,7 +15,6 @@ from calibration.calibration import load_calibration
 from cell.arm.arm_prediction import ArmPrediction, predict_arm
 from cell.calibrating.calibration_in_use import check_current
 from cell.config.cell import CellFile
-from cell.config.places import find_configs
 from cell.devices.open import real_camera
 from cell.folding.fold import Request
 from drivers.errors import ConfigurationError
@@ -71,8 +70,7 @@ class Prediction:
 
 def predict(request: Request) -> Prediction:
     """Simulate the fold of `request` in the rod; ConfigurationError for a path beyond limits."""
-    configs = find_configs(request.configs)
-    settings, strip = configs.cell(), configs.strip(request.strip)
+    settings, strip = request.read_files()
     _check_calibration(settings, request)
     folds = simulate_policy(request, settings, strip, [strip, *_variants(strip)])
     reach = _reach(folds)

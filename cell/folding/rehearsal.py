@@ -11,7 +11,6 @@ from cell.arm.arm_settings import at_speed, suit_to_arm
 from cell.arm.by_hand import by_hand, home_joints
 from cell.arm.real_robot import is_real, slow_down
 from cell.config.cell import CellFile
-from cell.config.places import find_configs
 from cell.folding.fold import Request
 from cell.folding.prediction import laid_at, simulate_policy
 from cell.orchestrator.outcome import Outcome
@@ -110,8 +109,8 @@ def rehearsal(
 
 def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
     """Carry out the motion of `request` in the air: without a strip, without judging the grasp."""
-    configs = find_configs(request.configs)
-    settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
+    stated, strip = request.read_files()
+    settings = at_speed(stated, request.speed)
     if is_real(settings, request.choice) and not request.full_speed:
         settings = slow_down(settings)
     settings = suit_to_arm(settings, request.choice)

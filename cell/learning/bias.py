@@ -13,6 +13,7 @@ import numpy as np
 
 from cell.config.learning import LearningSettings
 from cell.learning.experience import Experience
+from cell.learning.shrinkage import Parts, laid_offset, shrunk
 from drivers.types import Array
 
 WILD = 4.0  # sigmas of one fold that is set aside until the next one comes: 6e-5 by chance
@@ -34,7 +35,7 @@ class Bias:
     seen: float
     sigma: float
     rig: float
-    parts: tuple[float, float, float]
+    parts: Parts
     folds: int
     since: str | None
     laid: float = 0.0
@@ -48,68 +49,10 @@ def bias(
     for experience in experiences:
         learner.learn(experience)
     found = learner.bias(strip, specimen)
-    if found.since is None:
-        found = _unless_usual(found, learner.epoch, strip, specimen, settings)
+    if found.since is None and learner.epoch:
+        parts = shrunk(found.parts, learner.epoch, strip, specimen, settings)
+        found = replace(found, seen=sum(parts), parts=parts)
     return replace(found, laid=laid_offset(learner.epoch, found.rig, settings))
-
-
-def _unless_usual(
-    found: Bias,
-    experiences: Sequence[Experience],
-    strip: str,
-    specimen: str,
-    settings: LearningSettings,
-) -> Bias:
-    """The mean of what is `found`, where something is `off`, and of what a right cell leaves: there
-    a specimen's bias is `usual`, and the camera's own error is as large.
-    """
-    if not experiences:
-        return found
-    from scipy.special import expit, logit
-
-    y = np.array([e.displacement for e in experiences])
-    strips = np.array([e.strip for e in experiences])
-    pieces = np.array([f"{e.strip}/{e.specimen}" for e in experiences])
-    same = (pieces[:, None] == pieces).astype(float)
-    noise = settings.repeat**2 * np.eye(len(y))
-    right = (settings.usual**2 + settings.misread**2) * same + noise
-    wrong = settings.cell**2 + settings.strip**2 * (strips[:, None] == strips)
-    wrong = wrong + settings.specimen**2 * same + noise
-    usual = settings.usual**2 * (pieces == f"{strip}/{specimen}") @ np.linalg.solve(right, y)
-    p = expit(_log_density(y, wrong) - _log_density(y, right) + logit(settings.off))
-    seen = float(p * found.seen + (1.0 - p) * usual)
-    share = seen / found.seen if found.seen else 0.0
-    cell, fabric, piece = (share * part for part in found.parts)
-    return replace(found, seen=seen, parts=(cell, fabric, piece))
-
-
-def _log_density(y: Array, covariance: Array) -> float:
-    """Of y (n,) by a normal distribution about 0 with `covariance` (n, n), up to a constant."""
-    spread = np.linalg.slogdet(covariance)[1]
-    return float(-0.5 * (y @ np.linalg.solve(covariance, y) + spread))
-
-
-def laid_offset(experiences: Sequence[Experience], rig: float, settings: LearningSettings) -> float:
-    """Offset [m] at which a cell lays edges that the camera shows `rig` [m] too small.
-
-    Either something is `off`, by about `changed`, or nothing is and the camera misreads each
-    specimen by about `laid`: the mean over both, by their posterior (Bishop, 2006, ch. 3.4).
-    """
-    known = [e for e in experiences if e.edges is not None and abs(e.edges) < settings.limit]
-    if not known:
-        return 0.0
-    from scipy.special import expit, logit
-
-    seen = np.array([e.edges for e in known], dtype=float) + rig
-    names = np.array([f"{e.strip}/{e.specimen}" for e in known])
-    covariance = settings.laid**2 * (names[:, None] == names) + settings.repeat**2 * np.eye(
-        len(seen)
-    )
-    weights = np.linalg.solve(covariance, np.ones(len(seen)))
-    variance = 1.0 / (weights.sum() + settings.changed**-2)
-    mean = variance * float(weights @ seen)
-    evidence = 0.5 * (np.log(variance / settings.changed**2) + mean**2 / variance)
-    return float(mean * expit(evidence + logit(settings.off)))
 
 
 class _Learner:

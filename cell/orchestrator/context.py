@@ -70,10 +70,13 @@ class CalibrationContext:
 
 @dataclass(slots=True)
 class ManualContext:
-    """One `motion` by hand, made from the snapshot that it starts at; no image is looked at."""
+    """One `motion` by hand, made from the snapshot that it starts at, and the pose at its `end`; no
+    image is looked at.
+    """
 
     settings: CellSettings
     motion: Callable[[Snapshot], Motion]
+    end: Pose | None = None
     reader: None = None
 
 

@@ -215,7 +215,7 @@ def _loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | None:
 
 def move_by_hand(context: ManualContext, _: Record, snapshot: Snapshot) -> Phase:
     """Do the one motion that was asked for."""
-    yield from context.motion(snapshot)
+    context.end = (yield from context.motion(snapshot)).arm.pose
     return Event.MOVED
 
 

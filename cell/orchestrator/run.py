@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from math import degrees
 from types import FrameType
 from typing import Protocol
 
@@ -23,7 +24,7 @@ from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
 from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
 from drivers.errors import Fault
-from drivers.types import STILL
+from drivers.types import STILL, Pose
 from policies.prediction import FoldPrediction
 
 PROMPT = 1.0  # s on the wall clock within which a turn ends, or is ended
@@ -252,11 +253,16 @@ def _completion(context: Context) -> tuple[str, str, int]:
     if isinstance(context, CalibrationContext):
         return "calibrated", "all points were touched", 0
     if isinstance(context, ManualContext):
-        return "moved", "the motion has ended", 0
+        return "moved", "" if context.end is None else _place(context.end), 0
     if context.seen_touch is None:
         return "path_done", "the path ended and no touch was seen", 1
     complaint = None if context.laid is None else context.laid.complaint()
     return ("layer_touch", "the layers touch", 0) if complaint is None else (*complaint, 1)
+
+
+def _place(pose: Pose) -> str:
+    x, z, pitch = 1e3 * pose.x, 1e3 * pose.z, degrees(pose.pitch)
+    return f"the gripper is at x {x:.0f}, z {z:.0f} mm, pitch {pitch:.0f} deg"
 
 
 @contextmanager

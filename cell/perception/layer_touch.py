@@ -82,13 +82,14 @@ class LayerTouch:
         apart = abs(_knee(t, gap, time, speed) - time) / self._settings.touch_agreement
         if apart > DISAGREE:
             return None
-        x = _without_spikes([f.x for f in self._falls])
-        l1 = _without_spikes([f.to_grasped for f in self._falls])
+        # both lengths err alike where the fold's place is misread: their difference is filtered
+        x = _at(time, t, _without_spikes([f.x for f in self._falls]))
+        displacement = _at(time, t, _without_spikes([f.to_grasped - f.x for f in self._falls]))
         seen = SeenTouch(
             time=time,
-            x=_at(time, t, x),
-            to_grasped=_at(time, t, l1),
-            to_fixed=_at(time, t, x),
+            x=x,
+            to_grasped=x + displacement,
+            to_fixed=x,
             confidence=float(np.exp(-apart)),
             distance=distance,
         )

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from calibration.landmarks import ALIKE, peak
+from calibration.landmarks import ALIKE, grey_of, peak
 from cell.perception.appearance import Appearance
 from cell.perception.region import HIGH, without_hand, zones
 from cell.perception.region import whole as all_of
@@ -46,7 +46,7 @@ class Standing:
         strip: StripFile,
     ) -> Self:
         """The patches whose places are surest, below the waiting hand and where no strip can be."""
-        grey = _grey(appearance.scene.background.image)
+        grey = grey_of(appearance.scene.background.image)
         unsure = _deviation(grey, appearance.scene.sensor)
         strip_zone = zones(calibration, strip.length, settings.shadow_height).strip
         unsure[cv2.dilate(strip_zone, np.ones((SIDE, SIDE), np.uint8)) > 0] = np.inf
@@ -81,7 +81,7 @@ class Standing:
                     v - SEARCH_RADIUS : v + SIDE + SEARCH_RADIUS,
                     u - SEARCH_RADIUS : u + SIDE + SEARCH_RADIUS,
                 ]
-                moved[i] = _find(_soft(_grey(window)), self.patches[i])
+                moved[i] = _find(_soft(grey_of(window)), self.patches[i])
         found = np.isfinite(moved[:, 0])
         if np.count_nonzero(found) < FEWEST_PATCHES:
             return NAN
@@ -128,7 +128,3 @@ def _find(window: Image, patch: Image) -> Array:
 
 def _soft(grey: Image) -> Image:
     return np.asarray(cv2.GaussianBlur(grey, (0, 0), SOFT), dtype=np.uint8)
-
-
-def _grey(image: Image) -> Image:
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

@@ -145,7 +145,8 @@ def _check_finite(values: Array, name: str, origin: str) -> None:
     wrong = np.flatnonzero(~np.isfinite(values))
     if wrong.size:
         raise ConfigurationError(
-            f"{origin}: {name}: row {wrong[0]} is {values[wrong[0]]}, must be a finite number"
+            f"{origin}: {name}: row {wrong[0]} is {values[wrong[0]]}, must be a finite number; "
+            "leave rows out that were not measured"
         )
 
 
@@ -155,7 +156,7 @@ def _check_order(t: Array, origin: str, strictly: bool) -> None:
     if wrong.size:
         row = int(wrong[0]) + 1
         raise ConfigurationError(
-            f"{origin}: t: row {row} is {t[row]} s after {t[row - 1]} s, times must increase"
+            f"{origin}: t: row {row} is {t[row]:g} s after {t[row - 1]:g} s, times must increase"
         )
 
 

@@ -3,6 +3,8 @@
 import fcntl
 from pathlib import Path
 
+from drivers.errors import ConfigurationError
+
 RUN, RESULT, EVENTS, TRUTH = "run.yaml", "result.yaml", "events.jsonl", "truth.yaml"
 TICKS, PROFILE, SIGHTS = "ticks.parquet", "profile.parquet", "sights.parquet"
 JOINTS = "joints.parquet"  # of a robot, tick by tick, from before the lift on
@@ -18,6 +20,17 @@ NOTES = "notes.yaml"  # tags and a note by the operator
 def is_run(folder: Path) -> bool:
     """Whether `folder` holds a run, complete or not."""
     return (folder / RUN).is_file()
+
+
+def check_run(folder: Path) -> None:
+    """Raise ConfigurationError where `folder` holds no run; it names one where it holds folders."""
+    if is_run(folder):
+        return
+    if not folder.exists():
+        raise ConfigurationError(f"{folder}: is not there; `cell runs` lists the runs")
+    inner = sorted(path.parent for path in folder.glob(f"*/{RUN}"))
+    found = f"; name one of those in it, as {inner[-1]}" if inner else ""
+    raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}{found}")
 
 
 def is_under_way(folder: Path) -> bool:

@@ -141,7 +141,7 @@ def _note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
     if isfinite(lift):
         stamp, arrival = stamp - lift, arrival - lift
     if sequence < 0 or not (isfinite(stamp) and isfinite(arrival)):
-        raise ValueError("an image without place or time")
+        raise ValueError("an image has no number or no time")
     path = frame_file(folder, sequence)
     return FrameNote(
         sequence=sequence,

@@ -85,9 +85,9 @@ def to_prune(
     belongs elsewhere. Raises ConfigurationError when neither is given.
     """
     if keep is None and older_than is None:
-        raise ConfigurationError("prune: say how many runs to keep or how old they may be")
+        raise ConfigurationError("--keep, --older-than: give one")
     if keep is not None and keep < 0:
-        raise ConfigurationError(f"prune: keep: is {keep}, must be 0 or more")
+        raise ConfigurationError(f"--keep: is {keep}, must be 0 or more")
     ordered = sorted(rows, key=lambda row: (row.began, row.name))
     surplus = ordered if keep is None else ordered[: max(len(ordered) - keep, 0)]
     old = [row for row in surplus if older_than is None or now - row.began > older_than]

@@ -17,7 +17,7 @@ from cell.record.files import (
     SIGHTS,
     TICK_STREAM,
     TICKS,
-    is_run,
+    check_run,
     is_under_way,
 )
 from cell.record.frames import FrameNote, read_frames, read_index
@@ -115,8 +115,7 @@ def read_run(folder: Path) -> Run:
     A run that died before its tables were written is read from its streams. Raises
     ConfigurationError for files that are missing, broken, or written by a newer version.
     """
-    if not is_run(folder):
-        raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}")
+    check_run(folder)
     header = load(folder / RUN, Header)
     result = load(folder / RESULT, Result, bare=True) if (folder / RESULT).exists() else None
     ticks, profile = folder / TICKS, folder / PROFILE

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from calibration.calibration import Calibration
 from cell.record.columns import Profile, Sights, Ticks
-from cell.record.files import PROFILE, RESULT, RUN, TICK_STREAM, TICKS, is_run
+from cell.record.files import PROFILE, RESULT, RUN, TICK_STREAM, TICKS, check_run
 from cell.record.frames import FrameNote, read_frame
 from cell.record.header import Header, Result
 from cell.record.parquet_file import read_parquet
@@ -34,8 +34,7 @@ class Salvage(Run):
     @classmethod
     def of(cls, folder: Path) -> Self:
         """The readable parts of `folder`; ConfigurationError only where run.yaml cannot be read."""
-        if not is_run(folder):
-            raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}")
+        check_run(folder)
         header, problems = load(folder / RUN, Header), list[str]()
         ticks = _part(
             lambda: Ticks.of(*_table(folder, header, "ticks", problems)),

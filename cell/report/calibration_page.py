@@ -11,8 +11,8 @@ from calibration.calibration import Calibration, load_calibration
 from calibration.wizard.session import PICTURE, VERDICT
 from cell.record.files import CALIBRATION, REPORT
 from cell.report.drawing import BLUE, INK, MUTED, as_svg, canvas
-from cell.report.kit import page
-from cell.report.overlay import KeyPicture, jpeg_text
+from cell.report.kit import jpeg_text, page
+from cell.report.overlay import KeyPicture
 from cell.report.verdict import Verdict
 from cell.report.words import millimetres, milliseconds
 from drivers.files import write_file

@@ -102,7 +102,7 @@ def advice(run: Run) -> list[str]:
     errors = [e for e in run.events() if e.kind == "fault"]
     if errors:
         said = f"t = {errors[-1].t:.2f} s: {_sentence(errors[-1])}"
-        steps.insert(0, f"The last complaint before the end came at {said}.")
+        steps.insert(0, f"The last fault before the end: {said}.")
     return steps
 
 

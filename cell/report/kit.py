@@ -1,5 +1,6 @@
 """Pages from templates: Jinja2 with escaping, files beside the code, everything inlined."""
 
+import base64
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -9,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
+
+    from drivers.types import Image
 
 Tone = Literal["good", "fair", "bad"]
 
@@ -32,6 +35,16 @@ def page(template: str, title: str, /, **facts: Any) -> str:
     body = _environment().get_template(template).render(facts)
     frame = _environment().get_template("report/templates/base.html")
     return frame.render(title=title, body=Markup(body), charts="<svg" in body)  # noqa: S704 escaped
+
+
+def jpeg_text(image: "Image", width: int = 640, quality: int = 82) -> str:
+    """`image` (h, w, 3) as a JPEG `width` [px] wide, base64."""
+    import cv2
+
+    size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    _, content = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return base64.b64encode(bytes(content)).decode()
 
 
 @cache

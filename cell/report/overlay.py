@@ -1,6 +1,5 @@
 """Key frames with the measurements drawn into them."""
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,15 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
+from cell.perception.region import Region
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.frames import FrameNote, decode, frame_file
 from cell.record.run import Run
+from cell.report.kit import jpeg_text
 from cell.report.silhouettes import Silhouette, state_at
 from cell.report.words import seconds
 from drivers.errors import ConfigurationError
 from drivers.types import Array, Image
 
-WIDTH, SHOWN = 640, 6
+SHOWN = 6
 MARGIN = 0.06  # m around the motion
 FOLDED = 0.005  # m by which a fold stands out beyond the gripper; before, the gripper is in front
 LYING = (-0.05, 0.7, -0.03, 0.06)  # m from x, share of the reach to x, m from and to z: a laid fold
@@ -31,20 +32,6 @@ class KeyPicture:
     jpeg: str
     caption: str
     whole: str
-
-
-@dataclass(frozen=True, slots=True)
-class Window:
-    """Part of an image that contains the motion: rows and columns [px]."""
-
-    top: int
-    bottom: int
-    left: int
-    right: int
-
-    def cut(self, image: Image) -> Image:
-        """That part of `image` (h, w, 3)."""
-        return image[self.top : self.bottom, self.left : self.right]
 
 
 def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPicture, ...]:
@@ -64,7 +51,7 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
         if calibration is not None and _fits(image, calibration):
             window = window_on(run.ticks, calibration)
             image = _with_sight(image, note, calibration, sights, tips, curves)
-            image = window.cut(_with_outline(image, note.sequence, outlines))
+            image = window.of(_with_outline(image, note.sequence, outlines))
         whole = frame_file(Path(), note.sequence).as_posix()
         pictures.append(KeyPicture(jpeg_text(image), _caption(note, run, sights), whole))
     return tuple(pictures)
@@ -102,20 +89,20 @@ def _fits(image: Image, calibration: Calibration) -> bool:
     return image.shape[:2] == (calibration.lens.height, calibration.lens.width)
 
 
-def window_on(ticks: Ticks, calibration: Calibration) -> Window:
+def window_on(ticks: Ticks, calibration: Calibration) -> Region:
     """The smallest window of the image's own proportions that holds the whole motion."""
     width, height = calibration.lens.width, calibration.lens.height
     x = (-MARGIN, float(np.max(ticks.x, initial=0.0)) + MARGIN)
     z = (-MARGIN, float(np.max(ticks.z, initial=0.0)) + MARGIN)
     corners = calibration.to_image(np.array([(a, b) for a in x for b in z]))
     if not np.isfinite(corners).all():
-        return Window(0, height, 0, width)
+        return Region(0, 0, width, height)
     low, high = corners.min(axis=0), corners.max(axis=0)
     share = float(np.clip(np.max((high - low) / (width, height)), 0.25, 1.0))
     size = np.round(np.array([width, height]) * share)
     start = np.clip((low + high - size) / 2, 0, np.array([width, height]) - size).astype(int)
     left, top = (int(value) for value in start)
-    return Window(top, top + int(size[1]), left, left + int(size[0]))
+    return Region(left, top, left + int(size[0]), top + int(size[1]))
 
 
 def fold_tips(sights: Sights, ticks: Ticks) -> Array:
@@ -198,13 +185,3 @@ def _caption(note: FrameNote, run: Run, sights: Sights) -> str:
     if contact.size and np.isfinite(contact[0]):
         words.append(f"contact {1e3 * contact[0]:.0f} mm")
     return "  ·  ".join(words)
-
-
-def jpeg_text(image: Image) -> str:
-    """`image` (h, w, 3) as a JPEG `WIDTH` wide, base64."""
-    import cv2
-
-    height = max(1, round(image.shape[0] * WIDTH / image.shape[1]))
-    small = cv2.resize(image, (WIDTH, height), interpolation=cv2.INTER_AREA)
-    _, content = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])
-    return base64.b64encode(bytes(content)).decode()

@@ -1,6 +1,5 @@
 """A page that lists runs: thumbnails, links to their pages, filter and sort in the browser."""
 
-import base64
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +7,8 @@ from pathlib import Path
 from cell.record.files import REPORT
 from cell.record.frames import decode, read_index
 from cell.record.listing import RunRow
-from cell.report.kit import Link, page
+from cell.report.kit import Link, jpeg_text, page
+from cell.report.words import plural
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
 
@@ -31,8 +31,8 @@ def runs_page(rows: Sequence[RunRow], place: Path) -> str:
     pictured = {row.name for row in rows[-PICTURED:]}
     return page(
         "report/templates/runs.html",
-        f"{len(rows)} runs",
-        title=f"{len(rows)} runs",
+        plural(len(rows), "run"),
+        title=plural(len(rows), "run"),
         head=HEAD,
         wide=WIDE,
         rows=[
@@ -52,16 +52,9 @@ def _cells(row: RunRow, place: Path) -> tuple[str | Link, ...]:
 
 def _thumbnail(row: RunRow) -> str:
     """The last image that a run kept, small, as JPEG in text form; empty where none can be read."""
-    import cv2
-
     try:
         kept = [note.file for note in read_index(row.folder) if note.file is not None]
         image = decode(kept[-1]) if kept else None
     except ConfigurationError:
         return ""
-    if image is None:
-        return ""
-    size = (WIDE, max(1, round(WIDE * image.shape[0] / image.shape[1])))
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    _, content = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 60])
-    return base64.b64encode(bytes(content)).decode()
+    return "" if image is None else jpeg_text(image, WIDE, quality=60)

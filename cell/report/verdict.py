@@ -15,20 +15,6 @@ GOOD = 0.020  # m, within this the paper calls a strip folded
 
 
 @dataclass(frozen=True, slots=True)
-class Accuracy:
-    """One sigma of lengths [m]: of repeats or camera, and of the calibration (None if unknown)."""
-
-    repeatability: float
-    calibration: float | None
-    of: str = "repeats"
-
-    def __str__(self) -> str:
-        known = f"± {millimetres(self.calibration)} calibration"
-        tail = "calibration error not recorded" if self.calibration is None else known
-        return f"± {millimetres(self.repeatability)} {self.of}\n{tail}"
-
-
-@dataclass(frozen=True, slots=True)
 class Verdict:
     """`headline` states the outcome, `sentences` the rest, `figure` and `error` the displacement
     where there is one; `tone` is its colour.
@@ -42,15 +28,20 @@ class Verdict:
     spoilt: bool = False  # the end is not known because result.yaml cannot be read
 
 
-def accuracy_of(run: Run, *, laid: bool = False) -> Accuracy:
-    """The errors that the run states: of the displacement, or of the `laid` edges if it does."""
-    sigma, of = run.header.sigma.displacement, "repeats"
+def _error(run: Run, *, laid: bool) -> str:
+    """One sigma of the displacement, or of the `laid` edges where the run states it, and that of
+    its calibration, a line each.
+    """
+    sigma, source = run.header.sigma.displacement, "repeats"
     if laid and run.header.sigma.edge_offset is not None:
-        sigma, of = run.header.sigma.edge_offset, "camera"
+        sigma, source = run.header.sigma.edge_offset, "camera"
     calibration, stated = run.calibration(), run.header.calibration
-    if calibration is not None:
-        return Accuracy(sigma, 1e-3 * calibration.residual_mm, of)
-    return Accuracy(sigma, None if stated is None else stated.error, of)
+    error = None if stated is None else stated.error
+    error = error if calibration is None else 1e-3 * calibration.residual_mm
+    known = "calibration error not recorded"
+    if error is not None:
+        known = f"± {millimetres(error)} calibration"
+    return f"± {millimetres(sigma)} {source}{LINE}{known}"
 
 
 def verdict(run: Run) -> str:
@@ -94,8 +85,8 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
         headline = f"Folded: the edges lie {millimetres(abs(edge))} apart"
     said = tuple(filter(None, sentences))
     if edge is None:
-        return Verdict(tone, headline, said, millimetres(d, signed=True), str(accuracy_of(run)))
-    error = str(accuracy_of(run, laid=True))
+        return Verdict(tone, headline, said, millimetres(d, signed=True), _error(run, laid=False))
+    error = _error(run, laid=True)
     return Verdict(tone, headline, said, millimetres(edge, signed=True), error)
 
 

@@ -15,6 +15,11 @@ OUTCOMES = {
 }
 
 
+def plural(count: int, noun: str) -> str:
+    """`count` and the `noun`, in the plural but for one."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def millimetres(value: float | None, signed: bool = False) -> str:
     """A length [m] as millimetres with one decimal, with two where one would show zero."""
     if value is None or not math.isfinite(value):

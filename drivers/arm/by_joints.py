@@ -10,6 +10,7 @@ import numpy as np
 
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.arm.way import UNHEARD, Course, go_on
+from drivers.arm.whereabouts import largest_difference
 from drivers.franka.kinematics import forward, pose_and_jacobian
 from drivers.franka.tracking import ELBOW_JOINT, joint_step
 from drivers.motion import TICK
@@ -132,7 +133,7 @@ class ByJoints:
         state = self._robot.read(motion, awaited=False)
         expected, self._ahead = self._here or Course([], [], []), False
         before, self._time = self._time, state.time.to_sec()
-        away = max(abs(a - b) for a, b in zip(expected.place, state.q_d, strict=True))
+        away = largest_difference(expected.place, state.q_d)
         if round((self._time - before) / TICK) == 1 and away < UNHEARD:
             return True
         self._here = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
@@ -141,18 +142,18 @@ class ByJoints:
 
 
 def _later(here: Course) -> Course:
-    """Where a robot comes in a tick that hears nothing."""
+    """The course one tick later, of a robot that received no command: its acceleration stays."""
     place, rate, change = (np.array(part) for part in here)
     after = rate + TICK * change
     return Course((place + TICK * after).tolist(), after.tolist(), here.change)
 
 
 def _trail(here: Course) -> list[Array]:
-    """Poses (4, 4) of the hand on a course: now, a tick ago, two ticks ago."""
+    """Poses (4, 4) of the hand now, one tick ago and two ticks ago."""
     place, rate, change = (np.array(part) for part in here)
     before = place - TICK * rate
     ways = (place, before, before - TICK * (rate - TICK * change))
-    return list(forward(np.array(ways)))  # at the price of one: the next answer waits for it
+    return list(forward(np.array(ways)))  # in one call: the robot awaits its answer
 
 
 def _twist(now: Array, before: Array) -> Array:

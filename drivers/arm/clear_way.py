@@ -45,10 +45,10 @@ def floor_of(installation: Installation) -> Solids:
 
 
 def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
-    """Joints (7,) [rad] to go to one after the other, the last of them the `goal`.
+    """Joint waypoints (7,) [rad] from `start`, without it, to the `goal`, clear of all `solids`.
 
-    The straight way of the joints where it is clear, else over places above start or goal, or the
-    arm upright. Raises Failed, naming what is in the way, where none of these is.
+    A straight line in joint space where that is clear, else over points above start or goal, or
+    over the upright posture. Raises Failed, naming what is in the way, where none is clear.
     """
     objection = _objection([start, goal], solids)
     if not objection:
@@ -56,7 +56,7 @@ def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
     for points in _around(start, goal, solids.frame[:3, 2]):
         if not _objection([start, *points, goal], solids):
             return [*points, goal]
-    words = f"the way is not free: {objection}; no way around is, by jogging up or upright"
+    words = f"{objection}, and neither a way above nor one over the upright posture is clear"
     raise Failed(Failure(Cause.WAY, words))
 
 

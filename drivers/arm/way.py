@@ -13,6 +13,7 @@ import ruckig
 
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.arm.force import ForceGuard
+from drivers.arm.whereabouts import largest_difference
 from drivers.motion import TICK
 
 JOINTS = 7
@@ -42,14 +43,14 @@ def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
     it: finer than the rounded numbers of the state.
     """
     seen = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
-    heard = _apart(seen.change, before.change) > SAME
+    heard = largest_difference(seen.change, before.change) > SAME
     place = sent if heard else before.place
     for ago in range(max(ticks - 1, 0) if heard else ticks):
         place = [
             p + TICK * (rate - ago * TICK * change)
             for p, rate, change in zip(place, seen.rate, seen.change, strict=True)
         ]
-    return seen if _apart(seen.place, place) > UNHEARD else seen._replace(place=place)
+    return seen if largest_difference(seen.place, place) > UNHEARD else seen._replace(place=place)
 
 
 class Way:
@@ -74,7 +75,7 @@ class Way:
         still = max(map(abs, self._here.rate)) < REST
         if self._goal is None:
             return still
-        return still and _apart(self._here.place, self._goal) < GOAL_TOLERANCE
+        return still and largest_difference(self._here.place, self._goal) < GOAL_TOLERANCE
 
     def tick(self) -> Numbers:
         """The next setpoint (7,) [rad]; Failed where no motion leads to the goal."""
@@ -89,7 +90,9 @@ class Way:
         """
         now = state.time.to_sec()
         ticks, self._time = round((now - self._time) / TICK), now
-        self._missed = self._missed or ticks != 1 or _apart(state.q_d, self._sent) > UNHEARD
+        self._missed = (
+            self._missed or ticks != 1 or largest_difference(state.q_d, self._sent) > UNHEARD
+        )
         self._here = go_on(self._here, self._sent, state, ticks)
 
     def brake(self) -> None:
@@ -155,10 +158,6 @@ def follow_joints(
 def _stands(state: Any) -> bool:
     """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
     return bool(max(abs(rate) for rate in state.dq_d) < REST)
-
-
-def _apart(these: Numbers, those: Numbers) -> float:
-    return max(abs(a - b) for a, b in zip(these, those, strict=True))
 
 
 def _plan(start: Numbers, goal: Numbers, share: float) -> Any:

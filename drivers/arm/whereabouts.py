@@ -32,12 +32,12 @@ class Whereabouts:
         `pose` is then the setpoint that it has, 16 numbers by columns.
         """
         stated, change = list(state.O_T_EE_c), list(state.O_ddP_EE_c)
-        heard = _apart(change, self._change) > SAME
+        heard = largest_difference(change, self._change) > SAME
         went_on = max(ticks - 1, 0) if heard else ticks
         pose = self._gone_on(sent if heard else self.pose, state, went_on)
-        self.pose = pose if _apart(pose, stated) < UNHEARD else stated
+        self.pose = pose if largest_difference(pose, stated) < UNHEARD else stated
         self._change = change
-        if ticks > 1 or _apart(stated, sent) >= UNHEARD:
+        if ticks > 1 or largest_difference(stated, sent) >= UNHEARD:
             return True
         if heard:
             self.pose = sent
@@ -57,5 +57,6 @@ class Whereabouts:
         return numbers
 
 
-def _apart(these: Numbers, those: Numbers) -> float:
+def largest_difference(these: Numbers, those: Numbers) -> float:
+    """Of numbers at one place in both, in their unit."""
     return max(abs(a - b) for a, b in zip(these, those, strict=True))

@@ -1,5 +1,6 @@
 """Export of recorded runs to the formats of other programs."""
 
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
@@ -22,8 +23,8 @@ Format = Literal["csv", "lerobot", "mcap"]
 def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path, ...]:
     """The files or folders in the new folder `out` that hold the runs in `folders`.
 
-    Raises ConfigurationError for runs that cannot be read or do not go together, an `out` that is
-    there already, or a library that is missing.
+    All is written, or nothing. Raises ConfigurationError for runs that cannot be read or do not go
+    together, an `out` that is there already, or a library that is missing.
     """
     if out.exists():
         raise ConfigurationError(f"{out}: is there already; name another folder")
@@ -33,16 +34,24 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
     names = [part.run.name for part in parts]
     if len(set(names)) < len(names):
         raise ConfigurationError(f"two runs are named {max(names, key=names.count)}; rename one")
-    with writing(out):
-        if kind == "csv":
-            return _write_csv(parts, out)
-        if kind == "mcap":
-            from cell.record.exchange.mcap_file import write_mcap
+    try:
+        with writing(out):
+            return _write(parts, kind, out)
+    except BaseException:
+        shutil.rmtree(out, ignore_errors=True)
+        raise
 
-            return write_mcap(parts, out)
-        from cell.record.exchange.lerobot import write_lerobot
 
-        return write_lerobot(parts, out)
+def _write(parts: Sequence[Outgoing], kind: Format, out: Path) -> tuple[Path, ...]:
+    if kind == "csv":
+        return _write_csv(parts, out)
+    if kind == "mcap":
+        from cell.record.exchange.mcap_file import write_mcap
+
+        return write_mcap(parts, out)
+    from cell.record.exchange.lerobot import write_lerobot
+
+    return write_lerobot(parts, out)
 
 
 def _write_csv(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:

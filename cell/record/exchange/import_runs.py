@@ -8,10 +8,11 @@ import numpy as np
 import pyarrow as pa
 
 from cell.extras import require_library
+from cell.record.columns import Profile, Ticks
 from cell.record.documents import write_document
 from cell.record.exchange.episodes import INFO, episodes
 from cell.record.exchange.mapping import MAPPING, Mapping, Place
-from cell.record.exchange.tables import Folder, Source, read_columns
+from cell.record.exchange.tables import FILE, Folder, Source, path_of, read_columns
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from cell.record.run import read_run
 from cell.record.tables import place_contacts, write_parquet
@@ -21,30 +22,35 @@ from drivers.settings import load, parse, parse_yaml
 from drivers.types import Array
 
 NEEDED = ("t", "x", "z")
+SPARSE = 0.2  # s between rows of the gripper; slower ones are in another unit than stated
+SOON = 1.0  # s after the last row, within which a touch read off a stopwatch may lie
 
 
 def import_runs(places: Sequence[Path], mapping: Path | None, out: Path) -> tuple[Path, ...]:
     """The folders below `out` with the runs that the tables in `places` hold, in their order.
 
-    A place is a folder of tables, an MCAP file, or a LeRobot data set; what `cell export` wrote
-    brings its own mapping. A run is written whole or not at all. Raises ConfigurationError for
-    tables that are missing or do not hold what `mapping` says, values that no run can have, or a
-    run that is there already.
+    A place is a folder of tables, a folder of such folders, an MCAP file, or a LeRobot data set;
+    what `cell export` wrote brings its own mapping. All runs are written, or none. Raises
+    ConfigurationError for tables that are missing or do not hold what `mapping` says, values that
+    no run can have, or a run that is there already.
     """
     stated = None if mapping is None else _with_needed(load(mapping, Mapping), str(mapping))
     made: list[Path] = []
-    for index, source in enumerate(s for place in places for s in _sources(place)):
-        how, target = stated or _own_mapping(source), out / source.name
-        if target.exists():
-            raise ConfigurationError(f"{target}: is there already; name another --out")
-        try:
+    try:
+        for index, source in enumerate(s for place in places for s in _sources(place, mapping)):
+            how, target = stated or _own_mapping(source), out / source.name
             with writing(target):
+                if target.exists():
+                    raise ConfigurationError(f"{target}: is there already; name another --out")
+                made.append(target)
                 _import(source, how, index, target, documents=stated is None)
             _check_readable(target, source)
-        except ConfigurationError:
+    except BaseException:
+        for target in made:
             shutil.rmtree(target, ignore_errors=True)
-            raise
-        made.append(target)
+        raise
+    if not made:
+        raise ConfigurationError(f"{places[0]}: holds no tables")
     return tuple(made)
 
 
@@ -56,7 +62,8 @@ def _check_readable(run: Path, source: Source) -> None:
         raise ConfigurationError(str(error).replace(str(run), str(source.path))) from None
 
 
-def _sources(place: Path) -> Iterator[Source]:
+def _sources(place: Path, mapping: Path | None) -> Iterator[Source]:
+    """The sources in `place`; none in a mapping, which lies among the folders it is for."""
     if place.suffix == ".mcap":
         require_library("mcap")
         from cell.record.exchange.mcap_file import McapFile
@@ -65,11 +72,13 @@ def _sources(place: Path) -> Iterator[Source]:
     elif (place / INFO).is_file():
         yield from episodes(place)
     elif place.is_dir():
-        yield Folder(place)
-    else:
-        raise ConfigurationError(
-            f"{place}: is no folder with tables, no .mcap file and no LeRobot data set"
-        )
+        inner = sorted(path for path in place.iterdir() if path.is_dir())
+        if any(FILE.fullmatch(path.name) for path in place.iterdir()):
+            inner = [place]
+        yield from (Folder(folder) for folder in inner or [place])
+    elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
+        fault = "is no folder with tables, no .mcap file and no LeRobot data set"
+        raise ConfigurationError(f"{place}: {fault if place.exists() else 'is not there'}")
 
 
 def _own_mapping(source: Source) -> Mapping:
@@ -99,6 +108,7 @@ def _import(source: Source, how: Mapping, index: int, target: Path, *, documents
     ticks["t"] = ticks["t"] - begin
     if "contact_t" in ticks:
         ticks["contact_t"] = ticks["contact_t"] - begin
+    _check_ticks(ticks, path_of(source, how.ticks))
     if how.contact is not None:
         seen = read_columns(source, how.contact, how.contact.columns.items())
         placed = place_contacts(ticks["t"], seen["t"] - begin, seen["contact_x"])
@@ -108,10 +118,22 @@ def _import(source: Source, how: Mapping, index: int, target: Path, *, documents
     write_parquet(target / TICKS, pa.table(ticks))
     write_parquet(target / PROFILE, pa.table(_profile(source, how, begin)))
     if how.result is not None:
-        write_document(target / RESULT, _result(source, how, begin))
+        write_document(target / RESULT, _result(source, how, begin, float(ticks["t"][-1])))
     for name in (RUN, RESULT) if documents else ():
         if name in source.documents:
             replace_file(target / name, source.documents[name])
+
+
+def _check_ticks(ticks: dict[str, Array], path: Path) -> None:
+    """Refuse rows that no run can have, or too few of them to be in the unit that was stated."""
+    t = Ticks.of(pa.table(ticks), str(path)).t
+    if len(t) < 2:
+        raise ConfigurationError(f"{path}: holds {len(t)} rows of numbers, must hold two at least")
+    if (apart := float(np.median(np.diff(t)))) > SPARSE:
+        raise ConfigurationError(
+            f"{path}: t: rows are {apart:g} s apart, must be at most {SPARSE:g} s; is `unit: ms` "
+            "what the mapping should state?"
+        )
 
 
 def _header(name: str, how: Mapping, index: int) -> dict[str, object]:
@@ -135,6 +157,9 @@ def _profile(source: Source, how: Mapping, begin: float) -> dict[str, Array]:
         return {name: np.empty(0) for name in ("t", "i", "x", "z")}
     points = dict(read_columns(source, how.profile, how.profile.columns.items()))
     points["t"] = points["t"] - begin
+    Profile.of(
+        pa.table(points | {"i": np.zeros(len(points["t"]))}), str(path_of(source, how.profile))
+    )
     if "i" not in points:  # in the order of the file
         first = np.flatnonzero(np.diff(points["t"], prepend=np.nan))
         sizes = np.diff(np.append(first, len(points["t"])))
@@ -143,14 +168,23 @@ def _profile(source: Source, how: Mapping, begin: float) -> dict[str, Array]:
     return points
 
 
-def _result(source: Source, how: Mapping, begin: float) -> dict[str, object]:
+def _result(source: Source, how: Mapping, begin: float, end: float) -> dict[str, object]:
+    """What was seen of the touch, by the last row of the gripper at `end` [s] or soon after."""
     if how.result is None or not _is_there(source, how.result.file):
         return {"outcome": "path_done"}
     values = read_columns(source, how.result, how.result.columns.items())
-    if not all(len(column) for column in values.values()):
+    if not all(len(column) and np.isfinite(column).any() for column in values.values()):
         return {"outcome": "path_done"}
+    path = path_of(source, how.result)
+    if (rows := max(map(len, values.values()))) > 1:
+        raise ConfigurationError(f"{path}: holds {rows} rows, must hold one: the first touch")
     found = {name: float(column[0]) for name, column in values.items()}
     found["t_layer_touch"] -= begin
+    if not 0.0 <= (touch := found["t_layer_touch"]) <= end + SOON:
+        raise ConfigurationError(
+            f"{path}: t_layer_touch: is {touch:g} s after the first row of the gripper, whose last "
+            f"is at {end:g} s; all tables of a run are on one clock"
+        )
     found.setdefault("displacement", found["l1"] - found["l2"])
     return {"outcome": "layer_touch", **found}
 

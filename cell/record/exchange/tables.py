@@ -1,6 +1,7 @@
 """Columns of foreign tables, in SI units and the cell frame."""
 
 import io
+import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -14,10 +15,11 @@ import pyarrow.csv as pc
 from cell.record.exchange.mapping import COUNTS, FACTORS, LENGTHS, MAPPING, MEASURES, Column, Table
 from cell.record.parquet_file import read_parquet
 from drivers.errors import ConfigurationError, suggestion
-from drivers.files import MEGABYTE, read_bytes
+from drivers.files import MEGABYTE, read_bytes, read_text
 from drivers.types import Array, frozen
 
 LARGEST_TABLE = 64 * MEGABYTE
+NUMBERS = (pa.types.is_floating, pa.types.is_integer, pa.types.is_null)  # null: every cell is empty
 FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
 
 
@@ -75,28 +77,46 @@ def read_columns(
 
     Raises ConfigurationError for a file, a column or a unit that cannot be used.
     """
-    content = source.table(table.file, table)
-    path = source.path / table.file if isinstance(source, Folder) else source.path
+    content, path = source.table(table.file, table), path_of(source, table)
     found = {name: _values(content, column, name, path) for name, column in columns}
     if "t" in found and table.late:
         found["t"] = frozen(found["t"] - table.late)
     return found
 
 
+def path_of(source: Source, table: Table) -> Path:
+    """The file that `table` was read from, for errors."""
+    return source.path / table.file if isinstance(source, Folder) else source.path
+
+
 def _csv(path: Path, table: Table) -> pa.Table:
+    content = read_text(path, LARGEST_TABLE)
+    head = content.partition("\n")[0]
+    other = next((mark for mark in ";\t|," if mark in head), table.delimiter)
+    if table.delimiter not in head and other != table.delimiter:
+        raise ConfigurationError(
+            f"{path}: its first line has {other!r} between columns, not {table.delimiter!r}; state "
+            f"delimiter: {json.dumps(other)} in the mapping, and its decimal"
+        )
     parse = pc.ParseOptions(delimiter=table.delimiter)
     convert = pc.ConvertOptions(decimal_point=table.decimal, null_values=["", "nan", "NaN", "NA"])
     try:
         return pc.read_csv(
-            io.BytesIO(read_bytes(path, LARGEST_TABLE)),
-            parse_options=parse,
-            convert_options=convert,
+            io.BytesIO(f"{content}\n".encode()), parse_options=parse, convert_options=convert
         )
     except (pa.ArrowException, ValueError) as error:
         reason = (str(error).splitlines() or ["no reason given"])[0]
         raise ConfigurationError(
             f"{path}: cannot be read as CSV with {table.delimiter!r} between columns: {reason}"
         ) from None
+
+
+def _is_number(value: object) -> bool:
+    try:
+        float(str(value))
+    except ValueError:
+        return False
+    return True
 
 
 def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
@@ -114,10 +134,12 @@ def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
             f"{suggestion(column.column, names)}; columns: {', '.join(names)}"
         )
     raw = content[column.column]
-    if not (pa.types.is_floating(raw.type) or pa.types.is_integer(raw.type)):
+    if not any(holds(raw.type) for holds in NUMBERS):
+        words = ((row, word) for row, word in enumerate(raw.to_pylist(), 1) if not _is_number(word))
+        where = next((f" ({word!r} in row {row})" for row, word in words), "")
         raise ConfigurationError(
-            f"{path}: column {column.column!r} for {name} holds {raw.type}, must hold numbers; "
-            "state `decimal` and `delimiter` of the file in the mapping"
+            f"{path}: column {column.column!r} for {name} holds {raw.type}{where}, must hold "
+            "numbers; state the file's `decimal` in the mapping, or leave the row out"
         )
     numbers = raw.cast(pa.float64(), safe=False).to_numpy()
     factor = 1.0 if name in COUNTS else FACTORS[column.unit]

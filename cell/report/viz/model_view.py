@@ -10,6 +10,7 @@ from drivers.types import Array
 
 STEP = 0.005  # s
 SEGMENTS = 60
+LONGEST = 10.0  # s without a measured gripper, after which the model knows nothing of the strip
 LIFTED = 0.02  # m, above which a strip's first pose is one that hangs
 LOST = np.empty((0, 2))
 
@@ -30,8 +31,10 @@ class Shadow:
     def follow(self, t: float, pose: Array) -> Array:
         """Midline (nodes, 2) [m] at `t` [s], the gripper now at `pose` (3,); times must increase.
 
-        Empty once the model has diverged; the rest of the view goes on without it.
+        Empty once the model has diverged or the gripper was not measured for too long; the rest of
+        the view goes on without it.
         """
+        self._lost = self._lost or t > self._steps * STEP + LONGEST
         if self._lost:
             return LOST
         try:

@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from cell.report.words import plural
 from cell.studies.benchmark.claims import claims
 from cell.studies.benchmark.numbers import newtons, numeral
 from cell.studies.benchmark.results import Refused, Results
@@ -31,7 +32,7 @@ def _strips_table(summary: Sequence[Row], count: int) -> Table:
         box=SIMPLE_HEAD,
         pad_edge=False,
         padding=(0, 1, 0, 0),
-        title=f"{count} strip{_s(count)}, folded through images: displacement in mm",
+        title=f"{plural(count, 'strip')}, folded through images: displacement in mm",
         caption="error: seen − true, at most; differ: folds of one strip, most among them",
     )
     table.add_column("policy", no_wrap=True)
@@ -69,7 +70,3 @@ def _range_table(summary: Sequence[Row], results: Results) -> Table:
             newtons(rod.force),
         )
     return table
-
-
-def _s(count: int) -> str:
-    return "" if count == 1 else "s"

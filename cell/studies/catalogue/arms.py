@@ -3,20 +3,11 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Study, Values
-from cell.config.places import find_configs
-from cell.studies.kit.folds import fold_strip
+from cell.studies.kit.folds import difference, fold_strip, next_strip
 
 FILES = ("ticks.parquet", "profile.parquet", "result.yaml")
-
-
-def draw(number: int, _rng: np.random.Generator) -> Values:
-    """The next strip."""
-    noise, strip = divmod(number, len(find_configs(None).strip_names()))
-    return {"strip": find_configs(None).strip_names()[strip], "noise": noise}
 
 
 def measure(case: Values) -> Values:
@@ -29,15 +20,14 @@ def measure(case: Values) -> Values:
         ]
         first, again = ([(Path(m.run) / name).read_bytes() for name in FILES] for m in made[:2])
     fci, twin = made[0].displacement_true, made[2].displacement_true
-    apart = None if fci is None or twin is None else fci - twin
-    return {"fci": fci, "apart": apart, "same": first == again,
+    return {"fci": fci, "apart": difference(fci, twin), "same": first == again,
             "pace": made[0].wall / made[0].duration}  # fmt: skip
 
 
 STUDY = Study(
     name="arms",
     question="Does a fold through the robot's library end like one by the in-process arm?",
-    draw=draw,
+    draw=next_strip,
     measure=measure,
     by=("strip",),
     quantities=(

@@ -6,32 +6,27 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
 from calibration.calibration import Calibration, load_calibration
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Study, Values
-from cell.config.places import find_configs
-from cell.studies.kit.folds import fold_strip
-
-
-def draw(number: int, _rng: np.random.Generator) -> Values:
-    """The next strip."""
-    noise, strip = divmod(number, len(find_configs(None).strip_names()))
-    return {"strip": find_configs(None).strip_names()[strip], "noise": noise}
+from cell.studies.kit.folds import difference, fold_strip, next_strip
 
 
 def measure(case: Values) -> Values:
-    """d by truth [m] with the wizards' calibration, and how far from that with the twin's own."""
+    """True displacement [m] with the wizards' calibration, and its difference from that of a fold
+    with the twin's own: `apart` signed, `grown` in size.
+    """
+    own, wizard = (_displacement(case, calibration) for calibration in (None, by_wizards()))
+    sizes = (None if d is None else abs(d) for d in (wizard, own))
+    return {"wizard": wizard, "apart": difference(wizard, own), "grown": difference(*sizes)}
+
+
+def _displacement(case: Values, calibration: Calibration | None) -> float | None:
+    """True displacement [m] of the fold of a case."""
+    strip, noise = case["strip"], case["noise"]
     with TemporaryDirectory() as place:
-        own, wizard = (
-            fold_strip(case["strip"], "feedback", case["noise"], Path(place), calibration=each)
-            .displacement_true
-            for each in (None, by_wizards())
-        )  # fmt: skip
-    apart = None if own is None or wizard is None else wizard - own
-    grown = None if own is None or wizard is None else abs(wizard) - abs(own)
-    return {"wizard": wizard, "apart": apart, "grown": grown}
+        made = fold_strip(strip, "feedback", noise, Path(place), calibration=calibration)
+    return made.displacement_true
 
 
 @cache
@@ -48,7 +43,7 @@ def by_wizards() -> Calibration:
 STUDY = Study(
     name="calibrations",
     question="Does a strip fold as well with the wizards' calibration as with the twin's own?",
-    draw=draw,
+    draw=next_strip,
     measure=measure,
     quantities=(
         Quantity("wizard", Statistic.MEAN_SIZE, label="mean |d|"),

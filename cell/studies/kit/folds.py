@@ -5,10 +5,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from calibration.calibration import Calibration
 from cell.calibrating.calibrate import calibration_of
+from cell.campaign.study import Values
 from cell.config.places import find_configs
 from cell.config.unknown import name_of
 from cell.devices.devices import DeviceSelection
@@ -100,6 +102,13 @@ def fold_unknown(
     )  # fmt: skip
 
 
+def next_strip(number: int, _rng: np.random.Generator) -> Values:
+    """Each strip of the cell, then each with another noise."""
+    strips = find_configs(None).strip_names()
+    noise, strip = divmod(number, len(strips))
+    return {"strip": strips[strip], "noise": noise}
+
+
 def facts(result: FoldResult) -> Mapping[str, Any]:
     """What a study keeps of a fold [m, s]: no path and no wall time, so that it repeats."""
     seen, true = result.displacement, result.displacement_true
@@ -108,12 +117,13 @@ def facts(result: FoldResult) -> Mapping[str, Any]:
         "touched": seen is not None,
         "seen": seen,
         "true": true,
-        "misread": None if seen is None or true is None else seen - true,
+        "misread": difference(seen, true),
         "edges": result.edge_offset_true,
-        "edges_misread": _less(result.edge_offset, result.edge_offset_true),
+        "edges_misread": difference(result.edge_offset, result.edge_offset_true),
         "duration": result.duration,
     }
 
 
-def _less(a: float | None, b: float | None) -> float | None:
+def difference(a: float | None, b: float | None) -> float | None:
+    """a - b; None where one of them was not measured."""
     return None if a is None or b is None else a - b

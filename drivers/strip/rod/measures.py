@@ -61,7 +61,9 @@ def fold_tip(x: Any, z: Any, j: int) -> Any:
 
 @kernel
 def gap_over(x: Any, z: Any, j: int, k: int) -> Any:
-    """Height of node j over the lower layer, and the lower segment searched from k."""
+    """Height of node j above the lower layer, and the segment below it, searched from k on;
+    infinity where none is below.
+    """
     if x[j] < x[0]:
         return math.inf, k
     while k > 0 and x[k] > x[j]:

@@ -164,7 +164,7 @@ def remember(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
 
 @kernel
 def predict_terms(block: Any, rate: Any, weights: Any) -> None:
-    """Bases of the Maxwell strains, and the drag of the step to come."""
+    """Set the drag of the coming step, and weigh past Maxwell strains into the base of the next."""
     now, old = weights
     for r in range(1, block.state.shape[0] - 1):
         store(block.state, r, at.WAY, UNTRIED)

@@ -46,11 +46,11 @@ STILLING = 0.9  # of the motion that a step leaves, meanwhile
 HEIGHT = 0.7  # of the way in over what a slack strip allows
 
 
-def brought_in(model: StripModel) -> Array:
-    """Poses (k, 3) of a grip that takes the edge from where it lies to its stated position.
+def approach_poses(model: StripModel) -> Array:
+    """Gripper poses (k, 3) that move the free edge from where it lies to its stated place.
 
-    A slack strip is entered from above, so that its slack lies as a wave in front of the grip; a
-    short one is pulled taut. None for a strip of exactly the stated length.
+    A strip that is too long is brought there in an arc, which leaves its slack as a wave; one that
+    is too short is pulled taut. Empty for a strip of exactly the stated length.
     """
     length, stated = model.mechanics.length, model.stated_length
     slack = length - stated

@@ -13,7 +13,7 @@ from drivers.strip.shape import Gap, Touch, layer_gap, touch_between
 from drivers.twin.chain.contact import STEP
 from drivers.twin.chain.ends import Ends
 from drivers.twin.chain.extra_forces import ExtraForce, ExtraForces, Parts, own_laws
-from drivers.twin.chain.grip import STILLING, Grip, brought_in
+from drivers.twin.chain.grip import STILLING, Grip, approach_poses
 from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.layers import Layers
 from drivers.twin.chain.loads import Loads
@@ -96,7 +96,7 @@ class ChainStrip:
 
     def _bring_in(self) -> None:
         """Move an edge that is not at its stated position there, and let the strip come to rest."""
-        for pose in brought_in(self._description):
+        for pose in approach_poses(self._description):
             grip = self._grip.to(pose, STEP)
             self._loads.renew(self._data, STEP)
             self._step(grip, STEP)

@@ -118,7 +118,7 @@ from cell.campaign.local import Local
 from cell.campaign.run import carry_out
 from tests.support.campaign_parts import Fine, Noted
 marks = Path(sys.argv[1])
-parts = [Fine(f"part {n}", marks, seconds=0.02) for n in range(40)]
+parts = [Fine(f"part {n}", marks, seconds=0.05) for n in range(40)]
 for _ in carry_out(parts, Path(sys.argv[2]), Local(2), Noted()):
     pass
 """

@@ -161,3 +161,39 @@ def test_help_imports_nothing_heavy() -> None:
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
     assert told.stdout.strip().endswith("heavy: []")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("jog",), "--x, --z, --pitch: give one at least"),
+        (("calibrate", "camera", "--resume", "file"), "--resume: file holds no session"),
+        (("calibrate", "homography", "--resume", "gone"), "--resume: gone holds no session"),
+        (("report", "gone"), "gone: is not there; `cell runs` lists the runs"),
+        (("report", "runs"), "runs: is not a run: it holds no run.yaml; name one of those in it"),
+        (("export", "runs", "--out", "out"), "it holds no run.yaml; name one of those in it"),
+        (("note", "file", "--tag", "good"), "file: is not a run: it holds no run.yaml"),
+        (("runs", "--delete"), "--keep, --older-than: give one"),
+        (("runs", "--keep", "1", "--delete", "--html", "page"), "go without --sql and --html"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_words_that_lead_nowhere_are_refused_and_nothing_is_made(
+    monkeypatch, capsys, tmp_path, words, said
+) -> None:
+    (tmp_path / "runs" / "one").mkdir(parents=True)
+    (tmp_path / "runs" / "one" / "run.yaml").write_text("schema: 1\n")
+    (tmp_path / "file").write_text("")
+    before = sorted(tmp_path.rglob("*"))
+    monkeypatch.chdir(tmp_path)
+    assert said in refused(monkeypatch, capsys, *words)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_packaged_configuration_is_not_changed_and_no_arm_moves_for_it(
+    monkeypatch, capsys, configs
+) -> None:
+    monkeypatch.setattr("cell.config.places.PACKAGED", configs)
+    monkeypatch.setattr("cell.cli.calibrate._open", lambda *_: pytest.fail("a device was opened"))
+    words = ("calibrate", "homography", "--use", "--configs", configs)
+    assert refused(monkeypatch, capsys, *words).startswith("--use: copy the configs folder")

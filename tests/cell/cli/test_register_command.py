@@ -78,7 +78,14 @@ def test_one_point_touched_three_times_changes_nothing(
     server: RobotServer, configs: Path, monkeypatch
 ) -> None:
     before = (configs / "cell.yaml").read_bytes()
-    monkeypatch.setattr("cell.cli.arm.ask", lambda _: guide(server, (0.3, 0.0)))
+    monkeypatch.setattr("cell.cli.arm.ask", lambda _: guide(server, (0.3, 0.0)) or "\n")
     result = CliRunner().invoke(app, ["register", "--configs", str(configs)])
     assert "apart" in str(result.exception)
+    assert (configs / "cell.yaml").read_bytes() == before
+
+
+def test_input_that_ended_is_no_touch(server: RobotServer, configs: Path) -> None:
+    before = (configs / "cell.yaml").read_bytes()
+    result = CliRunner().invoke(app, ["register", "--configs", str(configs)], input="\n\n")
+    assert "the input ended before Enter was pressed" in str(result.exception)
     assert (configs / "cell.yaml").read_bytes() == before

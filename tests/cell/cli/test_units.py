@@ -48,7 +48,7 @@ def test_bare_number_is_in_the_units_of_the_option() -> None:
 
 @pytest.mark.parametrize("text", ["600 in", "", "long", "nan"])
 def test_what_is_no_length_is_refused(text: str) -> None:
-    with pytest.raises(ConfigurationError, match=r"--length: .* write one as 600mm"):
+    with pytest.raises(ConfigurationError, match=r"--length: .* write one as 3.5mm, 600mm"):
         length_parser("--length")(text)
 
 

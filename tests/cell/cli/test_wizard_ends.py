@@ -13,7 +13,7 @@ def test_stopped_wizard_names_the_folder_that_keeps_its_images(stop, tmp_path: P
     rows = ['{"number": 1, "image": "images/0000.png"}', '{"number": 2, "refused": "too dark"}']
     (tmp_path / "told.jsonl").write_text("\n".join(rows) + "\n")
     with (
-        pytest.raises(Interrupted, match="1 images are kept") as ended,
+        pytest.raises(Interrupted, match="1 image kept in") as ended,
         sitting(tmp_path, "camera", WizardViz.OFF),
     ):
         raise stop

@@ -144,3 +144,16 @@ def test_command_exports_and_imports(runs, tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["import", *places, "--out", str(tmp_path / "back")])
     assert "next: cell gap fit" in done.stdout
     assert "--strip denim" in done.stdout
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, OSError])
+def test_export_that_ends_early_leaves_nothing(runs, tmp_path: Path, monkeypatch, fault) -> None:
+    def fail(path: Path, _content: object) -> None:
+        raise fault(28, "No space left on device", str(path))
+
+    monkeypatch.setattr("cell.record.exchange.export_runs.write_document", fail)
+    with pytest.raises((KeyboardInterrupt, ConfigurationError)):
+        export_runs(runs, "csv", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    monkeypatch.undo()
+    assert export_runs(runs, "csv", tmp_path / "out")

@@ -14,6 +14,7 @@ from cell.cli.app import app
 from cell.config.places import BESIDE, Configs
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
+from cell.record.documents import write_document
 from cell.record.exchange.import_runs import import_runs
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
@@ -131,7 +132,7 @@ def test_what_was_not_measured_is_left_out_and_the_workflow_reads_on(tmp_path: P
     [
         ({"column": "tme", "unit": "ms"}, "column 'tme' for t is not there (did you mean 'time'?)"),
         ({"column": "time", "unit": "mm"}, "t: unit 'mm' is not known"),
-        ({"column": "time", "unit": "s"}, "must stay within 1e+05 s"),
+        ({"column": "time", "unit": "s"}, "tip.csv: t: rows are 10 s apart, must be at most 0.2 s"),
     ],
 )
 def test_column_that_cannot_be_used_is_refused_and_nothing_is_left(tmp_path, change, said) -> None:
@@ -159,3 +160,107 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     assert "next: cell gap fit" in done.stdout
     again = CliRunner().invoke(app, words)
     assert "is there already" in str(again.exception)
+
+
+def plain(place: Path, head: str = "t,x,z", rows: object = None, **how: str) -> Path:
+    """A folder with a table of the gripper, of rows as text."""
+    place.mkdir(parents=True)
+    made = [f"{t:.3f},{x:.6f},{z:.6f}" for t, x, z in zip(T, X, Z, strict=True)]
+    lines = [head, *(made if rows is None else rows)]
+    (place / "tip.csv").write_text("\n".join(lines), **how)
+    return place
+
+
+def in_metres(place: Path, **changes: object) -> Path:
+    """A mapping for `plain`, and for the touch of `foreign`."""
+    units = {"t": "s", "x": "m", "z": "m"}
+    columns = {name: {"column": name, "unit": unit} for name, unit in units.items()}
+    ticks = {"file": "tip.csv", "columns": columns}
+    return mapping(place, **{"ticks": ticks, "profile": None, "contact": None} | changes)
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "how", "said"),
+    [
+        ("t,x,z", [], {}, "holds 0 rows of numbers, must hold two at least"),
+        ("t,x,z", ["0,0.6,0"], {}, "holds 1 rows"),
+        ("t;x;z", ["0;0,6;0"], {}, "has ';' between columns, not ','; state delimiter: \";\""),
+        ("t,x,z", ["0,0.6,0", "1,off,0"], {}, "holds string ('off' in row 2), must hold numbers"),
+        ("t,x,z,Höhe", ["0,0.6,0,0"], {"encoding": "latin-1"}, "is not UTF-8 text; save it"),
+        ("t,x,z", ["0,0.6,0"], {"encoding": "utf-16"}, "is not UTF-8 text; save it"),
+        ("t,x,z", ["0,0.6,0", "10,0.6,0"], {}, "t: rows are 10 s apart, must be at most 0.2 s"),
+        ("t,x,z", ["0,0.6,0", "0.01,nan,0"], {}, "x: row 1 is nan, must be a finite number; leave"),
+        ("t,x,z", ["0,0.6,0", "0,0.6,0"], {}, "t: row 1 is 0 s after 0 s, times must increase"),
+    ],
+)
+def test_table_that_cannot_be_used_is_refused_by_its_own_name(
+    tmp_path, head, rows, how, said
+) -> None:
+    folder = plain(tmp_path / "a", head, rows, **how)
+    with pytest.raises(ConfigurationError) as error:
+        import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
+    assert str(error.value).startswith(f"{folder / 'tip.csv'}: ")
+    assert said in str(error.value)
+
+
+def test_table_with_a_mark_of_its_encoding_is_read(tmp_path: Path) -> None:
+    folder = plain(tmp_path / "a", encoding="utf-8-sig")
+    assert import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [("55,299,301", "t_layer_touch: is 55 s after the first row"), ("1,9,9\n2,9,9", "2 rows")],
+)
+def test_touch_that_cannot_be_of_this_run_is_refused(tmp_path: Path, row: str, said: str) -> None:
+    folder = plain(tmp_path / "a")
+    (folder / "touch.csv").write_text(f"t,upper,lower\n{row}\n")
+    with pytest.raises(ConfigurationError, match=said):
+        import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
+
+
+def test_touch_without_a_number_was_not_seen(tmp_path: Path) -> None:
+    folder = plain(tmp_path / "a")
+    (folder / "touch.csv").write_text("t,upper,lower\nNaN,,\n")
+    [made] = import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
+    assert read_run(made).result.outcome == "path_done"
+
+
+def test_folder_of_folders_is_imported_and_a_mapping_among_them_is_passed_over(tmp_path) -> None:
+    place = tmp_path / "measured"
+    folders = [plain(place / name) for name in ("a", "b")]
+    how = in_metres(place)
+    for n, places in enumerate(([place], [*folders, how])):
+        made = import_runs(places, how, tmp_path / f"runs{n}")
+        assert [run.name for run in made] == ["a", "b"]
+    assert import_runs(sorted(place.iterdir()), None, tmp_path / "own")
+    with pytest.raises(ConfigurationError, match="holds no tables"):
+        import_runs([how], how, tmp_path / "none")
+    with pytest.raises(ConfigurationError, match="nowhere: is not there"):
+        import_runs([tmp_path / "nowhere"], how, tmp_path / "none")
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, ConfigurationError, MemoryError])
+def test_import_that_ends_early_leaves_none_of_its_runs(tmp_path, monkeypatch, fault) -> None:
+    """The same command can be typed again, once what stopped it is mended."""
+    folders, how = [plain(tmp_path / name) for name in ("a", "b")], in_metres(tmp_path)
+
+    def fail(path: Path, content: object) -> None:
+        if path.parent.name == "b":
+            raise fault
+        write_document(path, content)
+
+    monkeypatch.setattr("cell.record.exchange.import_runs.write_document", fail)
+    with pytest.raises(fault):
+        import_runs(folders, how, tmp_path / "runs")
+    assert not list((tmp_path / "runs").glob("*"))
+    monkeypatch.undo()
+    assert len(import_runs(folders, how, tmp_path / "runs")) == 2
+
+
+def test_run_that_is_there_already_is_kept(tmp_path: Path) -> None:
+    folders, how = [plain(tmp_path / name) for name in ("a", "b")], in_metres(tmp_path)
+    [kept] = import_runs(folders[1:], how, tmp_path / "runs")
+    with pytest.raises(ConfigurationError, match="is there already"):
+        import_runs(folders, how, tmp_path / "runs")
+    assert list((tmp_path / "runs").iterdir()) == [kept]

@@ -1,6 +1,7 @@
 """Several folds: their order, their end, and what one that fails does to the others."""
 
 import pickle
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing import Pipe
@@ -10,8 +11,9 @@ import pytest
 
 import cell.folding.batch
 from cell.campaign.worker import STOP, StopSignal
+from cell.config.places import BESIDE
 from cell.devices.devices import DeviceSelection
-from cell.folding.batch import Worker, requests, side_by_side
+from cell.folding.batch import Worker, check_requests, requests, side_by_side
 from cell.folding.fold import Request
 from cell.folding.result import FoldResult
 from drivers.errors import (
@@ -42,6 +44,15 @@ def test_seeds_count_on_over_plants_and_repeats(tmp_path) -> None:
     assert [fold.choice.plant for fold in folds] == [plants[0], plants[0], plants[1], plants[1]]
     assert [fold.choice.seed for fold in folds] == [10, 11, 12, 13]
     assert [fold.choice.index for fold in folds] == [0, 1, 0, 1]
+
+
+def test_folds_of_a_batch_are_of_the_files_that_it_began_with(tmp_path) -> None:
+    configs = Path(shutil.copytree(BESIDE, tmp_path / "configs"))
+    wanted = check_requests(requests(request(tmp_path, configs=configs), [], repeat=2))
+    for path in (configs / "cell.yaml", configs / "strips" / "denim.yaml"):
+        path.write_text("schema: 1\nname: of another fold\n")
+    cell, strip = pickle.loads(pickle.dumps(wanted[1])).read_files()  # noqa: S301  of our own
+    assert (cell.name, strip.name) == ("twin-cell", "denim")
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cell.perception.layer_touch import LayerTouch
+from cell.perception.layer_touch import Fall, LayerTouch
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
@@ -66,6 +66,20 @@ def test_one_image_that_is_misread_at_the_touch_moves_no_length() -> None:
         assert touch is not None
         lengths.append(touch.to_grasped)
     assert lengths[1] == pytest.approx(lengths[0], abs=2e-4)
+
+
+def test_place_that_is_misread_along_the_layers_moves_no_displacement(monkeypatch) -> None:
+    # of a fold 26.1 mm short through grainy images [mm]; the sixth is at the touch
+    x = (176.9, 168.5, 162.2, 156.5, 149.8, 148.7, 138.8, 140.8, 134.5)
+    upper = (129.4, 124.1, 121.5, 120.2, 118.1, 121.9, 114.8, 117.6, 114.8)
+    gap = (18.4, 16.0, 13.2, 9.8, 6.0, 1.3, 0.1, 0.3, 0.1)
+    rows = np.array([x, upper, gap]).T / 1e3
+    falls = [Fall(0.05 * k, gap, x, upper) for k, (x, upper, gap) in enumerate(rows)]
+    monkeypatch.setattr("cell.perception.layer_touch._fall", lambda fall, _: fall)
+    detector = LayerTouch(PerceptionSettings(), DENIM)
+    touch = [detector.update(fall, GRIPPER) for fall in falls][-1]
+    assert touch is not None
+    assert touch.displacement == pytest.approx(-0.0261, abs=1e-3)
 
 
 @pytest.mark.parametrize("speed", [0.01, 0.05, 0.3])

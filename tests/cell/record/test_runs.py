@@ -72,7 +72,7 @@ def test_prune_names_the_oldest_runs(four, keep, days, gone):
 
 
 def test_prune_without_a_rule_or_with_a_senseless_one_is_refused(four):
-    with pytest.raises(ConfigurationError, match="say how many"):
+    with pytest.raises(ConfigurationError, match="--keep, --older-than: give one"):
         to_prune(list_runs(four), NOW)
     with pytest.raises(ConfigurationError, match="keep: is -1"):
         to_prune(list_runs(four), NOW, keep=-1)

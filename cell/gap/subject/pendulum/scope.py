@@ -16,7 +16,7 @@ SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.00
 
 
 def scope(pendulum: PendulumFile) -> Scope:
-    """Base parameters, candidates and terms of a pendulum; its accepted effects are base."""
+    """Base parameters, candidates and terms of a pendulum; accepted effects are refitted."""
     kept = [c for c in candidates(pendulum) if c.name not in pendulum.effects]
     return Scope(
         base=(*_base(pendulum), *_accepted_parameters(pendulum)),

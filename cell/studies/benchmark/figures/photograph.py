@@ -1,6 +1,5 @@
 """A camera image of a fold by feedback, with the controller's measurements drawn in."""
 
-import base64
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.record.frames import FrameNote, decode
 from cell.record.run import Run, read_run
+from cell.report.kit import jpeg_text
 from cell.report.overlay import window_on
 from cell.studies.benchmark.results import Results
 from drivers.errors import ConfigurationError
@@ -40,7 +40,7 @@ def _draw(run: Run) -> str:
         raise ConfigurationError(f"{run.folder}: keeps no images that could be shown")
     note = min(notes, key=lambda n: abs(n.stamp - PART * float(run.ticks.t[-1])))
     image = _mark(_image(note), run, note, calibration)
-    return _jpeg(window_on(run.ticks, calibration).cut(image))
+    return jpeg_text(window_on(run.ticks, calibration).of(image), WIDTH)
 
 
 def _mark(image: Image, run: Run, note: FrameNote, calibration: Calibration) -> Image:
@@ -78,12 +78,3 @@ def _dot(image: Image, calibration: Calibration, point: Array, bgr: tuple[int, i
     if np.isfinite(point).all():
         centre = np.rint(8 * calibration.to_image(point[None])[0]).astype(int)
         cv2.circle(image, tuple(centre.tolist()), 8 * 9, bgr, -1, cv2.LINE_AA, shift=3)
-
-
-def _jpeg(image: Image) -> str:
-    import cv2
-
-    height = round(image.shape[0] * WIDTH / image.shape[1])
-    small = cv2.resize(image, (WIDTH, height), interpolation=cv2.INTER_AREA)
-    _, content = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])
-    return base64.b64encode(bytes(content)).decode()

@@ -286,6 +286,13 @@ def test_watching_imports_rerun_only_in_its_thread():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+def test_shadow_ends_where_a_stamp_jumps_by_years():
+    shadow, pose = Shadow(STRIP), np.array([STRIP.length, 0.0, 0.0])
+    assert shadow.follow(1.0, pose).size
+    assert not shadow.follow(1e9, pose).size
+    assert not shadow.follow(1.02, pose).size
+
+
 def test_shadow_is_the_simulated_strip():
     path, t = triangular(STRIP.length), np.arange(0.0, 3.0, 0.01)
     poses = path.poses(0.1 * t)
