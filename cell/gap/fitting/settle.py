@@ -12,8 +12,10 @@ from cell.gap.fitting.tasks import Task
 def settled(estimate: Estimate) -> Task[Estimate]:
     """`estimate` fitted on with slopes from both sides, each sample by how nearly it is linear."""
     begun = yield from _with_slope_errors(estimate)
-    fit = refit(begun.model, begun.evidence, begun.point, begun.jacobians, both_ways=True)
-    return (yield from _with_slope_errors((yield from fit)))
+    again = refit(begun.model, begun.evidence, begun.point, begun.jacobians, both_ways=True)
+    done = yield from again
+    moved = not np.array_equal(done.shared, begun.shared)
+    return (yield from _with_slope_errors(done)) if moved else begun
 
 
 def _with_slope_errors(estimate: Estimate) -> Task[Estimate]:
