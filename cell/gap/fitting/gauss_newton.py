@@ -134,7 +134,7 @@ def estimate_at(
     raw: Sequence[Residuals],
     jacobians: tuple[Array, ...],
 ) -> Estimate:
-    """The estimate at a point, by run simulated as `raw`, with whitened `jacobians` there."""
+    """The estimate at a point, by run simulated as `raw`, with whitened `jacobians` (n, size)."""
     limits = normal_equations.bounds(model, evidence)
     z = normal_equations.layout(model, evidence).pack(point)
     r = residuals(raw, evidence)

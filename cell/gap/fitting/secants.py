@@ -49,9 +49,9 @@ def both_sides(
 
     Where a bound leaves room on one side alone, both are that side's.
     """
-    effects = [replace(e, parameters=_mirrored(e.parameters)) for e in model.effects]
-    other = replace(model, base=_mirrored(model.base), effects=tuple(effects))
-    runs = [replace(run, local=_mirrored(run.local)) for run in evidence.runs]
+    effects = [replace(e, parameters=_mirror(e.parameters)) for e in model.effects]
+    other = replace(model, base=_mirror(model.base), effects=tuple(effects))
+    runs = [replace(run, local=_mirror(run.local)) for run in evidence.runs]
     there = Evidence(tuple(runs), evidence.scales)
     sides = [linearise(model, evidence, point), linearise(other, there, point)]
     (raw, right), (_, left) = yield from side_by_side(sides)
@@ -59,13 +59,13 @@ def both_sides(
 
 
 def minmod(a: Array, b: Array) -> Array:
-    """The smaller of two slopes where their signs agree, zero where not (slope limiter: Roe 1986,
-    Annual Review of Fluid Mechanics 18, 337).
+    """The smaller of two slopes (n, k) where their signs agree, zero where not (slope limiter: Roe
+    1986, Annual Review of Fluid Mechanics 18, 337).
     """
     return np.asarray(0.5 * (np.sign(a) + np.sign(b)) * np.minimum(np.abs(a), np.abs(b)))
 
 
-def _mirrored(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+def _mirror(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
     return tuple(replace(p, step=-p.step) for p in parameters)
 
 

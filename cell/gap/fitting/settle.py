@@ -9,7 +9,7 @@ from cell.gap.fitting.secants import both_sides, minmod
 from cell.gap.fitting.tasks import Task
 
 
-def settled(estimate: Estimate) -> Task[Estimate]:
+def settle(estimate: Estimate) -> Task[Estimate]:
     """`estimate` fitted on with slopes from both sides, each sample by how nearly it is linear."""
     begun = yield from _with_slope_errors(estimate)
     again = refit(begun.model, begun.evidence, begun.point, begun.jacobians, both_ways=True)

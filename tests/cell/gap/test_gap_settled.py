@@ -9,7 +9,7 @@ import pytest
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence
 from cell.gap.fitting.secants import both_sides, linearise_both_ways, minmod
-from cell.gap.fitting.settle import settled
+from cell.gap.fitting.settle import settle
 from cell.gap.fitting.tasks import run_one
 from cell.gap.subject.subject import Request, Residuals, Scope
 from cell.gap.verdict.compose import intervals
@@ -55,7 +55,7 @@ def test_interval_beside_a_jump_is_that_of_all_other_samples() -> None:
     for seed in range(10):
         subject = Jumping(nothing, seed=seed)
         fit = before_the_jump(subject)
-        done = run_one(subject.simulate, settled(fit))
+        done = run_one(subject.simulate, settle(fit))
         plain += slope(fit)[0] < SLOPE < slope(fit)[1]
         mended += slope(done)[0] < SLOPE < slope(done)[1]
         usual = slope(fitted(Curves(nothing, seed=seed)))
@@ -68,7 +68,7 @@ def test_interval_beside_a_jump_is_that_of_all_other_samples() -> None:
 def test_settling_leaves_a_linear_fit_as_it_is() -> None:
     subject = Curves(nothing)
     fit = fitted(subject)
-    done = run_one(subject.simulate, settled(fit))
+    done = run_one(subject.simulate, settle(fit))
     assert done.shared == pytest.approx(fit.shared, abs=1e-9)
     assert slope(done) == pytest.approx(slope(fit), abs=1e-9)
 
