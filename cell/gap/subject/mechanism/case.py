@@ -1,6 +1,6 @@
 """One simulation of a run: which numbers of the model, which readings, from where."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,9 +13,12 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """What a simulation needs of a run: its readings, and its `motion` or its `commands`."""
+    """What a simulation needs of a run: its readings, its stated `load`, and its `motion` or its
+    `commands`.
+    """
 
     cut: Cut
+    load: Mapping[str, Any] | None = None
     motion: Any = None
     commands: Any = None
     start: tuple[Array, Array] | None = None

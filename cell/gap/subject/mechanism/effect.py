@@ -126,3 +126,12 @@ def single(
     """One parameter for the whole mechanism."""
     low = -high * size if signed else 0.0
     return (Parameter(key, unit, 0.0, low, high * size, size / 1000.0, 25.0 * size),)
+
+
+def readings_of(known: Sequence[tuple[Effect, Array]], mechanism: Mechanism) -> Readings:
+    """What effects with their values (parameters,) change between the world and its record."""
+    readings = Readings()
+    for effect, values in known:
+        if effect.read is not None:
+            effect.read(mechanism, values, readings)
+    return readings

@@ -7,7 +7,6 @@ import numpy as np
 
 from cell.gap.subject.mechanism.bodies import tip
 from cell.gap.subject.mechanism.effect import Readings
-from cell.gap.subject.mechanism.library import effect_of
 from cell.gap.subject.mechanism.load import Opened
 from drivers.types import Array
 
@@ -73,11 +72,3 @@ def _tool(opened: Opened, mass: float) -> dict[str, object]:
     had, centre = float(m.model.body_mass[hand]), np.array(m.model.body_ipos[hand])
     both = (had * centre + mass * tip(m, last)) / (had + mass) - m.model.site("flange").pos
     return {"mass": round(had + mass, 4), "centre": [round(float(x), 5) for x in both]}
-
-
-def readings_of(name: str, opened: Opened, values: Array) -> Readings:
-    """What an effect with `values` (parameters,) changes between the world and its record."""
-    readings, effect = Readings(), effect_of(name)
-    if effect.read is not None:
-        effect.read(opened.mechanism, values, readings)
-    return readings

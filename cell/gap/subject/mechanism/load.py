@@ -142,11 +142,9 @@ def _is_given(spec: SignalSpec, file: MechanismFile) -> bool:
 
 def _signal(name: str, spec: SignalSpec, model: Any,
             recordings: Sequence[Recording], origin: str) -> Signal:  # fmt: skip
-    sigma = spec.sigma
-    if isinstance(sigma, str):
-        sigma = repeat_noise(recordings, name, origin)
+    sigma = repeat_noise(recordings, name, origin) if spec.sigma == "repeats" else spec.sigma
     kind = spec.is_ or ("site" if spec.site else "sensor")
-    if spec.sensor is not None and _is_position(model, spec.sensor):
+    if spec.sensor is not None and _sum_of_joints(model, spec.sensor).any():
         kind = "position"
     joint, floor = -1, FORWARD_FLOOR
     if spec.joint is not None:
@@ -167,33 +165,28 @@ def _signal(name: str, spec: SignalSpec, model: Any,
 
 def _joint_weights(signal: Signal, spec: SignalSpec, model: Any) -> Array:
     """The sum of joint positions (joints,) that a signal is; nothing where it is none."""
+    if spec.sensor is not None:
+        return _sum_of_joints(model, spec.sensor)
     row = np.zeros(model.njnt)
-    if signal.kind not in ("position", "velocity"):
-        return row
-    if spec.sensor is None:
+    if signal.kind in ("position", "velocity"):
         row[signal.joint] = 1.0
-        return row
-    sensor = model.sensor(spec.sensor)
-    number = int(sensor.objid[0])
-    if int(sensor.type[0]) == int(mujoco.mjtSensor.mjSENS_JOINTPOS):
-        row[number] = 1.0
-        return row
-    first = int(model.tendon_adr[number])
-    for w in range(first, first + int(model.tendon_num[number])):
-        row[int(model.wrap_objid[w])] += float(model.wrap_prm[w])
     return row
 
 
-def _is_position(model: Any, name: str) -> bool:
-    """Whether a sensor reads a joint, or a sum of joints as a fixed tendon makes it."""
-    sensor = model.sensor(name)
+def _sum_of_joints(model: Any, name: str) -> Array:
+    """Weights (joints,) with which a sensor adds joints' positions, as a fixed tendon does; zeros
+    where it reads something else.
+    """
+    row, sensor = np.zeros(model.njnt), model.sensor(name)
     kind, number = int(sensor.type[0]), int(sensor.objid[0])
     if kind == int(mujoco.mjtSensor.mjSENS_JOINTPOS):
-        return True
-    if kind != int(mujoco.mjtSensor.mjSENS_TENDONPOS):
-        return False
-    first = int(model.tendon_adr[number])
-    return int(model.wrap_type[first]) == int(mujoco.mjtWrap.mjWRAP_JOINT)
+        row[number] = 1.0
+    elif kind == int(mujoco.mjtSensor.mjSENS_TENDONPOS):
+        first = int(model.tendon_adr[number])
+        for w in range(first, first + int(model.tendon_num[number])):
+            if int(model.wrap_type[w]) == int(mujoco.mjtWrap.mjWRAP_JOINT):
+                row[int(model.wrap_objid[w])] += float(model.wrap_prm[w])
+    return row
 
 
 def _mechanism(file: MechanismFile, xml: str, model: Any, recordings: Sequence[Recording],
@@ -220,7 +213,7 @@ def _mechanism(file: MechanismFile, xml: str, model: Any, recordings: Sequence[R
     encoders = tuple(j.name for j in joints) if prescribed else tuple(measured_at)
     actuators = tuple(model.actuator(i).name for i in range(model.nu))
     return Mechanism(file.name, file.mode, file.step, xml, model, joints, actuators, encoders,
-                     torque, smooth, bool(min(j.inertia for j in joints) >= LIGHT),
+                     torque, bool(min(j.inertia for j in joints) >= LIGHT),
                      tuple((s.name, s.joint) for s in signals if s.kind == "tracking"))  # fmt: skip
 
 

@@ -40,8 +40,8 @@ class Mechanism:
     """A compiled model (`xml` is its text) with its joints, to be simulated in a `mode`.
 
     Compared `torques` and `trackings` are named with the number of their joint; where there are
-    trackings, positions are those of links, and motors follow commands. `smooth` [rad/s] is the
-    rate over which compiled dry friction changes sign; `native` says that MuJoCo's own is used.
+    trackings, positions are those of links, and motors follow commands. `native` says that
+    MuJoCo's own dry friction is used, not the compiled one.
     """
 
     name: str
@@ -53,7 +53,6 @@ class Mechanism:
     actuators: tuple[str, ...]
     encoders: tuple[str, ...]
     torques: tuple[tuple[str, int], ...]
-    smooth: Array
     native: bool
     trackings: tuple[tuple[str, int], ...] = ()
 

@@ -29,6 +29,7 @@ ORDER = 3  # of the Butterworth filter, run forth and back
 CUTOFF = 1.5  # of the frequency that holds most of the rate; Butterworth's passband is flat below
 MOST, FLOOR = 0.99, 10.0  # of the rate's power, beyond so many times the encoder's noise
 SLOWEST, FASTEST = 5.0, 25.0  # bounds of the cutoff, by the pace of the motion
+WIDER = 2.0  # than the cutoff: what the mechanics sees, which are not linear (3 and 5 do no better)
 SETTLED = 10.0  # 1/cutoff from an end or a gap, where the filter has forgotten it
 GRID = 4000  # places of a run at most at which torques are computed
 KEPT = 2048  # inverse dynamics that are remembered
@@ -38,7 +39,8 @@ STANDS = 0.05  # of its usual rate, below which a joint may be held by friction
 @dataclass(frozen=True, slots=True)
 class Motion:
     """A measured motion on an even grid: `t` (m,) [s]; `q`, `v`, `a` (m, joints) and the measured
-    `torques` (signals, m), all low-passed alike below `cutoff` [rad/s].
+    `torques` (signals, m), all smoothed alike, by far less than below `cutoff` [rad/s], where
+    they are compared; `known` (signals, m) tells where they can be.
 
     `shake` (2, joints) is one sigma of the errors of v and a that noise of the encoders makes in
     the means of samples.
@@ -50,8 +52,14 @@ class Motion:
     v: Array
     a: Array
     torques: Array
+    known: NDArray[np.bool_]
     cutoff: float
     shake: Array
+
+    def compared(self, rows: Array, t: Array) -> Array:
+        """Signals (n, m) along the motion, below the cutoff, at times t (k,) [s]."""
+        slow = _low_pass(rows, self.t[1] - self.t[0], self.cutoff)
+        return np.array([np.interp(t, self.t, row) for row in slow])
 
 
 def cutoff_of(recordings: Sequence[Recording], joints: Sequence[str], pace: float) -> float:
@@ -96,22 +104,24 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
 
     Positions and torques pass one filter without phase (Butterworth, forth and back), and rates are
     those of the filtered positions: what is linear in a mechanism holds as well after as before.
+    What is not, holds as well as the filter is wide: the narrow one comes after the mechanics.
     """
     grid = _grid(recording)
     dt = grid[1] - grid[0]
     raw, lost = _resample(recording, joints, grid)
     measured, absent = _resample(recording, torques, grid)
-    cutoff = min(cutoff, 0.8 * np.pi / dt)
-    smooth = _low_pass(measured, dt, cutoff)
+    wide = min(WIDER * cutoff, 0.8 * np.pi / dt)
+    cutoff = min(cutoff, wide)
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
-    for row, gaps in zip(smooth, absent | np.any(lost, axis=0, keepdims=True), strict=True):
-        row[_near(gaps, reach)] = np.nan
-    filtered = _low_pass(raw, dt, cutoff)
-    white = (raw - filtered).std(axis=1) / np.sqrt(1.0 - cutoff * dt / np.pi)
+    gaps = absent | np.any(lost, axis=0, keepdims=True)
+    known = np.array([~_near(row, reach) for row in gaps])
+    filtered = _low_pass(raw, dt, wide)
+    white = (raw - filtered).std(axis=1) / np.sqrt(1.0 - wide * dt / np.pi)
     shake = np.outer(_noise_gain(dt, cutoff, width), white)
-    every = max(1, int(1.0 / cutoff / dt))
+    every = max(1, int(1.0 / wide / dt))
     q, v, a = (frozen(x[::every]) for x in _derivatives(grid, filtered.T))
-    return Motion(recording.name, frozen(grid[::every]), q, v, a, frozen(smooth[:, ::every]),
+    slow = frozen(_low_pass(measured, dt, wide)[:, ::every])
+    return Motion(recording.name, frozen(grid[::every]), q, v, a, slow, known[:, ::every],
                   cutoff, frozen(shake))  # fmt: skip
 
 
@@ -169,7 +179,8 @@ class Prescribed:
             squares += (self._inverse(motion, model, q, v + error, a, None) - plain) ** 2
         for error in np.diag(motion.shake[1]):
             squares += (self._inverse(motion, model, q, v, a + error, None) - plain) ** 2
-        return np.abs(self._sensor_readings(np.sqrt(squares), model, motion, t))
+        rows = self._sensor_readings(np.sqrt(squares), model)
+        return np.abs([np.interp(t, motion.t, row) for row in rows])
 
     def _torque(self, case: Case) -> Array:
         model = copy.copy(self._model)
@@ -183,12 +194,14 @@ class Prescribed:
         turned = [(kind, values) for kind, values in gears if values is not None and np.any(values)]
         if self._mechanism.trackings:
             turns = sum((_turn(inverse, v, kind) for kind, v in turned), np.zeros_like(q))
-            return np.vstack([self._joint_torques(model, case, q, v, inverse),
-                              self._tracking(motion, case, turns)])  # fmt: skip
+            rows = [self._joint_torques(model, case, q, v, inverse),
+                    self._tracking(motion, case, turns)]  # fmt: skip
+            return motion.compared(np.vstack(rows), case.content.cut.t)
         for kind, values in turned:
             q, v, a = _behind(motion, inverse, (q, v, a), values, kind)
             inverse = self._inverse(motion, model, q, v, a, None)
-        return self._joint_torques(model, case, q, v, inverse)
+        torques = self._joint_torques(model, case, q, v, inverse)
+        return motion.compared(torques, case.content.cut.t)
 
     def _joint_torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
         motion: Motion = case.content.motion
@@ -198,9 +211,7 @@ class Prescribed:
             if effect.path is not None:
                 given = given + effect.path(self._mechanism, values, q, v)
         self._hold(given, model, motion, q, v, inverse, user)
-        if given.any():  # a jump of friction passed the filter with the torques that it is part of
-            given = _low_pass(given.T, motion.t[1] - motion.t[0], motion.cutoff).T
-        return self._sensor_readings(inverse - given, model, motion, case.content.cut.t)
+        return self._sensor_readings(inverse - given, model)
 
     def _hold(self, given: Array, model: Any, motion: Motion, q: Array, v: Array, inverse: Array,
               user: Array) -> None:  # fmt: skip
@@ -210,17 +221,16 @@ class Prescribed:
         how much that is (Karnopp 1985, J. Dyn. Sys. Meas. Control 107).
         """
         for (_, j), row in zip(self._mechanism.torques, motion.torques, strict=False):
-            known, p = np.isfinite(row), user[j]
-            along = q[known, j], v[known, j], inverse[known, j]
+            p, along = user[j], (q[:, j], v[:, j], inverse[:, j])
             stands = np.exp(-((along[1] / (STANDS * self._mechanism.joints[j].rate)) ** 2))
             for effect in _holding():
                 at = self._torques.at[effect.name]
                 if effect.law is None or effect.holds is None or not p[at : at + effect.keys].any():
                     continue
                 slides, most = (f(*along, p, at) for f in (effect.law, effect.holds))
-                others = inverse[known, j] - given[known, j] + slides
-                held = np.clip(others - self._scale(model, j) * row[known], -most, most)
-                given[known, j] += stands * (held - slides)
+                others = inverse[:, j] - given[:, j] + slides
+                held = np.clip(others - self._scale(model, j) * row, -most, most)
+                given[:, j] += stands * (held - slides)
 
     def _scale(self, model: Any, joint: int) -> float:
         """Torque of a joint [N m] for what its motor's sensor reads."""
@@ -236,14 +246,12 @@ class Prescribed:
         soon = motion.q + ahead * motion.v + 0.5 * ahead**2 * motion.a  # as motors stood already
         for _, joint in self._mechanism.trackings:
             behind = np.interp(motion.t + ahead, motion.t, turns[:, joint])
-            row = motion.q[:, joint] - soon[:, joint] - behind
-            rows.append(np.interp(case.content.cut.t, motion.t, row))
+            rows.append(motion.q[:, joint] - soon[:, joint] - behind)
         return np.array(rows)
 
-    def _sensor_readings(self, needed: Array, model: Any, motion: Motion, t: Array) -> Array:
-        """What sensors of torque read at t (k,) of the torques (m, joints) that are needed."""
-        rows = [needed[:, j] / self._scale(model, j) for _, j in self._mechanism.torques]
-        return np.array([np.interp(t, motion.t, row) for row in rows])
+    def _sensor_readings(self, needed: Array, model: Any) -> Array:
+        """What sensors of torque read (signals, m) of the torques (m, joints) that are needed."""
+        return np.array([needed[:, j] / self._scale(model, j) for _, j in self._mechanism.torques])
 
     def _inverse(self, motion: Motion, model: Any, q: Array, v: Array, a: Array,
                  case: Case | None) -> Array:  # fmt: skip

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from cell.gap.subject.mechanism.base import stated_fields
 from cell.gap.subject.mechanism.bodies import add_point
 from cell.gap.subject.mechanism.case import Case, Content
-from cell.gap.subject.mechanism.effect import Effect, Fields, Readings
+from cell.gap.subject.mechanism.effect import Effect, Fields, readings_of
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.forward import Forward, commands_of
-from cell.gap.subject.mechanism.gripper_path import cell_patch, readings_of, sentences, shift
+from cell.gap.subject.mechanism.gripper_path import cell_patch, sentences, shift
 from cell.gap.subject.mechanism.library import (
     accepted_parameters,
     candidates,
@@ -131,15 +131,15 @@ class MechanismSubject:
         if m.mode == "prescribed":
             joints = [j.name for j in m.joints]
             motion = motion_of(recording, joints, names, self._cutoff, width)
-            filtered = np.array([np.interp(made.t, motion.t, x) for x in motion.torques])
-            good = np.isfinite(filtered).all(axis=0)
+            filtered = motion.compared(motion.torques, made.t)
+            good = np.all([np.interp(made.t, motion.t, k) == 1.0 for k in motion.known], axis=0)
             made = _only(replace(made, values=filtered), good)
             speed = np.interp(made.t, motion.t, motion.v @ (1.0 / m.rate))
-            content = Content(made, motion=motion)
+            content = Content(made, recording.load, motion=motion)
         else:
             commands = commands_of(recording, tuple(o.file.inputs), m.actuators, o.file.hold)
             start = self._start(recording)
-            content = Content(made, commands=commands, start=start)
+            content = Content(made, recording.load, commands=commands, start=start)
             local = self._initial(start)
             speed = np.gradient(made.values[0], made.t)
         mean_speed, _ = average(speed[None], made.edges)
@@ -151,9 +151,7 @@ class MechanismSubject:
                       b.parameter.step, b.by_run or 0.0, random=True, common=True)
             for b in self._by_run
         )  # fmt: skip
-        return Run(
-            recording.name, recording.condition, known, local, (content, recording), recording.index
-        )
+        return Run(recording.name, recording.condition, known, local, content, recording.index)
 
     def _start(self, recording: Recording) -> tuple[Array, Array]:
         """Positions and rates (joints,) in which the run begins, as measured or stated."""
@@ -217,19 +215,16 @@ class MechanismSubject:
         start = content.start or (np.zeros(joints), np.zeros(joints))
         if content.start is not None and "angle_" + self._mechanism.joints[0].name in own:
             start = (np.array(request.local[:joints]), np.array(request.local[joints : 2 * joints]))
-        known = [(self._effect(name), v) for name, v in effects.items()]
-        readings, m = Readings(), self._mechanism
-        for effect, v in known:
-            if effect.read is not None:
-                effect.read(m, v, readings)
+        known = [(effect_of(name), v) for name, v in effects.items()]
+        readings = readings_of(known, self._mechanism)
         paths = [(e, v) for e, v in known if e.path is not None]
-        load = cast(tuple[Content, Recording], request.run.content)[1].load
+        load = content.load
 
         def edit(fields: Fields) -> None:
             for b, value in zip(o.base, values, strict=True):
                 b.put(fields, float(value))
             if load is not None:
-                body = m.model.body(str(load["body"])).id
+                body = self._mechanism.model.body(str(load["body"])).id
                 add_point(fields, body, float(load["mass"]), np.array(load.get("com", [0, 0, 0])))
             for effect, v in known:
                 self._put(effect, v, fields)
@@ -243,9 +238,6 @@ class MechanismSubject:
         elif effect.law is not None:
             at = self._torques.at[effect.name]
             user_numbers(fields["jnt_user"], at, effect.table(m, values))
-
-    def _effect(self, name: str) -> Effect:
-        return effect_of(name)
 
     def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
         """The runs as they are: steps were checked when the subject was opened."""
@@ -310,7 +302,7 @@ class MechanismSubject:
             return np.zeros(0)
         q = np.array([np.interp(content.cut.t, content.motion.t, x) for x in content.motion.q.T])
         changed = having - lacking
-        readings = readings_of(name, self.opened, values)
+        readings = readings_of([(effect_of(name), values)], self._mechanism)
         return shift(self.opened, q.T, (changed[:7], changed[7:]), readings)
 
     def model_text(
@@ -337,7 +329,7 @@ def _with_shake(known: Samples, error: Array, made: Cut) -> Samples:
 
 
 def _content(run: Run) -> Content:
-    return cast(tuple[Content, Recording], run.content)[0]
+    return cast(Content, run.content)
 
 
 def open_mechanism(
