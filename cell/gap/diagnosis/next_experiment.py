@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.gap.fitting import normal_equations
-from cell.gap.fitting.gauss_newton import Estimate, linearise
+from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
+from cell.gap.fitting.secants import linearise
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Experiment

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.gap.fitting import normal_equations, robust
-from cell.gap.fitting.model import Evidence, Model, Point, request, requests, whiten
+from cell.gap.fitting.model import Evidence, Model, Point, requests, whiten
+from cell.gap.fitting.secants import linearise, linearise_both_ways
 from cell.gap.fitting.tasks import Task
-from cell.gap.subject.subject import Parameter, Request, Residuals, Run
+from cell.gap.subject.subject import Residuals
 from drivers.types import Array
 
 ENOUGH, ROUGHLY = 0.05, 2.0  # nats that a further step must promise: in the end, to compare
@@ -77,18 +78,22 @@ def refit(
     jacobians: tuple[Array, ...] | None = None,
     enough: float = ENOUGH,
     steps: int = STEPPING.steps,
+    *,
+    both_ways: bool = False,
 ) -> Task[Estimate]:
     """Estimate of `model` from `start`; yields simulations.
 
     `jacobians` (n, shared + local) by run of a fit near by spare the first secants; it ends when
-    a further step promises less than `enough` nats, or after so many `steps`.
+    a further step promises less than `enough` nats, or after so many `steps`. With `both_ways`
+    slopes are what both sides of a value show, for twice the simulations.
     """
+    slopes = linearise_both_ways if both_ways else linearise
     place = normal_equations.layout(model, evidence)
     limits = normal_equations.bounds(model, evidence)
     z = np.clip(place.pack(start), limits.low, limits.high)
     fresh, mended, stalled = jacobians is None, False, 0
     if jacobians is None:
-        raw, jacobians = yield from linearise(model, evidence, place.unpack(z))
+        raw, jacobians = yield from slopes(model, evidence, place.unpack(z))
     else:
         raw = yield requests(model, evidence.runs, place.unpack(z))
     for _ in range(steps):
@@ -118,19 +123,20 @@ def refit(
         if stalled > 1:
             break
         if fresh:
-            raw, jacobians = yield from linearise(model, evidence, place.unpack(z))
-    return _estimate(model, evidence, z, raw, jacobians)
+            raw, jacobians = yield from slopes(model, evidence, place.unpack(z))
+    return estimate_at(model, evidence, place.unpack(z), raw, jacobians)
 
 
-def _estimate(
+def estimate_at(
     model: Model,
     evidence: Evidence,
-    z: Array,
+    point: Point,
     raw: Sequence[Residuals],
     jacobians: tuple[Array, ...],
 ) -> Estimate:
+    """The estimate at a point, by run simulated as `raw`, with whitened `jacobians` (n, size)."""
     limits = normal_equations.bounds(model, evidence)
-    point = normal_equations.layout(model, evidence).unpack(z)
+    z = normal_equations.layout(model, evidence).pack(point)
     r = residuals(raw, evidence)
     scale = robust.scale(np.concatenate(r))
     total = normal_equations.objective(r, z, limits, scale)
@@ -225,56 +231,3 @@ def _evaluate(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
         value = normal_equations.objective(residuals(raw, evidence), p, limits, search.scale)
         trials.append(_Trial(p, raw, value))
     return trials
-
-
-def linearise(
-    model: Model, evidence: Evidence, point: Point
-) -> Task[tuple[Sequence[Residuals], tuple[Array, ...]]]:
-    """Residuals and whitened secants at a point: per run (n, shared + local)."""
-    asked: list[Request] = []
-    steps: list[Array] = []
-    for run, local in zip(evidence.runs, point.local, strict=True):
-        moved, h = _secant_requests(model, run, point.shared, local)
-        asked += moved
-        steps.append(h)
-    answers = yield asked
-    raw, jacobians, at = [], [], 0
-    for h, scale in zip(steps, evidence.scales, strict=True):
-        mine = answers[at : at + 1 + len(h)]
-        at += len(mine)
-        raw.append(mine[0])
-        jacobians.append(secants(mine[0], mine[1:], scale, h))
-    return raw, tuple(jacobians)
-
-
-def secants(here: Residuals, moved: Sequence[Residuals], scale: Array, steps: Array) -> Array:
-    """Whitened differences over steps (n, len(steps)); zero where either side is lost."""
-    columns = [(m.mean - here.mean) / scale / h for m, h in zip(moved, steps, strict=True)]
-    matrix = np.array(columns).reshape(len(columns), len(scale)).T
-    return np.asarray(np.nan_to_num(matrix, nan=0.0, posinf=0.0, neginf=0.0))
-
-
-def _secant_requests(
-    model: Model, run: Run, shared: Array, local: Array
-) -> tuple[list[Request], Array]:
-    asked = [request(model, run, shared, local)]
-    steps = []
-    for i, p in enumerate(model.parameters):
-        h = _inward(p, shared[i])
-        asked.append(request(model, run, _step_one(shared, i, h), local))
-        steps.append(h)
-    for i, p in enumerate(run.local):
-        h = _inward(p, local[i])
-        asked.append(request(model, run, shared, _step_one(local, i, h)))
-        steps.append(h)
-    return asked, np.array(steps)
-
-
-def _inward(p: Parameter, value: float) -> float:
-    return p.step if value + p.step <= p.high else -p.step
-
-
-def _step_one(values: Array, i: int, h: float) -> Array:
-    moved = values.copy()
-    moved[i] += h
-    return moved

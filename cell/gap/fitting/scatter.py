@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, linearise, refit
+from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
+from cell.gap.fitting.secants import linearise
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.tasks import Simulate, run_one
 

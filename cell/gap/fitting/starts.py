@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.gap.fitting import normal_equations
-from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, linearise, refit
+from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.projection import stacked_jacobian
+from cell.gap.fitting.secants import linearise
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.subject.subject import Subject
 from drivers.types import Array

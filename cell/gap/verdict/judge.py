@@ -15,6 +15,7 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.scatter import estimate_spreads, with_own_scatter
+from cell.gap.fitting.settle import settle
 from cell.gap.fitting.starts import refined, refit_fine
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection.choice import Choice, by_evidence, choose
@@ -83,7 +84,7 @@ def judge(
         inflation,
         tuple(close),
         groups,
-        with_own_scatter(simulate, best, scatter, whole),
+        run_one(simulate, settle(with_own_scatter(simulate, best, scatter, whole))),
         scatter,
         _by_phases(choice, simulate),
         _places(choice, rng),

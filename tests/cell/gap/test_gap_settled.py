@@ -1,0 +1,95 @@
+"""No jump of a sample determines an interval: slopes count as far as both sides show them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.gap.fitting.gauss_newton import Estimate, refit
+from cell.gap.fitting.model import Model, Point, evidence
+from cell.gap.fitting.secants import both_sides, linearise_both_ways, minmod
+from cell.gap.fitting.settle import settle
+from cell.gap.fitting.tasks import run_one
+from cell.gap.subject.subject import Request, Residuals, Scope
+from cell.gap.verdict.compose import intervals
+from tests.cell.gap.test_gap_engine import Curves, fitted, nothing
+
+SLOPE, STEP = 0.5, 2e-3  # m/s, of the curves and of the secants
+JUMP, HEIGHT = 0.499, 0.3  # m/s, beyond which the model goes another way in one run, by so much [m]
+
+
+class Jumping(Curves):
+    """Curves of which the model, unlike what was measured, goes another way beyond a slope."""
+
+    @property
+    def scope(self) -> Scope:
+        scope = super().scope
+        offset, slope = scope.base
+        return replace(scope, base=(offset, replace(slope, step=STEP)))
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        found = super().simulate(requests)
+        for q, residuals in zip(requests, found, strict=True):
+            if q.run.name == "r0" and q.base[1] > JUMP:
+                residuals.mean[40:50] -= HEIGHT
+        return found
+
+
+def before_the_jump(subject: Jumping) -> Estimate:
+    """The fit that comes from where there is no jump."""
+    runs, model = evidence(subject.runs), Model(subject.scope.base)
+    start = Point(np.array([0.2, SLOPE - 0.01]), runs.start())
+    return run_one(subject.simulate, refit(model, runs, start))
+
+
+def slope(estimate: Estimate) -> tuple[float, float]:
+    found = intervals(estimate, 1.0, ())["base"][1]
+    assert found.low is not None
+    assert found.high is not None
+    return found.low, found.high
+
+
+def test_interval_beside_a_jump_is_that_of_all_other_samples() -> None:
+    plain, mended, wide = 0, 0, []
+    for seed in range(10):
+        subject = Jumping(nothing, seed=seed)
+        fit = before_the_jump(subject)
+        done = run_one(subject.simulate, settle(fit))
+        plain += slope(fit)[0] < SLOPE < slope(fit)[1]
+        mended += slope(done)[0] < SLOPE < slope(done)[1]
+        usual = slope(fitted(Curves(nothing, seed=seed)))
+        wide.append(np.diff(slope(done))[0] / np.diff(usual)[0])
+    assert plain <= 5
+    assert mended >= 8
+    assert np.median(wide) == pytest.approx(1.0, abs=0.1)
+
+
+def test_settling_leaves_a_linear_fit_as_it_is() -> None:
+    subject = Curves(nothing)
+    fit = fitted(subject)
+    done = run_one(subject.simulate, settle(fit))
+    assert done.shared == pytest.approx(fit.shared, abs=1e-9)
+    assert slope(done) == pytest.approx(slope(fit), abs=1e-9)
+
+
+def test_slope_is_what_both_sides_show() -> None:
+    a, b = np.array([2.0, 2.0, -3.0, 0.0]), np.array([1.0, -1.0, -4.0, 5.0])
+    assert minmod(a, b).tolist() == [1.0, 0.0, -3.0, 0.0]
+    subject = Jumping(nothing)
+    runs, model = evidence(subject.runs), Model(subject.scope.base)
+    at = Point(np.array([0.2, JUMP - 0.5 * STEP]), runs.start())
+    _, right, left = run_one(subject.simulate, both_sides(model, runs, at))
+    _, slopes = run_one(subject.simulate, linearise_both_ways(model, runs, at))
+    assert abs(right[0][45, 1]) > 10.0 * abs(left[0][45, 1])
+    assert slopes[0][:, 1] == pytest.approx(left[0][:, 1], rel=1e-6, abs=1e-6)
+
+
+def test_at_a_bound_the_side_within_it_serves_for_both() -> None:
+    subject = Curves(nothing)
+    runs, (offset, slope) = evidence(subject.runs), subject.scope.base
+    for bounded in (replace(slope, low=SLOPE), replace(slope, high=SLOPE)):
+        at = Point(np.array([0.2, SLOPE]), runs.start())
+        _, right, left = run_one(subject.simulate, both_sides(Model((offset, bounded)), runs, at))
+        assert right[0][:, 1].tolist() == left[0][:, 1].tolist()
+        assert right[0][30, 1] < 0.0
