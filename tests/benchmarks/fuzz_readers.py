@@ -216,7 +216,10 @@ def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[
 
     def check(changes: tuple[Spoiled, ...]) -> None:
         folder = copied(whole, root / "runs" / "20261121T000000Z-denim-fold-0000", *changes)
-        took.update(read_everything(folder, longest, pages=took["folders"] % pages == 0))
+        try:
+            took.update(read_everything(folder, longest, pages=took["folders"] % pages == 0))
+        except TooLong:
+            raise SystemExit(f"folder {took['folders']}: over {longest:.1f} s: {changes}") from None
         took["folders"] += 1
 
     spoiled = spoilers(whole)
