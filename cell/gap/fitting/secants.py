@@ -37,7 +37,7 @@ def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised
 
 
 def linearise_both_ways(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
-    """The same with slopes that both sides of each value show."""
+    """Residuals and whitened slopes, as `linearise`, but slopes that both sides of a value show."""
     raw, right, left = yield from both_sides(model, evidence, point)
     return raw, tuple(map(minmod, right, left))
 
@@ -52,8 +52,8 @@ def both_sides(
     effects = [replace(e, parameters=_mirror(e.parameters)) for e in model.effects]
     other = replace(model, base=_mirror(model.base), effects=tuple(effects))
     runs = [replace(run, local=_mirror(run.local)) for run in evidence.runs]
-    there = Evidence(tuple(runs), evidence.scales)
-    sides = [linearise(model, evidence, point), linearise(other, there, point)]
+    mirrored = replace(evidence, runs=tuple(runs))
+    sides = [linearise(model, evidence, point), linearise(other, mirrored, point)]
     (raw, right), (_, left) = yield from side_by_side(sides)
     return raw, right, left
 

@@ -1,4 +1,4 @@
-"""The last fit of what was accepted, in which no jump of a sample determines an interval."""
+"""The last fit of the accepted model, in which no jump of a sample determines an interval."""
 
 from dataclasses import replace
 
@@ -10,12 +10,16 @@ from cell.gap.fitting.tasks import Task
 
 
 def settle(estimate: Estimate) -> Task[Estimate]:
-    """`estimate` fitted on with slopes from both sides, each sample by how nearly it is linear."""
-    begun = yield from _with_slope_errors(estimate)
-    again = refit(begun.model, begun.evidence, begun.point, begun.jacobians, both_ways=True)
-    done = yield from again
-    moved = not np.array_equal(done.shared, begun.shared)
-    return (yield from _with_slope_errors(done)) if moved else begun
+    """Refit `estimate` with slopes that both sides of a value show; the less linear a sample's
+    response, the less the sample counts.
+    """
+    start = yield from _with_slope_errors(estimate)
+    refitted = yield from refit(
+        start.model, start.evidence, start.point, start.jacobians, both_ways=True
+    )
+    if np.array_equal(refitted.shared, start.shared):
+        return start
+    return (yield from _with_slope_errors(refitted))
 
 
 def _with_slope_errors(estimate: Estimate) -> Task[Estimate]:

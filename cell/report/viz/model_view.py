@@ -10,7 +10,7 @@ from drivers.types import Array
 
 STEP = 0.005  # s
 SEGMENTS = 60
-LONGEST = 10.0  # s without a measured gripper, after which the model knows nothing of the strip
+LONGEST = 10.0  # s without a measured gripper, beyond which the model is not simulated on
 LIFTED = 0.02  # m, above which a strip's first pose is one that hangs
 LOST = np.empty((0, 2))
 

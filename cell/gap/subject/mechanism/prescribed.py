@@ -29,7 +29,7 @@ ORDER = 3  # of the Butterworth filter, run forth and back
 CUTOFF = 1.5  # of the frequency that holds most of the rate; Butterworth's passband is flat below
 MOST, FLOOR = 0.99, 10.0  # of the rate's power, beyond so many times the encoder's noise
 SLOWEST, FASTEST = 5.0, 25.0  # bounds of the cutoff, by the pace of the motion
-WIDER = 2.0  # than the cutoff: what the mechanics sees, which are not linear (3 and 5 do no better)
+WIDER = 2.0  # times the cutoff, for motion: mechanics are not linear (3 and 5 do no better)
 SETTLED = 10.0  # 1/cutoff from an end or a gap, where the filter has forgotten it
 GRID = 4000  # places of a run at most at which torques are computed
 KEPT = 2048  # inverse dynamics that are remembered
@@ -39,8 +39,8 @@ STANDS = 0.05  # of its usual rate, below which a joint may be held by friction
 @dataclass(frozen=True, slots=True)
 class Motion:
     """A measured motion on an even grid: `t` (m,) [s]; `q`, `v`, `a` (m, joints) and the measured
-    `torques` (signals, m), all smoothed alike, by far less than below `cutoff` [rad/s], where
-    they are compared; `known` (signals, m) is where they can be.
+    `torques` (signals, m), all low-passed alike at `WIDER` times the `cutoff` [rad/s] below which
+    torques are compared. `known` (signals, m) is false near gaps of the record.
 
     `shake` (2, joints) is one sigma of the errors of v and a that noise of the encoders makes in
     the means of samples.
@@ -104,7 +104,7 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
 
     Positions and torques pass one filter without phase (Butterworth, forth and back), and rates are
     those of the filtered positions: what is linear in a mechanism holds as well after as before.
-    What is not, holds as well as the filter is wide: the narrow one comes after the mechanics.
+    What is not holds the better the wider the filter; the narrow one follows the mechanics.
     """
     grid = _grid(recording)
     dt = grid[1] - grid[0]
