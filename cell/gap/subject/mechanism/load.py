@@ -195,7 +195,9 @@ def _mechanism(file: MechanismFile, xml: str, model: Any, recordings: Sequence[R
     model.actuator_forcerange[free] = (-LIMITLESS, LIMITLESS)
     model.actuator_forcelimited[:] = 1
     if model.npair == 0:
-        model.opt.disableflags |= 1 << 4  # contact
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    # a chain is one island, which is not worth a search at each stage of each step
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
     measured = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
     measured |= {n: n for n, kind in file.inputs.items() if kind == "position"}
     rms = {j: _rates(recordings, c) for j, c in measured.items() if j is not None}

@@ -71,16 +71,21 @@ class Torques:
 
     @contextmanager
     def install(self, names: frozenset[str]) -> Iterator[None]:
-        """Let MuJoCo add these torques within the block; its hook is global: one at a time."""
+        """Let MuJoCo add these torques within the block; its hooks are global: one at a time.
+
+        Nor does it read the clock there, as it does a dozen times a step for its statistics.
+        """
         with _LOCK:
             if names not in self._callbacks:
                 law = chain_laws([self._laws[name][:2] for name in sorted(names)])
                 self._callbacks[names] = _callback(law, *_offsets(), self.slots)
             mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
+            mujoco.set_mjcb_time(_no_clock().ctypes)
             try:
                 yield
             finally:
                 mujoco.set_mjcb_passive(None)
+                mujoco.set_mjcb_time(None)
 
 
 def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: int,
@@ -99,6 +104,12 @@ def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: in
                 numba.carray(data[passive_at], (1 << 12,))[dof] += torque
 
     return add
+
+
+@cache
+def _no_clock() -> Any:
+    """A timer of MuJoCo that always reads zero."""
+    return numba.cfunc(types.float64())(lambda: 0.0)
 
 
 @cache
