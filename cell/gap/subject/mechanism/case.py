@@ -1,6 +1,6 @@
 """One simulation of a run: which numbers of the model, which readings, from where."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,7 +27,8 @@ class Content:
 @dataclass(frozen=True, slots=True)
 class Case:
     """A run with edited model: `edit` changes fields, `readings` lie between world and record,
-    `paths` are torques of the motion so far; `start` are positions and rates.
+    `paths` are torques of the motion so far; `start` are positions and rates. Cases of one `motion`
+    move alike, and may be read otherwise.
     """
 
     content: Content
@@ -35,6 +36,7 @@ class Case:
     readings: Readings
     paths: Sequence[tuple[Effect, Array]]
     start: tuple[Array, Array]
+    motion: Hashable
 
 
 class ModelFields:

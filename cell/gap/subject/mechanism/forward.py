@@ -1,6 +1,6 @@
 """Simulation of runs, many at once, and what the sensors would have read."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -74,14 +74,21 @@ class Forward:
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
         """Signals (signals, k) of each case at its readings; None where its simulation is lost."""
         found: list[Array | None] = [None] * len(cases)
-        order = sorted(range(len(cases)), key=lambda i: float(cases[i].content.cut.t[-1]))
-        for at in range(0, len(order), TOGETHER):
-            some = order[at : at + TOGETHER]
-            for i, one in zip(some, self._together([cases[i] for i in some]), strict=True):
-                found[i] = one
+        alike: dict[Hashable, list[int]] = {}
+        for i in sorted(range(len(cases)), key=lambda i: float(cases[i].content.cut.t[-1])):
+            alike.setdefault(cases[i].motion, []).append(i)
+        groups = list(alike.values())
+        for at in range(0, len(groups), TOGETHER):
+            some = groups[at : at + TOGETHER]
+            moved, control, batch = self._simulate([cases[i] for i, *_ in some])
+            for row, group in enumerate(some):
+                if np.abs(moved[row]).max() < POSITION_LIMIT:
+                    for i in group:
+                        found[i] = self._read(cases[i], moved[row], control[row], batch, row)
         return found
 
-    def _together(self, cases: Sequence[Case]) -> list[Array | None]:
+    def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, Batch]:
+        """States (n, steps + 1, 2, joints), the commands that made them, and edited models."""
         step = self._mechanism.step
         span = max(float(c.content.cut.t[-1]) for c in cases)
         steps = int(np.ceil(span / step)) + 2
@@ -94,11 +101,7 @@ class Forward:
         states = self._run(batch, cases, control, self._torques)
         if any(_varies_by_case(c) for c in cases):
             self._vary(cases, control, states)
-        wild = ~(np.abs(states).max(axis=(1, 2, 3)) < POSITION_LIMIT)
-        return [
-            None if wild[i] else self._read(case, states[i], control[i], batch, i)
-            for i, case in enumerate(cases)
-        ]
+        return states, control, batch
 
     def _control(self, case: Case, steps: int) -> Array:
         found: Array = case.content.commands.at_steps(

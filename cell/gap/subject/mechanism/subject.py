@@ -229,7 +229,10 @@ class MechanismSubject:
             for effect, v in known:
                 self._put(effect, v, fields)
 
-        return Case(content, edit, readings, paths, start)
+        moving = [(e.name, v.tobytes()) for e, v in known if e.read is None and v.any()]
+        numbers = [values, *start, readings.command, readings.elastic, readings.gap]
+        motion = (request.run.name, *moving, *(np.array(x, np.float64).tobytes() for x in numbers))
+        return Case(content, edit, readings, paths, start, motion)
 
     def _put(self, effect: Effect, values: Array, fields: Fields) -> None:
         m = self._mechanism
