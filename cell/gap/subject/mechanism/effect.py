@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.model import Joint, Mechanism
 from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
@@ -108,14 +108,14 @@ def _null(parameters: Sequence[Parameter]) -> Array:
 
 def per_joint(
     mechanism: Mechanism, key: str, unit: str, size: Array, *, signed: bool = False,
-    shape: bool = False, start: float = 0.0, high: float = 250.0,
+    shape: bool = False, high: float = 250.0,
 ) -> tuple[Parameter, ...]:  # fmt: skip
     """A parameter a joint, `key_JOINT`, of typical `size` (joints,); of slides in N and m."""
     found = []
     for joint, s in zip(mechanism.joints, size, strict=True):
         low = -high * s if signed else 0.0
         shown = unit if joint.hinge else unit.replace("N m", "N").replace("rad", "m")
-        found.append(Parameter(f"{key}_{joint.name}", shown, start, low, high * s, s / 1000.0,
+        found.append(Parameter(f"{key}_{joint.name}", shown, 0.0, low, high * s, s / 1000.0,
                                25.0 * s, shape=shape))  # fmt: skip
     return tuple(found)
 
@@ -126,6 +126,28 @@ def single(
     """One parameter for the whole mechanism."""
     low = -high * size if signed else 0.0
     return (Parameter(key, unit, 0.0, low, high * size, size / 1000.0, 25.0 * size),)
+
+
+def driven(mechanism: Mechanism) -> list[Joint]:
+    """The joints that motors drive."""
+    return [j for j in mechanism.joints if j.actuator >= 0]
+
+
+def has_gears(mechanism: Mechanism) -> bool:
+    """Whether each driven joint can be split into motor and link, or need not be."""
+    one_each = int(mechanism.model.body_jntnum.max()) == 1
+    return mechanism.mode == "prescribed" or bool(mechanism.actuators and one_each)
+
+
+def add_to(field: str) -> Callable[[Mechanism, Array, Fields], None]:
+    """An edit that adds the first value of each joint to a `field` of its degree of freedom."""
+
+    def edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+        for joint, value in zip(mechanism.joints, values, strict=False):
+            if value != 0.0:
+                fields[field].reshape(mechanism.model.nv, -1)[joint.dof, 0] += value
+
+    return edit
 
 
 def readings_of(known: Sequence[tuple[Effect, Array]], mechanism: Mechanism) -> Readings:

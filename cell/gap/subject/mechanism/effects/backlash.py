@@ -2,15 +2,14 @@
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect, Readings, per_joint
+from cell.gap.subject.mechanism.effect import Effect, Readings, has_gears, per_joint
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    one_each = int(mechanism.model.body_jntnum.max()) == 1
-    if mechanism.mode == "forward" and not (mechanism.actuators and one_each):
+    if not has_gears(mechanism):
         return ()
     size = 0.001 * np.ones(len(mechanism.joints))
     return per_joint(mechanism, "gap", "rad", size, high=100.0)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect, Fields, per_joint
+from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -26,18 +26,10 @@ def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
 def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     ones = np.ones(len(mechanism.joints))
     rates = [
-        Parameter(
-            f"stribeck_velocity_{j.name}",
-            "rad/s" if j.hinge else "m/s",
-            v,
-            0.1 * v,
-            10.0 * v,
-            0.01 * v,
-            v,
-            shape=True,
-        )
+        Parameter(f"stribeck_velocity_{j.name}", "rad/s" if j.hinge else "m/s",
+                  v, 0.1 * v, 10.0 * v, 0.01 * v, v, shape=True)
         for j, v in zip(mechanism.joints, STRIBECK * mechanism.rate, strict=True)
-    ]
+    ]  # fmt: skip
     return (
         *(_loads(mechanism) if mechanism.mode == "forward" else ()),
         *per_joint(mechanism, "asymmetry", "1", 0.02 * ones, signed=True, shape=True, high=45.0),
@@ -59,12 +51,6 @@ def _largest(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     return p[at] + p[at + 1] * abs(load) + p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
 
 
-def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    for joint, torque in zip(mechanism.joints, values, strict=False):  # loads: not in MJCF
-        if torque != 0.0:
-            fields["dof_frictionloss"][joint.dof] += torque
-
-
 EFFECT = Effect(
     name="dry_friction",
     sentence="joints rub like dry friction",
@@ -74,7 +60,7 @@ EFFECT = Effect(
     shape=_shape,
     keys=5,
     law=law,
-    edit=_edit,
+    edit=add_to("dof_frictionloss"),
     holds=_largest,
     native=lambda m: m.native,
     revealed_by="slow motion there and back: the torque jumps with the sign of the rate",

@@ -1,14 +1,13 @@
 """A gear that twists: the link turns on from its motor like on a spring."""
 
-from cell.gap.subject.mechanism.effect import Effect, Readings, per_joint
+from cell.gap.subject.mechanism.effect import Effect, Readings, has_gears, per_joint
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    one_each = int(mechanism.model.body_jntnum.max()) == 1
-    if mechanism.mode == "forward" and not (mechanism.actuators and one_each):
+    if not has_gears(mechanism):
         return ()
     rate = 30.0 * mechanism.rate
     return per_joint(mechanism, "compliance", "rad/(N m)", 0.01 / (mechanism.inertia * rate**2))

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from cell.gap.subject.mechanism.effect import Effect, Fields, per_joint
+from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -18,12 +18,6 @@ def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     return -p[at] * abs(v) * v
 
 
-def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    for joint, value in zip(mechanism.joints, values, strict=True):
-        if value != 0.0:
-            fields["dof_dampingpoly"][joint.dof, 0] += value
-
-
 EFFECT = Effect(
     name="quadratic_damping",
     sentence="joints brake with the square of their rate",
@@ -32,6 +26,6 @@ EFFECT = Effect(
     parameters=_parameters,
     keys=1,
     law=law,
-    edit=_edit,
+    edit=add_to("dof_dampingpoly"),
     revealed_by="fast motion against slow",
 )

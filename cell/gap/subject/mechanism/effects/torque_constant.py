@@ -1,19 +1,18 @@
 """A motor that gives more or less torque for its current than stated."""
 
-from cell.gap.subject.mechanism.effect import Effect, Fields
+from cell.gap.subject.mechanism.effect import Effect, Fields, driven
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    driven = [j for j in mechanism.joints if j.actuator >= 0]
-    return tuple(Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, 1e-5, 0.25) for j in driven)
+    return tuple(Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, 1e-5, 0.25)
+                 for j in driven(mechanism))  # fmt: skip
 
 
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    driven = [j for j in mechanism.joints if j.actuator >= 0]
-    for joint, error in zip(driven, values, strict=True):
+    for joint, error in zip(driven(mechanism), values, strict=True):
         if error != 0.0:
             fields["actuator_gainprm"][joint.actuator, :3] *= 1.0 + error
             fields["actuator_biasprm"][joint.actuator, :3] *= 1.0 + error
