@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Fields
+from cell.gap.subject.mechanism.effect import Fields, scale_gain
 from cell.gap.subject.mechanism.file import MechanismFile, UncertainSpec
 from cell.gap.subject.mechanism.model import Mechanism, number_of
 from cell.gap.subject.subject import Parameter
@@ -113,28 +113,22 @@ def _access(
         start = float(model.body_mass[i])
         return start, lambda f, v: _mass(f, i, v), start
     if field == "com":
-        k = "xyz".index(axis)
-        start = float(model.body_ipos[i, k])
-        return (
-            start,
-            lambda f, v: _set(f["body_ipos"][i], k, v),
-            float(np.linalg.norm(model.body_ipos[i])),
-        )
+        k, place = "xyz".index(axis), model.body_ipos[i]
+        size = float(np.linalg.norm(place))
+        return float(place[k]), lambda f, v: _set(f["body_ipos"][i], k, v), size
     if field == "inertia":
-        whole = np.array(model.body_inertia[i])
-        start = float(whole.max())
+        start = float(model.body_inertia[i].max())
         return start, lambda f, v: _scale(f["body_inertia"][i], v / start), start
     if field == "gain":
-        return 1.0, lambda f, v: _gain(f, i, v), 1.0
-    dof = int(model.jnt_dofadr[i])
-    if field == "stiffness":
-        start = float(model.jnt_stiffness[i])
-        size = start or mechanism.joints[i].torque
-        return start, lambda f, v: _set(f["jnt_stiffness"], i, v), size
-    joint, name = mechanism.joints[i], f"dof_{field}"
-    start = float(getattr(model, name)[dof])
-    size = start or (joint.torque / joint.rate if field == "damping" else joint.inertia)
-    return start, lambda f, v: _set(f[name], dof, v), size
+        return 1.0, lambda f, v: scale_gain(f, i, v), 1.0
+    joint = mechanism.joints[i]
+    name, at, size = {
+        "stiffness": ("jnt_stiffness", i, joint.torque),
+        "damping": ("dof_damping", joint.dof, joint.torque / joint.rate),
+        "armature": ("dof_armature", joint.dof, joint.inertia),
+    }[field]
+    start = float(getattr(model, name)[at])
+    return start, lambda f, v: _set(f[name], at, v), start or size
 
 
 def _set(array: Any, i: int, value: float) -> None:
@@ -150,9 +144,3 @@ def _mass(fields: Fields, i: int, value: float) -> None:
 def _scale(array: Any, factor: float) -> None:
     if factor != 1.0:
         array *= factor
-
-
-def _gain(fields: Fields, i: int, factor: float) -> None:
-    if factor != 1.0:
-        fields["actuator_gainprm"][i, :3] *= factor
-        fields["actuator_biasprm"][i, :3] *= factor

@@ -150,6 +150,13 @@ def add_to(field: str) -> Callable[[Mechanism, Array, Fields], None]:
     return edit
 
 
+def scale_gain(fields: Fields, actuator: int, factor: float) -> None:
+    """Multiply what an actuator gives for its command and its state by a `factor`."""
+    if factor != 1.0:
+        fields["actuator_gainprm"][actuator, :3] *= factor
+        fields["actuator_biasprm"][actuator, :3] *= factor
+
+
 def readings_of(known: Sequence[tuple[Effect, Array]], mechanism: Mechanism) -> Readings:
     """What effects with their values (parameters,) change between the world and its record."""
     readings = Readings()

@@ -10,9 +10,9 @@ from mujoco.batch import Batch, SimulationError
 
 from cell.gap.subject.interpolate import interpolate
 from cell.gap.subject.mechanism.case import BatchFields, Case
-from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.mechanism.passive import Torques
-from cell.gap.subject.mechanism.runs import Recording, Signal
+from cell.gap.subject.mechanism.effects import torques
+from cell.gap.subject.mechanism.load import Opened
+from cell.gap.subject.mechanism.runs import Recording
 from cell.gap.subject.mechanism.variant import Variant
 from drivers.types import Array, frozen
 
@@ -58,18 +58,13 @@ def commands_of(recording: Recording, inputs: Sequence[str], actuators: Sequence
 
 
 class Forward:
-    """Predicts signals by simulation: `mix` (signals, joints) and `offset` (signals,) make a
-    position or rate of those of the joints.
-    """
+    """Predicts the signals of what was `opened` by simulation; MuJoCo's forces and `laws` act."""
 
-    def __init__(self, mechanism: Mechanism, torques: Torques, signals: Sequence[Signal],
-                 mix: Array, offset: Array, settle: float, jobs: int,
-                 laws: frozenset[str]) -> None:  # fmt: skip
-        self._mechanism, self._torques, self._signals = mechanism, torques, tuple(signals)
-        self._mix, self._offset, self._jobs = mix, offset, jobs
-        self._settle = round(settle / mechanism.step)
+    def __init__(self, opened: Opened, jobs: int, laws: frozenset[str]) -> None:
+        self._mechanism, self._signals, self._mix = opened.mechanism, opened.signals, opened.mix
+        self._jobs, self._laws = jobs, laws
+        self._settle = round((opened.file.start.settle or 0.0) / self._mechanism.step)
         self._variant: Variant | None = None
-        self._laws = laws
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
         """Signals (signals, k) of each case at its readings; None where its simulation is lost."""
@@ -98,7 +93,7 @@ class Forward:
             case.edit(BatchFields(batch, i))
         if any(batch.expanded(name) is not None for name in CONST):
             batch.set_const()
-        states = self._run(batch, cases, control, self._torques)
+        states = self._run(batch, cases, control)
         if any(_varies_by_case(c) for c in cases):
             self._vary(cases, control, states)
         return states, control, batch
@@ -109,26 +104,24 @@ class Forward:
         )
         return np.concatenate([np.repeat(found[:1], self._settle, axis=0), found])
 
-    def _run(self, batch: Batch, cases: Sequence[Case], control: Array, torques: Torques,
-             embed: Array | None = None) -> Array:  # fmt: skip
+    def _run(
+        self, batch: Batch, cases: Sequence[Case], control: Array, embed: Array | None = None
+    ) -> Array:
         """States (n, steps + 1, 2, joints) of the joints, or of those that `embed` numbers."""
         q = np.array([c.start[0] for c in cases])
         v = np.array([c.start[1] for c in cases])
         into = np.arange(q.shape[1]) if embed is None else embed
         batch.bind("qpos")[:, into], batch.bind("qvel")[:, into] = q, v
-        lost = np.zeros(len(cases), dtype=bool)
-        with torques.install(self._laws):
+        with torques().install(self._laws):
             try:
                 out = batch.rollout(control.shape[1], control, record=("qpos", "qvel"))
-            except SimulationError as error:
-                lost[error.ids] = True
+            except SimulationError:
                 return np.full(
                     (len(cases), control.shape[1] - self._settle + 1, 2, q.shape[1]), np.inf
                 )
         states = np.stack([out["qpos"][..., into], out["qvel"][..., into]], axis=2)
         states = np.concatenate([np.stack([q, v], axis=1)[:, None], states], axis=1)
-        lost |= batch.warning.reshape(len(cases), -1).any(axis=1)
-        states[lost] = np.inf
+        states[batch.warning.reshape(len(cases), -1).any(axis=1)] = np.inf
         return states[:, self._settle :]
 
     def _vary(self, cases: Sequence[Case], control: Array, states: Array) -> None:
@@ -143,7 +136,7 @@ class Forward:
             batch = Batch(models[0], len(some), self._jobs)
             batch.set_models(models)
             embed = None if rigid else self._variant.motor
-            moved.append(self._run(batch, some, u, self._torques, embed))
+            moved.append(self._run(batch, some, u, embed))
         states[rows] += moved[0] - moved[1]
 
     def _read(self, case: Case, states: Array, control: Array, batch: Batch, i: int) -> Array:
@@ -161,9 +154,7 @@ class Forward:
             elif signal.kind in ("site", "sensor"):
                 rows[k] = other[signal.name]
             else:
-                whole = q if signal.kind == "position" else v
-                offset = self._offset[k] if signal.kind == "position" else 0.0
-                rows[k] = self._mix[k] @ whole + offset
+                rows[k] = self._mix[k] @ (q if signal.kind == "position" else v)
             bias, scale = readings.bias.get(signal.name), readings.scale.get(signal.name)
             if scale:
                 rows[k] *= 1.0 + scale

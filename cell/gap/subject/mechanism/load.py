@@ -38,7 +38,7 @@ LIMITLESS = 1e12
 class Opened:
     """Everything that a subject is made of; `pace` [rad/s] is how fast its signals change.
 
-    `mix` (signals, joints) and `offset` (signals,) make compared positions of the joints'.
+    `mix` (signals, joints) makes compared positions of the joints'.
     """
 
     file: MechanismFile
@@ -49,7 +49,6 @@ class Opened:
     signals: tuple[Signal, ...]
     pace: float
     mix: Array
-    offset: Array
 
 
 def open_file(path: Path) -> tuple[MechanismFile, str, Any]:
@@ -115,7 +114,7 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
     check_effects(file.effects, mechanism, str(path))
     mix = np.array([_joint_weights(s, file.signals[s.name], model) for s in signals])
     return Opened(file, path, mechanism, base_of(file, mechanism, str(path)), tuple(recordings),
-                  signals, pace(recordings, columns), mix, np.zeros(len(signals)))  # fmt: skip
+                  signals, pace(recordings, columns), mix)  # fmt: skip
 
 
 def _check_load(recording: Recording, model: Any) -> None:
@@ -160,7 +159,7 @@ def _signal(name: str, spec: SignalSpec, model: Any,
     zone = "grasped"
     if kind in ("position", "velocity", "torque", "tracking"):
         zone = "fixed" if joint == 0 else "grasped" if joint == model.njnt - 1 else "middle"
-    return Signal(name, kind, name, float(sigma), zone, joint, floor)
+    return Signal(name, kind, float(sigma), zone, joint, floor)
 
 
 def _joint_weights(signal: Signal, spec: SignalSpec, model: Any) -> Array:

@@ -71,21 +71,17 @@ class Torques:
 
     @contextmanager
     def install(self, names: frozenset[str]) -> Iterator[None]:
-        """Let MuJoCo add these torques within the block; its hooks are global: one at a time.
-
-        Nor does it read the clock there, as it does a dozen times a step for its statistics.
-        """
+        """Let MuJoCo add these torques within the block; its hook is global: one at a time."""
         with _LOCK:
             if names not in self._callbacks:
                 law = chain_laws([self._laws[name][:2] for name in sorted(names)])
                 self._callbacks[names] = _callback(law, *_offsets(), self.slots)
             mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
-            mujoco.set_mjcb_time(_no_clock().ctypes)
             try:
-                yield
+                with without_clock():
+                    yield
             finally:
                 mujoco.set_mjcb_passive(None)
-                mujoco.set_mjcb_time(None)
 
 
 def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: int,
@@ -106,9 +102,18 @@ def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: in
     return add
 
 
+@contextmanager
+def without_clock() -> Iterator[None]:
+    """Let MuJoCo read no clock, as it does a dozen times a step for its own statistics."""
+    mujoco.set_mjcb_time(_zero().ctypes)
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_time(None)
+
+
 @cache
-def _no_clock() -> Any:
-    """A timer of MuJoCo that always reads zero."""
+def _zero() -> Any:
     return numba.cfunc(types.float64())(lambda: 0.0)
 
 

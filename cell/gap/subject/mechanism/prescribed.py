@@ -19,9 +19,9 @@ from scipy.signal import butter, filtfilt, welch
 
 from cell.gap.subject.mechanism.case import Case, ModelFields
 from cell.gap.subject.mechanism.effect import Effect
-from cell.gap.subject.mechanism.effects import registry
+from cell.gap.subject.mechanism.effects import registry, torques
 from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.mechanism.passive import Torques
+from cell.gap.subject.mechanism.passive import without_clock
 from cell.gap.subject.mechanism.runs import Recording
 from drivers.types import Array, frozen
 
@@ -158,8 +158,8 @@ def _near(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 class Prescribed:
     """Predicts the torques of actuators along measured motion."""
 
-    def __init__(self, mechanism: Mechanism, torques: Torques, jobs: int) -> None:
-        self._mechanism, self._torques = mechanism, torques
+    def __init__(self, mechanism: Mechanism, jobs: int) -> None:
+        self._mechanism = mechanism
         self._known: OrderedDict[bytes, Array] = OrderedDict()
         self._jobs = jobs
         self._model = copy.copy(mechanism.model)
@@ -167,7 +167,7 @@ class Prescribed:
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
         """Torques (signals, k) of each case at its readings."""
-        with ThreadPoolExecutor(self._jobs) as pool:
+        with without_clock(), ThreadPoolExecutor(self._jobs) as pool:
             return list(pool.map(self._torque, cases))
 
     def encoder_error(self, motion: Motion, t: Array) -> Array:
@@ -200,13 +200,13 @@ class Prescribed:
         for kind, values in turned:
             q, v, a = _behind(motion, inverse, (q, v, a), values, kind)
             inverse = self._inverse(motion, model, q, v, a, None)
-        torques = self._joint_torques(model, case, q, v, inverse)
-        return motion.below_cutoff(torques, case.content.cut.t)
+        needed = self._joint_torques(model, case, q, v, inverse)
+        return motion.below_cutoff(needed, case.content.cut.t)
 
     def _joint_torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
         motion: Motion = case.content.motion
         user = np.array(model.jnt_user)
-        given = self._torques.along(q, v, inverse, user)
+        given = torques().along(q, v, inverse, user)
         for effect, values in case.paths:
             if effect.path is not None:
                 given = given + effect.path(self._mechanism, values, q, v)
@@ -224,7 +224,7 @@ class Prescribed:
             p, along = user[j], (q[:, j], v[:, j], inverse[:, j])
             stands = np.exp(-((along[1] / (STANDS * self._mechanism.joints[j].rate)) ** 2))
             for effect in _holding():
-                at = self._torques.at[effect.name]
+                at = torques().at[effect.name]
                 if effect.law is None or effect.holds is None or not p[at : at + effect.keys].any():
                     continue
                 slides, most = (f(*along, p, at) for f in (effect.law, effect.holds))

@@ -43,13 +43,12 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A compared column: its channel, the quantity by which gaps are shown, noise, place in the
-    chain (`zone`), and the joint whose encoder or motor it belongs to (-1: none).
+    """A compared column: the quantity by which gaps are shown, noise, place in the chain (`zone`),
+    and the joint whose encoder or motor it belongs to (-1: none).
     """
 
     name: str
     kind: str
-    channel: str
     sigma: float
     zone: str
     joint: int
@@ -223,10 +222,10 @@ def samples(signals: Sequence[Signal], made: Cut, speed: Array) -> Samples:
     # the error of a torque is ripple, supply and constants, which a mean does not make smaller
     readings = np.where([[s.kind == "torque"] for s in signals], 1.0, np.sqrt(counts))
     return Samples(
-        channel=np.repeat(np.array([s.channel for s in signals]), k),
+        channel=np.repeat(np.array([s.name for s in signals]), k),
         phase=np.tile(phase, n),
         zone=np.repeat(np.array([s.zone for s in signals]), k),
-        quantity=np.repeat(np.array([s.channel for s in signals]), k),
+        quantity=np.repeat(np.array([s.name for s in signals]), k),
         t=np.tile(middle, n),
         noise=(sigma[:, None] / readings).ravel(),
         reading=np.repeat(sigma, k),

@@ -26,6 +26,7 @@ from cell.gap.subject.mechanism.library import (
     user_numbers,
 )
 from cell.gap.subject.mechanism.load import Opened, open_all
+from cell.gap.subject.mechanism.patch import accepted_xml, patch_file
 from cell.gap.subject.mechanism.prescribed import Prescribed, cutoff_of, motion_of
 from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, samples, width_of
 from cell.gap.subject.run_folders import RunFolder
@@ -68,16 +69,13 @@ class MechanismSubject:
     def __init__(self, opened: Opened, jobs: int = 1, without: Sequence[str] = ()) -> None:
         self.opened, self.name = opened, opened.file.name
         self._mechanism = m = opened.mechanism
-        self._torques = torques()
         self._engine: Prescribed | Forward
         if m.mode == "prescribed":
-            self._engine = Prescribed(m, self._torques, jobs)
+            self._engine = Prescribed(m, jobs)
             joints = [j.name for j in m.joints]
             self._cutoff = cutoff_of(opened.recordings, joints, opened.pace)
         else:
-            settle = opened.file.start.settle or 0.0
-            self._engine = Forward(m, self._torques, opened.signals, opened.mix, opened.offset,
-                                   settle, jobs, self._compiled_effects())  # fmt: skip
+            self._engine = Forward(opened, jobs, self._compiled_effects())
         self.scope = self._scope_without(without)
         self._by_run = [b for b in opened.base if b.by_run is not None]
         self.runs = tuple(self._run(r) for r in opened.recordings)
@@ -104,7 +102,7 @@ class MechanismSubject:
         unknown = next((n for n in without if n not in {c.name for c in candidates}), None)
         if unknown is not None:
             raise ConfigurationError(f"--without {unknown}: no effect that these runs could show")
-        quantities = {s.channel: self._quantity(s.channel, s.kind) for s in self.opened.signals}
+        quantities = {s.name: self._quantity(s.name, s.kind) for s in self.opened.signals}
         scatter = [Scattering(f"{b.parameter.name}_run", f"{b.field} of {b.owner}",
                               f"keep the {b.field} of {b.owner} steady")
                    for b in self.opened.base if b.by_run]  # fmt: skip
@@ -156,7 +154,6 @@ class MechanismSubject:
     def _start(self, recording: Recording) -> tuple[Array, Array]:
         """Positions and rates (joints,) in which the run begins, as measured or stated."""
         spec, n = self.opened.file.start, len(self._mechanism.joints)
-        rows = self.opened.mix, self.opened.offset
         q, v = np.zeros(n), np.zeros(n)
         places, rates, at = [], [], []
         near = recording.t < 0.5 / self.opened.pace
@@ -167,11 +164,11 @@ class MechanismSubject:
                 t, x = recording.t[near], recording.columns[s.name][near]
                 some = np.isfinite(x)
                 fitted = np.polynomial.Polynomial.fit(t[some], x[some], 3)
-                places.append(float(x[some][0]) - rows[1][k])
+                places.append(float(x[some][0]))
                 rates.append(float(fitted.deriv()(0.0)))
                 at.append(k)
         if at:
-            inverse = np.linalg.pinv(rows[0][at])
+            inverse = np.linalg.pinv(self.opened.mix[at])
             q, v = inverse @ places, inverse @ rates
         if spec.position != "measured":
             q[:] = spec.position
@@ -239,8 +236,7 @@ class MechanismSubject:
         if effect.edit is not None and (effect.law is None or effect.edits(m)):
             effect.edit(m, values, fields)
         elif effect.law is not None:
-            at = self._torques.at[effect.name]
-            user_numbers(fields["jnt_user"], at, effect.table(m, values))
+            user_numbers(fields["jnt_user"], torques().at[effect.name], effect.table(m, values))
 
     def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
         """The runs as they are: steps were checked when the subject was opened."""
@@ -276,8 +272,6 @@ class MechanismSubject:
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The mechanism file with refitted base and named effects; see `patch`."""
-        from cell.gap.subject.mechanism.patch import patch_file
-
         of_cell = cell_patch(self.opened, base, effects) if self.opened.file.cell else None
         return patch_file(self.opened, base, effects, source), of_cell
 
@@ -312,8 +306,6 @@ class MechanismSubject:
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
     ) -> str:
         """Text of the MJCF after acceptance, to lie beside the model."""
-        from cell.gap.subject.mechanism.patch import accepted_xml
-
         return accepted_xml(self.opened, base, effects)
 
 

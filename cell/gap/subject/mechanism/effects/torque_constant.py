@@ -1,6 +1,6 @@
 """A motor that gives more or less torque for its current than stated."""
 
-from cell.gap.subject.mechanism.effect import Effect, Fields, driven
+from cell.gap.subject.mechanism.effect import Effect, Fields, driven, scale_gain
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -13,9 +13,7 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
     for joint, error in zip(driven(mechanism), values, strict=True):
-        if error != 0.0:
-            fields["actuator_gainprm"][joint.actuator, :3] *= 1.0 + error
-            fields["actuator_biasprm"][joint.actuator, :3] *= 1.0 + error
+        scale_gain(fields, joint.actuator, 1.0 + error)
 
 
 EFFECT = Effect(
