@@ -76,10 +76,17 @@ class Forward:
         for at in range(0, len(groups), TOGETHER):
             some = groups[at : at + TOGETHER]
             moved, control, batch = self._simulate([cases[i] for i, *_ in some])
+            tame = np.abs(moved).max(axis=(1, 2, 3)) < POSITION_LIMIT
+            read: dict[tuple[int, float], list[tuple[int, int]]] = {}
             for row, group in enumerate(some):
-                if np.abs(moved[row]).max() < POSITION_LIMIT:
-                    for i in group:
-                        found[i] = self._read(cases[i], moved[row], control[row], batch, row)
+                for i in group if tame[row] else ():
+                    when = id(cases[i].content), cases[i].readings.delay
+                    read.setdefault(when, []).append((row, i))
+            for (_, delay), members in read.items():
+                t = np.maximum(cases[members[0][1]].content.cut.t - delay, 0.0)
+                states = interpolate(moved[[row for row, _ in members]], t, self._mechanism.step)
+                for (row, i), q, v in zip(members, *states, strict=True):
+                    found[i] = self._read(cases[i], t, q, v, control[row], batch, row)
         return found
 
     def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, Batch]:
@@ -139,11 +146,10 @@ class Forward:
             moved.append(self._run(batch, some, u, embed))
         states[rows] += moved[0] - moved[1]
 
-    def _read(self, case: Case, states: Array, control: Array, batch: Batch, i: int) -> Array:
-        """What sensors read (signals, k) of states (steps + 1, 2, joints)."""
-        step, readings = self._mechanism.step, case.readings
-        t = np.maximum(case.content.cut.t - readings.delay, 0.0)
-        q, v = interpolate(states, t, step)
+    def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, batch: Batch,
+              i: int) -> Array:  # fmt: skip
+        """What sensors read (signals, k) at times t (k,) [s], of states q, v (joints, k) there."""
+        readings = case.readings
         rows = np.empty((len(self._signals), len(t)))
         other: dict[str, Array] = {}
         if any(s.kind in ("site", "sensor") for s in self._signals):

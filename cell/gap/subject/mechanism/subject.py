@@ -77,7 +77,8 @@ class MechanismSubject:
         else:
             self._engine = Forward(opened, jobs, self._compiled_effects())
         self.scope = self._scope_without(without)
-        self._by_run = [b for b in opened.base if b.by_run is not None]
+        self._by_run = [(i, f"{b.parameter.name}_run") for i, b in enumerate(opened.base)
+                        if b.by_run is not None]  # fmt: skip
         self.runs = tuple(self._run(r) for r in opened.recordings)
 
     @property
@@ -145,9 +146,9 @@ class MechanismSubject:
         if isinstance(self._engine, Prescribed):
             known = _with_shake(known, self._engine.encoder_error(content.motion, made.t), made)
         local += tuple(
-            Parameter(f"{b.parameter.name}_run", b.parameter.unit, 0.0, -np.inf, np.inf,
-                      b.parameter.step, b.by_run or 0.0, random=True, common=True)
-            for b in self._by_run
+            Parameter(name, o.base[i].parameter.unit, 0.0, -np.inf, np.inf,
+                      o.base[i].parameter.step, o.base[i].by_run or 0.0, random=True, common=True)
+            for i, name in self._by_run
         )  # fmt: skip
         return Run(recording.name, recording.condition, known, local, content, recording.index)
 
@@ -206,12 +207,12 @@ class MechanismSubject:
         names = [p.name for p in self.scope.base[count:]]
         effects = {**group_by_effect(names, request.base[count:]), **request.effects}
         values = np.array(request.base[:count])
-        own = {p.name: float(v) for p, v in zip(request.run.local, request.local, strict=True)}
-        for i, b in enumerate(o.base):
-            values[i] += own.get(f"{b.parameter.name}_run", 0.0)
+        own = dict(zip((p.name for p in request.run.local), request.local, strict=True))
+        for i, name in self._by_run:  # the engine leaves some of them out
+            values[i] += own.get(name, 0.0)
         start = content.start or (np.zeros(joints), np.zeros(joints))
         if content.start is not None and "angle_" + self._mechanism.joints[0].name in own:
-            start = (np.array(request.local[:joints]), np.array(request.local[joints : 2 * joints]))
+            start = (request.local[:joints], request.local[joints : 2 * joints])
         known = [(effect_of(name), v) for name, v in effects.items()]
         readings = readings_of(known, self._mechanism)
         paths = [(e, v) for e, v in known if e.path is not None]
@@ -227,8 +228,9 @@ class MechanismSubject:
                 self._put(effect, v, fields)
 
         moving = [(e.name, v.tobytes()) for e, v in known if e.read is None and v.any()]
-        numbers = [values, *start, readings.command, readings.elastic, readings.gap]
-        motion = (request.run.name, *moving, *(np.array(x, np.float64).tobytes() for x in numbers))
+        numbers = [x if x is None else x.tobytes()
+                   for x in (values, *start, readings.elastic, readings.gap)]  # fmt: skip
+        motion = (request.run.name, readings.command, *moving, *numbers)
         return Case(content, edit, readings, paths, start, motion)
 
     def _put(self, effect: Effect, values: Array, fields: Fields) -> None:
