@@ -95,10 +95,13 @@ class Effect:
         return Candidate(self.name, self.sentence, self.of, own, groups, self.revealed_by,
                          shape_parameters=shape)  # fmt: skip
 
+    def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
+        """Its parameters, those of its shape behind them."""
+        return (*self.parameters(mechanism), *self.shape(mechanism))
+
     def table(self, mechanism: Mechanism, values: Array) -> Array:
         """`values` as (keys, joints), what was not given at its start."""
-        every = (*self.parameters(mechanism), *self.shape(mechanism))
-        whole = np.concatenate([values, _null(every[len(values) :])])
+        whole = np.concatenate([values, _null(self.with_shape(mechanism)[len(values) :])])
         return whole.reshape(-1, len(mechanism.joints))
 
 

@@ -1,7 +1,6 @@
 """What a mechanism may lack: candidates, terms, and the check of effects that its file accepts."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -38,15 +37,10 @@ def effect_of(name: str) -> Effect:
     return found if found is not None else next(t for t in TERMS if t.name == name)
 
 
-def every_parameter(effect: Effect, mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Parameters of an effect, those of its shape included."""
-    return (*effect.parameters(mechanism), *effect.shape(mechanism))
-
-
 def accepted_parameters(mechanism: Mechanism, accepted: Accepted) -> Iterator[Parameter]:
     """Base parameters `effect.parameter` of the accepted effects, shapes at what was stated."""
     for name, values in accepted.items():
-        for p in every_parameter(effect_of(name), mechanism):
+        for p in effect_of(name).with_shape(mechanism):
             value = _inside(p, values.get(p.name))
             yield Parameter(f"{name}.{p.name}", p.unit, value, p.low, p.high, p.step, p.spread,
                             p.inverse, p.shape)  # fmt: skip
@@ -66,7 +60,7 @@ def check_effects(accepted: Accepted, mechanism: Mechanism, origin: str) -> None
             raise ConfigurationError(
                 f"{origin}: effects.{name}: unknown effect; allowed: {', '.join(known)}"
             )
-        parameters = {p.name: p for p in every_parameter(known[name], mechanism)}
+        parameters = {p.name: p for p in known[name].with_shape(mechanism)}
         needed = [p.name for p in known[name].parameters(mechanism)]
         missing = [k for k in needed if k not in values]
         strange = [k for k in values if k not in parameters]
@@ -92,15 +86,6 @@ def group_by_effect(names: Sequence[str], values: Array) -> dict[str, Array]:
     return {name: np.array(v) for name, v in found.items()}
 
 
-def user_numbers(table: Any, at: int, values: Array) -> None:
-    """Put values (keys, joints) of a law into the user numbers (joints, slots) from `at` on."""
-    keys, joints = values.shape
-    table[:joints, at : at + keys] = values.T
-
-
 def ordered_values(effect: Effect, mechanism: Mechanism, values: Mapping[str, float]) -> Array:
     """Values of an effect's parameters (k,) in its own order, what was not given at its start."""
-    every = (*effect.parameters(mechanism), *effect.shape(mechanism))
-    found = [values.get(p.name, p.start) for p in every]
-    return np.array([1.0 / v if p.inverse and p.name in values else v
-                     for p, v in zip(every, found, strict=True)])  # fmt: skip
+    return np.array([_inside(p, values.get(p.name)) for p in effect.with_shape(mechanism)])

@@ -13,7 +13,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, read_text
 from drivers.types import Array
 
-ASSETS = ("file", "meshdir", "texturedir", "assetdir", "filename", "content_type")
+ASSETS = ("file", "meshdir", "texturedir", "assetdir", "filename")
 LIGHT = 1e-3  # kg m^2 below which MuJoCo's own dry friction is too weak
 POSES = 24  # at which weights and inertias are taken
 
@@ -93,7 +93,7 @@ def read_xml(path: Path, folder: Path) -> str:
             )
         for key in ASSETS:
             place = element.get(key)
-            if place is not None and key != "content_type":
+            if place is not None:
                 _check_inside(path, place, folder)
         if element.tag == "include":
             raise ConfigurationError(

@@ -132,10 +132,9 @@ def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
     every = [e for group in root.findall("actuator") for e in group]
     for i, element in enumerate(every):
         if _differ(m, edited, i, ("actuator_gainprm", "actuator_biasprm")):
-            kept = {k: v for k, v in element.attrib.items() if k in KEPT_OF_ACTUATOR}
             element.tag = "general"
-            element.attrib.clear()
-            element.attrib.update(kept)
+            for key in set(element.attrib) - set(KEPT_OF_ACTUATOR):
+                del element.attrib[key]
             element.set("gaintype", "fixed")
             element.set("gainprm", _text(edited.actuator_gainprm[i, :3]))
             if np.any(edited.actuator_biasprm[i]):

@@ -23,7 +23,6 @@ from cell.gap.subject.mechanism.library import (
     effect_of,
     group_by_effect,
     ordered_values,
-    user_numbers,
 )
 from cell.gap.subject.mechanism.load import Opened, open_all
 from cell.gap.subject.mechanism.patch import accepted_xml, patch_file
@@ -238,7 +237,8 @@ class MechanismSubject:
         if effect.edit is not None and (effect.law is None or effect.edits(m)):
             effect.edit(m, values, fields)
         elif effect.law is not None:
-            user_numbers(fields["jnt_user"], torques().at[effect.name], effect.table(m, values))
+            at, table = torques().at[effect.name], effect.table(m, values)
+            fields["jnt_user"][: table.shape[1], at : at + len(table)] = table.T
 
     def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
         """The runs as they are: steps were checked when the subject was opened."""
