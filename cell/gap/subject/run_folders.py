@@ -1,14 +1,16 @@
 """Run folders as the workflow finds them, and the checks that every subject's tables share."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cell.record.files import JOINTS
 from cell.record.parquet_file import read_parquet
 from drivers.errors import ConfigurationError
+from drivers.settings import SCHEMA
 from drivers.types import Array
 
 HEAD = "run.yaml"
@@ -87,6 +89,27 @@ def _names(folders: Sequence[Path]) -> list[str]:
 
 def _utf8(name: str) -> str:
     return name.encode(errors="backslashreplace").decode()
+
+
+def check_schema(head: Mapping[str, Any], path: Path) -> None:
+    """Refuse the head of a run, read from `path`, of no schema or of a newer one."""
+    schema = head.get("schema")
+    if schema is None:
+        raise ConfigurationError(
+            f"{path}: schema: is missing; add it: this version reads schema: {SCHEMA}"
+        )
+    if isinstance(schema, bool) or not isinstance(schema, int) or not 0 < schema <= SCHEMA:
+        raise ConfigurationError(
+            f"{path}: schema: is {schema!r}, this version reads {SCHEMA}; update the cell"
+        )
+
+
+def index_of(head: Mapping[str, Any], path: Path) -> int:
+    """The index that the head of a run states, or 0; ConfigurationError for what is none."""
+    index = head.get("index", 0)
+    if isinstance(index, bool) or not isinstance(index, int) or index < 0:
+        raise ConfigurationError(f"{path}: index: is {index!r}; allowed: 0, 1, 2, ...")
+    return index
 
 
 def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None:

@@ -8,25 +8,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.gap.subject.blocks import PER_BLOCK, blocks
 from cell.gap.subject.mechanism.file import MechanismFile
 from cell.gap.subject.run_folders import (
     HEAD,
     JOINT_TABLE,
     RunFolder,
+    check_schema,
     check_time,
     column,
+    index_of,
     read_table,
 )
 from cell.gap.subject.subject import Samples
 from drivers.errors import ConfigurationError
-from drivers.settings import SCHEMA, read_yaml
+from drivers.settings import read_yaml
 from drivers.types import Array, frozen
 
 ROWS = 5_000_000  # of a table; more is a mistake, or must be thinned
 MOST_READINGS = 4000  # readings of a run that are used
 JUMP = 50.0  # median steps in one: the clock jumped
 FAST, FAR = 200.0, 100.0  # rad/s and rad that no joint of an arm reaches
-PER_BLOCK = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +71,7 @@ def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
     path = folder.path / HEAD
     head = read_yaml(path)
     _check_head(head, path, file)
-    index = head.get("index", 0)
-    if isinstance(index, bool) or not isinstance(index, int) or index < 0:
-        raise ConfigurationError(f"{path}: index: is {index!r}; allowed: 0, 1, 2, ...")
+    index = index_of(head, path)
     path = folder.path / "signals.parquet"
     if file.cell and not path.is_file():
         path = folder.path / JOINT_TABLE
@@ -127,9 +127,8 @@ def arm_columns(path: Path) -> dict[str, Array]:
 
 
 def _check_head(head: Mapping[str, Any], path: Path, file: MechanismFile) -> None:
-    schema, name = head.get("schema"), head.get("mechanism")
-    if isinstance(schema, bool) or not isinstance(schema, int) or not 0 < schema <= SCHEMA:
-        raise ConfigurationError(f"{path}: schema: is {schema!r}, this version reads {SCHEMA}")
+    check_schema(head, path)
+    name = head.get("mechanism")
     if name != file.name and not (file.cell and name is None):
         raise ConfigurationError(
             f"{path}: mechanism: is {name!r}, but the file describes {file.name}; give runs of "
@@ -192,23 +191,11 @@ def width_of(recording: Recording, least: float) -> float:
 
 
 def cut(recording: Recording, columns: Sequence[str], width: float) -> Cut:
-    """Readings in samples of `width` [s].
-
-    At most PER_BLOCK of a sample are used. Readings in which any column is absent are left out.
-    """
-    t = recording.t
+    """Readings in samples of `width` [s]; those in which any column is absent are left out."""
     whole = np.array([recording.columns[c] for c in columns])
     good = np.flatnonzero(np.isfinite(whole).all(axis=0))
-    block = np.floor(t[good] / width).astype(np.int64)
-    chosen, edges = list[int](), [0]
-    first = np.flatnonzero(np.diff(block, prepend=-1))
-    for a, b in zip(first, [*first[1:], len(good)], strict=True):
-        inside = good[a:b]
-        if len(inside) > PER_BLOCK:
-            inside = inside[np.linspace(0, len(inside) - 1, PER_BLOCK).round().astype(int)]
-        chosen += inside.tolist()
-        edges.append(len(chosen))
-    return Cut(frozen(t[chosen]), frozen(whole[:, chosen]), np.array(edges))
+    edges, inside = blocks(recording.t[good], width)
+    return Cut(frozen(recording.t[good[inside]]), frozen(whole[:, good[inside]]), edges)
 
 
 def samples(signals: Sequence[Signal], made: Cut, speed: Array) -> Samples:
@@ -232,11 +219,3 @@ def samples(signals: Sequence[Signal], made: Cut, speed: Array) -> Samples:
         floor=np.repeat(np.array([s.floor for s in signals]), k),
         series=np.repeat(np.arange(n), k),
     )
-
-
-def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Mean and mean square of `values` (n, k) within samples, each flat (n b,)."""
-    counts = np.diff(edges)
-    mean = np.add.reduceat(values, edges[:-1], axis=1) / counts
-    square = np.add.reduceat(values**2, edges[:-1], axis=1) / counts
-    return mean.ravel(), square.ravel()

@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.gap.subject.blocks import average
 from cell.gap.subject.mechanism.base import stated_fields
 from cell.gap.subject.mechanism.bodies import add_point
 from cell.gap.subject.mechanism.case import Case, Content
@@ -27,7 +28,7 @@ from cell.gap.subject.mechanism.library import (
 from cell.gap.subject.mechanism.load import Opened, open_all
 from cell.gap.subject.mechanism.patch import accepted_xml, patch_file
 from cell.gap.subject.mechanism.prescribed import Prescribed, cutoff_of, motion_of
-from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, samples, width_of
+from cell.gap.subject.mechanism.runs import Cut, Recording, cut, samples, width_of
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.scene import Signal as Drawn

@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.gap.subject.blocks import blocks
 from cell.gap.subject.pendulum.chain import base_values, fastest, swings
 from cell.gap.subject.pendulum.file import PendulumFile
-from cell.gap.subject.run_folders import check_time, column, read_table
+from cell.gap.subject.run_folders import check_schema, check_time, column, index_of, read_table
 from cell.gap.subject.subject import Parameter, Run, Samples
 from drivers.errors import ConfigurationError
-from drivers.settings import SCHEMA, read_yaml
+from drivers.settings import read_yaml
 from drivers.types import Array, frozen
 
 FLOOR = 5e-5  # rad, of the integration and of the shape of a smoothed friction
 BLOCK = 0.8  # rad of the fastest small swing in one sample
-PER_BLOCK = 16  # readings used of a sample at most
 FAST = 200.0  # rad/s that no free swing reaches
 
 
@@ -54,7 +54,7 @@ def read_run(folder: Path, name: str, pendulum: PendulumFile) -> Run:
     condition = str(head.get("condition", name))
     return replace(
         make_run(pendulum, name, condition, t, angles, sigma, rates),
-        index=_index(head.get("index", 0), folder / "run.yaml"),
+        index=index_of(head, folder / "run.yaml"),
     )
 
 
@@ -70,7 +70,7 @@ def make_run(
     """A run of readings: times (m,) [s], angles and rates (n, m), noise of a reading [rad]."""
     t = t - t[0]
     fast = fastest(pendulum)
-    edges, chosen = _cut(t, BLOCK / fast)
+    edges, chosen = blocks(t, BLOCK / fast)
     initial = np.stack([angles[:, 0], _rates(t, angles, rates, 1.0 / fast)])
     swing = Swing(frozen(t[chosen]), frozen(angles[:, chosen]), edges, frozen(initial))
     samples = _samples(pendulum, swing, sigma)
@@ -78,15 +78,8 @@ def make_run(
 
 
 def _head(head: dict[str, Any], path: Path, pendulum: PendulumFile) -> float:
-    stated_name, schema = head.get("pendulum"), head.get("schema")
-    if schema is None:
-        raise ConfigurationError(
-            f"{path}: schema: is missing; add it: this version reads schema: {SCHEMA}"
-        )
-    if isinstance(schema, bool) or not isinstance(schema, int) or not 0 < schema <= SCHEMA:
-        raise ConfigurationError(
-            f"{path}: schema: is {schema!r}, this version reads {SCHEMA}; update the cell"
-        )
+    check_schema(head, path)
+    stated_name = head.get("pendulum")
     if stated_name is None and "strip" in head:
         raise ConfigurationError(
             f"{path}: pendulum: is missing, this is a run of the strip {head['strip']}; give its "
@@ -108,12 +101,6 @@ def _head(head: dict[str, Any], path: Path, pendulum: PendulumFile) -> float:
             f"{path}: sigma.angle: {angle} is impossible; allowed: above 0, below 0.3 rad"
         )
     return float(angle)
-
-
-def _index(value: Any, path: Path) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise ConfigurationError(f"{path}: index: is {value!r}; allowed: 0, 1, 2, ...")
-    return value
 
 
 def _check_units(t: Array, angles: Array, rates: Array | None, path: Path) -> None:
@@ -154,20 +141,6 @@ def _rates(t: Array, angles: Array, rates: Array | None, span: float) -> Array:
         return np.asarray(rates[:, 0])
     near = max(8, int(np.searchsorted(t, span)))
     return np.array([np.polyfit(t[:near], a[:near], 3)[-2] for a in angles])
-
-
-def _cut(t: Array, width: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Edges of samples of `width` [s] and the readings in them, thinned to PER_BLOCK each."""
-    block = np.floor((t - t[0]) / width).astype(np.int64)
-    chosen: list[int] = []
-    edges = [0]
-    for b in np.unique(block):
-        inside = np.flatnonzero(block == b)
-        if len(inside) > PER_BLOCK:
-            inside = inside[np.linspace(0, len(inside) - 1, PER_BLOCK).round().astype(int)]
-        chosen += inside.tolist()
-        edges.append(len(chosen))
-    return np.array(edges), np.array(chosen)
 
 
 def _samples(pendulum: PendulumFile, swing: Swing, sigma: float) -> Samples:

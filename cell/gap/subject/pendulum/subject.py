@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from cell.gap.subject.blocks import average
 from cell.gap.subject.interpolate import interpolate
 from cell.gap.subject.pendulum.chain import fastest, swings
 from cell.gap.subject.pendulum.dynamics import swing
@@ -180,13 +181,8 @@ def _residuals(measured: Swing, states: Array, step: float, bias: Array) -> Resi
     """Residuals of one run against states (steps + 1, 2, n) on a grid of `step` [s]."""
     wild = np.abs(states).max(initial=0.0) > 1e3 or not np.isfinite(states).all()
     difference = measured.angles - interpolate(states, measured.t, step)[0] - bias[:, None]
-    counts = np.diff(measured.edges)
-    first = measured.edges[:-1]
-    mean = np.add.reduceat(difference, first, axis=1) / counts
-    square = np.add.reduceat(difference**2, first, axis=1) / counts
-    if wild:
-        mean, square = np.full_like(mean, np.nan), np.full_like(square, np.nan)
-    return Residuals(mean.ravel(), square.ravel())
+    return Residuals(*average(np.full_like(difference, np.nan) if wild else difference,
+                              measured.edges))  # fmt: skip
 
 
 SET_UP = 1.0  # minutes to set the pendulum up and let it go

@@ -1,0 +1,27 @@
+"""Samples of a run: blocks of readings near in time, averaged."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.types import Array
+
+PER_BLOCK = 16  # readings used of a sample at most
+
+
+def blocks(t: Array, width: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Edges (b + 1,) of samples of `width` [s] of readings at t (n,) [s] from 0, and the readings
+    in them (k,), thinned to PER_BLOCK each.
+    """
+    starts = np.flatnonzero(np.diff(np.floor(t / width))) + 1
+    chosen = [inside if len(inside) <= PER_BLOCK
+              else inside[np.linspace(0, len(inside) - 1, PER_BLOCK).round().astype(int)]
+              for inside in np.split(np.arange(len(t)), starts)]  # fmt: skip
+    return np.cumsum([0, *map(len, chosen)]), np.concatenate(chosen)
+
+
+def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Mean and mean square of `values` (n, k) within samples, each flat (n b,)."""
+    counts = np.diff(edges)
+    mean = np.add.reduceat(values, edges[:-1], axis=1) / counts
+    square = np.add.reduceat(values**2, edges[:-1], axis=1) / counts
+    return mean.ravel(), square.ravel()
