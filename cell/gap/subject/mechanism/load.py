@@ -106,8 +106,9 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
         _check_load(r, model)
     check_indices([f.path for f in folders],
                   [read_yaml(f.path / HEAD).get("index") for f in folders])  # fmt: skip
+    in_order = sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
     signals = tuple(_signal(n, s, model, recordings, str(path))
-                    for n, s in _in_order(file) if not _is_given(s, file))  # fmt: skip
+                    for n, s in in_order if not _is_given(s, file))  # fmt: skip
     columns = [n for n, k in file.inputs.items() if k == "position"]
     columns += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
     mechanism = _mechanism(file, xml, model, recordings, signals)
@@ -127,11 +128,6 @@ def _check_load(recording: Recording, model: Any) -> None:
     if len(numbers) != 4 or not all(isinstance(x, int | float) for x in numbers):
         raise ConfigurationError(f"{origin}: needs body, mass [kg] and com: [x, y, z] [m]")
     number_of(model, "body", str(recording.load.get("body")), origin, "body")
-
-
-def _in_order(file: MechanismFile) -> list[tuple[str, SignalSpec]]:
-    """Signals in the order of the file, what tracks behind what is measured as such."""
-    return sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
 
 
 def _is_given(spec: SignalSpec, file: MechanismFile) -> bool:

@@ -91,22 +91,6 @@ Edit = Callable[[Any, Chain, float], None]
 Reading = Callable[[Columns, Chain, float, np.random.Generator], None]
 
 
-def _friction(m: Any, c: Chain, s: float) -> None:
-    m.dof_frictionloss[:] = 0.06 * s * c.weight
-
-
-def _quadratic(m: Any, c: Chain, s: float) -> None:
-    m.dof_dampingpoly[:, 0] = 0.03 * s * c.weight
-
-
-def _spring(m: Any, c: Chain, s: float) -> None:
-    m.jnt_stiffness[:] = 0.15 * s * c.weight
-
-
-def _armature(m: Any, c: Chain, s: float) -> None:
-    m.dof_armature[:] += 0.01 * s * c.weight
-
-
 def _payload(m: Any, _c: Chain, s: float) -> None:
     last, more = m.nbody - 1, 0.15 * s * float(m.body_mass[m.nbody - 1])
     whole = float(m.body_mass[last]) + more
@@ -162,10 +146,13 @@ def _supply(columns: Columns, c: Chain, s: float, rng: np.random.Generator) -> N
         columns[f"t{i + 1}"] *= 1.0 + 0.08 * s * slow
 
 
-EDITS: Mapping[str, Edit] = {
-    "dry_friction": _friction, "quadratic_damping": _quadratic, "cable_spring": _spring,
-    "armature": _armature, "payload": _payload, "bent_link": _bend_link,
-}  # fmt: skip
+EDITS: Mapping[str, Edit] = {"payload": _payload, "bent_link": _bend_link}
+FIELDS = {  # of MuJoCo, parameter of the library, and how much of a joint's weight at size one
+    "dry_friction": ("dof_frictionloss", "torque", 0.06),
+    "quadratic_damping": ("dof_dampingpoly", "coefficient", 0.03),
+    "cable_spring": ("jnt_stiffness", "stiffness", 0.15),
+    "armature": ("dof_armature", "inertia", 0.01),
+}
 READINGS: Mapping[str, Reading] = {
     "torque_bias": _bias, "torque_constant": _constant, "encoder_bias": _encoder,
     "loose_bolt": _bolt, "catching_cable": _catch, "wandering_supply": _supply,
@@ -178,12 +165,10 @@ def amounts(hidden: str, joints: int, size: float, *, cart: bool = False) -> dic
     """What `hidden` by `size` is in the library's parameters; nothing for causes outside of it."""
     weight = Chain.of(joints, cart=cart).weight
     names = [f"j{i + 1}" for i in range(joints)]
-    each = {"dry_friction": ("torque", 0.06 * weight), "armature": ("inertia", 0.01 * weight),
-            "quadratic_damping": ("coefficient", 0.03 * weight),
-            "cable_spring": ("stiffness", 0.15 * weight),
-            "joint_elasticity": ("compliance", 0.02 / weight),
-            "torque_bias": ("torque", -0.06 * (-1.0) ** np.arange(joints) * weight),
-            "torque_constant": ("error", 0.15 * np.ones(joints))}  # fmt: skip
+    each = {name: (key, share * weight) for name, (_, key, share) in FIELDS.items()}
+    each |= {"joint_elasticity": ("compliance", 0.02 / weight),
+             "torque_bias": ("torque", -0.06 * (-1.0) ** np.arange(joints) * weight),
+             "torque_constant": ("error", 0.15 * np.ones(joints))}  # fmt: skip
     if hidden in each:
         key, values = each[hidden]
         return {f"{key}_{n}": size * float(v) for n, v in zip(names, values, strict=True)}
@@ -207,6 +192,9 @@ def make_runs(
         model.opt.timestep = STEP
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        if hidden in FIELDS:
+            field, _, share = FIELDS[hidden]
+            getattr(model, field).reshape(joints, -1)[:, 0] += share * size * chain.weight
         if hidden in EDITS:
             EDITS[hidden](model, chain, size)
         model.dof_damping[:] *= 1.0 + 0.02 * rng.standard_normal(joints)
