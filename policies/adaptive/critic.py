@@ -22,7 +22,7 @@ NAMES = (
 
 
 class Belief(NamedTuple):
-    """The strip as far as n folds tell; `log_bending_length`, `log_retardation_time` [m, s] and
+    """The strip as far as n folds show it; `log_bending_length`, `log_retardation_time` [m, s] and
     `friction`, ln(1 + yield curvature / ROUGH), each mean and sigma: arrays (n, 2).
     """
 

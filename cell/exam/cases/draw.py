@@ -72,7 +72,7 @@ def cases(
     """`count` cases, of one kind `only` or of all in their shares, `jobs` drawn at a time in
     processes; the same for the same seed.
 
-    `progress` is told of every tenth of them. Raises Fault where none can be that strong.
+    `progress` hears of every tenth of them. Raises Fault where none can be that strong.
     """
     kinds = [only] * count if only else _kinds(tier, count)
     draws = [Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)]

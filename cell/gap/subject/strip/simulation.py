@@ -135,12 +135,12 @@ class Simulation:
         """What each of `drives` shows; None where the rod found no shape."""
         wanted = {d.key: d for d in drives if d.key not in self._known}
         found = {d.key: self._known[d.key] for d in drives if d.key in self._known}
-        found |= self._simulated(wanted)
+        found |= self._simulate_batches(wanted)
         for key in dict.fromkeys(d.key for d in drives):
             self._remember(key, found[key])
         return [found[d.key] for d in drives]
 
-    def _simulated(self, wanted: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
+    def _simulate_batches(self, wanted: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
         """Long motions together, so that lanes end together, and like models, as they are asked.
 
         A lane that finds its shapes with effort makes the others of its vector wait.
@@ -172,11 +172,11 @@ class Simulation:
         every = max(1, round(SHAPES / self.grain.dt))
         motions = simulate_all(rod, models, ways, dt=self.grain.dt, every=every)
         return [
-            None if failed else self._shown(motion)
+            None if failed else self._thin_out(motion)
             for motion, failed in zip(motions, rod.failed, strict=True)
         ]
 
-    def _shown(self, motion: StripMotion) -> SimulatedMotion:
+    def _thin_out(self, motion: StripMotion) -> SimulatedMotion:
         arc = lattice(1.0, self.grain.segments)
         shapes = motion.shapes.astype(np.float32)
         if not len(shapes):

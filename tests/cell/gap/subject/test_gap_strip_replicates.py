@@ -43,7 +43,7 @@ def test_a_rough_response_is_simulated_once_for_all_replicates(
     strip: Strip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     simulated: list[bytes] = []
-    whole = Simulation._simulated
+    whole = Simulation._simulate_batches
 
     def counted(self: Simulation, wanted):  # type: ignore[no-untyped-def]
         simulated.extend(wanted)
