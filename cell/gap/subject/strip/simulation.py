@@ -72,7 +72,7 @@ class HashedModel:
 
     @classmethod
     def of(cls, model: StripModel) -> Self:
-        """`model` with a hash of its numbers."""
+        """`model` with a hash of all but its observation."""
         blind = replace(model, observation=Observation())
         digest = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16).digest()
         return cls(model, digest)
