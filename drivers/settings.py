@@ -116,7 +116,7 @@ def load(path: Path, model: type[S], *, bare: bool = False) -> S:
 
 
 def _check_kind(content: Mapping[str, Any], model: type[BaseModel], origin: str) -> None:
-    """Refuse, in one line, a file of another kind: of what must be there it holds a name at most."""
+    """Refuse, in one line, a file of another kind: of what must be there it has a name at most."""
     fields = model.model_fields.items()
     needed = [field.alias or name for name, field in fields if field.is_required()]
     if len(needed) > 1 and not content.keys() & set(needed) - {"name"}:

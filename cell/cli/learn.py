@@ -35,8 +35,8 @@ def learn(
     if what not in WORDS:
         if edges is None:
             raise ConfigurationError(
-                f"{what!r}{suggestion(what, WORDS)} is neither show, forget, off nor on; a run goes with "
-                "--edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
+                f"{what!r}{suggestion(what, WORDS)} is neither show, forget, off nor on; a run "
+                "goes with --edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
             )
         _learn_from_ruler(settings.name, Path(what), edges)
         return

@@ -172,7 +172,7 @@ def test_help_imports_nothing_heavy() -> None:
         (("report", "gone"), "gone: is not there; `cell runs` lists the runs"),
         (("report", "runs"), "runs: is not a run: it holds no run.yaml; name one of those in it"),
         (("export", "runs", "--out", "out"), "it holds no run.yaml; name one of those in it"),
-        (("note", "file", "--tag", "good"), "file: is a file, and a run is a folder"),
+        (("note", "file", "--tag", "good"), "file: is a file, a run is a folder"),
         (("report", "runs/one/run.yaml"), "is a folder; give the folder, runs/one"),
         (("gap", "fit", "file", "--strip", "denim", "--out", "out"), "file: is a file; give run"),
         (("runs", "--delete"), "--keep, --older-than: give one"),
