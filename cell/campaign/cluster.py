@@ -7,6 +7,7 @@ to steal (distributed#7523); outcomes are files, so that a worker's death repeat
 finished (distributed#7870).
 """
 
+import gc
 import logging
 import time
 from collections import Counter
@@ -92,13 +93,17 @@ def connect(address: str, patience: float) -> Iterator["Client"]:
     from distributed import Client
 
     with event_loop() as loop:
+        client, reason = None, ""
         try:
             client = Client(address, timeout=patience, set_as_default=False, loop=loop)
         except (OSError, ValueError, TypeError) as error:  # TypeError: tls:// without certificates
+            reason = str(error).splitlines()[0]
+        if client is None:
+            gc.collect()  # of the client that failed: at the end of the process it would wait 40 s
             raise ConfigurationError(
-                f"--cluster: {address}: no scheduler answers ({str(error).splitlines()[0]:.80}); "
+                f"--cluster: {address}: no scheduler answers ({reason:.80}); "
                 "start one with `dask scheduler`, and workers with `dask worker ADDRESS`"
-            ) from None
+            )
         try:
             _check(client, address, patience)
             yield client

@@ -1,5 +1,6 @@
 """Training on a Dask cluster: the same numbers, whoever folds and whoever dies."""
 
+import gc
 import os
 import shutil
 import signal
@@ -114,6 +115,8 @@ def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> N
     with pytest.raises(ConfigurationError, match="no scheduler answers") as told, cluster(address):
         pass
     assert "\n" not in str(told.value)
+    clients = [each for each in gc.get_objects() if type(each) is distributed.Client]
+    assert all(client.status == "closed" for client in clients)  # another waits 40 s at the end
 
 
 def certificate(folder: Path) -> tuple[str, str]:
