@@ -97,7 +97,7 @@ def exam(
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
     command = _command(tier, len(wanted), seed, repeats, kind, force)
-    others = [entry for place in beside or () for entry in _kept(place)]
+    others = [entry for place in beside or () for entry in _entries_of(place)]
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
     _tell(entries, page, as_json=as_json)
 
@@ -121,7 +121,7 @@ def _command(
     return f"cell gap exam --tier {tier} --cases {count} --seed {seed}{again}"
 
 
-def _kept(place: Path) -> "tuple[Entry, ...]":
+def _entries_of(place: Path) -> "tuple[Entry, ...]":
     """The entries of another exam: `place` is its folder or its ledger."""
     from cell.exam.run import LEDGER
     from cell.exam.scoring.results import Ledger
