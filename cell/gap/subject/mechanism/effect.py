@@ -131,7 +131,7 @@ def single(
     return (Parameter(key, unit, 0.0, low, high * size, size / 1000.0, 25.0 * size),)
 
 
-def driven(mechanism: Mechanism) -> list[Joint]:
+def driven_joints(mechanism: Mechanism) -> list[Joint]:
     """The joints that motors drive."""
     return [j for j in mechanism.joints if j.actuator >= 0]
 

@@ -1,6 +1,6 @@
 """A drive that gives no more than a largest torque."""
 
-from cell.gap.subject.mechanism.effect import Effect, Fields, driven
+from cell.gap.subject.mechanism.effect import Effect, Fields, driven_joints
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -10,12 +10,12 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(f"torque_{j.name}", "N m", 0.0, 0.0, 20.0 / j.torque, 1e-3 / j.torque,
                   1.0 / j.torque, inverse=True)
-        for j in driven(mechanism)
+        for j in driven_joints(mechanism)
     )  # fmt: skip
 
 
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    for joint, inverse in zip(driven(mechanism), values, strict=True):
+    for joint, inverse in zip(driven_joints(mechanism), values, strict=True):
         if inverse != 0.0:
             most = 1.0 / inverse
             low, high = fields["actuator_forcerange"][joint.actuator]

@@ -1,6 +1,6 @@
 """A motor that gives more or less torque for its current than stated."""
 
-from cell.gap.subject.mechanism.effect import Effect, Fields, driven, scale_gain
+from cell.gap.subject.mechanism.effect import Effect, Fields, driven_joints, scale_gain
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -8,11 +8,11 @@ from drivers.types import Array
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return tuple(Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, 1e-5, 0.25)
-                 for j in driven(mechanism))  # fmt: skip
+                 for j in driven_joints(mechanism))  # fmt: skip
 
 
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    for joint, error in zip(driven(mechanism), values, strict=True):
+    for joint, error in zip(driven_joints(mechanism), values, strict=True):
         scale_gain(fields, joint.actuator, 1.0 + error)
 
 
