@@ -16,7 +16,7 @@ CHANGE = 0.05  # s, of a correction near the velocity asked for
 LOSS = 0.01  # s that a robot may go on by itself at a time
 SLOWEST = 0.01  # of the acceleration, at least, in such a correction
 ARRIVED = 2e-5  # m or rad from the goal, from which nothing is corrected any more
-NOTHING = 1e-6  # m or rad, or the same per second: a change too small to have a direction
+SMALLEST_CHANGE = 1e-6  # m or rad, or the same per second: a change too small to have a direction
 
 Numbers = list[float]
 State = tuple[Numbers, Numbers, Numbers]  # position, velocity, acceleration
@@ -251,7 +251,7 @@ def settling(distance: float, speed: float, most: float) -> float:
     a lost tick continues is an acceleration.
     """
     needed = max(4 * distance / SETTLE**2, 2 * speed / SETTLE)
-    if distance > NOTHING:
+    if distance > SMALLEST_CHANGE:
         needed = max(needed, speed**2 / distance)
     return min(most, max(needed, SLOWEST * most))
 
@@ -275,7 +275,7 @@ def _limit(order: Any, limits: MotionLimits, change: Numbers) -> None:
 
 
 def _share(limits: Numbers, change: Numbers) -> Numbers:
-    sizes = [abs(c) if abs(c) > NOTHING else 0.0 for c in change]
+    sizes = [abs(c) if abs(c) > SMALLEST_CHANGE else 0.0 for c in change]
     if not any(sizes):
         return limits
     pace = min(limit / size for limit, size in zip(limits, sizes, strict=True) if size)

@@ -10,7 +10,7 @@ from policies.policy import Decision, Observation
 WINDOW = 0.03  # m of path ahead in which the nearest point is looked for
 LOOK_AHEAD = 0.01  # m over which a cross-track error is steered out
 LEAD = 0.04  # s of preview: half the time in which a gripper turns a corner
-FOLLOWED = 0.0005  # m before its end at which a path has been followed
+END_TOLERANCE = 0.0005  # m before its end at which a path has been followed
 
 
 class Follower:
@@ -34,7 +34,7 @@ class Follower:
         high = np.minimum(self.progress + self._reach, self.path.length)
         self.progress = nearest(self.path, points, self.progress, high)
         self._reach = WINDOW
-        done = self.progress >= self.path.length - FOLLOWED
+        done = self.progress >= self.path.length - END_TOLERANCE
         still = np.zeros(len(points))
         return Decision(
             direction=self._heading(points, speed),

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0), "A1": (841.0, 594.0)}
-QUIET = 0.5  # squares of white around the pattern
+QUIET_ZONE = 0.5  # squares of white around the pattern
 FOOT = 16.0  # mm under it, for the ruler and the words
 MODULES = 7  # of a marker of 5 x 5 bits, its border included
 PLATE, DISC = 14.0, 5.0  # mm, radii of the pointer's dark plate and bright disc
@@ -25,8 +25,8 @@ MM = 1 / 25.4  # inches
 def paper(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
     """The smallest sheet [mm, wide and high] that holds the board; ConfigurationError for none."""
     square = 1e3 * settings.square
-    wide = (settings.columns + 2 * QUIET) * square
-    high = (settings.rows + 2 * QUIET) * square + FOOT
+    wide = (settings.columns + 2 * QUIET_ZONE) * square
+    high = (settings.rows + 2 * QUIET_ZONE) * square + FOOT
     for name, (width, height) in PAPERS.items():
         if wide <= width and high <= height:
             return name, (width, height)
@@ -40,7 +40,7 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
     name, (width, height) = paper(settings)
     page, axes = _page(width, height)
     square = 1e3 * settings.square
-    left, top = (width - settings.columns * square) / 2, height - QUIET * square
+    left, top = (width - settings.columns * square) / 2, height - QUIET_ZONE * square
     board = settings.board()
     for x, y in _dark_squares(settings):
         _fill(axes, left + x * square, top - (y + 1) * square, square, square)

@@ -21,13 +21,13 @@ ARM_REACH = 0.78  # m from its base that a Panda's hand reaches over a desk, poi
 BORDER = 0.005  # m that the path may be drawn wrong by
 
 
-WIDTH = (0.005, 0.20)  # m, both ends folded through images, seen within 1 mm of the truth
-THICKNESS = (0.0, 0.004)  # m
+WIDTH_RANGE = (0.005, 0.20)  # m, both ends folded through images, seen within 1 mm of the truth
+THICKNESS_RANGE = (0.0, 0.004)  # m
 
 
 def outside_scope(strip: StripFile) -> Iterator[str]:
     """Reasons why perception is not valid for `strip`, a line each; none where it is."""
-    bounds = (("width", strip.width, WIDTH), ("thickness", strip.thickness, THICKNESS))
+    bounds = (("width", strip.width, WIDTH_RANGE), ("thickness", strip.thickness, THICKNESS_RANGE))
     for key, value, (low, high) in bounds:
         if not low <= value <= high:
             yield (

@@ -29,10 +29,10 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Pose
 
 INSPECT, LOOK, TRACK = 0, 1, 2  # what is asked: the checks, a measurement, or one with the touch
-HEADER = 8  # numbers beside an image: request, stamp, arrival, sequence, gripper (3), answered
-NUMBERS = 11  # numbers of a measurement beside its profile
-SHIFT = 1
-TOUCH = 6
+HEADER_SIZE = 8  # numbers beside an image: request, stamp, arrival, sequence, gripper (3), answered
+MEASUREMENT_SIZE = 11  # numbers of a measurement beside its profile
+SHIFT_SIZE = 1
+TOUCH_SIZE = 6
 MOST_POINTS = 500  # of a profile
 START = 60.0  # s for the process to start, its libraries included
 ENDING = 1.0  # s for it to end
@@ -159,7 +159,14 @@ class Beside:
             raise Fault("image_size", f"an image of {frame.image.shape[:2]} pixels, not {h} x {w}")
         np.copyto(self._pixels, frame.image)
         pose = (gripper.x, gripper.z, gripper.pitch)
-        self._values[:HEADER] = (request, frame.stamp, frame.arrival, frame.sequence, *pose, 0.0)
+        self._values[:HEADER_SIZE] = (
+            request,
+            frame.stamp,
+            frame.arrival,
+            frame.sequence,
+            *pose,
+            0.0,
+        )
         self._asked = now
         try:
             self._pipe.send_bytes(b"?")
@@ -257,7 +264,7 @@ def _go_first() -> None:
 
 def _measure(sight: Sight, pixels: Any, values: Array) -> bytes:
     """Measure the image handed over, and the message that says so."""
-    request, stamp, arrival, sequence, x, z, pitch, _ = values[:HEADER].tolist()
+    request, stamp, arrival, sequence, x, z, pitch, _ = values[:HEADER_SIZE].tolist()
     frame = Frame(stamp, arrival, "shared", int(sequence), pixels)
     if request == INSPECT:
         checks = [asdict(check) for check in sight.inspect(frame)]
@@ -267,7 +274,7 @@ def _measure(sight: Sight, pixels: Any, values: Array) -> bytes:
 
 
 def _size() -> int:
-    return HEADER + NUMBERS + SHIFT + TOUCH + 1 + 2 * MOST_POINTS
+    return HEADER_SIZE + MEASUREMENT_SIZE + SHIFT_SIZE + TOUCH_SIZE + 1 + 2 * MOST_POINTS
 
 
 def _pack(values: Array, seen: Seen) -> None:
@@ -276,21 +283,23 @@ def _pack(values: Array, seen: Seen) -> None:
     points = m.profile[:MOST_POINTS]
     one = [m.stamp, m.sequence, m.contact_x, m.contact_confidence, m.profile_confidence, *m.tip]
     one += [m.gap, m.gap_x, *m.gripper, seen.shift]
-    nothing = [np.nan] * TOUCH
+    nothing = [np.nan] * TOUCH_SIZE
     touch = nothing if t is None else [t.time, t.x, t.to_grasped, t.to_fixed, t.confidence]
     touch += [] if t is None else [t.distance]
-    start = HEADER + NUMBERS + SHIFT + TOUCH + 1
-    values[HEADER:start] = [*one, *touch, len(points)]
+    start = HEADER_SIZE + MEASUREMENT_SIZE + SHIFT_SIZE + TOUCH_SIZE + 1
+    values[HEADER_SIZE:start] = [*one, *touch, len(points)]
     values[start : start + 2 * len(points)] = points.ravel()
 
 
 def _unpack(values: Array) -> Seen:
     """What the shared numbers (n,) hold."""
-    start = HEADER + NUMBERS + SHIFT + TOUCH + 1
-    one, touch = values[HEADER:start].tolist(), None
-    stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[:NUMBERS]
+    start = HEADER_SIZE + MEASUREMENT_SIZE + SHIFT_SIZE + TOUCH_SIZE + 1
+    one, touch = values[HEADER_SIZE:start].tolist(), None
+    stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[
+        :MEASUREMENT_SIZE
+    ]
     count = int(one[-1])
-    touching = one[NUMBERS + SHIFT : -1]
+    touching = one[MEASUREMENT_SIZE + SHIFT_SIZE : -1]
     if not np.isnan(touching[0]):
         touch = SeenTouch(*touching)
     points = values[start : start + 2 * count].reshape(count, 2).copy()
@@ -298,4 +307,4 @@ def _unpack(values: Array) -> Seen:
     measurement = StripMeasurement(
         stamp, int(sequence), contact_x, contact, points, profile, tip, gap, gap_x, (x, z)
     )
-    return Seen(measurement, touch, one[NUMBERS])
+    return Seen(measurement, touch, one[MEASUREMENT_SIZE])

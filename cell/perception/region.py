@@ -16,10 +16,11 @@ BELOW = 0.009  # m under the resting strip: desk, not yet its front
 BEYOND = 0.03  # m past the furthest that the strip can reach
 OVER = 0.012  # m above the gripper point
 FOLD = 0.09  # m of height that is always looked at
-FINGER = (0.045, 0.020)  # m: length along the approach, half width
-LOW, HIGH = 0.012, 0.09  # m of height: free of the resting strip, below the waiting hand
+FINGER_SIZE = (0.045, 0.020)  # m: length along the approach, half width
+LOW_HEIGHT = 0.012  # m of height: free of the resting strip
+HIGH_HEIGHT = 0.09  # below the waiting hand
 WAY = (0.3, 0.85, 1.02, 0.5)  # of its length: where a strip moves, from, free of hand, to, up to
-HAND = (0.60, 0.100)  # m: hand and what carries it
+HAND_SIZE = (0.60, 0.100)  # m: hand and what carries it
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +75,14 @@ def way_of(calibration: Calibration, length: float) -> Image:
     Above the desk; where the hand waits before the grasp only the low part.
     """
     start, middle, end, top = (share * length for share in WAY)
-    outline = [(start, LOW), (end, LOW), (end, HIGH), (middle, HIGH), (middle, top), (start, top)]
+    outline = [
+        (start, LOW_HEIGHT),
+        (end, LOW_HEIGHT),
+        (end, HIGH_HEIGHT),
+        (middle, HIGH_HEIGHT),
+        (middle, top),
+        (start, top),
+    ]
     return _fill(calibration, np.array(outline))
 
 
@@ -111,7 +119,7 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     """Mask (h, w) of `region`, 0 where the hand is in the way and 255 elsewhere."""
     approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
     aside = np.array([-approach[1], approach[0]])
-    (finger, slim), (hand, wide) = FINGER, HAND
+    (finger, slim), (hand, wide) = FINGER_SIZE, HAND_SIZE
     outline = [(0.0, -slim), (finger, -slim), (finger, -wide), (hand, -wide)]
     outline += [(along, -across) for along, across in reversed(outline)]
     corners = np.array(outline) @ np.stack([approach, aside]) + (gripper.x, gripper.z)

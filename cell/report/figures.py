@@ -14,7 +14,7 @@ from cell.report.silhouettes import Silhouette
 from drivers.types import Array
 
 CURVES = 26
-LEFT, RIGHT = 0.075, 0.995  # shares of the figure's width between which its signals lie
+LEFT_EDGE, RIGHT_EDGE = 0.075, 0.995  # shares of the figure's width between which its signals lie
 LEGEND: dict[str, Any] = {
     "loc": "lower right",
     "bbox_to_anchor": (1, 1),
@@ -23,7 +23,7 @@ LEGEND: dict[str, Any] = {
     "borderaxespad": 0,
 }
 TIME = ["#8fc6b4", "#3f8fc4", "#6a4fb3", "#b0428f"]
-LANES = {
+STATE_SHADES = {
     "PREFLIGHT": "#c9ced6",
     "CALIBRATE": "#c9ced6",
     "GRASP": "#b9c4d6",
@@ -74,7 +74,13 @@ def signals_figure(run: Run) -> str:
     Its attributes say which times [s] its edges have, for a film beside it.
     """
     with canvas(8.4, 5.2, layout=None) as figure:
-        frame = {"left": LEFT, "right": RIGHT, "top": 0.995, "bottom": 0.085, "hspace": 0.28}
+        frame = {
+            "left": LEFT_EDGE,
+            "right": RIGHT_EDGE,
+            "top": 0.995,
+            "bottom": 0.085,
+            "hspace": 0.28,
+        }
         lanes, along, above = figure.subplots(
             3, 1, sharex=True, gridspec_kw={**frame, "height_ratios": [0.3, 2, 2]}
         )
@@ -88,7 +94,7 @@ def signals_figure(run: Run) -> str:
         above.set_xlabel("t  [s]")
         figure.align_ylabels([along, above])
         first, last = above.get_xlim()
-        edges = f'data-left="{LEFT}" data-right="{RIGHT}" data-first="{first:.4f}"'
+        edges = f'data-left="{LEFT_EDGE}" data-right="{RIGHT_EDGE}" data-first="{first:.4f}"'
         return as_svg(figure).replace("<svg", f'<svg {edges} data-last="{last:.4f}"', 1)
 
 
@@ -155,7 +161,7 @@ def _lanes(axes: Any, ticks: Ticks) -> None:
         count = len(list(rows))
         start, end = ticks.t[place], ticks.t[min(place + count, ticks.t.size - 1)]
         place += count
-        shade = LANES.get(state, RULE)
+        shade = STATE_SHADES.get(state, RULE)
         axes.barh(0, end - start, left=start, height=1, color=shade, lw=0, gid=state)
         if end - start > 0.05 * (ticks.t[-1] - ticks.t[0]):
             middle = 0.5 * (start + end)

@@ -12,7 +12,7 @@ from drivers.errors import ConfigurationError
 from drivers.pictures import read_picture
 from drivers.types import Array, Image
 
-SHORTEST, LONGEST = 0.01, 2.0  # m of overhang
+SHORTEST_OVERHANG, LONGEST_OVERHANG = 0.01, 2.0  # m of overhang
 ROUGHLY = 200  # points of a first midline, which gives width and length
 TRACED = 0.15  # widths between the points of the second, which smooths over seven of them
 THICKEST = 0.15  # of its length
@@ -58,10 +58,11 @@ def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[
             "in the same order"
         )
     for overhang in overhangs:
-        if not SHORTEST <= overhang <= LONGEST:
+        if not SHORTEST_OVERHANG <= overhang <= LONGEST_OVERHANG:
             raise ConfigurationError(
                 f"--overhang: {overhang:g} m is out of range; "
-                f"allowed: {SHORTEST:g} to {LONGEST:g} m, from the ledge to the tip along the strip"
+                f"allowed: {SHORTEST_OVERHANG:g} to {LONGEST_OVERHANG:g} m, from the "
+                "ledge to the tip along the strip"
             )
     return [read_photograph(*pair) for pair in zip(paths, overhangs, strict=True)]
 

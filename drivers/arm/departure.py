@@ -3,7 +3,7 @@
 from drivers.motion import TICK
 
 FADE = 100  # ticks until the hand is back in the plane
-NONE = (0.0, 0.0, 0.0)
+NO_OFFSET = (0.0, 0.0, 0.0)
 
 Numbers = list[float]
 
@@ -17,9 +17,9 @@ class Departure:
     """
 
     def __init__(self) -> None:
-        self._place: Numbers = list(NONE)
-        self._rate: Numbers = list(NONE)
-        self._change: Numbers = list(NONE)
+        self._place: Numbers = list(NO_OFFSET)
+        self._rate: Numbers = list(NO_OFFSET)
+        self._change: Numbers = list(NO_OFFSET)
         self._age = FADE
 
     def begin(self, place: Numbers, rate: Numbers, change: Numbers) -> None:
@@ -30,7 +30,7 @@ class Departure:
     def tick(self) -> tuple[float, float, float]:
         """Advance by one period; the three values at its end."""
         if self._age >= FADE:
-            return NONE
+            return NO_OFFSET
         self._age += 1
         share, duration = self._age / FADE, FADE * TICK
         left = (1.0 - share) ** 3

@@ -6,8 +6,8 @@ import numpy as np
 
 from drivers.types import Array, frozen
 
-FIELDS = ("q", "dq", "q_d", "tau_J")  # rad, rad/s, rad, N m
-WIDTH = 1 + 7 * len(FIELDS)
+JOINT_FIELDS = ("q", "dq", "q_d", "tau_J")  # rad, rad/s, rad, N m
+COLUMN_COUNT = 1 + 7 * len(JOINT_FIELDS)
 KEPT = 120_000  # ticks, two minutes; older ones are overwritten
 
 
@@ -15,7 +15,7 @@ class JointLog:
     """The newest ticks of a motion; memory is taken before it begins, so that no tick waits."""
 
     def __init__(self) -> None:
-        self._rows = np.full((KEPT, WIDTH), np.nan)
+        self._rows = np.full((KEPT, COLUMN_COUNT), np.nan)
         self._count = 0
 
     def add(self, t: float, state: Any) -> None:
@@ -32,5 +32,5 @@ class JointLog:
 
 
 def joint_rows(content: bytes) -> Array:
-    """Rows (n, 29) of what `JointLog.content` sent: t [s], then FIELDS of seven joints each."""
-    return frozen(np.frombuffer(content).reshape(-1, WIDTH))
+    """Rows (n, 29) of what `JointLog.content` sent: t [s], JOINT_FIELDS of seven joints each."""
+    return frozen(np.frombuffer(content).reshape(-1, COLUMN_COUNT))

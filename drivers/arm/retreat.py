@@ -20,7 +20,7 @@ RISE = 8.0  # N by which the force may rise meanwhile
 SPEED_SHARE = 0.05  # share of the joints' speed
 FREE = 0.3  # share of the allowed force at rest from which the arm counts as free
 JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
-DAMPING = 0.02
+INVERSE_DAMPING = 0.02
 
 
 def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None:
@@ -56,7 +56,7 @@ def _beside(joints: Array, direction: Array) -> Array:
     """Joints (7,) [rad] that move the tip by AWAY along `direction` (3,) without turning it."""
     twist = np.concatenate([PLACE_STEP * direction, np.zeros(3)])
     for _ in range(round(AWAY / PLACE_STEP)):
-        joints = joints + damped_inverse(jacobian(joints), DAMPING) @ twist
+        joints = joints + damped_inverse(jacobian(joints), INVERSE_DAMPING) @ twist
     if limits.margins(joints).min() < JOINT_MARGIN:
         words = "no way leads out of the contact: a joint is at its end; free the arm by hand"
         raise Failed(Failure(Cause.PRESSED, words))

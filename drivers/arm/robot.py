@@ -16,7 +16,7 @@ from drivers.arm.description import LIBRARY_VERSION, PORT, read_description, req
 from drivers.arm.failure import Cause, Failed, Failure, one_line
 from drivers.arm.force import ForceGuard, Tare
 from drivers.arm.settings import CollisionSettings, FciSettings
-from drivers.arm.tool import UNIT, require_tool
+from drivers.arm.tool import IDENTITY, require_tool
 
 TARED = 50  # states, of which the force at rest is the mean
 PROBE = 0.5  # s for a robot to send its version
@@ -32,7 +32,7 @@ CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
     (franka.FrankaException, Cause.LIBRARY),
     (RuntimeError, Cause.NETWORK),  # what the library raises once its connection is gone
 )
-ERRORS = tuple(name for name in dir(franka.Errors) if not name.startswith("_"))
+ERROR_NAMES = tuple(name for name in dir(franka.Errors) if not name.startswith("_"))
 
 
 class Motion(Protocol):
@@ -86,8 +86,8 @@ class Robot:
     def reset_tool(self) -> None:
         """Set end effector and stiffness frame to the nominal ones, and no load."""
         with _library_errors(self._stop_reason):
-            self._robot.set_EE(UNIT)
-            self._robot.set_K(UNIT)
+            self._robot.set_EE(IDENTITY)
+            self._robot.set_K(IDENTITY)
             self._robot.set_load(0.0, [0.0] * 3, [0.0] * 9)
 
     def configure(self, collision: CollisionSettings) -> None:
@@ -157,7 +157,7 @@ def failure_in(state: Any) -> Failure | None:
 
 def _flags(flagged: Any) -> tuple[str, ...]:
     """Names of the errors that are set."""
-    return tuple(name for name in ERRORS if getattr(flagged, name))
+    return tuple(name for name in ERROR_NAMES if getattr(flagged, name))
 
 
 @contextmanager

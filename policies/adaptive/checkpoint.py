@@ -13,7 +13,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import read_bytes, replace_file, writing
 from drivers.types import Array
 from policies.adaptive.bias import untrained_spread
-from policies.adaptive.critic import NAMES, OUTPUTS, Critic
+from policies.adaptive.critic import ARRAY_NAMES, OUTPUTS, Critic
 from policies.adaptive.features import COUNT
 from policies.adaptive.transfer import Transfer
 
@@ -97,10 +97,10 @@ def _about(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
 def _weights(path: FilePath) -> dict[str, Array]:
     arrays = _arrays(path)
     _about(arrays, path)
-    missing = [name for name in NAMES if name not in arrays]
+    missing = [name for name in ARRAY_NAMES if name not in arrays]
     if missing:
         raise _broken(path, f"lacks {', '.join(missing)}")
-    weights = {name: np.asarray(arrays[name]) for name in NAMES}
+    weights = {name: np.asarray(arrays[name]) for name in ARRAY_NAMES}
     expected = _shapes(weights)
     for name, array in weights.items():
         if array.dtype.kind != "f" or array.shape != expected[name]:

@@ -9,7 +9,7 @@ from pydantic import Field
 from cell.exam.causes.air import drag_step, moving
 from cell.exam.causes.cause import Cause, Sizes
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
-from drivers.twin.chain.lumps import AIR
+from drivers.twin.chain.lumps import AIR_DENSITY
 
 LAYER = 0.10  # m over the desk, where the wind has its full speed
 PROFILE = 1 / 7  # of the wind below
@@ -36,7 +36,9 @@ class Draught(Cause):
         if self.speed == 0:
             return None
         lumps = parts.lumps
-        size = 0.5 * AIR * self.drag * parts.model.mechanics.width * lumps.spans * lumps.scale
+        size = (
+            0.5 * AIR_DENSITY * self.drag * parts.model.mechanics.width * lumps.spans * lumps.scale
+        )
         gust = float(rng.standard_normal())
 
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, h: float) -> None:

@@ -28,7 +28,7 @@ from policies.registry import MOTION
 MOTIONS = ("normal", "taut-lift", "fast", "early-shake", "taut-lift", "normal")
 BY = Instruments()
 SEGMENTS, ROD_STEP = 240, 0.002  # finer than either grain of the model
-LINKS, CHAIN_STEP, SHOWN = 200, 0.003, 2  # of which every second shape is kept
+LINKS, CHAIN_STEP, SHAPE_STRIDE = 200, 0.003, 2  # of which every second shape is kept
 TARED = 78  # of the case's generators, of what tares left
 
 
@@ -103,7 +103,7 @@ def _fold_on_chain(
     folds = []
     for model, way in zip(models, ways, strict=True):
         motion = simulate(specimen, model, way.t, way.poses, dt=CHAIN_STEP, shapes=True)
-        thinned = replace(motion, shapes=motion.shapes[SHOWN - 1 :: SHOWN])
-        kept = motion.t[SHOWN - 1 :: SHOWN]
+        thinned = replace(motion, shapes=motion.shapes[SHAPE_STRIDE - 1 :: SHAPE_STRIDE])
+        kept = motion.t[SHAPE_STRIDE - 1 :: SHAPE_STRIDE]
         folds.append(Fold(way, model, thinned, kept, specimen.arc()[0]))
     return folds

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 CREATE, ADD, RESTRICT = 444, 445, 446  # numbers of the system calls, the same on every machine
-VERSION, BENEATH = 1, 1
+LANDLOCK_VERSION, BENEATH = 1, 1
 NO_NEW_PRIVILEGES, DIE_WITH_PARENT, KILL = 38, 1, 9
 WRITE_FILE, READ_FILE, READ_DIR, TRUNCATE = 1 << 1, 1 << 2, 1 << 3, 1 << 14
 CHANGE = WRITE_FILE | sum(1 << bit for bit in range(4, 13))  # remove and make, of every kind
@@ -48,7 +48,7 @@ def version() -> int:
     """Version of Landlock in this kernel; 0 where it has none."""
     if sys.platform != "linux":
         return 0
-    return max(0, _call(CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(VERSION)))
+    return max(0, _call(CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(LANDLOCK_VERSION)))
 
 
 def landlock(permit: Policy) -> bool:

@@ -20,7 +20,9 @@ from drivers.types import Array
 INFO = "meta/info.json"
 EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-EPISODE, POINTS, TOUCH = "episode", "points", "touch"  # its tables, as a mapping names them
+EPISODE_TABLE = "episode"  # its tables, as a mapping names them
+POINTS_TABLE = "points"
+TOUCH_TABLE = "touch"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +40,13 @@ class Episode:
 
     def table(self, file: str, _how: object) -> pa.Table:
         """The frames, the points or the touch; ConfigurationError for anything else."""
-        if file == EPISODE:
+        if file == EPISODE_TABLE:
             return self._flat()
-        if file == POINTS and "observation.profile_stamp" in self.frames.column_names:
+        if file == POINTS_TABLE and "observation.profile_stamp" in self.frames.column_names:
             return self._points()
-        if file == TOUCH:
+        if file == TOUCH_TABLE:
             return pa.table({name: [value] for name, value in self.result.items()})
-        known = (EPISODE, POINTS, TOUCH)
+        known = (EPISODE_TABLE, POINTS_TABLE, TOUCH_TABLE)
         raise ConfigurationError(
             f"{self.path}: file {file!r} is not there{suggestion(file, known)}; "
             f"allowed: {', '.join(known)}"

@@ -22,7 +22,7 @@ from drivers.settings import load, parse, parse_yaml
 from drivers.types import Array
 
 NEEDED = ("t", "x", "z")
-SPARSE = 0.2  # s between rows of the gripper; slower ones are in another unit than stated
+LONGEST_INTERVAL = 0.2  # s between rows of the gripper; slower ones are in another unit than stated
 SOON = 1.0  # s after the last row, within which a touch read off a stopwatch may lie
 
 
@@ -129,10 +129,10 @@ def _check_ticks(ticks: dict[str, Array], path: Path) -> None:
     t = Ticks.of(pa.table(ticks), str(path)).t
     if len(t) < 2:
         raise ConfigurationError(f"{path}: holds {len(t)} rows of numbers, must hold two at least")
-    if (apart := float(np.median(np.diff(t)))) > SPARSE:
+    if (apart := float(np.median(np.diff(t)))) > LONGEST_INTERVAL:
         raise ConfigurationError(
-            f"{path}: t: rows are {apart:g} s apart, must be at most {SPARSE:g} s; is `unit: ms` "
-            "what the mapping should state?"
+            f"{path}: t: rows are {apart:g} s apart, must be at most {LONGEST_INTERVAL:g} s; is "
+            "`unit: ms` what the mapping should state?"
         )
 
 

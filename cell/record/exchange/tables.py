@@ -12,14 +12,23 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from cell.record.exchange.mapping import COUNTS, FACTORS, LENGTHS, MAPPING, MEASURES, Column, Table
+from cell.record.exchange.mapping import (
+    COUNTS,
+    FACTORS,
+    LENGTH_UNITS,
+    MAPPING,
+    MEASURES,
+    Column,
+    Table,
+)
 from cell.record.parquet_file import read_parquet
 from drivers.errors import ConfigurationError, suggestion
 from drivers.files import MEGABYTE, read_bytes, read_text
 from drivers.types import Array, frozen
 
 LARGEST_TABLE = 64 * MEGABYTE
-NUMBERS = (pa.types.is_floating, pa.types.is_integer, pa.types.is_null)  # null: every cell is empty
+# null: every cell is empty
+NUMBER_TYPES = (pa.types.is_floating, pa.types.is_integer, pa.types.is_null)
 FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
 
 
@@ -120,7 +129,7 @@ def _is_number(value: object) -> bool:
 
 
 def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
-    known = MEASURES.get(name, LENGTHS)
+    known = MEASURES.get(name, LENGTH_UNITS)
     if name not in COUNTS and column.unit not in known:
         raise ConfigurationError(
             f"mapping: {name}: unit {column.unit!r} is not known{suggestion(column.unit, known)}; "
@@ -134,7 +143,7 @@ def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
             f"{suggestion(column.column, names)}; columns: {', '.join(names)}"
         )
     raw = content[column.column]
-    if not any(holds(raw.type) for holds in NUMBERS):
+    if not any(holds(raw.type) for holds in NUMBER_TYPES):
         words = ((row, word) for row, word in enumerate(raw.to_pylist(), 1) if not _is_number(word))
         where = next((f" ({word!r} in row {row})" for row, word in words), "")
         raise ConfigurationError(

@@ -10,9 +10,9 @@ from drivers.types import Array
 
 STEP = 0.005  # s
 SEGMENTS = 60
-LONGEST = 10.0  # s without a measured gripper, beyond which the model is not simulated on
-LIFTED = 0.02  # m, above which a strip's first pose is one that hangs
-LOST = np.empty((0, 2))
+LONGEST_GAP = 10.0  # s without a measured gripper, beyond which the model is not simulated on
+LIFTED_HEIGHT = 0.02  # m, above which a strip's first pose is one that hangs
+NO_SHAPE = np.empty((0, 2))
 
 
 class Shadow:
@@ -34,11 +34,11 @@ class Shadow:
         Empty once the model has diverged or the gripper was not measured for too long; the rest of
         the view goes on without it.
         """
-        self._lost = self._lost or t > self._steps * STEP + LONGEST
+        self._lost = self._lost or t > self._steps * STEP + LONGEST_GAP
         if self._lost:
-            return LOST
+            return NO_SHAPE
         try:
-            if self._last is None and pose[1] > LIFTED:
+            if self._last is None and pose[1] > LIFTED_HEIGHT:
                 self._rod.reset([self._model], pose[None])
             before, was = self._last or (t, pose)
             self._last = (t, pose)
@@ -48,5 +48,5 @@ class Shadow:
                 self._rod.step((was + np.clip(share, 0.0, 1.0) * (pose - was))[None], STEP)
         except Fault:
             self._lost = True
-            return LOST
+            return NO_SHAPE
         return np.asarray(self._rod.shapes()[0])

@@ -11,7 +11,7 @@ from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import end_strips
 from drivers.strip.rod.follow import Batch, follow
-from drivers.strip.rod.newton import TOLERANCE
+from drivers.strip.rod.newton import TURN_TOLERANCE
 from drivers.strip.rod.step import Pace
 from drivers.types import Array
 
@@ -71,7 +71,7 @@ def settle(batch: Batch, path: Array) -> None:
 
 def _euler(batch: Batch, poses: Array, dt: float) -> None:
     shown = np.zeros((len(poses), len(batch.held), of.FIELDS_SHOWN))
-    pace = Pace(dt, 0.0, 0.0, TOLERANCE)
+    pace = Pace(dt, 0.0, 0.0, TURN_TOLERANCE)
     follow(batch, poses, shown, np.empty((0, 0, 0, 2)), 1, 0.0, pace)
     failed, touched = (np.isfinite(batch.known[:, field]) for field in (of.FAILED, of.TIME))
     if failed.any():

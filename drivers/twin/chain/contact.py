@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 
-STEP = 0.005  # s, the longest step of the chain
-TIME_CONSTANT = 2 * STEP  # s, the shortest that MuJoCo allows
+LONGEST_STEP = 0.005  # s, the longest step of the chain
+TIME_CONSTANT = 2 * LONGEST_STEP  # s, the shortest that MuJoCo allows
 SHARE = 0.9999  # of a violation's pull that a constraint exerts: sags by 1e-4 of a free fall
 SOLREF = (TIME_CONSTANT, 1.0)
 SOLIMP = np.array([SHARE, SHARE, 0.001, 0.5, 2.0])

@@ -6,17 +6,17 @@ from torch import Tensor, nn
 
 from drivers.types import Array
 from policies.adaptive.critic import (
+    ARRAY_NAMES,
     DISPLACEMENT,
-    FAR,
-    NAMES,
+    DISPLACEMENT_UNIT,
+    INPUT_LIMIT,
     OUTPUTS,
     SLOPE,
     SPREAD,
     STRIP,
-    UNIT,
     Critic,
 )
-from policies.adaptive.features import CHANNELS, COUNT, STATE
+from policies.adaptive.features import CHANNELS, COUNT, STATE_SIZE
 from policies.adaptive.train.piece import Piece
 from policies.adaptive.train.settings import CriticSettings
 from policies.profile import POINTS
@@ -26,7 +26,7 @@ PICKED = 28  # moments of each fold that a step learns from
 FASTEST, SLOWEST = 2e-3, 2e-5  # learning rates, falling along a cosine
 NOISE = 3e-4  # of inputs, spreads below which are not blown up to one
 SOFT = 0.5  # exponent of the weight by which uncertain moments count less (beta-NLL)
-BIAS = 5e-4  # over the length, one sigma of what images are off all through a fold
+IMAGE_BIAS = 5e-4  # over the length, one sigma of what images are off all through a fold
 BELIEF = 0.1  # weight of the strip's likelihood
 
 
@@ -62,7 +62,7 @@ def whitening(piece: Piece) -> tuple[Array, Array]:
     inputs = piece.inputs[piece.alive].astype(np.float64)
     mean = inputs.mean(axis=0)
     scale = np.ones(inputs.shape[1])
-    scale[:STATE] = 1.0 / np.maximum(inputs[:, :STATE].std(axis=0), 1e-6) * 0.1
+    scale[:STATE_SIZE] = 1.0 / np.maximum(inputs[:, :STATE_SIZE].std(axis=0), 1e-6) * 0.1
     covariance = np.cov((inputs - mean) * scale, rowvar=False)
     values, vectors = np.linalg.eigh(covariance)
     return mean, scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + NOISE**2)
@@ -71,7 +71,7 @@ def whitening(piece: Piece) -> tuple[Array, Array]:
 def input_mask(settings: CriticSettings) -> Array:
     """1 for the inputs (COUNT,) that a critic may use, 0 for those left out."""
     kept = np.ones(COUNT)
-    for part in (kept[STATE : STATE + CHANNELS], kept[STATE + CHANNELS :]):
+    for part in (kept[STATE_SIZE : STATE_SIZE + CHANNELS], kept[STATE_SIZE + CHANNELS :]):
         part[1] = settings.tip
         part[2:] = settings.profile
     return kept
@@ -124,19 +124,26 @@ def biases(count: int) -> Tensor:
     leave, as `cell study perception` shows.
     """
     along = torch.linspace(0.0, 1.0, POINTS)[:, None]
-    begin, end = BIAS * torch.randn(2, count, 1, 2)
+    begin, end = IMAGE_BIAS * torch.randn(2, count, 1, 2)
     profile = (begin + (end - begin) * along).reshape(count, 2 * POINTS)
-    values = torch.cat([BIAS * torch.randn(count, 2), profile], dim=1)
-    return torch.nn.functional.pad(values, (STATE, CHANNELS))
+    values = torch.cat([IMAGE_BIAS * torch.randn(count, 2), profile], dim=1)
+    return torch.nn.functional.pad(values, (STATE_SIZE, CHANNELS))
 
 
 def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
     whitened = (piece.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)
-    whitened = whitened.clip(-FAR, FAR)
+    whitened = whitened.clip(-INPUT_LIMIT, INPUT_LIMIT)
     known = np.isfinite(piece.displacement)
     predicted = piece.predicted & piece.alive & known[:, None]
-    displacement = np.nan_to_num(piece.displacement) / UNIT
-    arrays = (whitened, piece.moved / UNIT, piece.alive, predicted, displacement, piece.strip)
+    displacement = np.nan_to_num(piece.displacement) / DISPLACEMENT_UNIT
+    arrays = (
+        whitened,
+        piece.moved / DISPLACEMENT_UNIT,
+        piece.alive,
+        predicted,
+        displacement,
+        piece.strip,
+    )
     return [torch.tensor(array, dtype=torch.float32) for array in arrays]
 
 
@@ -178,4 +185,4 @@ def _pick(values: Tensor, picked: Tensor) -> Tensor:
 def _critic(network: Network, mean: Array, whiten: Array) -> Critic:
     arrays = {name: np.asarray(value.numpy()) for name, value in network.state_dict().items()}
     arrays |= {"mean": mean, "whiten": whiten, "stretch": np.ones(4)}
-    return Critic({name: arrays[name] for name in NAMES})
+    return Critic({name: arrays[name] for name in ARRAY_NAMES})

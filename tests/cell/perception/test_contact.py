@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cell.perception.contact import SPACING, Contact, SearchLine, find_contact
-from cell.perception.levels import SCALE, ZERO
+from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
 from drivers.types import Array
 
 COUNT, ROW, FRONT = 2000, 20, 35
@@ -12,10 +12,10 @@ COUNT, ROW, FRONT = 2000, 20, 35
 
 def search(*strips: tuple[float, float]) -> Contact:
     """The contact in an image whose row shows strip from ... to ... [m]."""
-    levels = np.full((40, COUNT), ZERO, dtype=np.uint8)
+    levels = np.full((40, COUNT), ZERO_LEVEL, dtype=np.uint8)
     columns = SPACING * np.arange(COUNT)
     for begin, end in strips:
-        levels[ROW - 3 : ROW + 4, (columns >= begin) & (columns < end)] = ZERO + SCALE
+        levels[ROW - 3 : ROW + 4, (columns >= begin) & (columns < end)] = ZERO_LEVEL + LEVEL_SPAN
 
     def at(row: int) -> Array:
         return np.column_stack([np.arange(COUNT), np.full(COUNT, row)]).astype(float)

@@ -83,7 +83,7 @@ def test_workers_of_another_version_are_refused(local, monkeypatch) -> None:
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere at all"])
 def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> None:
-    monkeypatch.setattr("cell.campaign.cluster.PATIENCE", 0.2)
+    monkeypatch.setattr("cell.campaign.cluster.CONNECT_TIMEOUT", 0.2)
     with pytest.raises(ConfigurationError, match="no scheduler answers") as told, cluster(address):
         pass
     assert "\n" not in str(told.value)

@@ -10,7 +10,7 @@ from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scope
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-TOLERANCE = 0.001  # rad, of a hinge and its encoder
+ANGLE_TOLERANCE = 0.001  # rad, of a hinge and its encoder
 SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.005))
 """Relative spread of what was weighed and measured."""
 
@@ -22,7 +22,7 @@ def scope(pendulum: PendulumFile) -> Scope:
         base=(*_base(pendulum), *_accepted_parameters(pendulum)),
         candidates=tuple(kept),
         terms=_terms(pendulum),
-        quantities={"angle": Quantity("angle_mrad", 1e3, "mrad", TOLERANCE)},
+        quantities={"angle": Quantity("angle_mrad", 1e3, "mrad", ANGLE_TOLERANCE)},
     )
 
 

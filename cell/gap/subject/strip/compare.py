@@ -21,7 +21,7 @@ from drivers.strip.observation import (
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
-ELSEWHERE = 1.0  # bending lengths between contacts beyond which the strip lies down elsewhere
+CONTACT_LIMIT = 1.0  # bending lengths between contacts beyond which the strip lies down elsewhere
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class Comparison:
 
     def _here(self, mean: Array, square: Array) -> tuple[Array, Array]:
         """Samples whose contacts are the same place in measurement and model; others are lost."""
-        here = np.abs(mean) < ELSEWHERE * self.bending_length
+        here = np.abs(mean) < CONTACT_LIMIT * self.bending_length
         return np.where(here, mean, np.nan), np.where(here, square, np.nan)
 
     def _force(self, model: StripModel, shown: SimulatedMotion, axis: int) -> Array:

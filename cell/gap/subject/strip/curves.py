@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from cell.record.columns import Profile
 from drivers.types import Array, frozen
 
-APART = 0.045  # s between images that are compared: nearer ones say the same again
-POINTS = 40  # of one image that are compared
+IMAGE_INTERVAL = 0.045  # s between images that are compared: nearer ones say the same again
+CURVE_POINTS = 40  # of one image that are compared
 WINDOW = 7  # points of the running median from which wild ones stand out
 OFF = 6.0  # standard deviations from it, and the distance between points, that make one wild
 FEWEST = 5  # points of an image that is used
@@ -38,13 +38,13 @@ def images_of(
     at, last = 0, -np.inf
     for stamp, curve in [] if empty else profile.curves():
         gripper, at = grip[at], at + len(curve)
-        if stamp < last + APART:
+        if stamp < last + IMAGE_INTERVAL:
             continue
         kept = curve[believable(curve, sigma)]
         if len(kept) < FEWEST:
             continue
         s = length - _to_grip(kept, gripper)
-        chosen = np.unique(np.linspace(0, len(kept) - 1, POINTS).round().astype(np.int64))
+        chosen = np.unique(np.linspace(0, len(kept) - 1, CURVE_POINTS).round().astype(np.int64))
         points.append(kept[chosen])
         places.append(s[chosen])
         stamps.append(stamp)

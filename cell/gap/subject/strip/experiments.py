@@ -19,7 +19,7 @@ from policies.experiments.standard import STANDARD
 from policies.registry import MOTION
 
 SET_UP = 1.5  # minutes to lay the strip flat again
-IMAGES = 0.06  # s between images
+IMAGE_PERIOD = 0.06  # s between images
 SPACING = 0.015  # m between points of an image
 SEGMENTS, STEP = 100, 0.005  # of the rod: a plan need not be finer
 
@@ -51,7 +51,7 @@ def _observe(fold: Fold, sigma: Sigma, index: int) -> Measured:
     end = float(way.t[-1]) if touch is None else touch.time
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way.poses[:, :2], axis=0).T))])
     height = fold.model.observation.contact_height
-    chosen = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGES))
+    chosen = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGE_PERIOD))
     chosen = np.unique(np.minimum(chosen, len(fold.shape_t) - 1))
     shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
     seen = fold.model.observation

@@ -9,7 +9,9 @@ from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.subject import Run
 from drivers.strip.rod.motions import GripperPath
 
-NEAR = np.array([5e-4, 5e-4, 0.005])  # m, m, rad between two paths; arms repeat within a fifth
+PATH_TOLERANCE = np.array(
+    [5e-4, 5e-4, 0.005]
+)  # m, m, rad between two paths; arms repeat within a fifth
 AT_ONCE = 1e-3  # s between the beginnings of two paths
 
 
@@ -40,6 +42,6 @@ def _same(longer: Fold, fold: Fold) -> bool:
 
 
 def _near(longer: GripperPath, path: GripperPath) -> bool:
-    """Whether the poses of `path` are within NEAR of those of `longer` at the same times."""
+    """Whether the poses of `path` are within PATH_TOLERANCE of those of `longer` at its times."""
     other = np.stack([np.interp(path.t, longer.t, c) for c in longer.poses.T], axis=1)
-    return bool((np.abs(path.poses - other) < NEAR).all())
+    return bool((np.abs(path.poses - other) < PATH_TOLERANCE).all())

@@ -24,7 +24,7 @@ from drivers.types import Array
 
 SHAPES = 0.01  # s between the shapes that are kept
 AT_ONCE = 16  # motions in one call: all their shapes are in memory
-LANES = 8  # motions that cost no more than one
+LANE_COUNT = 8  # motions that cost no more than one
 REMEMBERED = 96 * 2**20  # bytes of motions that are kept: few are asked for again, and soon
 SELDOM = 16 * 2**20  # the same, where hardly any is asked for twice
 
@@ -146,8 +146,8 @@ class Simulation:
         A lane that finds its shapes with effort makes the others of its vector wait.
         """
         order = sorted(wanted, key=lambda k: -wanted[k].way.duration)
-        fair = LANES * -(-len(order) // (LANES * self._jobs))
-        size = max(LANES, min(AT_ONCE, fair))
+        fair = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._jobs))
+        size = max(LANE_COUNT, min(AT_ONCE, fair))
         batches = [
             like[i : i + size] for like in _apart(order, wanted) for i in range(0, len(like), size)
         ]
@@ -206,4 +206,4 @@ def _apart(order: Sequence[bytes], wanted: Mapping[bytes, Job]) -> list[list[byt
     """
     rich = {key: needs_terms(wanted[key].model) for key in order}
     parts = [[key for key in order if rich[key] is which] for which in (True, False)]
-    return parts if min(map(len, parts)) >= LANES else [list(order)]
+    return parts if min(map(len, parts)) >= LANE_COUNT else [list(order)]

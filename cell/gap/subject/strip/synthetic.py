@@ -29,7 +29,7 @@ from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.strip.shape import Touch, desk_contact
 from drivers.types import Array
 
-AFTER = 0.3  # s that a run goes on after its touch
+TIME_AFTER_TOUCH = 0.3  # s that a run goes on after its touch
 CLEARANCE = 0.004  # m of the strip before the grip that the fingers hide
 
 
@@ -97,7 +97,7 @@ def write_fold(
     """The four files of a measured run of `strip` in the new `folder`."""
     folder.mkdir(parents=True)
     touch = _touch(fold, by, rng)
-    end = fold.way.t[-1] if touch is None else min(touch.time + AFTER, fold.way.t[-1])
+    end = fold.way.t[-1] if touch is None else min(touch.time + TIME_AFTER_TOUCH, fold.way.t[-1])
     stamps = _stamps(end, by, rng)
     points = [_curve(fold, stamp, by, rng) for stamp in stamps]
     write_document(folder / RUN, _header(strip, fold, by))

@@ -10,10 +10,10 @@ from cell.report.drawing import INK, MUTED, RULE
 from drivers.types import Array
 from policies.registry import look_of
 
-WIDTH = 8.4  # inch, of a page
+PAGE_WIDTH = 8.4  # inch, of a page
 NOTE = 8.0  # points
 BAND = "#7fa98f"
-DAMPED = ["#2f6db5", "#3f8f9c", "#3a8a5c"]  # from the softest strip to the stiffest
+STIFFNESS_COLOURS = ["#2f6db5", "#3f8f9c", "#3a8a5c"]  # from the softest strip to the stiffest
 DASHES = (0, (4, 3))
 DENSE = 600  # points of a smooth curve
 DISPLACEMENT = "d = l₁ − l₂  [mm]"
@@ -70,5 +70,5 @@ def stiffness_colours(count: int) -> list[Any]:
     """Blue for the lowest stiffness to green for the highest, as in the paper."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    scale = LinearSegmentedColormap.from_list("stiffness", DAMPED)
+    scale = LinearSegmentedColormap.from_list("stiffness", STIFFNESS_COLOURS)
     return [scale(i / max(count - 1, 1)) for i in range(count)]
