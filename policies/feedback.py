@@ -25,7 +25,7 @@ PAST = -0.20
 
 
 class Feedback:
-    """Computes phi by the network; `weights` (p, WEIGHTS) drive p equal groups of the batch.
+    """Computes phi by the network; `weights` (p, WEIGHT_COUNT) drive p equal groups of the batch.
 
     Speed and pitch are constant. The direction always has a component toward the fixed edge, so
     that every fold ends in a touch or past the edge.

@@ -137,7 +137,7 @@ class Motions:
         self._known: dict[int, Array] = {}
 
     def poses(self, steps: Array) -> Array:
-        """Poses (k, n, 3) along the paths whose rises are `steps` (n,) of STEP."""
+        """Poses (k, n, 3) along the paths whose rises are `steps` (n,) of RISE_STEP."""
         new = sorted(set(steps.tolist()) - set(self._known))
         if new:
             self._work_out(new)

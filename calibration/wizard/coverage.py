@@ -13,7 +13,7 @@ from calibration.lens import Lens
 from drivers.types import Array
 
 MIDDLE_SHARE = 0.05  # share of the image within which a place is called the middle
-FLAT = 0.05  # rad under which a lean is not spoken of
+FLAT_ANGLE = 0.05  # rad under which a lean is not spoken of
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ def _along(share: float, low: str, high: str) -> str:
 
 
 def _lean(angle: float, positive: str, negative: str) -> str:
-    if abs(angle) < FLAT:
+    if abs(angle) < FLAT_ANGLE:
         return ""
     return f"{positive if angle > 0 else negative} by {degrees(abs(angle)):.0f} deg"
 

@@ -17,7 +17,7 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 NAN = float("nan")
-HALF = 6  # points from which half a map is still worth comparing
+HALF_POINTS = 6  # points from which half a map is still worth comparing
 ORIENTATION_STEP = 0.01  # m, over which the map's orientation is looked at
 # an error e of x lengthens one layer and shortens the other: d is off by 2 e
 DISPLACEMENT_FACTOR = 2.0
@@ -226,7 +226,7 @@ def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -
     area = np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
     maps = []
     for half in (order[::2], order[1::2]):
-        if len(half) < HALF:
+        if len(half) < HALF_POINTS:
             return NAN
         pixels = lens.undistort(np.array([ordered[i].pixel for i in half]))
         places = 1e3 * np.array([ordered[i].place for i in half])

@@ -12,7 +12,7 @@ from drivers.settings import read_yaml
 from drivers.yaml_edit import edit_text
 
 DAY = 86400.0  # s
-EARLY = 1.0  # days by which two clocks, or their time zones, may differ
+CLOCK_TOLERANCE = 1.0  # days by which two clocks, or their time zones, may differ
 LATENCY_RANGE, RESIDUAL_RANGE = (-1.0, 1.0), (0.0, 20.0)  # s, mm
 BIAS_RANGE = (-0.05, 0.05)  # m
 DISTANCE_RANGE = (0.05, 20.0)  # of contact_x and of the camera from its plane
@@ -66,7 +66,7 @@ def check_current(
     """
     _check_plausible(calibration)
     age = age_days(calibration, now)
-    if age < -EARLY:
+    if age < -CLOCK_TOLERANCE:
         raise ConfigurationError(
             f"calibration: date: {calibration.date} lies in the future; set the clock, or {ANEW}"
         )

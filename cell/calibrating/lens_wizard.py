@@ -37,7 +37,7 @@ from drivers.errors import ConfigurationError, Fault
 from drivers.types import Frame
 
 PERIOD = 0.1  # s between images that are looked at
-BLIND = 2.0  # s without an image after which the camera counts as stalled
+STALL_TIMEOUT = 2.0  # s without an image after which the camera counts as stalled
 ROS, OPENCV = "camera_info.yaml", "opencv.yaml"
 
 Source = Callable[[WantedView], Frame]
@@ -200,12 +200,14 @@ def _live(devices: Devices) -> Source:
 
     def look(_: WantedView) -> Frame:
         asked = devices.clock.now()
-        while devices.clock.now() < asked + BLIND:
+        while devices.clock.now() < asked + STALL_TIMEOUT:
             devices.clock.wait_until(devices.clock.now() + PERIOD)
             frame = devices.camera.read(newest[0], timeout=0.0)
             if frame is not None:
                 newest[0] = frame.stamp
                 return frame
-        raise Fault("camera_stalled", f"no image in {BLIND:.0f} s; look at the camera's cable")
+        raise Fault(
+            "camera_stalled", f"no image in {STALL_TIMEOUT:.0f} s; look at the camera's cable"
+        )
 
     return look

@@ -23,7 +23,7 @@ def name_of(length: float, thickness: float | None) -> str:
 
 
 def unknown_strip(known: str) -> StripFile:
-    """The strip of which only length, or `LENGTH:THICKNESS_RANGE` [m], is `known`: the middle of
+    """The strip of which only length, or `LENGTH:THICKNESS` [m], is `known`: the middle of
     the paper's range.
 
     Raises ConfigurationError for what are no such numbers.

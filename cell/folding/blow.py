@@ -32,7 +32,7 @@ REST_SPEED = 0.002  # m/s below which a gripper rests
 # m that a good fold's measurement may be off the truth: what a cell states as sigma
 DISPLACEMENT_TOLERANCE = 0.003
 RATE_SAMPLES = 5  # looks at the gripper over which its rate is judged: it follows a robot in steps
-SPARE = 1.02  # of a limit, for what sampling makes of it
+LIMIT_FACTOR = 1.02  # of a limit, for what sampling makes of it
 CAMERA_RATE = 20.0  # Hz: an image is the dearest part of a simulated fold
 
 
@@ -171,7 +171,8 @@ def _within(motion: Array, rates: Array, place: Installation) -> bool:
     """Whether no limit of the arm was exceeded, and no border of its workspace."""
     limits, box = place.limits, place.workspace
     quick = all(
-        np.abs(rates[:, i]).max() <= SPARE * axis.velocity for i, axis in enumerate(limits.axes)
+        np.abs(rates[:, i]).max() <= LIMIT_FACTOR * axis.velocity
+        for i, axis in enumerate(limits.axes)
     )
     inside = all(
         low - 0.005 <= motion[:, 1 + i].min() and motion[:, 1 + i].max() <= high + 0.005

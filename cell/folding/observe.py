@@ -36,7 +36,7 @@ SIGMA_FLOORS = {"gripper": 0.002, "contact_x": 0.001, "displacement": 0.004}
 """One sigma [m] at least of what a film without an arm shows: compression smooths the edges, and
 the held end is where the strip's length ends (tests/end_to_end/test_observe.py).
 """
-FLAT = 0.01  # m of strip at its end that may be off the desk where it counts as flat
+FLAT_LENGTH = 0.01  # m of strip at its end that may be off the desk where it counts as flat
 PROPORTIONS = 0.02  # share by which those of film and calibration may differ
 Progress = Callable[[float], None]
 
@@ -222,7 +222,8 @@ def _path(read: Sequence[Held], strip: StripFile) -> tuple[Array, Array, Array]:
     flat = [
         held.measurement.stamp
         for held in read
-        if held.measurement.stamp < ends[0][0] and held.measurement.contact_x > strip.length - FLAT
+        if held.measurement.stamp < ends[0][0]
+        and held.measurement.contact_x > strip.length - FLAT_LENGTH
     ]
     begin = sorted({0.0, *flat[-1:]})
     knots = [(stamp, strip.length, 0.0) for stamp in begin if stamp < ends[0][0]]

@@ -27,7 +27,7 @@ YIELD_UNIT = 10.0  # 1/m, yield curvature that makes one unit of ln(1 + y / YIEL
 # differences of ln length, ln time, ln(1 + y / YIELD_UNIT)
 GRADIENT_STEPS = np.array([0.02, 0.2, 0.2])
 SMALLEST_SIGMA = np.array([0.01, 0.15, 0.15])  # sigma of these in a belief, at least
-NOISE = 0.0005  # m, of a point's median over a bin
+POINT_NOISE = 0.0005  # m, of a point's median over a bin
 BIAS_SIGMA, STAMP_SIGMA = 0.0005, 0.005  # m, s: sigma of the images' bias and of their stamps
 IMAGE_SIGMAS = np.array([BIAS_SIGMA, BIAS_SIGMA, BIAS_SIGMA, STAMP_SIGMA])
 
@@ -160,9 +160,9 @@ def _solve(design: Array, off: Array, gone: Array, sigma: Array) -> tuple[Array,
     """
     prior = np.concatenate([sigma, IMAGE_SIGMAS])
     a, b = design.reshape(-1, len(prior)), off.ravel()
-    rows = np.vstack([a / NOISE, np.diag(1.0 / prior)])
+    rows = np.vstack([a / POINT_NOISE, np.diag(1.0 / prior)])
     wanted = np.concatenate(
-        [b / NOISE, -np.concatenate([gone, np.zeros(len(IMAGE_SIGMAS))]) / prior]
+        [b / POINT_NOISE, -np.concatenate([gone, np.zeros(len(IMAGE_SIGMAS))]) / prior]
     )
     change = np.linalg.lstsq(rows, wanted, rcond=None)[0]
     return change[: len(sigma)], (b - a @ change).reshape(-1, POINTS, 2)

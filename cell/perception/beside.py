@@ -34,8 +34,8 @@ MEASUREMENT_SIZE = 11  # numbers of a measurement beside its profile
 SHIFT_SIZE = 1
 TOUCH_SIZE = 6
 MOST_POINTS = 500  # of a profile
-START = 60.0  # s for the process to start, its libraries included
-ENDING = 1.0  # s for it to end
+START_TIMEOUT = 60.0  # s for the process to start, its libraries included
+ENDING_TIMEOUT = 1.0  # s for it to end
 ENDED = "the process for images has ended"
 NICE = (
     -10
@@ -113,7 +113,7 @@ class Beside:
     """
 
     def __init__(self, subject: Subject, made: Maker = StripSight) -> None:
-        """Start the process; Fault `image_reader_dead` where it does not come up in START [s]."""
+        """Start the process; Fault `image_reader_dead` where it does not come up in time."""
         context = get_context("spawn")
         h, w, _ = self._shape = subject.shape()
         image: Any = context.RawArray(ctypes.c_uint8, h * w * 3)
@@ -131,7 +131,7 @@ class Beside:
         self._process.start()
         theirs.close()
         self._memory = FileIO(f"/proc/{self._process.pid}/statm")
-        if not self._pipe.poll(START) or self._receive() is None:
+        if not self._pipe.poll(START_TIMEOUT) or self._receive() is None:
             self.close()
             raise Fault("image_reader_dead", f"the process for images did not start: {self._dead}")
 
@@ -193,10 +193,10 @@ class Beside:
         """End the process; calling it twice is allowed."""
         self._pipe.close()
         self._memory.close()
-        self._process.join(ENDING)
+        self._process.join(ENDING_TIMEOUT)
         if self._process.is_alive():
             self._process.kill()
-            self._process.join(ENDING)
+            self._process.join(ENDING_TIMEOUT)
 
     def _news(self) -> bytes:
         """The message of the process, empty for none."""

@@ -10,11 +10,11 @@ from cell.perception.appearance import Appearance
 from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL, share
 from drivers.types import Array, Image
 
-SPACING = 0.0003  # m between samples along the line
+SAMPLE_SPACING = 0.0003  # m between samples along the line
 FRONT_HEIGHT = -0.005  # m of height where desk shows before the strip
 AVERAGE = 9  # samples over which a sample is averaged against noise
 SURE_LENGTH = 0.004  # m of strip that must come before, and of desk that must follow
-HALF = ZERO_LEVEL + LEVEL_SPAN // 2  # level of which half is strip
+HALF_LEVEL = ZERO_LEVEL + LEVEL_SPAN // 2  # level of which half is strip
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class SearchLine:
         span: tuple[float, float],
     ) -> "SearchLine":
         """The line over `span` [m] of x."""
-        x = np.arange(span[0], span[1], SPACING)
+        x = np.arange(span[0], span[1], SAMPLE_SPACING)
         z = appearance.rest_height(x) + height - thickness / 2
         near = x[: len(x) // 2 : 20]
         front = np.column_stack([near, np.full_like(near, FRONT_HEIGHT)])
@@ -63,13 +63,13 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     `levels` (h, w) is the smoothed matte of the window whose first pixel is `origin` (2,) [px].
     """
     desk = _sample(levels, line.front - origin)
-    if (desk > HALF).mean() > 0.5:  # all looks like strip
+    if (desk > HALF_LEVEL).mean() > 0.5:  # all looks like strip
         return Contact(float("nan"), 0.0)
     along = share(_average(_sample(levels, line.pixels - origin)))
     strip = along > 0.5
     if not strip[: len(strip) // 8].any():
         return Contact(float("nan"), 0.0)
-    ahead = int(SURE_LENGTH / SPACING)
+    ahead = int(SURE_LENGTH / SAMPLE_SPACING)
     clear = np.convolve(strip, np.ones(ahead), mode="full")[ahead - 1 : ahead - 1 + len(strip)]
     held = np.convolve(strip, np.ones(ahead), mode="full")[: len(strip)]
     ends = np.flatnonzero(strip[:-1] & (held[:-1] >= ahead - 1) & ~strip[1:] & (clear[1:] == 0))
@@ -80,7 +80,7 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
     before, after = along[max(i - 4 * ahead, 0) : i + 1].max(), along[i + 1 : i + 4 * ahead].min()
     confidence = float(np.clip(2 * (before - after) - 0.6, 0.0, 1.0))
-    return Contact(float(line.x[i] + part * SPACING), confidence)
+    return Contact(float(line.x[i] + part * SAMPLE_SPACING), confidence)
 
 
 def _sample(levels: Image, pixels: Array) -> Image:

@@ -13,7 +13,8 @@ CELL_SIDE = 8  # px, side of a cell, by which change is detected
 PATCH_SIDE = 2 * CELL_SIDE  # px, side of a patch, by which light is read
 EVEN_LIGHT = 120  # level of light as bright as at preflight
 SHADE = 0.15  # share of brightness by which the strip's own colour changes as it turns
-BLIND = 2.0  # separation under which a colour cannot be distinguished from what is behind it
+# separation under which a colour cannot be distinguished from what is behind it
+LEAST_SEPARATION = 2.0
 
 Floats = NDArray[np.float32]
 Offsets = NDArray[np.int64]
@@ -139,7 +140,7 @@ def _share(
         own, mixed = c0 * c0 + c1 * c1 + c2 * c2, s0 * c0 + s1 * c1 + s2 * c2
         a, b, det = _fisher(mixed, own, of_scene, shade, variance)
         reach = a * (own - mixed) + b * (mixed - of_scene)
-        if reach > np.float32(BLIND * BLIND) * det:
+        if reach > np.float32(LEAST_SEPARATION * LEAST_SEPARATION) * det:
             found = (a * (d0 * c0 + d1 * c1 + d2 * c2) + b * along) / reach
             best = max(best, found)
     return best

@@ -12,7 +12,7 @@ from cell.perception.kernels import CELL_SIDE, PATCH_SIDE
 from cell.perception.levels import soft
 from cell.perception.measurement import StripMeasurement
 from cell.perception.profile import Geometry, midline_points, order_points, resample
-from cell.perception.region import START, Region, strip_region, without_hand, zones
+from cell.perception.region import STRIP_START, Region, strip_region, without_hand, zones
 from cell.perception.settings import PerceptionSettings
 from cell.perception.silhouette import Grip, Side, outer_side, silhouette
 from cell.perception.sizes import Sizes
@@ -55,7 +55,7 @@ class Perception:
             appearance,
             settings.contact_height,
             strip.thickness,
-            (START + 0.0005, strip.length + 0.01),
+            (STRIP_START + 0.0005, strip.length + 0.01),
         )
         self._zones = zones(calibration, strip.length, settings.shadow_height)
         self._sizes = Sizes.of(calibration, PATCH_SIDE)

@@ -11,10 +11,10 @@ from calibration.calibration import Calibration
 from drivers.types import Array, Image, Pose
 
 T = TypeVar("T", bound=np.generic)
-START = 0.001  # m, right of the clamp that holds the fixed edge
+STRIP_START = 0.001  # m, right of the clamp that holds the fixed edge
 BELOW = 0.009  # m under the resting strip: desk, not yet its front
 BEYOND = 0.03  # m past the furthest that the strip can reach
-OVER = 0.012  # m above the gripper point
+ABOVE_GRIPPER = 0.012  # m above the gripper point
 FOLD = 0.09  # m of height that is always looked at
 FINGER_SIZE = (0.045, 0.020)  # m: length along the approach, half width
 LOW_HEIGHT = 0.012  # m of height: free of the resting strip
@@ -52,9 +52,9 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: i
 
     It ends on the right half way between the strip's length and the gripper.
     """
-    top = max(gripper.z + OVER, FOLD)
+    top = max(gripper.z + ABOVE_GRIPPER, FOLD)
     right = float(np.clip((length + gripper.x) / 2, length / 2, length)) + BEYOND
-    corners = np.array([(x, z) for x in (START, right) for z in (-BELOW, top)])
+    corners = np.array([(x, z) for x in (STRIP_START, right) for z in (-BELOW, top)])
     pixels = calibration.to_image(corners)
     lens = calibration.lens
     size = np.array([lens.width, lens.height])
@@ -103,7 +103,7 @@ def zones(calibration: Calibration, length: float, shadow_height: float) -> Zone
 
 def _zone(calibration: Calibration, length: float, low: float) -> Image:
     right, ceiling = length + BEYOND, length
-    corners = [(START, low), (right, low), (right, ceiling), (START, ceiling)]
+    corners = [(STRIP_START, low), (right, low), (right, ceiling), (STRIP_START, ceiling)]
     return _fill(calibration, np.array(corners))
 
 

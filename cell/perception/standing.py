@@ -21,7 +21,7 @@ MOST_PATCHES = 16  # that are remembered
 FEWEST_PATCHES = 2  # that must be found to state a shift
 ALONG = 1.0  # px by which most of them must have moved alike
 PATCH_SIGMA = 0.3  # px, standard deviation of a patch's place by its structure and the noise
-SOFT = 1.5  # px over which noise is averaged
+NOISE_WINDOW = 1.5  # px over which noise is averaged
 NAN = float("nan")
 
 
@@ -131,4 +131,4 @@ def _find(window: Image, patch: Image) -> Array:
 
 
 def _soft(grey: Image) -> Image:
-    return np.asarray(cv2.GaussianBlur(grey, (0, 0), SOFT), dtype=np.uint8)
+    return np.asarray(cv2.GaussianBlur(grey, (0, 0), NOISE_WINDOW), dtype=np.uint8)

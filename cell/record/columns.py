@@ -14,7 +14,7 @@ FARTHEST_HAND = 5.0  # m, further from the fixed edge nothing of a cell can be
 FULL_TURN = 2 * np.pi
 FARTHEST_POINT = 100.0  # m, further than any camera of a cell sees, however wrong a point may be
 LONGEST_TIME = 1e5  # s, longer than a day
-HUGE = 1e9  # nothing of a cell is as large in any unit
+LARGEST_VALUE = 1e9  # nothing of a cell is as large in any unit
 MUST = ("t", "x", "z")
 MOTION_COLUMNS = ("pitch", "x_cmd", "z_cmd")  # finite where there are such columns
 MAY = (*MOTION_COLUMNS, "contact_x", "contact_t", "f_x", "f_z", "image_age")
@@ -54,7 +54,7 @@ class Ticks:
             _check_range(values[name], name, origin, FARTHEST_HAND, "m")
         _check_range(values["pitch"], "pitch", origin, FULL_TURN, "rad")
         for name in ("contact_t", "f_x", "f_z", "image_age"):
-            _check_range(values[name], name, origin, HUGE, "SI units")
+            _check_range(values[name], name, origin, LARGEST_VALUE, "SI units")
         state = table["state"].to_pylist() if table.column_names.count("state") == 1 else []
         return cls(**values, state=tuple(str(name) for name in state))
 
@@ -112,7 +112,7 @@ class Sights:
         for name in ("stamp", "sequence"):
             _check_finite(values[name], name, origin)
         for name in cls.__slots__:
-            _check_range(values[name], name, origin, HUGE, "SI units")
+            _check_range(values[name], name, origin, LARGEST_VALUE, "SI units")
         return cls(**values)
 
     @classmethod

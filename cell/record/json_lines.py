@@ -11,7 +11,7 @@ from drivers.files import MEGABYTE, append_line, read_bytes, replace_file, writi
 Line = dict[str, Any]
 LARGEST_EVENTS = 32 * MEGABYTE  # a fold of two minutes writes half of one
 LARGEST_JOURNAL = 512 * MEGABYTE  # of a journal that this program goes on with
-LINES = 200_000
+MOST_LINES = 200_000
 DEPTH = 16
 DIGITS = 18  # of a whole number that fits 64 bits
 
@@ -31,7 +31,7 @@ def read_json_lines(path: Path, most: int = LARGEST_EVENTS) -> list[Line]:
     if not path.exists():
         return []
     lines: list[Line] = []
-    for line in read_bytes(path, most).split(b"\n", LINES)[:LINES]:
+    for line in read_bytes(path, most).split(b"\n", MOST_LINES)[:MOST_LINES]:
         try:
             content = json.loads(line, parse_int=_integer)
         except (ValueError, RecursionError):

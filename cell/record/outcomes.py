@@ -18,11 +18,20 @@ CELL_OUTCOMES = frozenset(
     {"illegal_event", "no_perception", "process_died", "world_unknown", "unexpected"}
 )
 CELL_OUTCOMES |= {"no_aids", "no_latency"}
-DEVICES = ("arm_", "hand_", "grasp_", "camera_", "image_", "simulation_", "strip_", "robot_")
+DEVICE_PREFIXES = (
+    "arm_",
+    "hand_",
+    "grasp_",
+    "camera_",
+    "image_",
+    "simulation_",
+    "strip_",
+    "robot_",
+)
 """Each device names its own faults after itself."""
 
 
 def is_outcome(name: str) -> bool:
     """Whether `name` is `layer_touch`, `path_done` or the name of a fault."""
     known = GOALS | NOT_FOLDED | STOP_OUTCOMES | MONITORED | REFUSED_OUTCOMES | CELL_OUTCOMES
-    return name in known or name.startswith(DEVICES)
+    return name in known or name.startswith(DEVICE_PREFIXES)

@@ -10,7 +10,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, new_file, read_bytes, write_all
 
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
-STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
+LARGEST_STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
 LATER_COLUMNS = frozenset({"cost"})  # which records from before lack
 NUMBER = pa.float64()
 POINTS_TYPE = pa.list_(pa.float64())
@@ -69,7 +69,7 @@ def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
     stream with other columns.
     """
     batches: list[Any] = []
-    content = read_bytes(path, STREAM) if path.exists() else b""
+    content = read_bytes(path, LARGEST_STREAM) if path.exists() else b""
     try:
         with pa.ipc.open_stream(pa.py_buffer(content)) as reader:
             found = reader.schema

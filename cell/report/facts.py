@@ -12,7 +12,7 @@ from cell.report.timing import image_ages
 from cell.report.words import MINUS, NO_VALUE, millimetres, milliseconds, seconds
 
 FREQUENT = 40  # more of one kind are counted, not listed
-LISTED = 400
+LISTED_EVENTS = 400
 PREFLIGHT = "preflight"
 LEFT_OUT = frozenset({"config", "preflight", "schema", "provenance", "spread"})
 SHOWN_ELSEWHERE = frozenset({PREFLIGHT, "origin"})
@@ -73,7 +73,7 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
     rare = [event for event in events if counts[event.kind] <= FREQUENT]
     rows = [
         (f"{e.t:.3f}".replace("-", MINUS), e.kind.replace("_", " "), _sentence(e))
-        for e in rare[:LISTED]
+        for e in rare[:LISTED_EVENTS]
     ]
     often = [(kind, n) for kind, n in counts.items() if n > FREQUENT]
     return [*rows, *((NO_VALUE, kind, f"{n} times") for kind, n in sorted(often))]

@@ -14,9 +14,9 @@ RULER = 0.001  # m, one sigma of a measured overhang
 FIRST_SIGMA = 12.0  # times sigma for the first fit, which has to find its way
 START_LENGTHS = (0.5, 1.0, 2.5)  # typical bending lengths from which it sets out
 ITERATIONS = 80
-LONGEST_STEP = 0.3  # of ln(bending length)
+LARGEST_LOG_STEP = 0.3  # of ln(bending length)
 COST_TOLERANCE = 1e-5  # of the cost
-LM_DAMPING, FACTOR, STUCK = 1e-3, 8.0, 1e10
+LM_DAMPING, FACTOR, LARGEST_DAMPING = 1e-3, 8.0, 1e10
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +128,9 @@ def _settle(problem: Problem, values: Array) -> Fit:
 def _descend(problem: Problem, here: Trial, damping: float) -> tuple[Trial | None, float]:
     """A better trial and the next damping, or None where there is none."""
     matrix, downhill = problem.normal_equations(here)
-    while damping < STUCK:
+    while damping < LARGEST_DAMPING:
         step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), downhill)
-        step[LN_LENGTH] = np.clip(step[LN_LENGTH], -LONGEST_STEP, LONGEST_STEP)
+        step[LN_LENGTH] = np.clip(step[LN_LENGTH], -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
         try:
             there = problem.trial(here.values + step)
         except NoRest:

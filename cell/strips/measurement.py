@@ -13,14 +13,15 @@ from cell.strips.rest_curvature import RestCurvature
 from drivers.errors import ConfigurationError
 
 VISIBLE = 0.1  # widths by which a straight-born strip misses the midline
-DISAGREE = 0.05  # probability below which photographs disagree
+DISAGREEMENT_LEVEL = 0.05  # probability below which photographs disagree
 LARGEST_UNCERTAINTY = 0.10  # half width of the interval over the value
-SHARP_WIDTHS, SHARP = 1.0, 0.002  # widths, or m; a bend of a smaller radius is hardly seen
+SHARP_WIDTHS, SHARP_RADIUS = 1.0, 0.002  # widths, or m; a bend of a smaller radius is hardly seen
 SMALLEST_WIDTH_RATIO = 1.5  # ratio of the strip's widths in two photographs
 OVERHANGS = (2, 5)  # bending lengths, between which a photograph says most
-KEPT = 4  # digits
+KEPT_DIGITS = 4  # digits
 ASTRAY = 0.02  # of the overhang; what misses by more is no hanging strip
-OFF = 0.25  # of the overhang; nor is what leaves the ledge so far from the picture's border
+# of the overhang; nor is what leaves the ledge so far from the picture's border
+LEDGE_TOLERANCE = 0.25
 HOPELESS = 0.5  # sigma of ln(bending length)
 SHORTEST_BENDING_LENGTH, LONGEST_BENDING_LENGTH = 0.002, 0.2  # m, bending lengths of strips
 
@@ -41,7 +42,7 @@ class Measurement:
     @property
     def value(self) -> float:
         """Bending length [m], rounded to the precision of a strip file."""
-        return float(f"{self.bending_length.value:.{KEPT}g}")
+        return float(f"{self.bending_length.value:.{KEPT_DIGITS}g}")
 
     def line(self) -> dict[str, Any]:
         """The measurement as one JSON object; lengths in m."""
@@ -78,7 +79,7 @@ class Measurement:
         ]
         for overhang, each in bending.by_overhang:
             lines.append(f"  overhang {1e3 * overhang:.4g} mm: {_mm(each)}")
-        if count > 1 and self.bending_length.agreement > DISAGREE:
+        if count > 1 and self.bending_length.agreement > DISAGREEMENT_LEVEL:
             lines.append("  the photographs agree within their own errors")
         return "\n".join(lines + [f"warning: {each}" for each in self.warnings])
 
@@ -98,7 +99,7 @@ def _refuse(fitted: Fit) -> None:
     photograph = fitted.photograph
     if (
         fitted.rms > ASTRAY * photograph.overhang
-        or abs(fitted.ledge) > OFF * photograph.overhang
+        or abs(fitted.ledge) > LEDGE_TOLERANCE * photograph.overhang
         or fitted.sigma > HOPELESS
     ):
         raise ConfigurationError(
@@ -138,7 +139,7 @@ def _not_straight(bending: Bending) -> str:
 
 def _disagreement(bending: Bending) -> str:
     pooled = bending.bending_length
-    if pooled.agreement > DISAGREE:
+    if pooled.agreement > DISAGREEMENT_LEVEL:
         return ""
     return (
         f"the photographs disagree by {100 * pooled.scatter:.0f} % beyond their own errors; "
@@ -154,7 +155,7 @@ def _overhang(bending: Bending) -> str:
     sharp = [
         each.photograph.name
         for each, r in zip(bending.fits, radius, strict=True)
-        if r < max(SHARP_WIDTHS * each.photograph.width, SHARP)
+        if r < max(SHARP_WIDTHS * each.photograph.width, SHARP_RADIUS)
     ]
     stiff = [
         each.photograph.name

@@ -10,7 +10,7 @@ from cell.strips.cantilever_fit import Fit
 from cell.strips.rest_curvature import RestCurvature
 from drivers.strip.cantilever import hinges
 
-HEIGHT = 1600  # px of the photograph in the picture
+PICTURE_HEIGHT = 1600  # px of the photograph in the picture
 DPI = 150
 BEND = 1.5  # bending lengths beside and below the ledge, shown larger
 SEEN_COLOUR, FITTED_COLOUR, STRAIGHT_COLOUR = "#19c8c8", ORANGE, BLUE
@@ -51,7 +51,7 @@ def _title(fitted: Fit, straight: Fit) -> str:
 def _photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
     photograph = fitted.photograph
     image = photograph.image
-    scale = min(1.0, HEIGHT / image.shape[0])
+    scale = min(1.0, PICTURE_HEIGHT / image.shape[0])
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     axes.imshow(small[..., ::-1], extent=(-0.5, image.shape[1] - 0.5, image.shape[0] - 0.5, -0.5))
     midline = photograph.points / photograph.pixel * (1, -1)

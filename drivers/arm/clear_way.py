@@ -16,7 +16,7 @@ from drivers.types import Array, frozen
 
 # m that the arm keeps from everything, tracking and the shapes' own errors included
 ARM_CLEARANCE = 0.03
-DENSE = 0.03  # rad at most between postures that are looked at
+POSTURE_SPACING = 0.03  # rad at most between postures that are looked at
 CLEARANCE_TOLERANCE = 1e-3  # m by which a way may come nearer where it begins or ends too near
 LEG_RISE, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one leg upward, and heights that are tried
 WAY_STEP = 0.005  # m
@@ -26,7 +26,7 @@ UPRIGHT = frozen([0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398])  # r
 
 # Of the cell, in its frame [m]: the desk ends where the gripper's workspace does; the clamp of the
 # fixed edge stands no higher than this. Both are to be checked by hand on the first day.
-DESK_SIDE, CLAMP_LENGTH, CLAMP_HEIGHT, DESK_DEPTH, FLOOR_SIZE = 0.3, 0.08, 0.04, 1.0, 3.0
+DESK_EDGE, CLAMP_LENGTH, CLAMP_HEIGHT, DESK_DEPTH, FLOOR_SIZE = 0.3, 0.08, 0.04, 1.0, 3.0
 UNDER = 0.1  # m under the desk: published shapes of the wrist reach 9 cm below a hand lying flat
 
 
@@ -34,8 +34,8 @@ def solids_of(installation: Installation) -> Solids:
     """Desk, clamp and floor, as the mounting places them."""
     end = installation.workspace.x[1]
     boxes = (
-        Box("desk", (-CLAMP_LENGTH, -DESK_SIDE, -DESK_DEPTH), (end, DESK_SIDE, 0.0)),
-        Box("clamp", (-CLAMP_LENGTH, -DESK_SIDE, 0.0), (0.0, DESK_SIDE, CLAMP_HEIGHT)),
+        Box("desk", (-CLAMP_LENGTH, -DESK_EDGE, -DESK_DEPTH), (end, DESK_EDGE, 0.0)),
+        Box("clamp", (-CLAMP_LENGTH, -DESK_EDGE, 0.0), (0.0, DESK_EDGE, CLAMP_HEIGHT)),
         Box(
             "floor",
             (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE),
@@ -100,7 +100,7 @@ def _objection(points: Sequence[Array], solids: Solids) -> str:
     """What the arm would meet on the way through `points`, each (7,); empty for nothing."""
     legs = []
     for a, b in pairwise(points):
-        count = 2 + int(np.abs(b - a).max() / DENSE)
+        count = 2 + int(np.abs(b - a).max() / POSTURE_SPACING)
         legs.append(np.linspace(a, b, count))
     way = np.concatenate(legs)
     gaps = np.column_stack([apart(way), solids.clearance(way)])

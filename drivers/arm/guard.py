@@ -17,7 +17,7 @@ POSE_TOLERANCE = 1e-3  # m or rad
 REACTION = 0.015  # s until a braking is under way
 VELOCITY_SHARE = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
 ACCELERATION_SHARE = 0.9  # of a joint's in a motion; the rest is for what changes on the way
-SPARE = 1.6  # of a joint's acceleration, if all axes changed at once in the worst directions
+CHANGE_SHARE = 1.6  # of a joint's acceleration, if all axes changed at once in the worst directions
 
 
 class Soon(NamedTuple):
@@ -33,9 +33,10 @@ class ReachGuard:
 
     The elbow is taken to stay where the motion began. At both places each joint must have room, and
     what the motion asks of it, curvature included, must lie within VELOCITY_SHARE of its velocity
-    and SHARE of its acceleration; what braking would ask, within its acceleration. So it can brake,
-    whatever is commanded next. Where a change of all axes at once in the worst directions would ask
-    SPARE of a joint's acceleration, it does not go: there hardly any command could be followed.
+    and ACCELERATION_SHARE of its acceleration; what braking would ask, within its acceleration. So
+    the arm can brake, whatever is commanded next. Where a change of all axes at once in the worst
+    directions would ask CHANGE_SHARE of a joint's acceleration, it does not go: there hardly any
+    command could be followed.
     """
 
     def __init__(self, plane: StripPlane, motion: MotionLimits, joints: list[float]) -> None:
@@ -75,7 +76,7 @@ class ReachGuard:
                 np.abs(here @ change + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
                 np.abs(here @ braking + bending) / limits.ACCELERATION,
                 np.abs(there @ braking) / limits.ACCELERATION,
-                np.abs(there) @ self._most / limits.ACCELERATION / SPARE,
+                np.abs(there) @ self._most / limits.ACCELERATION / CHANGE_SHARE,
             ]
         )
         if asked.max() > 1.0:

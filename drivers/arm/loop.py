@@ -26,7 +26,7 @@ TICKS_BETWEEN_LOOKS = 10  # ticks between looks ahead
 VELOCITY_STATES = 8  # states over which the velocity is measured
 # m/s and rad/s of its setpoint at which a robot may be commanded to stand
 REST_SPEEDS = (1e-4, 3e-4)
-SLOW = 0.01  # m/s and rad/s
+SLOW_SPEED = 0.01  # m/s and rad/s
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
@@ -271,7 +271,7 @@ def rehearse(installation: Installation) -> None:
     x, z, pitch = (0.5 * (low + high) for low, high in zip(space.low, space.high, strict=True))
     profile = MotionProfile(limits, space, Pose(x, z, pitch))
     guard = ReachGuard(plane, limits, HOME.tolist())
-    profile.set_velocity(Velocity(SLOW, SLOW, SLOW))
+    profile.set_velocity(Velocity(SLOW_SPEED, SLOW_SPEED, SLOW_SPEED))
     for _ in range(TICKS_BETWEEN_LOOKS):
         x, z, pitch = profile.tick()
         plane.command(x, z, pitch, Departure().tick())

@@ -174,7 +174,7 @@ def _objection(joints: Array, there: Array, time: float) -> str:
 
 
 def dense(path: Array, speeds: Array) -> tuple[Array, Array]:
-    """Poses (m, 3) along `path` at most STEP apart, and the time [s] from each to the next."""
+    """Poses (m, 3) along `path` at most POSE_STEP apart, and the time [s] from each to the next."""
     poses, times = [path[:1]], [np.array([1.0])]
     for here, there, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
         way = float(np.hypot(*(there - here)[:2]))

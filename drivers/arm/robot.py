@@ -18,8 +18,8 @@ from drivers.arm.force import ForceGuard, Tare
 from drivers.arm.settings import CollisionSettings, FciSettings
 from drivers.arm.tool import IDENTITY, require_tool
 
-TARED = 50  # states, of which the force at rest is the mean
-PROBE = 0.5  # s for a robot to send its version
+TARE_STATES = 50  # states, of which the force at rest is the mean
+VERSION_TIMEOUT = 0.5  # s for a robot to send its version
 AWAITED = 5e-5  # s that reading a state takes which is waited for; one at hand takes 2e-5
 
 CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
@@ -100,7 +100,7 @@ class Robot:
 
     def guard(self) -> ForceGuard:
         """The guards of a motion from here; Failed where the robot feels too much at rest."""
-        states = [self.state() for _ in range(TARED)]
+        states = [self.state() for _ in range(TARE_STATES)]
         settings = self._settings
         tare = Tare.of(states, settings.rest)
         return ForceGuard(settings.guard, settings.guard_torque, tare)
@@ -202,8 +202,8 @@ def _mismatch(address: str) -> Failure | None:
 def robot_version(address: str) -> int | None:
     """Interface version that a robot answers with; None when it does not answer."""
     request = struct.pack("<IIIHH", 0, 1, 16, LIBRARY_VERSION, 0)
-    with suppress(OSError), socket.create_connection((address, PORT), PROBE) as link:
-        link.settimeout(PROBE)
+    with suppress(OSError), socket.create_connection((address, PORT), VERSION_TIMEOUT) as link:
+        link.settimeout(VERSION_TIMEOUT)
         link.sendall(request)
         reply = b""
         while len(reply) < 15 and (more := link.recv(64)):

@@ -20,10 +20,10 @@ JOINT_COUNT = 7
 JOINT_SPEED = 0.5  # rad/s
 JOINT_ACCELERATION = 1.5  # rad/s^2
 JOINT_JERK = 50.0  # rad/s^3 at full speed
-UNHEARD = 3e-7  # rad: more than the rounding of the state
-ACCELERATION_TOLERANCE = 1e-6  # rad/s^2, likewise
+JOINT_ROUNDING = 3e-7  # rad: more than the rounding of the state
+CHANGE_TOLERANCE = 1e-6  # rad/s^2, likewise
 GOAL_TOLERANCE = 5e-5  # rad from the goal, from which nothing is corrected any more
-REST_SPEED = 1e-3  # rad/s at which the robot may be commanded to stand
+REST_RATE = 1e-3  # rad/s at which the robot may be commanded to stand
 NEARING = 3.0  # 1/s, speed over the distance that is left
 TAKING_UP = 12.0  # 1/s, how fast a joint takes up the speed that is wanted
 
@@ -45,14 +45,18 @@ def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
     it: finer than the rounded numbers of the state.
     """
     seen = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
-    heard = largest_difference(seen.change, before.change) > ACCELERATION_TOLERANCE
+    heard = largest_difference(seen.change, before.change) > CHANGE_TOLERANCE
     place = sent if heard else before.place
     for ago in range(max(ticks - 1, 0) if heard else ticks):
         place = [
             p + TICK * (rate - ago * TICK * change)
             for p, rate, change in zip(place, seen.rate, seen.change, strict=True)
         ]
-    return seen if largest_difference(seen.place, place) > UNHEARD else seen._replace(place=place)
+    return (
+        seen
+        if largest_difference(seen.place, place) > JOINT_ROUNDING
+        else seen._replace(place=place)
+    )
 
 
 class Way:
@@ -77,7 +81,7 @@ class Way:
         """Whether the setpoints lead on no more."""
         if not self._missed:
             return not self._planned
-        still = max(map(abs, self._here.rate)) < REST_SPEED
+        still = max(map(abs, self._here.rate)) < REST_RATE
         if self._goal is None:
             return still
         return still and largest_difference(self._here.place, self._goal) < GOAL_TOLERANCE
@@ -96,7 +100,7 @@ class Way:
         now = state.time.to_sec()
         ticks, self._time = round((now - self._time) / TICK), now
         self._missed = (
-            self._missed or ticks != 1 or largest_difference(state.q_d, self._sent) > UNHEARD
+            self._missed or ticks != 1 or largest_difference(state.q_d, self._sent) > JOINT_ROUNDING
         )
         self._here = go_on(self._here, self._sent, state, ticks)
 
@@ -162,7 +166,7 @@ def follow_joints(
 
 def _stands(state: Any) -> bool:
     """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
-    return bool(max(abs(rate) for rate in state.dq_d) < REST_SPEED)
+    return bool(max(abs(rate) for rate in state.dq_d) < REST_RATE)
 
 
 def _plan(start: Numbers, goal: Numbers, share: float) -> Any:

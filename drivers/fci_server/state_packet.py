@@ -13,7 +13,7 @@ from drivers.types import Array
 Indices = NDArray[np.int64]
 
 PACKET_SIZE = 1377
-FLAGS = 41
+FLAG_COUNT = 41
 PACKET_FIELDS = (
     ("O_T_EE", 16),
     ("O_T_EE_d", 16),
@@ -63,10 +63,10 @@ FIELD_PLACES = {
 }  # of a field's numbers among all
 _FLOATS = sum(count for _, count in PACKET_FIELDS)
 _TAIL = 8 + 4 * _FLOATS
-_ERRORS, _REASONS = _TAIL + 2, _TAIL + 2 + FLAGS
-_MODE = _REASONS + FLAGS
+_ERRORS, _REASONS = _TAIL + 2, _TAIL + 2 + FLAG_COUNT
+_MODE = _REASONS + FLAG_COUNT
 _TIME, _RATE = Struct("<Q"), Struct("<f")
-_LAYOUT = Struct(f"<Q{_FLOATS}fBB{FLAGS}s{FLAGS}sBf")
+_LAYOUT = Struct(f"<Q{_FLOATS}fBB{FLAG_COUNT}s{FLAG_COUNT}sBf")
 
 
 class StatePacket:
@@ -98,7 +98,7 @@ class StatePacket:
     def put_errors(self, errors: frozenset[Reflex], reasons: frozenset[Reflex]) -> None:
         """Write the current errors, and those that ended the last motion."""
         for start, flags in ((_ERRORS, errors), (_REASONS, reasons)):
-            self._bytes[start : start + FLAGS] = bytes(FLAGS)
+            self._bytes[start : start + FLAG_COUNT] = bytes(FLAG_COUNT)
             for flag in flags:
                 self._bytes[start + flag] = 1
 

@@ -17,7 +17,7 @@ CONNECTED = Struct("<BH")  # status, version of the server
 MOVE = Struct("<II6dB7d")
 MESSAGE, COMMAND_NUMBERS = Struct("<Q"), 38
 COMMAND = Struct(f"<Q{COMMAND_NUMBERS}dBB7dB")  # the state that it answers, numbers, flags
-FLAGS = MESSAGE.size + 8 * COMMAND_NUMBERS
+FLAGS_OFFSET = MESSAGE.size + 8 * COMMAND_NUMBERS
 LARGEST_NUMBER = 1e6  # in any unit; no command is near it
 
 
@@ -157,7 +157,7 @@ class RobotCommand:
             raise Malformed(f"a command has {COMMAND.size} bytes, found {len(packet)}")
         (message_id,) = MESSAGE.unpack_from(packet)
         numbers = np.frombuffer(packet, "<f8", COMMAND_NUMBERS, MESSAGE.size)
-        with_elbow, finished = packet[FLAGS], packet[FLAGS + 1]
+        with_elbow, finished = packet[FLAGS_OFFSET], packet[FLAGS_OFFSET + 1]
         return cls(
             message_id,
             numbers[:7],

@@ -27,7 +27,8 @@ CAPSULES = (
 )
 SPHERE_SPACING = 0.02  # m at most between spheres along an axis
 LOW_LINKS, HIGH_LINKS = 3, 6  # links up to the first never touch links from the second on
-PLACED = 2  # first link that can meet what stands around the robot: those below turn on the spot
+# first link that can meet what stands around the robot: those below turn on the spot
+FIRST_FREE_LINK = 2
 
 
 def _spheres() -> tuple[Array, Array, Array]:
@@ -44,7 +45,7 @@ def _spheres() -> tuple[Array, Array, Array]:
 CENTRES, RADII, _LINKS = _spheres()
 SPHERE_LINKS = _LINKS.astype(int)
 _LOW, _HIGH = SPHERE_LINKS <= LOW_LINKS, SPHERE_LINKS >= HIGH_LINKS
-_FREE = SPHERE_LINKS >= PLACED
+_FREE = SPHERE_LINKS >= FIRST_FREE_LINK
 
 
 def spheres(q: Array) -> Array:

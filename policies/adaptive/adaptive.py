@@ -18,8 +18,8 @@ from policies.path import Path, vertical_lift
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
 
-SMOOTH = 0.08  # s in which the path follows a new judgement
-BLIND = 0.2  # s without an image that deserves belief, after which nothing is foreseen
+SMOOTHING_TIME = 0.08  # s in which the path follows a new judgement
+BLIND_TIME = 0.2  # s without an image that deserves belief, after which nothing is foreseen
 RECENT_JUDGEMENTS = 5  # judgements whose middle is predicted
 LENGTH_RANGE = (0.45, 0.75)  # m, of strips that the critic was trained on
 SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, likewise
@@ -40,7 +40,7 @@ class Fold(NamedTuple):
 class Adaptive:
     """Steers down along z = x + rise, with the rise at which the critic foresees d = 0.
 
-    While no image deserves belief it holds the rise; after `BLIND` it takes that of `shifted`,
+    While no image deserves belief it holds the rise; after `BLIND_TIME` it takes that of `shifted`,
     and `blind` says so.
     """
 
@@ -106,7 +106,7 @@ class Adaptive:
         fresh = self._features.tell(observation)
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
         judgement = self._judge(inputs, fresh)
-        self.blind = observation.time - self._features.newest > BLIND
+        self.blind = observation.time - self._features.newest > BLIND_TIME
         self._fold = self._fold._replace(
             rise=self._smooth_rise(judgement, observation.time), time=observation.time
         )
@@ -130,7 +130,7 @@ class Adaptive:
         rise = np.where(self.blind, UNKNOWING * self._length, rise)
         rise = np.clip(rise, 0.0, self._steering.highest)
         since = np.clip(np.nan_to_num(time - self._fold.time, nan=math.inf), 0.0, None)
-        followed = 1.0 - np.exp(-since / SMOOTH)
+        followed = 1.0 - np.exp(-since / SMOOTHING_TIME)
         return np.asarray(self.rise + followed * (rise - self.rise))
 
 

@@ -20,7 +20,7 @@ from policies.adaptive.transfer import Transfer
 COMMITTED = FilePath(__file__).parents[1] / "weights" / "adaptive.npz"
 THROUGH_IMAGES = "through_images"  # of the origin: the transfer, and how it came about
 ABOUT = "about"  # JSON: schema, policy, how the weights came about
-LARGEST = 50_000_000  # bytes of a file that is opened at all
+LARGEST_FILE = 50_000_000  # bytes of a file that is opened at all
 SCHEMA = 1
 
 
@@ -70,7 +70,7 @@ def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:
 
 def _arrays(path: FilePath) -> dict[str, Any]:
     try:
-        content = read_bytes(path, LARGEST)
+        content = read_bytes(path, LARGEST_FILE)
     except ConfigurationError as error:
         raise ConfigurationError(f"{error}; name another checkpoint or train one") from None
     try:

@@ -12,7 +12,7 @@ from policies.domain import strip_at
 STRIP_LENGTH = 0.6  # m
 THICKNESS_RANGE = (0.0003, 0.002)  # m, log-uniform
 DENSITY_RANGE = (0.1, 0.5)  # kg/m^2, log-uniform: light shirting to heavy denim
-RUBBING = 0.43  # share of strips with yarn friction
+FRICTION_SHARE = 0.43  # share of strips with yarn friction
 FRICTION_EFFECT = "bending_hysteresis"
 OTHER = 0.25  # share of strips with one effect besides
 
@@ -67,7 +67,7 @@ def plain(
 def unknown(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
     """A strip as it may come: friction on many, another effect on some."""
     effects: dict[str, Mapping[str, float]] = {}
-    if rng.uniform() < RUBBING:
+    if rng.uniform() < FRICTION_SHARE:
         curvature = registry()[FRICTION_EFFECT].textile["yield_curvature"]
         effects[FRICTION_EFFECT] = friction(rng, curvature.low, curvature.high)
     if rng.uniform() < OTHER:

@@ -9,7 +9,8 @@ from drivers.types import Array
 
 WINDOW_TIME = 0.12  # s of images that count
 FRAME_COUNT = 12  # kept, of cameras up to 100 Hz
-SLOW = 1.6e-5  # s^2, noise over the rates that occur, squared: what a single image says of a rate
+# s^2, noise over the rates that occur, squared: what a single image says of a rate
+RATE_NOISE = 1.6e-5
 OUTLIER_DEVIATION = 1.5e-3  # over the length: deviations from the line that begin to count less
 PASSES = 2  # of reweighting
 
@@ -67,7 +68,7 @@ class Window:
 def _line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
     """Weighted least squares over the frames; rates are held back by what a single image says."""
     s0 = weight.sum(axis=1) + 1e-12
-    s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + SLOW
+    s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + RATE_NOISE
     y0, y1 = (weight * values).sum(axis=1), (weight * values * t).sum(axis=1)
     rate = (s0 * y1 - s1 * y0) / (s0 * s2 - s1 * s1)
     return (y0 - s1 * rate) / s0, rate

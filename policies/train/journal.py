@@ -15,7 +15,7 @@ from policies.train.settings import TrainingSettings
 
 Line = dict[str, Any]
 LARGEST_JOURNAL = 512 * MEGABYTE  # of hundreds of thousands of generations
-REMEDY = "name another output folder"
+OTHER_FOLDER = "name another output folder"
 GENERATION_KEYS = {"asked", "costs", "validated"}  # of a generation, from which the search goes on
 
 
@@ -51,7 +51,7 @@ class Journal:
 
     def append(self, line: Line) -> None:
         """Write `line`; it is on disk on return."""
-        with writing(self.path, REMEDY):
+        with writing(self.path, OTHER_FOLDER):
             append_line(self.path, (json.dumps(line) + "\n").encode())
         self._lines.append(line)
 
@@ -75,7 +75,7 @@ class Journal:
             )
 
     def _read(self) -> str:
-        with writing(self.path, REMEDY):
+        with writing(self.path, OTHER_FOLDER):
             self.path.parent.mkdir(parents=True, exist_ok=True)
         return read_text(self.path, LARGEST_JOURNAL) if self.path.exists() else ""
 
@@ -95,7 +95,7 @@ class Journal:
         return lines
 
     def _replace(self, text: str) -> None:
-        write_file(self.path, text, REMEDY)
+        write_file(self.path, text, OTHER_FOLDER)
 
     def _strange(self) -> ConfigurationError:
-        return ConfigurationError(f"{self.path}: is not a training journal; {REMEDY}")
+        return ConfigurationError(f"{self.path}: is not a training journal; {OTHER_FOLDER}")

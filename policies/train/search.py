@@ -16,8 +16,8 @@ from policies.train.journal import Journal, Line
 from policies.train.objective import Scores
 from policies.train.settings import TrainingSettings
 
-Evaluate = Callable[[Array, int], Scores]  # of candidates (p, WEIGHTS) in a generation
-Validate = Callable[[Array], float]  # weights (WEIGHTS,) -> rms d [m] over strips kept apart
+Evaluate = Callable[[Array, int], Scores]  # of candidates (p, WEIGHT_COUNT) in a generation
+Validate = Callable[[Array], float]  # weights (WEIGHT_COUNT,) -> rms d [m] over strips kept apart
 
 
 APEX = 0.5  # of the strip's length, where the heading turns

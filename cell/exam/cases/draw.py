@@ -25,7 +25,7 @@ from policies.experiments.by_hand import by_hand
 from policies.experiments.standard import standard_order
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
-PLACED = 4  # draws of where one of them sits
+PLACE_DRAWS = 4  # draws of where one of them sits
 NEARLY = 0.9  # of the strength, that what is left of an effect beside another must have
 FOREIGN = 2  # one state-based case in so many has a plant that is not the model: a chain
 BY_HAND_PERIOD = 3  # one triple of levels in so many is moved by hand
@@ -159,7 +159,7 @@ def _showing(
     """
     others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
     for strip in [case.strip, *others]:
-        for _ in range(PLACED):
+        for _ in range(PLACE_DRAWS):
             path = path_of(effect, find_configs(None).strip(strip), rng)
             share = _ruler_of(case.model_copy(update={"strip": strip})).share(path, target)
             if share is not None:

@@ -23,7 +23,7 @@ FILES = (RUN, TICKS, PROFILE, RESULT)
 PACKAGES = ("cell", "drivers", "policies", "calibration")
 SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/proc/self", "/proc/cpuinfo", "/proc/meminfo",
           "/proc/stat", "/sys/devices/system", "/sys/fs/cgroup")  # fmt: skip
-DEVICES = ("/dev/null", "/dev/urandom", "/dev/random", "/dev/zero")
+ALLOWED_DEVICES = ("/dev/null", "/dev/urandom", "/dev/random", "/dev/zero")
 SANDBOX_TIMEOUT = 600.0  # s
 POLL_INTERVAL = 0.02  # s
 
@@ -87,7 +87,7 @@ def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
     code = [str(root / name) for name in PACKAGES]
     return {
         "readable": [*dict.fromkeys(python), *code, *SYSTEM, str(fonts)],
-        "writable": [str(workdir), str(cache_folder()), *DEVICES],
+        "writable": [str(workdir), str(cache_folder()), *ALLOWED_DEVICES],
         "sealed": [str(path.resolve()) for path in (*sealed, root / "cell" / "exam")],
     }
 

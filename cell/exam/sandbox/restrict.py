@@ -16,7 +16,7 @@ CREATE, ADD, RESTRICT = 444, 445, 446  # numbers of the system calls, the same o
 LANDLOCK_VERSION, BENEATH = 1, 1
 NO_NEW_PRIVILEGES, DIE_WITH_PARENT, KILL = 38, 1, 9
 WRITE_FILE, READ_FILE, READ_DIR, TRUNCATE = 1 << 1, 1 << 2, 1 << 3, 1 << 14
-CHANGE = WRITE_FILE | sum(1 << bit for bit in range(4, 13))  # remove and make, of every kind
+CHANGE_RIGHTS = WRITE_FILE | sum(1 << bit for bit in range(4, 13))  # remove and make, of every kind
 TRUNCATES = 3  # version from which truncation can be barred
 OPENED = ("open", "os.listdir", "os.scandir", "os.chdir", "os.truncate")
 STARTED = ("subprocess.Popen", "os.exec", "os.posix_spawn", "os.system", "os.fork", "os.forkpty")
@@ -61,7 +61,7 @@ def landlock(permit: Policy) -> bool:
     if known < 1:
         return False
     cut = TRUNCATE if known >= TRUNCATES else 0
-    handled = ctypes.c_uint64(READ_FILE | READ_DIR | CHANGE | cut)
+    handled = ctypes.c_uint64(READ_FILE | READ_DIR | CHANGE_RIGHTS | cut)
     rules = _call(CREATE, ctypes.byref(handled), ctypes.c_size_t(8), ctypes.c_uint32(0))
     if rules < 0:
         return False

@@ -11,7 +11,7 @@ from cell.gap.verdict.compose import PLACE_SIGNIFICANCE
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Compared, Verdict
 
-LISTED = 4  # sets of effects of which the page speaks
+LISTED_SETS = 4  # sets of effects of which the page speaks
 EXCLUDED = 1e-4  # probability below which a set counts as excluded: its size says nothing
 
 
@@ -71,7 +71,7 @@ def _probable(verdict: Verdict) -> str:
     """The most probable sets of effects, in a sentence."""
     if verdict.posterior is None or len(verdict.posterior.models) < 2:
         return ""
-    first, *others = verdict.posterior.models[:LISTED]
+    first, *others = verdict.posterior.models[:LISTED_SETS]
     others = [m for m in others if m.p > EXCLUDED]
     rest = [f"{_set(m.names)} {probability(m.p)}" for m in others]
     also = f"; besides {', '.join(rest)}" if rest else "; all others are excluded"

@@ -27,7 +27,7 @@ from drivers.types import Array
 CURVE_COLOURS = {"measured": 0xFFAA32FF, "before": int(COLOUR_BEFORE[1:] + "ff", 16),
            "after": int(COLOUR_AFTER[1:] + "ff", 16)}  # fmt: skip
 HAND_RGBA, DESK_RGBA = 0xC9CED6FF, 0x8A9099FF
-RADIUS = 1.2  # mm
+RADIUS_MM = 1.2  # mm
 
 
 def write_overlay(found: Findings, verdict: Verdict, path: Path) -> None:
@@ -102,7 +102,7 @@ def _write(recording: rr.RecordingStream, run: Replayed) -> None:
         _curve(recording, root, word, scene)
         for name, track in scene.tracks.items():
             colour = HAND_RGBA if name == "gripper" else CURVE_COLOURS[word]
-            size = 4 * RADIUS if word == "measured" else 3 * RADIUS
+            size = 4 * RADIUS_MM if word == "measured" else 3 * RADIUS_MM
             columns = rr.Points2D.columns(positions=_flat(track.places))
             _send(recording, f"{root}/tracks/{name}/{word}", track.t, columns,
                   rr.Points2D.from_fields(colors=colour, radii=size))  # fmt: skip
@@ -118,7 +118,7 @@ def _furnish(recording: rr.RecordingStream, root: str, measured: Scene) -> None:
     desk = _flat(np.array([[-0.1, 0.0], [float(grip[:, 0].max()) + 0.15, 0.0]]))
     lines = (("desk", desk, DESK_RGBA), ("path", _flat(grip), HAND_RGBA))
     for name, points, colour in lines:
-        line = rr.LineStrips2D([points], colors=colour, radii=0.4 * RADIUS)
+        line = rr.LineStrips2D([points], colors=colour, radii=0.4 * RADIUS_MM)
         recording.log(f"{root}/{name}", line, static=True)
 
 
@@ -137,10 +137,10 @@ def _curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene) ->
     if word == "measured":
         columns = rr.Points2D.columns(positions=np.concatenate(curves))
         columns = columns.partition([len(points) for points in curves])
-        look: Any = rr.Points2D.from_fields(colors=CURVE_COLOURS[word], radii=1.4 * RADIUS)
+        look: Any = rr.Points2D.from_fields(colors=CURVE_COLOURS[word], radii=1.4 * RADIUS_MM)
     else:
         columns = rr.LineStrips2D.columns(strips=curves)
-        look = rr.LineStrips2D.from_fields(colors=CURVE_COLOURS[word], radii=0.7 * RADIUS)
+        look = rr.LineStrips2D.from_fields(colors=CURVE_COLOURS[word], radii=0.7 * RADIUS_MM)
     _send(recording, entity, scene.curve.t, columns, look)
 
 

@@ -21,7 +21,7 @@ from cell.gap.selection.posterior import Posterior
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
-BLIND = 0.9  # of what was known before: a fit that says less says nothing
+BLIND_SHARE = 0.9  # of what was known before: a fit that says less says nothing
 
 
 def is_significant(estimate: Estimate, effect: Candidate, by: LikelihoodScale) -> bool:
@@ -38,7 +38,7 @@ def is_significant(estimate: Estimate, effect: Candidate, by: LikelihoodScale) -
         first += len(other.parameters)
     for i, p in enumerate(effect.parameters, start=first):
         far = abs(estimate.shared[i] - p.start) > special.ndtri(0.975) * spread[i]
-        if not p.shape and (far or spread[i] > BLIND * p.spread):
+        if not p.shape and (far or spread[i] > BLIND_SHARE * p.spread):
             return True
     return False
 

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from mcap.writer import Writer
 
 LARGEST_FILE = 1024 * MEGABYTE
-SECOND = 1_000_000_000  # ns
-ATTACHMENT_TIME = 3600 * SECOND  # of log time at t = 0: an image from before has a time too
+NANOSECONDS = 1_000_000_000  # ns
+ATTACHMENT_TIME = 3600 * NANOSECONDS  # of log time at t = 0: an image from before has a time too
 ATTACHED = (RUN, RESULT, CALIBRATION)
 Row = dict[str, Any]
 
@@ -106,7 +106,7 @@ def _write_pictures(writer: "Writer", part: Outgoing) -> None:
 
 
 def _log_time(t: float) -> int:
-    return max(ATTACHMENT_TIME + round(t * SECOND), 0)
+    return max(ATTACHMENT_TIME + round(t * NANOSECONDS), 0)
 
 
 class McapFile:

@@ -24,7 +24,7 @@ from policies.adaptive.fabrics import STRIP_LENGTH, effect, plain, unknown
 from policies.rollout import Rollout, roll_out
 
 LINKS = 80
-SHARE = 0.99  # of the folds that behave like the model are not flagged, by each limit
+UNFLAGGED_SHARE = 0.99  # of the folds that behave like the model are not flagged, by each limit
 TRAINED_CONDITIONS = ("as they come", "friction 20-60", "seam", "3 mm noise", "latency +-10 ms")
 STRANGE_LAWS = {
     "draught 0.35 m/s": ("draught", {"speed": 0.35}),
@@ -98,12 +98,12 @@ def measure(case: Values) -> Values:
 
 
 def limits(outcomes: Sequence[Outcome]) -> Values:
-    """What `SHARE` of the folds stay below that strips as they come make."""
+    """What `UNFLAGGED_SHARE` of the folds stay below that strips as they come make."""
     rows = [o.values for o in outcomes if o.case.values["kind"] == "as trained"]
     rows = [row for row in rows if row["residual"] is not None]
-    found = {name: float(np.quantile([row[name] for row in rows], SHARE))
+    found = {name: float(np.quantile([row[name] for row in rows], UNFLAGGED_SHARE))
              for name in ("residual", "yield_curvature")}  # fmt: skip
-    return {"schema": 1, **found, "share": SHARE, "folds": len(rows)}
+    return {"schema": 1, **found, "share": UNFLAGGED_SHARE, "folds": len(rows)}
 
 
 STUDY = Study(

@@ -41,7 +41,7 @@ CONDITIONS = (
     *((cell, CHANGED_SERIES) for cell in ("tool 3 mm off", "images 20 ms old")),
 )
 FOLDS_BEFORE = 3  # folds of a right cell before it changes
-MARK = 5e-4  # m, to which a ruler is read
+RULER_MARK = 5e-4  # m, to which a ruler is read
 FRICTION_RANGE = (20.0, 60.0)  # 1/m, of every second strip
 
 
@@ -106,7 +106,7 @@ def _facts(case: Values, result: FoldResult) -> Values:
 def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
     """Add the offset of the laid edges by a ruler, where the camera saw them too."""
     if result.edge_offset is not None and result.edge_offset_true is not None:
-        edges = MARK * round(result.edge_offset_true / MARK)
+        edges = RULER_MARK * round(result.edge_offset_true / RULER_MARK)
         learn_from_ruler(Path(result.run), edges, find_configs(None).cell().name, memory)
 
 

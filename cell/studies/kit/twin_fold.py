@@ -20,7 +20,7 @@ from policies.path import Path
 STEP = 0.005  # s of the plant
 TIME_AFTER_TOUCH = 0.25  # s that a fold goes on after the touch
 CONTACT_HEIGHT = 0.001
-BESIDE, CLEAR = 0.05, 0.25  # m: where the hand waits while a strip is judged
+HAND_ASIDE, HAND_HEIGHT = 0.05, 0.25  # m: where the hand waits while a strip is judged
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class FoldCamera:
         """The strip flat and still before the grasp, the hand where it waits in the cell."""
         arc = np.linspace(0, strip.length, 61)
         points = np.column_stack([arc, np.zeros_like(arc)])
-        away = Pose(strip.length + BESIDE, CLEAR, 0.0)
+        away = Pose(strip.length + HAND_ASIDE, HAND_HEIGHT, 0.0)
         scene = Scene(0.0, points, arc, away, 0.04, holds_strip=False)
         return Frame(0.0, 0.02, "test", sequence, self.renderer.render([scene], sequence))
 

@@ -1,7 +1,7 @@
 """L D L^T factorisation of a symmetric matrix with half bandwidth 5, in place, and its solution.
 
-Row r of `band` (rows, 7[, WIDTH]) holds 1/D(r) in column 0, L(r, r - j) in column j = 1..5 and the
-right-hand side, later the solution, in column 6. Rows before the first unknown are zero.
+Row r of `band` (rows, 7[, LANE_COUNT]) holds 1/D(r) in column 0, L(r, r - j) in column j = 1..5 and
+the right-hand side, later the solution, in column 6. Rows before the first unknown are zero.
 """
 
 from typing import Any

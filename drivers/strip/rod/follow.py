@@ -26,8 +26,8 @@ KNOWN_SIZE = 11
 
 
 class Batch(NamedTuple):
-    """Strips in blocks: `nature`, `state` (blocks, rows, fields[, WIDTH]), shared `work`, `band`;
-    `strips`, `alive`: which strip each lane holds and whether it simulates; of each strip
+    """Strips in blocks: `nature`, `state` (blocks, rows, fields[, LANE_COUNT]), shared `work`,
+    `band`; `strips`, `alive`: which strip each lane holds and whether it simulates; of each strip
     `known` (n, KNOWN_SIZE), `arc` (n, nodes), `held` (n, 3), the pose of its grip; `last` and
     `terms` as in Block.
     """

@@ -124,8 +124,8 @@ def solve(block: Any, rate: Any, alive: Any, tolerance: Any) -> Any:
     """Newton iterations until segments turn by less than `tolerance` [rad], root mean square;
     returns the lanes that failed.
 
-    A lane with a segment that turns by more than WILD in one correction has failed: Newton's method
-    could then converge to a kinked equilibrium that is not the continuation of the motion.
+    A lane with a segment that turns by more than LARGEST_TURN in one correction has failed: Newton's
+    method could then converge to a kinked equilibrium that does not continue the motion.
     """
     unsolved, failed = alive, 0.0 * alive
     for _ in range(ITERATIONS):

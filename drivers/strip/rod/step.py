@@ -18,8 +18,8 @@ STEP_PARTS = (16, 256)
 
 
 class Grips(NamedTuple):
-    """Which strip each lane of a block holds (WIDTH,), whether it is alive, the previous grip poses
-    `held` (n, 3) and the next `poses` (n, 3).
+    """Which strip each lane of a block holds (LANE_COUNT,), whether it is alive, the previous grip
+    poses `held` (n, 3) and the next `poses` (n, 3).
     """
 
     strips: Any

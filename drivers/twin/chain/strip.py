@@ -24,7 +24,7 @@ from drivers.types import Array
 OPENING = 2.0  # touch gaps by which the layers must have opened before they can touch
 PULL = 2e-5  # m beyond a strip's reach: some three times its weight
 # rad that a hinge turns in a step when the chain has lost its way; 0.9 is known
-LARGEST_TURN = np.pi
+LOST_TURN = np.pi
 STATE_SPEC = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -133,7 +133,7 @@ class ChainStrip:
         self.points = self._joints.nodes(self._data.qpos)
         diverged = self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
         turn = h * np.abs(self._data.qvel[self._joints.hinges]).max()
-        if diverged or not turn < LARGEST_TURN:
+        if diverged or not turn < LOST_TURN:
             raise SimulationNotFinite("chain", self._time + h)
 
     def _within_reach(self, target: Array) -> Array:

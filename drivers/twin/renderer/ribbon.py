@@ -15,7 +15,7 @@ WEAVE_ROWS, WEAVE_COLUMNS = 2048, 128  # its size, then it repeats
 PITCH = 0.5  # px between points of material along the strip
 DEPTH_PITCH = 0.65  # px, across its faces
 EDGE_RADIUS = 0.001  # m of half a thickness by which the corners of a cut edge are rounded off
-PROBE = 0.001  # m, over which the lens counts as linear
+LENS_PROBE = 0.001  # m, over which the lens counts as linear
 LIGHT_DIRECTION = np.array([-0.35, 0.94])  # where the light comes from, in the plane
 PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
 AMBIENT = 0.62
@@ -72,7 +72,9 @@ class Seen:
 def project(curve: Curve, optics: Optics, look: StripLook) -> Seen:
     """`curve` through the lens, linear about each of its points."""
     near = optics.plane(curve.points)
-    by_x, by_z = ((optics.plane(curve.points + step) - near) / PROBE for step in PROBE * np.eye(2))
+    by_x, by_z = (
+        (optics.plane(curve.points + step) - near) / LENS_PROBE for step in LENS_PROBE * np.eye(2)
+    )
 
     def offsets(step: Array) -> Array:
         return np.asarray(by_x * step[:, :1] + by_z * step[:, 1:])

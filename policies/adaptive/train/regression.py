@@ -23,9 +23,9 @@ from policies.profile import POINTS
 
 BATCH = 64  # folds
 PICKED = 28  # moments of each fold that a step learns from
-FASTEST, SLOWEST = 2e-3, 2e-5  # learning rates, falling along a cosine
-NOISE = 3e-4  # of inputs, spreads below which are not blown up to one
-SOFT = 0.5  # exponent of the weight by which uncertain moments count less (beta-NLL)
+FIRST_RATE, LAST_RATE = 2e-3, 2e-5  # learning rates, falling along a cosine
+SMALLEST_SPREAD = 3e-4  # of inputs, spreads below which are not blown up to one
+NLL_EXPONENT = 0.5  # exponent of the weight by which uncertain moments count less (beta-NLL)
 IMAGE_BIAS = 5e-4  # over the length, one sigma of what images are off all through a fold
 BELIEF = 0.1  # weight of the strip's likelihood
 
@@ -65,7 +65,7 @@ def whitening(piece: Piece) -> tuple[Array, Array]:
     scale[:STATE_SIZE] = 1.0 / np.maximum(inputs[:, :STATE_SIZE].std(axis=0), 1e-6) * 0.1
     covariance = np.cov((inputs - mean) * scale, rowvar=False)
     values, vectors = np.linalg.eigh(covariance)
-    return mean, scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + NOISE**2)
+    return mean, scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + SMALLEST_SPREAD**2)
 
 
 def input_mask(settings: CriticSettings) -> Array:
@@ -104,8 +104,8 @@ def _fit(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | No
     blur = torch.tensor(whiten, dtype=torch.float32)
     rounds = len(data[0]) // BATCH
     steps = epochs * rounds
-    optimiser = torch.optim.Adam(network.parameters(), lr=FASTEST)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, SLOWEST)
+    optimiser = torch.optim.Adam(network.parameters(), lr=FIRST_RATE)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, LAST_RATE)
     for _ in range(epochs):
         order = torch.randperm(len(data[0]))[: rounds * BATCH]
         for batch in torch.split(order, BATCH):
@@ -162,7 +162,7 @@ def _loss(network: Network, batch: list[Tensor]) -> Tensor:
     expected = out[..., DISPLACEMENT] + out[..., SLOPE] * moved
     spread = out[..., SPREAD].clamp(-8.0, 4.0)
     error = displacement[:, None] - expected
-    likely = _soft(error, spread, SOFT)
+    likely = _soft(error, spread, NLL_EXPONENT)
     off, sure = strip[:, None] - out[..., STRIP::2], out[..., STRIP + 1 :: 2].clamp(-8.0, 4.0)
     belief = _soft(off, sure, 0.0).sum(dim=-1)
     return _mean(likely, predicted) + BELIEF * _mean(belief, alive)

@@ -13,7 +13,7 @@ from policies.adaptive.bias import REFERENCE_THICKNESS, Bias, bias_terms
 from policies.adaptive.transfer import Transfer
 
 PRIOR = np.array([2e-3, 2e-3, 2.0])  # sigma of the bias: m, m, m/m
-NOISE = 0.7e-3  # m, of one fold, against which the priors count
+FOLD_NOISE = 0.7e-3  # m, of one fold, against which the priors count
 OUTLIER_ERROR = 1.5e-3  # m from which on a fold begins to count less
 COVERAGE = 0.68  # share of folds within one sigma
 
@@ -83,12 +83,12 @@ def _coefficients(batch: FoldedBatch) -> Array:
     terms, values = _bias_terms(batch), batch.predicted - batch.displacement
 
     def residuals(scaled: Array) -> Array:
-        off = (terms @ (scaled * PRIOR) - values) / NOISE
-        wild = OUTLIER_ERROR / NOISE
+        off = (terms @ (scaled * PRIOR) - values) / FOLD_NOISE
+        wild = OUTLIER_ERROR / FOLD_NOISE
         return np.concatenate([wild * np.arcsinh(off / wild), scaled])
 
-    rows = np.vstack([terms * PRIOR / NOISE, np.eye(len(PRIOR))])
-    start = np.linalg.lstsq(rows, np.concatenate([values / NOISE, 0.0 * PRIOR]), rcond=None)[0]
+    rows = np.vstack([terms * PRIOR / FOLD_NOISE, np.eye(len(PRIOR))])
+    start = np.linalg.lstsq(rows, np.concatenate([values / FOLD_NOISE, 0.0 * PRIOR]), rcond=None)[0]
     return np.asarray(optimize.least_squares(residuals, start).x * PRIOR)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cell.config.monitor_limits import MonitorLimits
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.phases import _inspect
 from cell.orchestrator.snapshot import Hold, Snapshot
@@ -28,7 +28,7 @@ PATIENCE = 30.0  # s
 
 def started() -> Beside:
     lens = SimpleNamespace(height=4, width=6)
-    strip = Configs(BESIDE).strip("denim")
+    strip = Configs(CHECKOUT_CONFIGS).strip("denim")
     return Beside(Subject(SimpleNamespace(lens=lens), PerceptionSettings(), strip), PlainSight)
 
 

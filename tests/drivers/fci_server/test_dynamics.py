@@ -90,7 +90,7 @@ def test_links_stand_behind_their_motors_by_compliance_times_torque():
 
 
 def test_a_log_keeps_the_newest_ticks_in_order(monkeypatch):
-    monkeypatch.setattr(joint_log, "KEPT", 4)
+    monkeypatch.setattr(joint_log, "KEPT_TICKS", 4)
     log = JointLog()
     for k in range(6):
         parts = {name: [float(k)] * 7 for name in joint_log.JOINT_FIELDS}

@@ -7,7 +7,7 @@ from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.rod.engine import Rod
 from policies.experiments.motion import Go, Rest, Shake, motion
-from policies.experiments.scripted import FASTEST
+from policies.experiments.scripted import FASTEST_COMMAND
 from policies.experiments.standard import REFERENCE_RUN, REPEATED_RUN, STANDARD, standard_order
 from policies.path import triangular
 from policies.registry import make_policy, policy_names
@@ -83,7 +83,7 @@ def test_the_policy_makes_its_motion(name: str) -> None:
     assert away.max() < 0.006
     assert made.touched.all() == (name != "taut-lift")
     step = np.linalg.norm(np.diff(trace, axis=0), axis=1).max() * settings.rate
-    assert step < 1.1 * FASTEST
+    assert step < 1.1 * FASTEST_COMMAND
 
 
 def test_motions_are_no_policies_to_choose_from() -> None:

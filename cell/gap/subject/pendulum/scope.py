@@ -11,7 +11,7 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 ANGLE_TOLERANCE = 0.001  # rad, of a hinge and its encoder
-SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.005))
+NUMBER_SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.005))
 """Relative spread of what was weighed and measured."""
 
 
@@ -33,7 +33,7 @@ def _base(pendulum: PendulumFile) -> list[Parameter]:
         parameters.append(
             Parameter(name, "N m s", link.damping, 0.0, unit, 1e-5 * unit, 0.1 * unit)
         )
-    for key, unit_name, spread in SPREADS:
+    for key, unit_name, spread in NUMBER_SPREADS:
         for i, link in enumerate(pendulum.links[:-1] if key == "length" else pendulum.links):
             v = getattr(link, key)
             step, width = 1e-3 * spread * v, spread * v

@@ -6,7 +6,7 @@ import numpy as np
 
 from cell.gap.subject.strip.layout import Layout, Part
 from cell.gap.subject.strip.runs import Measured
-from cell.gap.subject.strip.simulation import SHAPES, SimulatedMotion
+from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
 from cell.gap.subject.subject import Residuals
 from drivers.strip.curve import group_means, signed_distances
 from drivers.strip.model import StripModel
@@ -58,7 +58,7 @@ class Comparison:
                 np.ascontiguousarray(points),
                 images.image[order],
                 images.s[order],
-                (time - shown.begin) / SHAPES,
+                (time - shown.begin) / SHAPE_PERIOD,
                 shown.shapes,
                 shown.arc * self.length,
                 found,

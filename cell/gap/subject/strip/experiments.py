@@ -20,7 +20,7 @@ from policies.registry import MOTION
 
 SET_UP = 1.5  # minutes to lay the strip flat again
 IMAGE_PERIOD = 0.06  # s between images
-SPACING = 0.015  # m between points of an image
+POINT_SPACING = 0.015  # m between points of an image
 SEGMENTS, STEP = 100, 0.005  # of the rod: a plan need not be finer
 
 
@@ -68,7 +68,7 @@ def _observe(fold: Fold, sigma: Sigma, index: int) -> Measured:
 
 
 def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
-    s = np.arange(0.0, arc[-1], SPACING)
+    s = np.arange(0.0, arc[-1], POINT_SPACING)
     points, image, places = [], [], []
     for k, shape in enumerate(shapes):
         curve = np.stack([np.interp(s, arc, shape[:, c]) for c in range(2)], axis=1)

@@ -17,7 +17,7 @@ TOUCH_TIME = 0.03  # s, noise of the time of a touch where nobody states it
 # m of travel before which a strip just lifted shows more of its grip than of itself
 GRIP_TRAVEL = 0.15
 SNAP = 0.15  # s before the touch in which any model is off
-FEWEST = 4  # points of a profile's sample
+FEWEST_POINTS = 4  # points of a profile's sample
 EVENT = ("touch_time", "touch_x", "displacement")
 
 
@@ -68,7 +68,7 @@ def layout(run: Measured, length: float, floors: Floors) -> Layout:
     """Samples of `run`, a fold of a strip of `length` [m]."""
     images, sigma = run.images, run.sigma
     profile = _part(
-        run, images.stamps[images.image], zones(images.s, length), sigma.profile, FEWEST
+        run, images.stamps[images.image], zones(images.s, length), sigma.profile, FEWEST_POINTS
     )
     apart = _is_buckled(run, length)
     contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, apart)

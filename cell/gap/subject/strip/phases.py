@@ -10,7 +10,7 @@ from policies.path import TAKEOVER_HEIGHT
 
 FALL = 1.0  # s before the touch in which the fold comes down
 AVERAGING_TIME = 0.6  # s over which the gripper's own motion is averaged: shakes are no motion
-SLOW = 0.25  # of the run's usual speed, below which the gripper holds
+HOLD_SPEED = 0.25  # of the run's usual speed, below which the gripper holds
 RETURN_SPEED = 0.3  # of the run's usual speed at which it moves towards the lift's side
 ZONES = ("fixed", "middle", "grasped")
 
@@ -22,7 +22,7 @@ def phases(run: Measured, t: Array) -> Words:
     lifted = run.t[np.argmax(run.poses[:, 1] >= TAKEOVER_HEIGHT)] if _rises(run) else run.end
     words = np.full(len(t), "carry", dtype="U8")
     words[back > RETURN_SPEED * usual] = "return"
-    words[speed < SLOW * usual] = "hold"
+    words[speed < HOLD_SPEED * usual] = "hold"
     if run.touch is not None:
         words[t > run.end - FALL] = "fall"
     words[t < lifted] = "lift"

@@ -12,7 +12,7 @@ from drivers.strip.rod.motions import GripperPath
 PATH_TOLERANCE = np.array(
     [5e-4, 5e-4, 0.005]
 )  # m, m, rad between two paths; arms repeat within a fifth
-AT_ONCE = 1e-3  # s between the beginnings of two paths
+SAME_START = 1e-3  # s between the beginnings of two paths
 
 
 def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
@@ -36,7 +36,7 @@ def _same(longer: Fold, fold: Fold) -> bool:
     if longer.comparison.run.contact_height != fold.comparison.run.contact_height:
         return False
     first, second = longer.way.path, fold.way.path
-    if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > AT_ONCE:
+    if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > SAME_START:
         return False
     return _near(first, second) and _near(longer.lifted_path.path, fold.lifted_path.path)
 

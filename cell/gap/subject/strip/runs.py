@@ -26,7 +26,7 @@ from policies.path import lift_pitch
 
 TOUCHED = NOT_FOLDED | {"layer_touch"}  # the touch is a measurement, whatever came after it
 LEAST = 30  # rows of a usable run
-SLOWEST = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
+LONGEST_PERIOD = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
 START_TOLERANCE = 0.03  # m from where a run must start
 IMAGE_TIME_MARGIN = 1.0  # s, no image is so long before the first or after the last row
 
@@ -231,7 +231,7 @@ def _check_ticks(folder: Path, run: Recorded) -> None:
             return
         raise ConfigurationError(f"{origin}: t: has {len(t)} rows; at least {LEAST} are needed")
     step = float(np.median(np.diff(t)))
-    if step > SLOWEST:
+    if step > LONGEST_PERIOD:
         raise ConfigurationError(
             f"{origin}: t: rows are {step:g} s apart, at most 0.01 s is needed (100 Hz); "
             "give times in s"

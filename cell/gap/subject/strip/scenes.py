@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from cell.gap.subject.scene import Curve, Scene, Signal, Track
 from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.strip.runs import Measured
-from cell.gap.subject.strip.simulation import SHAPES, SimulatedMotion
+from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
 from drivers.strip.curve import signed_distances
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
@@ -70,7 +70,7 @@ def _images_before_end(run: Measured) -> Index:
 def _places(run: Measured, model: StripModel, shown: SimulatedMotion) -> Array:
     """Of each image (m,), where in the row of shapes its moment lies; the last one is held."""
     true = np.asarray(shown_time(model.observation, run.images.stamps))
-    return np.clip((true - shown.begin) / SHAPES, 0.0, len(shown.shapes) - 1.0)
+    return np.clip((true - shown.begin) / SHAPE_PERIOD, 0.0, len(shown.shapes) - 1.0)
 
 
 def _shapes(places: Array, shown: SimulatedMotion) -> Array:

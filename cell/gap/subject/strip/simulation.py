@@ -22,7 +22,7 @@ from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
-SHAPES = 0.01  # s between the shapes that are kept
+SHAPE_PERIOD = 0.01  # s between the shapes that are kept
 AT_ONCE = 16  # motions in one call: all their shapes are in memory
 LANE_COUNT = 8  # motions that cost no more than one
 REMEMBERED = 96 * 2**20  # bytes of motions that are kept: few are asked for again, and soon
@@ -98,7 +98,7 @@ class Job:
 class SimulatedMotion:
     """What truly happens along a drive: at times `t` (k,) [s] `contact_x` (k,), `force` (k, 2) on
     the gripper and `poses` (k, 3); `shapes` (m, nodes, 2), in single precision, from `begin` [s] on
-    every SHAPES seconds, nodes at the shares `arc` (nodes,) of the length; the touch, if any.
+    every SHAPE_PERIOD seconds, nodes at the shares `arc` (nodes,) of the length; the touch, if any.
     """
 
     t: Array
@@ -169,7 +169,7 @@ class Simulation:
     def _together(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
         rod = Rod(self.grain.segments, strict=False, tolerance=self.grain.tolerance)
         models, ways = [d.model for d in drives], [d.way for d in drives]
-        every = max(1, round(SHAPES / self.grain.dt))
+        every = max(1, round(SHAPE_PERIOD / self.grain.dt))
         motions = simulate_all(rod, models, ways, dt=self.grain.dt, every=every)
         return [
             None if failed else self._thin_out(motion)
@@ -182,7 +182,7 @@ class Simulation:
         if not len(shapes):
             flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
             shapes = flat[None].astype(np.float32)
-        begin = float(motion.t[0]) - self.grain.dt + SHAPES
+        begin = float(motion.t[0]) - self.grain.dt + SHAPE_PERIOD
         force = mean_force(motion.t, motion.grip_force)
         return SimulatedMotion(
             motion.t, motion.poses, motion.contact_x, force, begin, shapes, arc, motion.touch

@@ -30,7 +30,7 @@ from drivers.strip.shape import Touch, desk_contact
 from drivers.types import Array
 
 TIME_AFTER_TOUCH = 0.3  # s that a run goes on after its touch
-CLEARANCE = 0.004  # m of the strip before the grip that the fingers hide
+HIDDEN_LENGTH = 0.004  # m of the strip before the grip that the fingers hide
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ def _curve(fold: Fold, stamp: float, by: Instruments, rng: np.random.Generator) 
     shape = _shape(fold, stamp)
     lifted = np.flatnonzero(shape[:, 1] > fold.model.observation.contact_height)
     begin = fold.arc[lifted[0]] if len(lifted) else fold.arc[-1]
-    s = np.arange(begin, fold.arc[-1] - CLEARANCE, by.spacing)
+    s = np.arange(begin, fold.arc[-1] - HIDDEN_LENGTH, by.spacing)
     curve = CubicSpline(fold.arc, shape)
     tangent = curve(s, 1)
     tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]

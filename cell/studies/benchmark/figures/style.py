@@ -15,7 +15,7 @@ NOTE = 8.0  # points
 BAND = "#7fa98f"
 STIFFNESS_COLOURS = ["#2f6db5", "#3f8f9c", "#3a8a5c"]  # from the softest strip to the stiffest
 DASHES = (0, (4, 3))
-DENSE = 600  # points of a smooth curve
+CURVE_SAMPLES = 600  # points of a smooth curve
 DISPLACEMENT = "d = l₁ − l₂  [mm]"
 
 
@@ -63,7 +63,7 @@ def desk(axes: Any) -> None:
 def smooth(shape: Array) -> Array:
     """The curve (m, 2) through the nodes `shape` (n, 2) of a strip, dense enough to look at."""
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(shape, axis=0).T))])
-    return np.asarray(CubicSpline(s, shape)(np.linspace(0.0, s[-1], DENSE)))
+    return np.asarray(CubicSpline(s, shape)(np.linspace(0.0, s[-1], CURVE_SAMPLES)))
 
 
 def stiffness_colours(count: int) -> list[Any]:
