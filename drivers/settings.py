@@ -2,6 +2,7 @@
 
 import json
 import operator
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,11 +107,23 @@ def load(path: Path, model: type[S], *, bare: bool = False) -> S:
     Raises ConfigurationError, one line for each problem.
     """
     content = read_yaml(path)
+    _check_kind(content, model, str(path))
     if not bare and "schema" not in content and "schema_" in model.model_fields:
         raise ConfigurationError(
             f"{path}: schema: is missing; add it: this version reads schema: {SCHEMA}"
         )
     return parse(content, model, str(path))
+
+
+def _check_kind(content: Mapping[str, Any], model: type[BaseModel], origin: str) -> None:
+    """Refuse, in one line, a file of another kind: of what must be there it has a name at most."""
+    fields = model.model_fields.items()
+    needed = [field.alias or name for name, field in fields if field.is_required()]
+    if len(needed) > 1 and not content.keys() & set(needed) - {"name"}:
+        kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", model.__name__).lower()
+        raise ConfigurationError(
+            f"{origin}: is no {kind}: it holds none of {', '.join(needed)}; give the right file"
+        )
 
 
 def _json(content: Mapping[str, Any], origin: str) -> str:

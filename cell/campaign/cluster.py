@@ -7,6 +7,7 @@ to steal (distributed#7523); outcomes are files, so that a worker's death repeat
 finished (distributed#7870).
 """
 
+import gc
 import logging
 import time
 from collections import Counter
@@ -30,11 +31,13 @@ from drivers.errors import ConfigurationError, WorkersLost
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+    from distributed.utils import LoopRunner
+    from tornado.ioloop import IOLoop
 
 CONNECT_TIMEOUT = 20.0  # s in which scheduler and first worker must answer at the start
 ABSENCE = 300.0  # s that a cluster may be gone in the middle, to be started again
 POLL_INTERVAL = 2.0  # s between looks at whether scheduler and workers are there
-TRIES = 3  # times that Dask may give up a part, each after several deaths of workers
+TRIES = 3  # times that Dask may give up: a part, after several deaths of workers; its event loop
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,19 +92,52 @@ def connect(address: str, patience: float) -> Iterator["Client"]:
     require_library("distributed")
     from distributed import Client
 
+    with event_loop() as loop:
+        client, reason = None, ""
+        try:
+            client = Client(address, timeout=patience, set_as_default=False, loop=loop)
+        except (OSError, ValueError, TypeError) as error:  # TypeError: tls:// without certificates
+            reason = str(error).splitlines()[0]
+        if client is None:
+            gc.collect()  # of the client that failed: at the end of the process it would wait 40 s
+            raise ConfigurationError(
+                f"--cluster: {address}: no scheduler answers ({reason:.80}); "
+                "start one with `dask scheduler`, and workers with `dask worker ADDRESS`"
+            )
+        try:
+            _check(client, address, patience)
+            yield client
+        finally:
+            with suppress(TimeoutError, OSError):
+                client.close(timeout=1)
+
+
+@contextmanager
+def event_loop() -> Iterator["IOLoop"]:
+    """An event loop that runs in a thread until the block ends, for a client or cluster of Dask.
+
+    Dask asserts that it begins within 10 s, which no setting changes: a machine that stands still
+    for longer is given another try.
+    """
+    runner = _start_runner(TRIES)
     try:
-        client = Client(address, timeout=patience, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:  # TypeError: tls:// without certificates
-        raise ConfigurationError(
-            f"--cluster: {address}: no scheduler answers ({str(error).splitlines()[0]:.80}); "
-            "start one with `dask scheduler`, and workers with `dask worker ADDRESS`"
-        ) from None
-    try:
-        _check(client, address, patience)
-        yield client
+        yield runner.loop
     finally:
-        with suppress(TimeoutError, OSError):
-            client.close(timeout=1)
+        with suppress(TimeoutError):
+            runner.stop()
+
+
+def _start_runner(tries: int) -> "LoopRunner":
+    from distributed.utils import LoopRunner
+
+    runner = LoopRunner()
+    try:
+        runner.start()
+    except AssertionError:
+        if tries == 1:
+            raise
+        return _start_runner(tries - 1)
+    return runner
 
 
 def _shift(

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from cell.config.cell import CellFile
     from cell.learning.experience import Memory
 
+WORDS = ("show", "forget", "off", "on")
+
 
 def learn(
     what: Annotated[
@@ -26,15 +28,15 @@ def learn(
     """Show or change what the cell learned from its folds; a ruler counts more than the camera."""
     from cell.config.places import find_configs
     from cell.learning.experience import Memory
-    from drivers.errors import ConfigurationError
+    from drivers.errors import ConfigurationError, suggestion
 
     settings = find_configs(configs).cell()
     memory = Memory(settings.name)
-    if what not in ("show", "forget", "off", "on"):
+    if what not in WORDS:
         if edges is None:
             raise ConfigurationError(
-                f"cell learn: {what!r} is neither show, forget, off nor on; a run goes with "
-                "--edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
+                f"{what!r}{suggestion(what, WORDS)} is neither show, forget, off nor on; a run "
+                "goes with --edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
             )
         _learn_from_ruler(settings.name, Path(what), edges)
         return

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from cell.cli.options import Json, busy, print_json
+from cell.record.files import CALIBRATION, is_run
 from drivers.errors import ConfigurationError
 
 Run = Annotated[Path, typer.Argument(help="A run folder.")]
@@ -33,24 +34,23 @@ def report(
         return
     if out is not None:
         raise ConfigurationError("--out: goes with several runs; one has its page in its folder")
-    run = runs[0]
-    if run.is_file():
-        _calibration(run, as_json=as_json)
+    folder = runs[0]
+    if folder.is_file() and (folder.name == CALIBRATION or not is_run(folder.parent)):
+        _calibration(folder, as_json=as_json)
         return
     from cell.record.salvage import Salvage
-    from cell.report.page import write_report
+    from cell.report.page import write_page
     from cell.report.verdict import verdict
 
     with busy("writing the page"):
-        page = write_report(run)
-    found = Salvage.of(run)
-    for problem in found.problems:
+        run = Salvage.of(folder)
+        page = write_page(run)
+    for problem in run.problems:
         sys.stderr.write(f"cell: {problem}\n")
-    sentence = verdict(found)
     if as_json:
-        print_json({"run": run, "report": page})
+        print_json({"run": folder, "report": page})
         return
-    sys.stdout.write(f"{sentence}\n  {page}\n")
+    sys.stdout.write(f"{verdict(run)}\n  {page}\n")
 
 
 def _calibration(path: Path, *, as_json: bool) -> None:

@@ -72,7 +72,7 @@ class Correction:
         return self if correct(policy, self.seen, self.unseen) else None
 
     def facts(self) -> dict[str, Any]:
-        """Entry of run.yaml."""
+        """The correction as run.yaml records it [m]."""
         return asdict(self)
 
     def sentence(self) -> str | None:

@@ -28,6 +28,9 @@ def check_run(folder: Path) -> None:
         return
     if not folder.exists():
         raise ConfigurationError(f"{folder}: is not there; `cell runs` lists the runs")
+    if not folder.is_dir():
+        its = f", {folder.parent}" if is_run(folder.parent) else ""
+        raise ConfigurationError(f"{folder}: is a file, a run is a folder; give the folder{its}")
     inner = sorted(path.parent for path in folder.glob(f"*/{RUN}"))
     found = f"; name one of those in it, as {inner[-1]}" if inner else ""
     raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}{found}")

@@ -52,8 +52,12 @@ def write_report(folder: Path, *, ended: bool = False) -> Path:
     A run that died or is damaged is reported as far as it can be read. Raises ConfigurationError
     for a folder without a readable run.yaml, or one that cannot be written.
     """
-    run = Salvage.of(folder)
-    path = folder / REPORT
+    return write_page(Salvage.of(folder), ended=ended)
+
+
+def write_page(run: Run, *, ended: bool = False) -> Path:
+    """Write report.html of a `run` that was read, as `write_report`."""
+    path = run.folder / REPORT
     write_file(path, report(run, ended=ended))
     return path
 

@@ -31,7 +31,7 @@ class Belief(NamedTuple):
     friction: Array
 
     def first(self) -> dict[str, Estimate]:
-        """Of the first fold: bending length [m], retardation time [s], yield curvature [1/m]."""
+        """Bending length [m], retardation time [s], yield curvature [1/m] of the first fold."""
         logs = (self.log_bending_length, self.log_retardation_time, self.friction)
         ends = [
             np.exp(mean + np.array([0.0, -sigma, sigma])) for mean, sigma in (b[0] for b in logs)

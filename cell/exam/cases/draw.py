@@ -231,7 +231,7 @@ def _hand(case: Case) -> int | None:
 
 @lru_cache(maxsize=2)
 def _ruler(name: str, stiffness: float, damping: float, tier: Tier, hand: int | None) -> Ruler:
-    """The same by what it depends on."""
+    """The ruler of a strip of the cell, cached by what it depends on."""
     plant = scale_strip(find_configs(None).strip(name), stiffness, damping)
     if tier == "images":
         return _ruler_of_cell(plant, hand)

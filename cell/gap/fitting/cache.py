@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.gap.fitting.tasks import Simulate
-from cell.gap.subject.subject import Request, Residuals
+from cell.gap.subject.subject import Request, Residuals, Run
 from drivers.files import writing
 
 
@@ -49,15 +49,25 @@ class SimulationCache:
 
 
 def digest(requests: Sequence[Request]) -> str:
-    """Hash of what is asked."""
+    """Hash of what is asked, and of the runs as they were corrected by then."""
     h = hashlib.sha256()
+    runs = {id(r.run): r.run for r in requests}
+    held = {key: _correction_hash(run) for key, run in runs.items()}
     for r in requests:
-        h.update(r.run.name.encode())
+        h.update(r.run.name.encode() + held[id(r.run)])
         h.update(r.base.tobytes())
         for name in sorted(r.effects):
             h.update(name.encode() + r.effects[name].tobytes())
         h.update(r.local.tobytes() + bytes([r.rough]))
     return h.hexdigest()
+
+
+def _correction_hash(run: Run) -> bytes:
+    """Hash of what a correction of a run changes: its floors and its common errors."""
+    h = hashlib.sha256(run.samples.floor.tobytes())
+    for name in sorted(run.common):
+        h.update(name.encode() + run.common[name].tobytes())
+    return h.digest()
 
 
 def _read(path: Path, asked: str) -> list[Residuals] | None:

@@ -29,7 +29,7 @@ class Model:
 
     @property
     def names(self) -> frozenset[str]:
-        """Names of its effects."""
+        """Names of the effects in the model."""
         return frozenset(e.name for e in self.effects)
 
     @property

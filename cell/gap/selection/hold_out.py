@@ -124,7 +124,7 @@ def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Arr
 
 
 def _of(base: Estimate, kept: Sequence[int]) -> Estimate:
-    """The same model on some of its runs."""
+    """`base` on the runs of the numbers `kept` alone."""
     return replace(
         base,
         evidence=base.evidence.of([base.evidence.runs[i].name for i in kept]),

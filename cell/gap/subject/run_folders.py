@@ -41,7 +41,8 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
             found.append(path)
             continue
         if not path.is_dir():
-            raise ConfigurationError(f"{path}: no such folder; give run folders")
+            what = "is a file" if path.exists() else "no such folder"
+            raise ConfigurationError(f"{path}: {what}; give run folders, or a folder of them")
         _check_heads([path, *path.iterdir()])
         inner = sorted(p for p in path.iterdir() if (p / HEADER_FILE).is_file())
         if not inner:

@@ -124,7 +124,7 @@ def solve(block: Any, rate: Any, alive: Any, tolerance: Any) -> Any:
     """Newton iterations until segments turn by less than `tolerance` [rad], root mean square;
     returns the lanes that failed.
 
-    A lane with a segment that turns by more than LARGEST_TURN in one correction has failed: Newton's
+    A lane with a segment that turns by more than LARGEST_TURN in one correction failed: Newton's
     method could then converge to a kinked equilibrium that does not continue the motion.
     """
     unsolved, failed = alive, 0.0 * alive

@@ -27,7 +27,7 @@ class Trial:
     within: tuple[float, float]
 
     def facts(self) -> dict[str, object]:
-        """For a record."""
+        """The trial's errors as the checkpoint records them."""
         return {name: getattr(self, name) for name in self.__slots__}
 
 

@@ -10,6 +10,7 @@ from cell.cli.app import app
 from cell.config.places import find_configs
 from cell.learning.experience import Experience, Memory
 from drivers.errors import ConfigurationError
+from tests.cell.cli.test_command_errors import refused
 
 
 @pytest.fixture
@@ -38,3 +39,10 @@ def test_a_run_goes_with_a_rulers_word(memory: Memory) -> None:
         refused = CliRunner().invoke(app, wrong)
         assert isinstance(refused.exception, ConfigurationError)
     assert len(memory.experiences()) == 2
+
+
+def test_a_misspelt_word_is_answered_once_and_with_the_right_one(
+    memory: Memory, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = refused(monkeypatch, capsys, "learn", "shwo")
+    assert line.startswith("'shwo' (did you mean 'show'?) is neither show, forget")

@@ -9,7 +9,7 @@ import pytest
 from cell.config.fold import FoldSettings
 from cell.orchestrator.lay import (
     CLEARANCE,
-    DECELERATION,
+    BRAKING,
     PULL,
     TURNING,
     edge_place,
@@ -54,7 +54,7 @@ def test_lay_ends_slowly_and_turns_no_faster_than_an_arm_may(start: tuple[float,
     told = driven(start)
     speeds = [math.hypot(v.vx, v.vz) for v in told]
     assert max(speeds) <= SPEED + 1e-9
-    assert speeds[-1] ** 2 / (2 * DECELERATION) < 1e-3  # m, in which it could stop
+    assert speeds[-1] ** 2 / (2 * BRAKING) < 1e-3  # m, in which it could stop
     assert max(abs(v.pitch_rate) for v in told) <= TURNING
     assert all(v.vz < 0.0 for v in told)
 

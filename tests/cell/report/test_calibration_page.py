@@ -9,7 +9,9 @@ from typer.testing import CliRunner
 from calibration.calibration import save_calibration
 from cell.cli.app import app
 from cell.report.calibration_page import calibration_report
+from drivers.errors import ConfigurationError
 from tests.cell.report.test_report import outline, words
+from tests.support.gap_strip_cases import STRIP
 
 
 def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
@@ -35,3 +37,13 @@ def test_what_the_wizard_refused_is_said(calibration):
     text = calibration_report(taken, "calibration.yaml")
     assert "verdict bad" in text
     assert "The wizard refused it: two halves differ by 2.1 mm" in words(text)
+
+
+def test_a_file_of_another_kind_is_one_line(tmp_path):
+    for text in (STRIP.read_text(), "a: 1\n"):
+        (tmp_path / "other.yaml").write_text(text)
+        done = CliRunner().invoke(app, ["report", str(tmp_path / "other.yaml")])
+        assert isinstance(done.exception, ConfigurationError)
+        said = str(done.exception)
+        assert "other.yaml: is no calibration file: it holds none of id, camera" in said
+        assert "\n" not in said

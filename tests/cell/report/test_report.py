@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 import yaml
 from jinja2 import UndefinedError
+from typer.testing import CliRunner
 
+from cell.cli.app import app
 from cell.record.listing import read_row
 from cell.record.run import read_run
+from cell.record.salvage import Salvage
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
 from cell.report.compare import write_comparison
@@ -212,6 +215,14 @@ def test_report_can_be_written_again_with_the_same_bytes(make_run, tmp_path):
     assert write_report(folder).read_bytes() == first
     after = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()}
     assert {**before, "report.html": first} == after
+
+
+def test_command_reads_a_record_once(finished, monkeypatch):
+    read, of = [], Salvage.of
+    monkeypatch.setattr(Salvage, "of", lambda folder: read.append(folder) or of(folder))
+    done = CliRunner().invoke(app, ["report", str(finished)])
+    assert done.exit_code == 0, done.output
+    assert read == [finished]
 
 
 def test_report_of_a_laboratorys_run_needs_only_the_four_files(make_run, tmp_path):

@@ -1,5 +1,6 @@
 """Training on a Dask cluster: the same numbers, whoever folds and whoever dies."""
 
+import gc
 import os
 import shutil
 import signal
@@ -12,6 +13,7 @@ from threading import Event, Thread
 import numpy as np
 import pytest
 
+from cell.campaign.cluster import event_loop
 from cell.campaign.cluster import executor as cluster
 from drivers.errors import ConfigurationError
 from drivers.types import Array
@@ -27,9 +29,16 @@ TINY = TrainingSettings(generations=3, population=14, strips=1, segments=20, sub
 @pytest.fixture(scope="module")
 def local() -> Iterator[distributed.LocalCluster]:
     """Two worker processes on loopback, each started again when it dies."""
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
-    ) as started:
+    with (
+        event_loop() as loop,
+        distributed.LocalCluster(
+            n_workers=2,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            loop=loop,
+        ) as started,
+    ):
         yield started
 
 
@@ -81,12 +90,33 @@ def test_workers_of_another_version_are_refused(local, monkeypatch) -> None:
         pass
 
 
+def test_a_machine_that_stalls_while_dask_waits_for_its_loop_costs_time_alone(
+    local, monkeypatch
+) -> None:
+    from distributed import utils
+
+    tries, begin = [], utils._CollectErrorThread
+
+    def stalled(**arguments: object) -> object:
+        """A thread that the first time begins later than Dask waits."""
+        tries.append(arguments)
+        assert len(tries) > 1
+        return begin(**arguments)
+
+    monkeypatch.setattr(utils, "_CollectErrorThread", stalled)
+    with cluster(local.scheduler_address) as executor:
+        assert executor.submit(max, 1, 2).result(timeout=400) == 2
+    assert len(tries) == 2
+
+
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere at all"])
 def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> None:
     monkeypatch.setattr("cell.campaign.cluster.CONNECT_TIMEOUT", 0.2)
     with pytest.raises(ConfigurationError, match="no scheduler answers") as told, cluster(address):
         pass
     assert "\n" not in str(told.value)
+    clients = [each for each in gc.get_objects() if type(each) is distributed.Client]
+    assert all(client.status == "closed" for client in clients)  # another waits 40 s at the end
 
 
 def certificate(folder: Path) -> tuple[str, str]:
@@ -101,7 +131,7 @@ def certificate(folder: Path) -> tuple[str, str]:
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl")
-def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path) -> None:
+def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path, monkeypatch) -> None:
     cert, key = certificate(tmp_path)
     known = {"distributed.comm.tls.ca-file": cert, "distributed.comm.require-encryption": True}
     for role in ("scheduler", "worker", "client"):
@@ -115,17 +145,22 @@ def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path) -
         **{f"tls_{role}_{kind}": path for role in ("scheduler", "worker", "client")
            for kind, path in (("cert", cert), ("key", key))},
     )  # fmt: skip
-    with distributed.LocalCluster(
-        n_workers=1,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address="127.0.0.1:0",
-        protocol="tls://",
-        security=security,
-    ) as started:
+    monkeypatch.setattr("cell.campaign.cluster.CONNECT_TIMEOUT", 400.0)
+    with (
+        event_loop() as loop,
+        distributed.LocalCluster(
+            n_workers=1,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            protocol="tls://",
+            security=security,
+            loop=loop,
+        ) as started,
+    ):
         address = started.scheduler_address
         assert address.startswith("tls://")
         with pytest.raises(ConfigurationError, match="no scheduler answers"), cluster(address):
             pass
         with dask.config.set(known), cluster(address) as executor:
-            assert executor.submit(max, 1, 2).result(timeout=30) == 2
+            assert executor.submit(max, 1, 2).result(timeout=400) == 2

@@ -42,7 +42,7 @@ def measured_along(
 
 
 def minutes(run: MeasuredRun) -> float:
-    """What a run costs."""
+    """Minutes that a run takes in a laboratory."""
     return SET_UP + run.measured.end / 60.0
 
 
@@ -85,7 +85,7 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
 
 
 def instruction(run: MeasuredRun) -> str:
-    """What to do."""
+    """How the run is made, and what it shows."""
     standard = STANDARD[run.name]
     return f"fold once more with --policy {run.condition}; it shows {standard.reveals}"
 

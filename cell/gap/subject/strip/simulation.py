@@ -56,7 +56,7 @@ class HashedPath:
 
     @classmethod
     def of(cls, path: GripperPath) -> Self:
-        """The path, hashed."""
+        """`path` with a hash of its rows."""
         h = hashlib.blake2b(bytes([path.hanging]), digest_size=16)
         for array in (path.t, path.poses):
             h.update(np.ascontiguousarray(array).data)
@@ -72,7 +72,7 @@ class HashedModel:
 
     @classmethod
     def of(cls, model: StripModel) -> Self:
-        """The description, hashed."""
+        """`model` with a hash of all but its observation."""
         blind = replace(model, observation=Observation())
         digest = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16).digest()
         return cls(model, digest)
@@ -112,7 +112,7 @@ class SimulatedMotion:
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Memory of the motion [bytes]."""
         return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
 

@@ -49,7 +49,7 @@ def test_a_rough_response_is_simulated_once_for_all_replicates(
         simulated.extend(wanted)
         return whole(self, wanted)
 
-    monkeypatch.setattr(Simulation, "_simulated", counted)
+    monkeypatch.setattr(Simulation, "_simulate_batches", counted)
     responses(strip, rough=True)
     assert len(simulated) == 2 * len(set(NAMES))
 
