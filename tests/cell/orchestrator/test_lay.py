@@ -8,8 +8,8 @@ import pytest
 
 from cell.config.fold import FoldSettings
 from cell.orchestrator.lay import (
-    CLEARANCE,
     BRAKING,
+    CLEARANCE,
     PULL,
     TURNING,
     edge_place,
