@@ -7,9 +7,8 @@ from drivers.settings import parse
 from drivers.strip.file import StripFile
 
 UNKNOWN_NAME = "unknown"
-MARK = (
-    UNKNOWN_NAME + ":"
-)  # before its length [m], and its thickness [m] if known, where a strip is named
+# before its length [m], and its thickness [m] if known, where a strip is named
+MARK = UNKNOWN_NAME + ":"
 ASSUMED_WIDTH, ASSUMED_DENSITY = 0.05, 0.3  # m, kg/m^2
 BENDING_LENGTH, RETARDATION_TIME = (0.0135, 0.0333), (0.004, 1.0)  # m, s: the paper's range
 THICKNESS_RANGE = (0.0002, 0.003)  # m, of shirting and of felt

@@ -6,7 +6,7 @@ from cell.orchestrator.snapshot import Command, Drive, Hold, MoveTo, Snapshot
 from drivers.types import Velocity
 
 # of the allowed age; the twin's images are at most 0.6 old where nothing is measured
-USUAL_AGE_SHARE = 0.7
+USUAL_AGE = 0.7
 
 
 def pace(command: Command, snapshot: Snapshot, limits: MonitorLimits) -> Command:
@@ -16,11 +16,7 @@ def pace(command: Command, snapshot: Snapshot, limits: MonitorLimits) -> Command
     frame = snapshot.view.frame
     if frame is None or snapshot.state not in SEEING:
         return command
-    left = (
-        (limits.image_age - (snapshot.time - frame.stamp))
-        / (1.0 - USUAL_AGE_SHARE)
-        / limits.image_age
-    )
+    left = (limits.image_age - (snapshot.time - frame.stamp)) / (1.0 - USUAL_AGE) / limits.image_age
     if isinstance(command, Drive) and left < 1.0:
         share, rate = max(left, 0.0), command.velocity
         return Drive(Velocity(share * rate.vx, share * rate.vz, share * rate.pitch_rate))

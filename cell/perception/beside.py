@@ -30,7 +30,7 @@ from drivers.types import Array, Frame, Pose
 
 INSPECT, LOOK, TRACK = 0, 1, 2  # what is asked: the checks, a measurement, or one with the touch
 HEADER_SIZE = 8  # numbers beside an image: request, stamp, arrival, sequence, gripper (3), answered
-MEASUREMENT_SIZE = 11  # numbers of a measurement beside its profile
+NUMBERS = 11  # numbers of a measurement beside its profile
 SHIFT_SIZE = 1
 TOUCH_SIZE = 6
 MOST_POINTS = 500  # of a profile
@@ -274,7 +274,7 @@ def _measure(sight: Sight, pixels: Any, values: Array) -> bytes:
 
 
 def _size() -> int:
-    return HEADER_SIZE + MEASUREMENT_SIZE + SHIFT_SIZE + TOUCH_SIZE + 1 + 2 * MOST_POINTS
+    return HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1 + 2 * MOST_POINTS
 
 
 def _pack(values: Array, seen: Seen) -> None:
@@ -286,20 +286,18 @@ def _pack(values: Array, seen: Seen) -> None:
     nothing = [np.nan] * TOUCH_SIZE
     touch = nothing if t is None else [t.time, t.x, t.to_grasped, t.to_fixed, t.confidence]
     touch += [] if t is None else [t.distance]
-    start = HEADER_SIZE + MEASUREMENT_SIZE + SHIFT_SIZE + TOUCH_SIZE + 1
+    start = HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1
     values[HEADER_SIZE:start] = [*one, *touch, len(points)]
     values[start : start + 2 * len(points)] = points.ravel()
 
 
 def _unpack(values: Array) -> Seen:
     """What the shared numbers (n,) hold."""
-    start = HEADER_SIZE + MEASUREMENT_SIZE + SHIFT_SIZE + TOUCH_SIZE + 1
+    start = HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1
     one, touch = values[HEADER_SIZE:start].tolist(), None
-    stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[
-        :MEASUREMENT_SIZE
-    ]
+    stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[:NUMBERS]
     count = int(one[-1])
-    touching = one[MEASUREMENT_SIZE + SHIFT_SIZE : -1]
+    touching = one[NUMBERS + SHIFT_SIZE : -1]
     if not np.isnan(touching[0]):
         touch = SeenTouch(*touching)
     points = values[start : start + 2 * count].reshape(count, 2).copy()
@@ -307,4 +305,4 @@ def _unpack(values: Array) -> Seen:
     measurement = StripMeasurement(
         stamp, int(sequence), contact_x, contact, points, profile, tip, gap, gap_x, (x, z)
     )
-    return Seen(measurement, touch, one[MEASUREMENT_SIZE])
+    return Seen(measurement, touch, one[NUMBERS])

@@ -9,8 +9,8 @@ from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
 from drivers.strip.rod.compiled import entry, kernel
 from drivers.types import Image
 
-CELL_SIDE = 8  # px, side of a cell, by which change is detected
-PATCH_SIDE = 2 * CELL_SIDE  # px, side of a patch, by which light is read
+CELL_PX = 8  # px, side of a cell, by which change is detected
+PATCH_PX = 2 * CELL_PX  # px, side of a patch, by which light is read
 EVEN_LIGHT = 120  # level of light as bright as at preflight
 SHADE = 0.15  # share of brightness by which the strip's own colour changes as it turns
 # separation under which a colour cannot be distinguished from what is behind it
@@ -64,10 +64,10 @@ def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Fl
         for j in range(columns):
             total = np.int32(0)
             for v in range(2):
-                row = min(top + PATCH_SIDE * i + PATCH_SIDE // 2 + 4 * v - 3, image.shape[0] - 1)
+                row = min(top + PATCH_PX * i + PATCH_PX // 2 + 4 * v - 3, image.shape[0] - 1)
                 for u in range(2):
                     column = min(
-                        left + PATCH_SIDE * j + PATCH_SIDE // 2 + 4 * u - 3, image.shape[1] - 1
+                        left + PATCH_PX * j + PATCH_PX // 2 + 4 * u - 3, image.shape[1] - 1
                     )
                     for c in range(3):
                         total += np.int32(image[row, column, c])
@@ -86,24 +86,24 @@ def changed_cells(
     """
     rows, columns = light.shape
     found = np.zeros((rows, columns), np.uint8)
-    inside = min(columns, (seen.shape[1] // 3 - left) // CELL_SIDE)
+    inside = min(columns, (seen.shape[1] // 3 - left) // CELL_PX)
     for i in range(rows):
         away = np.zeros(columns, np.int32)
         lines = 0
-        for v in range(top + CELL_SIDE * i + 1, min(top + CELL_SIDE * (i + 1), seen.shape[0]), 4):
+        for v in range(top + CELL_PX * i + 1, min(top + CELL_PX * (i + 1), seen.shape[0]), 4):
             now, then = seen[v], behind[v]
             lines += 1
             for j in range(inside):
                 first, bright, total = (
-                    3 * (left + CELL_SIDE * j),
+                    3 * (left + CELL_PX * j),
                     np.int32(light[i, j]),
                     np.int32(0),
                 )
-                for c in range(3 * CELL_SIDE):
+                for c in range(3 * CELL_PX):
                     difference = np.int32(now[first + c]) * np.int32(EVEN_LIGHT)
                     total += abs(difference - np.int32(then[first + c]) * bright)
                 away[j] += total
-        most = limit * EVEN_LIGHT * 3 * CELL_SIDE * lines
+        most = limit * EVEN_LIGHT * 3 * CELL_PX * lines
         for j in range(inside):
             found[i, j] = away[j] > most
     return found
@@ -112,9 +112,9 @@ def changed_cells(
 @kernel
 def _between(light: Floats, v: int, u: int) -> Any:
     """Light (n + 2, m + 2) of cells with a border, interpolated at row v and column u [px]."""
-    half = np.float32(0.5) / np.float32(CELL_SIDE)
-    y = np.float32(v) / np.float32(CELL_SIDE) + half + np.float32(0.5)
-    x = np.float32(u) / np.float32(CELL_SIDE) + half + np.float32(0.5)
+    half = np.float32(0.5) / np.float32(CELL_PX)
+    y = np.float32(v) / np.float32(CELL_PX) + half + np.float32(0.5)
+    x = np.float32(u) / np.float32(CELL_PX) + half + np.float32(0.5)
     i, j = int(y), int(x)
     down, right = y - np.float32(i), x - np.float32(j)
     upper = light[i, j] + right * (light[i, j + 1] - light[i, j])
@@ -167,7 +167,7 @@ def segment(
     variance: float,
     corner: tuple[int, int],
 ) -> Image:
-    """Matte levels (CELL_SIDE n, CELL_SIDE m) where `cells` (n, m) is not 0, else ZERO_LEVEL.
+    """Matte levels (CELL_PX n, CELL_PX m) where `cells` (n, m) is not 0, else ZERO_LEVEL.
 
     The images (height, width, 3) and `shade` (height, width) are whole, `light` (n + 2, m + 2)
     that of the cells and a border of one, of which the first inside begins at `corner`, column
@@ -175,14 +175,14 @@ def segment(
     """
     left, top = corner
     rows, columns = cells.shape
-    levels = np.full((rows * CELL_SIDE, columns * CELL_SIDE), ZERO_LEVEL, np.uint8)
+    levels = np.full((rows * CELL_PX, columns * CELL_PX), ZERO_LEVEL, np.uint8)
     noise = np.float32(variance)
     for i in range(rows):
         for j in range(columns):
             if cells[i, j] == 0:
                 continue
-            for v in range(CELL_SIDE * i, min(CELL_SIDE * (i + 1), seen.shape[0] - top)):
-                for u in range(CELL_SIDE * j, min(CELL_SIDE * (j + 1), seen.shape[1] - left)):
+            for v in range(CELL_PX * i, min(CELL_PX * (i + 1), seen.shape[0] - top)):
+                for u in range(CELL_PX * j, min(CELL_PX * (j + 1), seen.shape[1] - left)):
                     y, x = top + v, left + u
                     gain = np.float32(EVEN_LIGHT) / _between(light, v, u)
                     now, then = _colour(seen, y, x, gain), _colour(behind, y, x, np.float32(1))

@@ -8,7 +8,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.perception.appearance import Appearance
 from cell.perception.contact import Contact, SearchLine, find_contact
-from cell.perception.kernels import CELL_SIDE, PATCH_SIDE
+from cell.perception.kernels import CELL_PX, PATCH_PX
 from cell.perception.levels import soft
 from cell.perception.measurement import StripMeasurement
 from cell.perception.profile import Geometry, midline_points, order_points, resample
@@ -58,7 +58,7 @@ class Perception:
             (STRIP_START + 0.0005, strip.length + 0.01),
         )
         self._zones = zones(calibration, strip.length, settings.shadow_height)
-        self._sizes = Sizes.of(calibration, PATCH_SIDE)
+        self._sizes = Sizes.of(calibration, PATCH_PX)
         self._rest = appearance.rest_height
         self._contact_bias = settings.contact_bias + calibration.contact_bias
 
@@ -103,7 +103,7 @@ class Perception:
 
         `around` [m] is masked around the hand too.
         """
-        region = strip_region(self._calibration, self._strip.length, gripper, CELL_SIDE)
+        region = strip_region(self._calibration, self._strip.length, gripper, CELL_PX)
         visible = without_hand(region, self._calibration, gripper)
         if around > 0:
             side = 2 * round(around / self._sizes.scale) + 1

@@ -8,9 +8,9 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.perception.background import LIFTED_SHADE, Background, Place, learn_background
 from cell.perception.kernels import (
-    CELL_SIDE,
+    CELL_PX,
     LEAST_SEPARATION,
-    PATCH_SIDE,
+    PATCH_PX,
     Floats,
     changed_cells,
     discriminants,
@@ -69,10 +69,10 @@ class Segmenter:
         cells[0, 0] |= not cells.any()  # never an empty part
         j, i, columns, rows = cv2.boundingRect(cells)
         part = Region(
-            region.left + CELL_SIDE * j,
-            region.top + CELL_SIDE * i,
-            min(region.left + CELL_SIDE * (j + columns), region.right),
-            min(region.top + CELL_SIDE * (i + rows), region.bottom),
+            region.left + CELL_PX * j,
+            region.top + CELL_PX * i,
+            min(region.left + CELL_PX * (j + columns), region.right),
+            min(region.top + CELL_PX * (i + rows), region.bottom),
         )
         found = segment(
             image,
@@ -85,7 +85,7 @@ class Segmenter:
             (part.left, part.top),
         )
         h, w = part.bottom - part.top, part.right - part.left
-        clear = visible[CELL_SIDE * i : CELL_SIDE * i + h, CELL_SIDE * j : CELL_SIDE * j + w]
+        clear = visible[CELL_PX * i : CELL_PX * i + h, CELL_PX * j : CELL_PX * j + w]
         return cv2.max(cv2.min(found[:h, :w], clear), ZERO_LEVEL), part
 
     def separation(self, where: Image) -> Floats:
@@ -106,7 +106,7 @@ def learn(
     """The scene in `image` (h, w, 3) with the strip at `place`, whose pixels are `strip` (n, 3)."""
     sensor = max(sensor_noise(image), LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
-    about = Sizes.of(calibration, PATCH_SIDE).light
+    about = Sizes.of(calibration, PATCH_PX).light
     behind = learn_background(image, calibration, place, about)
     colours, scene = palette(strip), behind.image[way_of(calibration, stated.length) > 0]
     noise = _share_noise(colours, scene, smooth) * sensor
@@ -128,7 +128,7 @@ def sensor_noise(image: Image) -> float:
     """
     seen = image.astype(np.float32)
     rest = seen - cv2.blur(seen, (AVERAGING_WINDOW, AVERAGING_WINDOW))
-    size = (image.shape[1] // CELL_SIDE, image.shape[0] // CELL_SIDE)
+    size = (image.shape[1] // CELL_PX, image.shape[0] // CELL_PX)
     power = cv2.resize(rest * rest, size, interpolation=cv2.INTER_AREA)
     level = cv2.resize(seen, size, interpolation=cv2.INTER_AREA)
     good = power[(level > 20) & (level < 235)]

@@ -18,16 +18,7 @@ from cell.report.words import NO_VALUE, millimetres, seconds
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
 
-RUN_COLOURS = (
-    "#2f6db5",
-    "#cf6a1f",
-    "#3a8a5c",
-    "#8a5fb0",
-    "#b4382c",
-    "#4a9aa8",
-    "#8c7a2b",
-    "#c05a94",
-)
+COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#b4382c", "#4a9aa8", "#8c7a2b", "#c05a94")
 MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
 PER_RUN_KEYS = frozenset({"seed", "index"})  # which differ from run to run by themselves
 
@@ -142,7 +133,7 @@ def _line(number: int, run: Run) -> dict[str, object]:
 
 
 def _colour(number: int) -> str:
-    return RUN_COLOURS[number % len(RUN_COLOURS)]
+    return COLOURS[number % len(COLOURS)]
 
 
 def _short(run: Run) -> str:

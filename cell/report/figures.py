@@ -14,7 +14,7 @@ from cell.report.silhouettes import Silhouette
 from drivers.types import Array
 
 CURVES = 26
-LEFT_EDGE, RIGHT_EDGE = 0.075, 0.995  # shares of the figure's width between which its signals lie
+LEFT, RIGHT = 0.075, 0.995  # shares of the figure's width between which its signals lie
 LEGEND: dict[str, Any] = {
     "loc": "lower right",
     "bbox_to_anchor": (1, 1),
@@ -74,13 +74,7 @@ def signals_figure(run: Run) -> str:
     Its attributes say which times [s] its edges have, for a film beside it.
     """
     with canvas(8.4, 5.2, layout=None) as figure:
-        frame = {
-            "left": LEFT_EDGE,
-            "right": RIGHT_EDGE,
-            "top": 0.995,
-            "bottom": 0.085,
-            "hspace": 0.28,
-        }
+        frame = {"left": LEFT, "right": RIGHT, "top": 0.995, "bottom": 0.085, "hspace": 0.28}
         lanes, along, above = figure.subplots(
             3, 1, sharex=True, gridspec_kw={**frame, "height_ratios": [0.3, 2, 2]}
         )
@@ -94,7 +88,7 @@ def signals_figure(run: Run) -> str:
         above.set_xlabel("t  [s]")
         figure.align_ylabels([along, above])
         first, last = above.get_xlim()
-        edges = f'data-left="{LEFT_EDGE}" data-right="{RIGHT_EDGE}" data-first="{first:.4f}"'
+        edges = f'data-left="{LEFT}" data-right="{RIGHT}" data-first="{first:.4f}"'
         return as_svg(figure).replace("<svg", f'<svg {edges} data-last="{last:.4f}"', 1)
 
 

@@ -36,22 +36,14 @@ def solids_of(installation: Installation) -> Solids:
     boxes = (
         Box("desk", (-CLAMP_LENGTH, -DESK_EDGE, -DESK_DEPTH), (end, DESK_EDGE, 0.0)),
         Box("clamp", (-CLAMP_LENGTH, -DESK_EDGE, 0.0), (0.0, DESK_EDGE, CLAMP_HEIGHT)),
-        Box(
-            "floor",
-            (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE),
-            (FLOOR_SIZE, FLOOR_SIZE, -RISE),
-        ),
+        Box("floor", (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE), (FLOOR_SIZE, FLOOR_SIZE, -RISE)),
     )
     return Solids(installation.mounting.transform().matrix, boxes)
 
 
 def floor_of(installation: Installation) -> Solids:
     """The solids that no part of the arm may enter, not even the wrist of a low hand."""
-    floor = Box(
-        "floor",
-        (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE),
-        (FLOOR_SIZE, FLOOR_SIZE, -UNDER),
-    )
+    floor = Box("floor", (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE), (FLOOR_SIZE, FLOOR_SIZE, -UNDER))
     return Solids(installation.mounting.transform().matrix, [floor])
 
 

@@ -16,11 +16,11 @@ from drivers.arm.force import ForceGuard
 from drivers.arm.whereabouts import largest_difference
 from drivers.motion import TICK
 
-JOINT_COUNT = 7
+AXES = 7
 JOINT_SPEED = 0.5  # rad/s
 JOINT_ACCELERATION = 1.5  # rad/s^2
 JOINT_JERK = 50.0  # rad/s^3 at full speed
-JOINT_ROUNDING = 3e-7  # rad: more than the rounding of the state
+ROUNDING = 3e-7  # rad: more than the rounding of the state
 CHANGE_TOLERANCE = 1e-6  # rad/s^2, likewise
 GOAL_TOLERANCE = 5e-5  # rad from the goal, from which nothing is corrected any more
 REST_RATE = 1e-3  # rad/s at which the robot may be commanded to stand
@@ -52,11 +52,7 @@ def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
             p + TICK * (rate - ago * TICK * change)
             for p, rate, change in zip(place, seen.rate, seen.change, strict=True)
         ]
-    return (
-        seen
-        if largest_difference(seen.place, place) > JOINT_ROUNDING
-        else seen._replace(place=place)
-    )
+    return seen if largest_difference(seen.place, place) > ROUNDING else seen._replace(place=place)
 
 
 class Way:
@@ -66,14 +62,11 @@ class Way:
         """From a robot at rest in `state` to rest at `goal` (7,) [rad]; a `share` of the speed."""
         start = list(state.q_d)
         self._plan = _plan(start, goal, share)
-        self._planner, self._output = (
-            ruckig.Ruckig(JOINT_COUNT, TICK),
-            ruckig.OutputParameter(JOINT_COUNT),
-        )
+        self._planner, self._output = (ruckig.Ruckig(AXES, TICK), ruckig.OutputParameter(AXES))
         self._goal: Numbers | None = goal
         self._speed, self._acceleration = share * JOINT_SPEED, share * JOINT_ACCELERATION
         self._time = state.time.to_sec()
-        self._here, self._sent = Course(start, [0.0] * JOINT_COUNT, [0.0] * JOINT_COUNT), start
+        self._here, self._sent = Course(start, [0.0] * AXES, [0.0] * AXES), start
         self._planned, self._missed = True, False
 
     @property
@@ -100,16 +93,16 @@ class Way:
         now = state.time.to_sec()
         ticks, self._time = round((now - self._time) / TICK), now
         self._missed = (
-            self._missed or ticks != 1 or largest_difference(state.q_d, self._sent) > JOINT_ROUNDING
+            self._missed or ticks != 1 or largest_difference(state.q_d, self._sent) > ROUNDING
         )
         self._here = go_on(self._here, self._sent, state, ticks)
 
     def brake(self) -> None:
         """Come to rest wherever that is."""
         self._goal, self._acceleration = None, JOINT_ACCELERATION
-        self._plan.max_acceleration = [JOINT_ACCELERATION] * JOINT_COUNT
+        self._plan.max_acceleration = [JOINT_ACCELERATION] * AXES
         self._plan.control_interface = ruckig.ControlInterface.Velocity
-        self._plan.target_velocity = self._plan.target_acceleration = [0.0] * JOINT_COUNT
+        self._plan.target_velocity = self._plan.target_acceleration = [0.0] * AXES
 
     def _as_planned(self) -> Numbers:
         result = self._planner.update(self._plan, self._output)
@@ -121,7 +114,7 @@ class Way:
         return setpoint
 
     def _step(self) -> Numbers:
-        wanted = [0.0] * JOINT_COUNT
+        wanted = [0.0] * AXES
         if self._goal is not None:
             away = [end - p for end, p in zip(self._goal, self._here.place, strict=True)]
             most = NEARING * max(map(abs, away))
@@ -170,13 +163,13 @@ def _stands(state: Any) -> bool:
 
 
 def _plan(start: Numbers, goal: Numbers, share: float) -> Any:
-    plan = ruckig.InputParameter(JOINT_COUNT)
+    plan = ruckig.InputParameter(AXES)
     plan.synchronization = ruckig.Synchronization.Phase  # straight from start to goal
     plan.current_position, plan.target_position = start, goal
-    plan.current_velocity = plan.current_acceleration = [0.0] * JOINT_COUNT
-    plan.max_velocity = [share * JOINT_SPEED] * JOINT_COUNT
-    plan.max_acceleration = [share * JOINT_ACCELERATION] * JOINT_COUNT
-    plan.max_jerk = [JOINT_JERK] * JOINT_COUNT
+    plan.current_velocity = plan.current_acceleration = [0.0] * AXES
+    plan.max_velocity = [share * JOINT_SPEED] * AXES
+    plan.max_acceleration = [share * JOINT_ACCELERATION] * AXES
+    plan.max_jerk = [JOINT_JERK] * AXES
     return plan
 
 

@@ -13,7 +13,7 @@ DISPLACEMENT, SLOPE, SPREAD = range(3)
 STRIP = 3  # first of the outputs about the strip: (mean, log sigma) each
 OUTPUTS = STRIP + 6
 INPUT_LIMIT = 8.0  # spreads from the mean beyond which inputs are not believed
-DISPLACEMENT_UNIT = 0.01  # m, of displacement in the outputs
+UNIT = 0.01  # m, of displacement in the outputs
 YIELD_UNIT = 10.0  # 1/m, yarn friction that makes one unit of its output
 ARRAY_NAMES = (
     *("mean", "whiten", "recall", "recall_bias", "first", "first_bias"),
@@ -106,9 +106,9 @@ class Critic:
         spread = np.exp(np.clip(out[:, [SPREAD, 4, 6, 8]], -8.0, 4.0)) * stretch
         strip = np.stack([out[:, STRIP::2], spread[:, 1:]], axis=2)
         return Judgement(
-            displacement=DISPLACEMENT_UNIT * out[:, DISPLACEMENT],
+            displacement=UNIT * out[:, DISPLACEMENT],
             slope=np.clip(out[:, SLOPE], SMALLEST_SLOPE, LARGEST_SLOPE),
-            sigma=DISPLACEMENT_UNIT * spread[:, 0],
+            sigma=UNIT * spread[:, 0],
             belief=Belief(strip[:, 0], strip[:, 1], strip[:, 2]),
         )
 

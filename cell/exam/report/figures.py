@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from cell.exam.scoring.score import Outcome
 from cell.exam.scoring.statistics import Bin, Confusion, wilson
 
-INK_COLOUR, FAINT_COLOUR, WRONG_COLOUR, RIGHT_COLOUR = "#22272e", "#c9ced6", "#c2553b", "#2f6db3"
+INK, FAINT, WRONG, RIGHT_COLOUR = "#22272e", "#c9ced6", "#c2553b", "#2f6db3"
 EDGES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, float("inf"))
 
 
@@ -30,7 +30,7 @@ def figure(table: Confusion, bins: Sequence[Bin], found: Sequence[Outcome]) -> F
 
 
 def _quiet(axis: Axes) -> None:
-    axis.tick_params(colors=INK_COLOUR, labelsize=8)
+    axis.tick_params(colors=INK, labelsize=8)
     for side in ("top", "right"):
         axis.spines[side].set_visible(False)
 
@@ -41,7 +41,7 @@ def _matrix(axis: Axes, table: Confusion) -> None:
     axis.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0.0, vmax=1.3,
                 aspect="auto")  # fmt: skip
     for i, j in zip(*np.nonzero(counts), strict=True):
-        axis.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=7, color=INK_COLOUR)
+        axis.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=7, color=INK)
     axis.set_yticks(range(len(table.rows)), table.rows, fontsize=8)
     axis.set_xticks(range(len(table.columns)), table.columns, fontsize=8, rotation=50, ha="right")
     axis.set_ylabel("hidden", fontsize=8)
@@ -49,12 +49,12 @@ def _matrix(axis: Axes, table: Confusion) -> None:
 
 
 def _reliability(axis: Axes, bins: Sequence[Bin]) -> None:
-    axis.plot([0, 1], [0, 1], color=FAINT_COLOUR, lw=1.0)
+    axis.plot([0, 1], [0, 1], color=FAINT, lw=1.0)
     for b in bins:
         axis.plot([b.confidence] * 2, b.right.interval, color=RIGHT_COLOUR, lw=1.2)
         axis.plot(b.confidence, b.right.value, "o", color=RIGHT_COLOUR, ms=4)
         axis.annotate(str(b.right.count), (b.confidence, b.right.value), fontsize=7,
-                      xytext=(-12, -3), textcoords="offset points", color=INK_COLOUR)  # fmt: skip
+                      xytext=(-12, -3), textcoords="offset points", color=INK)  # fmt: skip
     axis.set(xlim=(0, 1.02), ylim=(0, 1.02))
     axis.set_xlabel("stated confidence", fontsize=8)
     axis.set_ylabel("right, by class", fontsize=8)
@@ -66,7 +66,7 @@ def _strength(axis: Axes, found: Sequence[Outcome]) -> None:
     groups = [[o for o in single if low <= o.realised < high] for low, high in pairwise(EDGES)]
     for shift, colour, words in (
         (-0.08, RIGHT_COLOUR, "right, by class"),
-        (0.08, WRONG_COLOUR, "wrong name"),
+        (0.08, WRONG, "wrong name"),
     ):
         for i, group in enumerate(groups):
             hits = sum(

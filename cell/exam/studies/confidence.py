@@ -29,7 +29,7 @@ from cell.gap.verdict.confidence import Calibration, Signs, Weight, calibration
 from drivers.strip.effects import registry
 from drivers.types import Array
 
-PAIR_PERIOD = 8  # one case in so many hides two
+PAIRS = 8  # one case in so many hides two
 FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect
 OUTSIDE_SHARE = 0.2  # of the cases that a confidence speaks of: as in the exam through images
 SIGN_WEIGHTS = {  # what a sign may weigh, and where it counts; before the verdicts are seen
@@ -52,11 +52,7 @@ class Name(NamedTuple):
 
 def draw(number: int, rng: np.random.Generator) -> Values:
     """What `measure` draws a case from: one effect or two, in the library or not."""
-    kind, of_kind = (
-        ("pair", number // PAIR_PERIOD)
-        if number % PAIR_PERIOD == PAIR_PERIOD - 1
-        else ("single", number)
-    )
+    kind, of_kind = ("pair", number // PAIRS) if number % PAIRS == PAIRS - 1 else ("single", number)
     lacks = number % FIFTHS in LACKING
     return {"kind": kind, "number": number, "of_kind": of_kind, "seed": int(rng.integers(2**31)),
             "library": "lacks the effect" if lacks else "whole"}  # fmt: skip

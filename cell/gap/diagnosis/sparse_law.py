@@ -13,7 +13,7 @@ import numpy as np
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import Projection
-from cell.gap.selection.likelihood import GAIN_MARGIN
+from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.selection.screening import Probed
 from drivers.types import Array
 
@@ -100,7 +100,7 @@ def _forward(form: normal_equations.Normal, worth: float) -> list[int]:
             for i in range(len(form.gradient))
         ]
         i = int(np.argmax(gains))
-        if gains[i] - reached < GAIN_MARGIN * worth:
+        if gains[i] - reached < MIN_GAIN * worth:
             break
         chosen.append(i)
         reached = gains[i]

@@ -9,14 +9,7 @@ from cell.gap.fitting import common_errors, robust
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import (
-    GAIN_MARGIN,
-    SIGNIFICANCE,
-    LikelihoodScale,
-    Margin,
-    holm,
-    margin,
-)
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, Margin, holm, margin
 from cell.gap.selection.posterior import Posterior
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
@@ -103,7 +96,7 @@ def by_evidence(choice: Choice, sets: Posterior) -> Choice:
     posterior has that error in every direction, beside each set.
     """
     fits, best = choice.fits, choice.fits.of(sets.models[0].names)
-    if choice.accepted.model.effects or best is None or sets.lead(best.model.names) < GAIN_MARGIN:
+    if choice.accepted.model.effects or best is None or sets.lead(best.model.names) < MIN_GAIN:
         return choice
     ahead = margin(best, fits.base, choice.by)
     step = Step(best, fits.base, ahead.gain, ahead.p, ahead.removed, accepted=True)
@@ -112,7 +105,7 @@ def by_evidence(choice: Choice, sets: Posterior) -> Choice:
 
 def _is_earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale) -> bool:
     gain = _beyond_model_error(ahead.each, before, fits, by)
-    return gain > by.least and ahead.p < SIGNIFICANCE and ahead.removed > MATERIAL
+    return gain > by.least and ahead.p < ALPHA and ahead.removed > MATERIAL
 
 
 def _step(

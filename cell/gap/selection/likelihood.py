@@ -11,8 +11,8 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.model import Evidence
 from drivers.types import Array
 
-GAIN_MARGIN = 4.0  # nats
-SIGNIFICANCE = 0.01
+MIN_GAIN = 4.0  # nats
+ALPHA = 0.01
 SYSTEMATIC = 0.35  # of the floor, that may lie wholly in the direction of one effect
 # of what a model gained, that a rival must lie behind: responses are true to 15 %
 RIVAL_SHARE = 0.02
@@ -32,7 +32,7 @@ class LikelihoodScale:
     scale: float
     inefficiency: float
     level: float = 1.0
-    least: float = GAIN_MARGIN
+    least: float = MIN_GAIN
 
     def ahead(self, gained: float) -> float:
         """Nats by which a model that gained `gained` over the base must lead, to refute another.
@@ -49,7 +49,7 @@ def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
     known, scale = best.estimate.evidence, best.estimate.scale
     worth = robust.inefficiency(known.runs, best.estimate.residuals)
     level = min(1.0, mean_square(best.left_out))
-    return LikelihoodScale(scale, worth, level, GAIN_MARGIN + _false_gain(known) / scale**2)
+    return LikelihoodScale(scale, worth, level, MIN_GAIN + _false_gain(known) / scale**2)
 
 
 def _false_gain(evidence: Evidence) -> float:

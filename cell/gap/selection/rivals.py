@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import GAIN_MARGIN, SIGNIFICANCE, LikelihoodScale, margin
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
 from cell.gap.selection.posterior import Posterior
 
 RIVAL_DISTANCE = 3.0  # sigma between fitted predictions
@@ -36,11 +36,11 @@ def rivals(
         if not same or other.model.names == accepted.model.names:
             continue
         ahead = margin(accepted, other, by)
-        refuted = ahead.gain > needed and ahead.p < SIGNIFICANCE
+        refuted = ahead.gain > needed and ahead.p < ALPHA
         if believed is not None:
             lead = believed.lead(accepted.model.names) - believed.lead(other.model.names)
             refuted |= lead > needed
-        worth = margin(other, base, by).gain > GAIN_MARGIN
+        worth = margin(other, base, by).gain > MIN_GAIN
         if worth and (ahead.distance < RIVAL_DISTANCE or not refuted):
             found.append(Alternative(other, ahead.gain, ahead.distance))
     return sorted(found, key=lambda r: r.behind)
@@ -51,7 +51,7 @@ def probable_rivals(
 ) -> list[Alternative]:
     """Models of equal size that are about as probable as the accepted one, or more so."""
     others = [_beside(accepted, m, by, sets) for m in fits.of_size(len(accepted.model.effects))]
-    found = [r for r in others if r.model is not accepted and r.behind < GAIN_MARGIN]
+    found = [r for r in others if r.model is not accepted and r.behind < MIN_GAIN]
     return sorted(found, key=lambda r: r.behind)
 
 

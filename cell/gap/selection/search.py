@@ -15,7 +15,7 @@ from cell.gap.fitting.starts import best, objective_of
 from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
 from cell.gap.selection.choice import choose, is_exhausted
 from cell.gap.selection.fits import Fits, by_loss
-from cell.gap.selection.likelihood import GAIN_MARGIN, SIGNIFICANCE, LikelihoodScale, margin
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
 from cell.gap.selection.origins import Start, starts
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranking, table
@@ -226,7 +226,7 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
 def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
     """Whether shape parameters are earned; a shape claims less than an effect does."""
     ahead = margin(new, plain, by)
-    return ahead.gain > BUDGET.shapely * by.least and ahead.p < SIGNIFICANCE
+    return ahead.gain > BUDGET.shapely * by.least and ahead.p < ALPHA
 
 
 def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[Candidate]:
@@ -329,4 +329,4 @@ def better_base(simulate: Simulate, fits: Fits) -> Estimate | None:
         return None
     again = run_one(simulate, refit(base.model, base.evidence, begun.point, begun.jacobians))
     scale = min(base.scale, again.scale)
-    return again if objective_of(again, scale) < objective_of(base, scale) - GAIN_MARGIN else None
+    return again if objective_of(again, scale) < objective_of(base, scale) - MIN_GAIN else None

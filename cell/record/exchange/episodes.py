@@ -20,9 +20,9 @@ from drivers.types import Array
 INFO = "meta/info.json"
 EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-EPISODE_TABLE = "episode"  # its tables, as a mapping names them
+EPISODE = "episode"  # its tables, as a mapping names them
 POINTS_TABLE = "points"
-TOUCH_TABLE = "touch"
+TOUCH = "touch"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +40,13 @@ class Episode:
 
     def table(self, file: str, _how: object) -> pa.Table:
         """The frames, the points or the touch; ConfigurationError for anything else."""
-        if file == EPISODE_TABLE:
+        if file == EPISODE:
             return self._flat()
         if file == POINTS_TABLE and "observation.profile_stamp" in self.frames.column_names:
             return self._points()
-        if file == TOUCH_TABLE:
+        if file == TOUCH:
             return pa.table({name: [value] for name, value in self.result.items()})
-        known = (EPISODE_TABLE, POINTS_TABLE, TOUCH_TABLE)
+        known = (EPISODE, POINTS_TABLE, TOUCH)
         raise ConfigurationError(
             f"{self.path}: file {file!r} is not there{suggestion(file, known)}; "
             f"allowed: {', '.join(known)}"

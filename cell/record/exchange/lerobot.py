@@ -16,14 +16,7 @@ import pyarrow.parquet as pq
 import yaml
 
 from cell.record.documents import plain
-from cell.record.exchange.episodes import (
-    DATA,
-    EPISODE_TABLE,
-    EPISODES,
-    INFO,
-    POINTS_TABLE,
-    TOUCH_TABLE,
-)
+from cell.record.exchange.episodes import DATA, EPISODE, EPISODES, INFO, POINTS_TABLE, TOUCH
 from cell.record.exchange.mapping import MAPPING
 from cell.record.exchange.outgoing import Outgoing, mapping_of
 from cell.record.files import RESULT, RUN
@@ -36,9 +29,9 @@ TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
 VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 CHUNK = 1000  # files of a folder
 FORMAT_VERSION = "v3.0"
-STATE_SIGNALS = ("x", "z", "pitch")
-ACTION_SIGNALS = ("x_cmd", "z_cmd")
-FORCE_SIGNALS = ("f_x", "f_z")
+STATE = ("x", "z", "pitch")
+ACTION = ("x_cmd", "z_cmd")
+FORCE = ("f_x", "f_z")
 COUNTED = ("frame_index", "episode_index", "index", "task_index")
 Features = dict[str, dict[str, Any]]
 
@@ -69,21 +62,17 @@ def _name(table: str, column: str) -> tuple[str, str]:
     """File and column of ours for the mapping of a data set."""
     if table == "contact":
         stamp = "observation.contact_stamp"
-        return EPISODE_TABLE, stamp if column == "t" else "observation.contact"
+        return EPISODE, stamp if column == "t" else "observation.contact"
     if table != "ticks":
-        return {"profile": POINTS_TABLE, "result": TOUCH_TABLE}[table], column
+        return {"profile": POINTS_TABLE, "result": TOUCH}[table], column
     for feature, names in _vectors().items():
         if column in names:
-            return EPISODE_TABLE, f"{feature}.{column}"
-    return EPISODE_TABLE, "stamp"
+            return EPISODE, f"{feature}.{column}"
+    return EPISODE, "stamp"
 
 
 def _vectors() -> dict[str, tuple[str, ...]]:
-    return {
-        "observation.state": STATE_SIGNALS,
-        "action": ACTION_SIGNALS,
-        "observation.force": FORCE_SIGNALS,
-    }
+    return {"observation.state": STATE, "action": ACTION, "observation.force": FORCE}
 
 
 def _features(parts: Sequence[Outgoing], points: int) -> Features:

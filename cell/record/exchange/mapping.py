@@ -7,14 +7,14 @@ from pydantic import Field
 from cell.record.header import Sigma
 from drivers.settings import Metres, Seconds, Settings
 
-LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-ANGLE_UNITS = {"rad": 1.0, "deg": 0.017453292519943295}
-FORCE_UNITS = {"N": 1.0, "mN": 1e-3, "cN": 1e-2}
-FACTORS = LENGTH_UNITS | TIME_UNITS | ANGLE_UNITS | FORCE_UNITS
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+ANGLES = {"rad": 1.0, "deg": 0.017453292519943295}
+FORCES = {"N": 1.0, "mN": 1e-3, "cN": 1e-2}
+FACTORS = LENGTHS | TIMES | ANGLES | FORCES
 MEASURES = {
-    "t": TIME_UNITS, "contact_t": TIME_UNITS, "t_layer_touch": TIME_UNITS, "pitch": ANGLE_UNITS,
-    "f_x": FORCE_UNITS, "f_z": FORCE_UNITS,
+    "t": TIMES, "contact_t": TIMES, "t_layer_touch": TIMES, "pitch": ANGLES,
+    "f_x": FORCES, "f_z": FORCES,
 }  # fmt: skip
 """Units by column; all others are lengths."""
 COUNTS = frozenset({"i"})  # have no unit

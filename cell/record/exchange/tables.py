@@ -12,15 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from cell.record.exchange.mapping import (
-    COUNTS,
-    FACTORS,
-    LENGTH_UNITS,
-    MAPPING,
-    MEASURES,
-    Column,
-    Table,
-)
+from cell.record.exchange.mapping import COUNTS, FACTORS, LENGTHS, MAPPING, MEASURES, Column, Table
 from cell.record.parquet_file import read_parquet
 from drivers.errors import ConfigurationError, suggestion
 from drivers.files import MEGABYTE, read_bytes, read_text
@@ -129,7 +121,7 @@ def _is_number(value: object) -> bool:
 
 
 def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
-    known = MEASURES.get(name, LENGTH_UNITS)
+    known = MEASURES.get(name, LENGTHS)
     if name not in COUNTS and column.unit not in known:
         raise ConfigurationError(
             f"mapping: {name}: unit {column.unit!r} is not known{suggestion(column.unit, known)}; "

@@ -8,12 +8,12 @@ from drivers.types import Array
 from policies.adaptive.critic import (
     ARRAY_NAMES,
     DISPLACEMENT,
-    DISPLACEMENT_UNIT,
     INPUT_LIMIT,
     OUTPUTS,
     SLOPE,
     SPREAD,
     STRIP,
+    UNIT,
     Critic,
 )
 from policies.adaptive.features import CHANNELS, COUNT, STATE_SIZE
@@ -135,15 +135,8 @@ def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
     whitened = whitened.clip(-INPUT_LIMIT, INPUT_LIMIT)
     known = np.isfinite(piece.displacement)
     predicted = piece.predicted & piece.alive & known[:, None]
-    displacement = np.nan_to_num(piece.displacement) / DISPLACEMENT_UNIT
-    arrays = (
-        whitened,
-        piece.moved / DISPLACEMENT_UNIT,
-        piece.alive,
-        predicted,
-        displacement,
-        piece.strip,
-    )
+    displacement = np.nan_to_num(piece.displacement) / UNIT
+    arrays = (whitened, piece.moved / UNIT, piece.alive, predicted, displacement, piece.strip)
     return [torch.tensor(array, dtype=torch.float32) for array in arrays]
 
 

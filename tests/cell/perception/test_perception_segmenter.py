@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cell.perception.background import Background
-from cell.perception.kernels import CELL_SIDE, EVEN_LIGHT, SHADE, discriminants
+from cell.perception.kernels import CELL_PX, EVEN_LIGHT, SHADE, discriminants
 from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL, share
 from cell.perception.palette import palette
 from cell.perception.region import Region
@@ -84,8 +84,8 @@ def test_light_is_read_through_a_strip_and_past_a_hand() -> None:
     seen[:50, 120:180] = 40
     light = _background(image).light(seen, ALL, visible)[1:-1, 1:-1] / EVEN_LIGHT
     true, clear = (
-        dimming[CELL_SIDE // 2 :: CELL_SIDE],
-        visible[CELL_SIDE // 2 :: CELL_SIDE, CELL_SIDE // 2 :: CELL_SIDE] > 0,
+        dimming[CELL_PX // 2 :: CELL_PX],
+        visible[CELL_PX // 2 :: CELL_PX, CELL_PX // 2 :: CELL_PX] > 0,
     )
     assert np.abs(light - true)[clear].max() < 0.06
     assert np.abs(light - true).mean() < 0.03
