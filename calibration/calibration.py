@@ -19,8 +19,8 @@ from drivers.settings import Settings, load
 from drivers.types import Array
 
 NotNegative = Annotated[float, Field(ge=0)]
-OPTIONAL = ("contact_bias", "locks", "landmarks", "accepted_anyway")
-KEYWORDS = ("residual_mm", "date", "camera", "latency", *OPTIONAL)
+OPTIONAL_KEYS = ("contact_bias", "locks", "landmarks", "accepted_anyway")
+KEYWORDS = ("residual_mm", "date", "camera", "latency", *OPTIONAL_KEYS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class CalibrationFile(Settings):
 
     def content(self) -> dict[str, Any]:
         """Plain mapping for YAML; empty values are omitted."""
-        left_out = {key for key in OPTIONAL if not getattr(self, key)}
+        left_out = {key for key in OPTIONAL_KEYS if not getattr(self, key)}
         return self.model_dump(mode="json", by_alias=True, exclude=left_out)
 
     def calibration(self, origin: str) -> Calibration:

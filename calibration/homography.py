@@ -12,7 +12,7 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array, frozen
 
 MINIMUM_POINTS = 12
-THRESHOLD = 1.5  # px, RANSAC on millimetres to pixels
+RANSAC_THRESHOLD = 1.5  # px, RANSAC on millimetres to pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ def fit_homography(pixels: Array, points: Array) -> HomographyFit:
             "touch more"
         )
     millimetres = 1e3 * np.asarray(points, dtype=np.float64)
-    to_pixels, mask = cv2.findHomography(millimetres, pixels, cv2.RANSAC, THRESHOLD)
+    to_pixels, mask = cv2.findHomography(millimetres, pixels, cv2.RANSAC, RANSAC_THRESHOLD)
     if to_pixels is None:
         raise ConfigurationError("homography: the touched points determine no map; spread them")
     used = np.ravel(mask).astype(bool)

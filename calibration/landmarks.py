@@ -20,7 +20,7 @@ TIP_SIDE, DESK_SIDE = 96, 28  # px, of the remembered squares
 SEARCH_RADIUS = 40  # px by which a landmark is looked for around its place
 DESK_HEIGHTS = (0.010, 0.060)  # m over which the desk's line is looked for, above a lying strip
 CONTRAST = 6.0  # grey levels that a line must show
-ALIKE = 0.6  # correlation from which a landmark counts as found
+MATCH_CORRELATION = 0.6  # correlation from which a landmark counts as found
 
 
 class LandmarkSettings(Settings):
@@ -165,7 +165,7 @@ def _find(grey: Image, mark: Landmark) -> tuple[float, float] | None:
         return None
     scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
     _, best, _, (u, v) = cv2.minMaxLoc(scores)
-    if not best >= ALIKE:
+    if not best >= MATCH_CORRELATION:
         return None
     fine_u, fine_v = peak(scores[v, :], u), peak(scores[:, u], v)
     return left + u + fine_u - mark.left, top + v + fine_v - mark.top

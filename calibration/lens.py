@@ -194,7 +194,7 @@ class CameraFile(Settings):
 
 
 OPENCV = "!!opencv-matrix"  # a tag of OpenCV's files, which no other reader of YAML knows
-NODES = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
+NODE_NAMES = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
 COEFFICIENTS = (4, 5)  # plumb bob, without and with k3
 
 
@@ -229,11 +229,11 @@ def read_lens(path: Path) -> Lens:
 def _read_opencv(path: Path, text: str) -> Lens:
     try:
         store = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        missing = [name for name in NODES if store.getNode(name).empty()]
+        missing = [name for name in NODE_NAMES if store.getNode(name).empty()]
         if missing:
             raise ConfigurationError(f"{path}: {missing[0]}: is missing; add it")
-        width, height = (int(store.getNode(name).real()) for name in NODES[:2])
-        matrix, distortion = (np.array(store.getNode(name).mat()) for name in NODES[2:])
+        width, height = (int(store.getNode(name).real()) for name in NODE_NAMES[:2])
+        matrix, distortion = (np.array(store.getNode(name).mat()) for name in NODE_NAMES[2:])
         store.release()
     except (cv2.error, SystemError):  # OpenCV's parser raises the one inside of the other
         raise ConfigurationError(

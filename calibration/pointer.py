@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from drivers.types import Array, Image
 
-BRIGHT = (170, 110)  # grey levels of the darkest channel of a lit disc, and of one in shadow
+LIT_LEVELS = (170, 110)  # grey levels of the darkest channel of a lit disc, and of one in shadow
 CONTRAST = 90.0  # grey levels between disc and plate
 RADII = (3.0, 30.0)  # px, sizes that are looked for
 ROUND = 0.75  # share of its circumscribed circle that the disc fills
@@ -15,7 +15,7 @@ ROUND = 0.75  # share of its circumscribed circle that the disc fills
 def find_pointer(image: Image) -> Array | None:
     """Centre (2,) u, v [px] of the one bright disc in an image (h, w, 3), or None."""
     darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
-    for level in BRIGHT:
+    for level in LIT_LEVELS:
         _, bright = cv2.threshold(darkest, level, 255, cv2.THRESH_BINARY)
         outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         found = [centre for outline in outlines if (centre := _disc(darkest, outline)) is not None]

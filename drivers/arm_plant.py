@@ -7,7 +7,7 @@ from pydantic import Field
 from drivers.settings import Settings
 
 Seven = tuple[float, float, float, float, float, float, float]
-NONE: Seven = (0.0,) * 7
+ZERO_JOINTS: Seven = (0.0,) * 7
 Vector = tuple[float, float, float]
 
 
@@ -22,14 +22,14 @@ class ArmPlant(Settings):
     the cell knows. `torque_noise` [N m] is one sigma of a reading, drawn from `seed`.
     """
 
-    friction: Seven = NONE
-    damping: Seven = NONE
-    cable: Seven = NONE
-    torque_bias: Seven = NONE
-    torque_scale: Seven = NONE
-    encoder_bias: Seven = NONE
-    compliance: Seven = NONE
-    mass_error: Seven = NONE
+    friction: Seven = ZERO_JOINTS
+    damping: Seven = ZERO_JOINTS
+    cable: Seven = ZERO_JOINTS
+    torque_bias: Seven = ZERO_JOINTS
+    torque_scale: Seven = ZERO_JOINTS
+    encoder_bias: Seven = ZERO_JOINTS
+    compliance: Seven = ZERO_JOINTS
+    mass_error: Seven = ZERO_JOINTS
     payload: float = Field(0.0, ge=0, le=3)
     payload_at: Vector = (0.0, 0.0, 0.1034)
     tilt: tuple[float, float] = (0.0, 0.0)

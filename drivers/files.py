@@ -16,7 +16,8 @@ from drivers.errors import ConfigurationError
 
 MEGABYTE = 1_000_000
 TEXT = 200_000  # bytes of a file that a person writes, with much room
-PATIENCE, GLANCE = 10.0, 0.02  # s for another command to finish; between looks whether it has
+LOCK_TIMEOUT = 10.0  # s for another command to finish
+POLL_INTERVAL = 0.02  # s between looks whether it has
 KINDS = {
     stat.S_IFIFO: "a pipe",
     stat.S_IFCHR: "a device",
@@ -174,7 +175,8 @@ def lock_folders(folders: Iterable[Path]) -> Iterator[None]:
     """Keep other commands out of `folders` while files in them are read, changed and written.
 
     A lock of the folder itself: it leaves no file, and ends with the process. Raises
-    ConfigurationError where another holds it for longer than PATIENCE, or a folder cannot be read.
+    ConfigurationError where another holds it for longer than LOCK_TIMEOUT, or a folder cannot be
+    read.
     """
     with ExitStack() as held:
         for folder in sorted({folder.resolve() for folder in folders}):  # in one order for all
@@ -188,7 +190,7 @@ def lock_folders(folders: Iterable[Path]) -> Iterator[None]:
 
 
 def _lock(handle: int, folder: Path) -> None:
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + LOCK_TIMEOUT
     while True:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -196,10 +198,10 @@ def _lock(handle: int, folder: Path) -> None:
         except BlockingIOError:
             if time.monotonic() > until:
                 raise ConfigurationError(
-                    f"{folder}: another command has been changing files here for {PATIENCE:g} s; "
-                    "let it finish"
+                    f"{folder}: another command has been changing files here for {LOCK_TIMEOUT:g} "
+                    "s; let it finish"
                 ) from None
-            time.sleep(GLANCE)
+            time.sleep(POLL_INTERVAL)
 
 
 def _open_to_write(path: Path, flags: int) -> int:

@@ -9,8 +9,8 @@ from drivers.errors import Fault
 from drivers.settings import Settings
 from drivers.types import Pose, Velocity
 
-AXES = ("x", "z", "pitch")
-UNITS = ("m", "m", "rad")
+AXIS_NAMES = ("x", "z", "pitch")
+AXIS_UNITS = ("m", "m", "rad")
 
 
 class AxisLimits(Settings):
@@ -53,14 +53,14 @@ class MotionLimits(Settings):
         """Element-wise minimum of two sets of limits, axis by axis."""
         lower = {
             name: axis.lower(getattr(other, name))
-            for name, axis in zip(AXES, self.axes, strict=True)
+            for name, axis in zip(AXIS_NAMES, self.axes, strict=True)
         }
         return MotionLimits(**lower)
 
     def check(self, velocity: Velocity) -> None:
         """Refuse a velocity that is not finite or too fast, with Fault `velocity_refused`."""
         rates = (velocity.vx, velocity.vz, velocity.pitch_rate)
-        for axis, unit, limits, rate in zip(AXES, UNITS, self.axes, rates, strict=True):
+        for axis, unit, limits, rate in zip(AXIS_NAMES, AXIS_UNITS, self.axes, rates, strict=True):
             if not isfinite(rate) or abs(rate) > limits.velocity:
                 raise Fault(
                     "velocity_refused",
@@ -101,7 +101,7 @@ class Workspace(Settings):
         """Refuse a pose that is not finite or outside, with Fault `outside_workspace`."""
         values = (pose.x, pose.z, pose.pitch)
         for axis, unit, low, high, value in zip(
-            AXES, UNITS, self.low, self.high, values, strict=True
+            AXIS_NAMES, AXIS_UNITS, self.low, self.high, values, strict=True
         ):
             if not (isfinite(value) and low <= value <= high):
                 raise Fault(

@@ -10,13 +10,13 @@ from drivers.types import Pose, Velocity
 
 TICK = 0.001  # s, the servo's period
 EXPIRY = 0.1  # s for which a velocity target holds
-BORDER = 1e-9  # m or rad, rounding at the border of the workspace
+BORDER_ROUNDING = 1e-9  # m or rad, rounding at the border of the workspace
 SETTLE = 0.3  # s, of a correction near the goal
-CHANGE = 0.05  # s, of a correction near the velocity asked for
+CORRECTION_TIME = 0.05  # s, of a correction near the velocity asked for
 LOSS = 0.01  # s that a robot may go on by itself at a time
-SLOWEST = 0.01  # of the acceleration, at least, in such a correction
+ACCELERATION_FLOOR = 0.01  # of the acceleration, at least, in such a correction
 ARRIVED = 2e-5  # m or rad from the goal, from which nothing is corrected any more
-NOTHING = 1e-6  # m or rad, or the same per second: a change too small to have a direction
+SMALLEST_CHANGE = 1e-6  # m or rad, or the same per second: a change too small to have a direction
 
 Numbers = list[float]
 State = tuple[Numbers, Numbers, Numbers]  # position, velocity, acceleration
@@ -178,7 +178,9 @@ class MotionProfile:
         _limit(order, self._limits, change if straight else _STILL)
         if gently:
             order.max_acceleration = [
-                most if i in blocked else min(most, max(abs(change[i]) / CHANGE, SLOWEST * most))
+                most
+                if i in blocked
+                else min(most, max(abs(change[i]) / CORRECTION_TIME, ACCELERATION_FLOOR * most))
                 for i, most in enumerate(order.max_acceleration)
             ]
         self._calculate(order, self._plan, self._state)
@@ -225,8 +227,8 @@ class MotionProfile:
         return frozenset(
             i
             for i, reach in enumerate(plan.position_extrema)
-            if reach.max > max(high[i], here[i]) + BORDER
-            or reach.min < min(low[i], here[i]) - BORDER
+            if reach.max > max(high[i], here[i]) + BORDER_ROUNDING
+            or reach.min < min(low[i], here[i]) - BORDER_ROUNDING
         )
 
     @property
@@ -251,9 +253,9 @@ def settling(distance: float, speed: float, most: float) -> float:
     a lost tick continues is an acceleration.
     """
     needed = max(4 * distance / SETTLE**2, 2 * speed / SETTLE)
-    if distance > NOTHING:
+    if distance > SMALLEST_CHANGE:
         needed = max(needed, speed**2 / distance)
-    return min(most, max(needed, SLOWEST * most))
+    return min(most, max(needed, ACCELERATION_FLOOR * most))
 
 
 def _blank_order(limits: MotionLimits, synchronization: ruckig.Synchronization) -> Any:
@@ -275,7 +277,7 @@ def _limit(order: Any, limits: MotionLimits, change: Numbers) -> None:
 
 
 def _share(limits: Numbers, change: Numbers) -> Numbers:
-    sizes = [abs(c) if abs(c) > NOTHING else 0.0 for c in change]
+    sizes = [abs(c) if abs(c) > SMALLEST_CHANGE else 0.0 for c in change]
     if not any(sizes):
         return limits
     pace = min(limit / size for limit, size in zip(limits, sizes, strict=True) if size)

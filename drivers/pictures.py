@@ -10,11 +10,12 @@ from drivers.files import MEGABYTE, read_bytes
 from drivers.types import Image
 
 BYTES = 64 * MEGABYTE
-SIDE = 16_384  # px, of any camera or phone; a few bytes can declare gigabytes
-FRAMES = (*range(0xC0, 0xC4), *range(0xC5, 0xC8), *range(0xC9, 0xCC), *range(0xCD, 0xD0))  # of JPEG
+LARGEST_SIDE = 16_384  # px, of any camera or phone; a few bytes can declare gigabytes
+# of JPEG
+FRAME_MARKERS = (*range(0xC0, 0xC4), *range(0xC5, 0xC8), *range(0xC9, 0xCC), *range(0xCD, 0xD0))
 
 
-def read_picture(path: Path, side: int = SIDE) -> Image:
+def read_picture(path: Path, side: int = LARGEST_SIDE) -> Image:
     """The picture (height, width, 3) at `path`, no side longer than `side` [px].
 
     Raises ConfigurationError for a file that is missing, not regular, no whole PNG or JPEG, or
@@ -38,7 +39,7 @@ def sides(content: bytes) -> tuple[int, int]:
         return int.from_bytes(content[16:20]), int.from_bytes(content[20:24])
     at = 2 if content.startswith(b"\xff\xd8") else len(content)
     while at + 9 <= len(content) and content[at] == 0xFF:
-        if content[at + 1] in FRAMES:
+        if content[at + 1] in FRAME_MARKERS:
             height, width = content[at + 5 : at + 7], content[at + 7 : at + 9]
             return int.from_bytes(width), int.from_bytes(height)
         at += 1 if content[at + 1] == 0xFF else 2 + int.from_bytes(content[at + 2 : at + 4])

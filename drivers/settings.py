@@ -17,10 +17,10 @@ from drivers.files import TEXT, read_text
 from drivers.yaml_loader import BoundedLoader
 
 SCHEMA = 1
-BOUNDS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
+BOUND_WORDS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
 COMPARED = {"ge": operator.ge, "gt": operator.gt, "le": operator.le, "lt": operator.lt}
 OUT_OF_RANGE = {"greater_than_equal", "greater_than", "less_than_equal", "less_than"}
-SMALLER = {"m": "mm", "s": "ms", "m/s": "mm/s", "kg/m^2": "g/m^2"}  # a thousandth
+SMALLER_UNITS = {"m": "mm", "s": "ms", "m/s": "mm/s", "kg/m^2": "g/m^2"}  # a thousandth
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,11 +160,13 @@ def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
     """
     value, parts = item["input"], [] if field is None else field.metadata
     unit = next((f" {part.name}" for part in parts if isinstance(part, Unit)), "")
-    bounds = {name: getattr(part, name) for part in parts for name in BOUNDS if hasattr(part, name)}
-    bounds = bounds or {name: item["ctx"][name] for name in BOUNDS if name in item["ctx"]}
-    words = " and ".join(f"{BOUNDS[name]} {bound:g}{unit}" for name, bound in bounds.items())
+    bounds = {
+        name: getattr(part, name) for part in parts for name in BOUND_WORDS if hasattr(part, name)
+    }
+    bounds = bounds or {name: item["ctx"][name] for name in BOUND_WORDS if name in item["ctx"]}
+    words = " and ".join(f"{BOUND_WORDS[name]} {bound:g}{unit}" for name, bound in bounds.items())
     said = f"is {value:g}{unit}, must be {words}"
-    small = SMALLER.get(unit.strip())
+    small = SMALLER_UNITS.get(unit.strip())
     if small and all(COMPARED[name](value / 1e3, bound) for name, bound in bounds.items()):
         said += f"; if {value:g} is in {small}, write {value / 1e3:g}"
     return said

@@ -40,7 +40,7 @@ class Velocity:
         return float(np.hypot(self.vx, self.vz))
 
 
-STILL = Velocity(0.0, 0.0, 0.0)
+ZERO_VELOCITY = Velocity(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

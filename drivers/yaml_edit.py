@@ -9,7 +9,7 @@ import yaml
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-WIDTH = 100
+LINE_WIDTH = 100
 INSET = re.compile(r"^  +- ", re.MULTILINE)  # entries of lists stand further in than their key
 
 
@@ -20,7 +20,7 @@ def edit_text(text: str, content: Mapping[str, Any]) -> str:
     """
     editor = YAML()
     editor.preserve_quotes = True
-    editor.width = WIDTH
+    editor.width = LINE_WIDTH
     if INSET.search(text):
         editor.indent(mapping=2, sequence=4, offset=2)
     try:
@@ -36,7 +36,7 @@ def edit_text(text: str, content: Mapping[str, Any]) -> str:
 
 def dump_text(content: Mapping[str, Any]) -> str:
     """`content` as the text of a new YAML file."""
-    return yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=WIDTH)
+    return yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=LINE_WIDTH)
 
 
 def _change(node: Any, value: Any) -> None:

@@ -7,9 +7,9 @@ from typing import Any
 import yaml
 
 DEPTH = 32  # of nested lists and mappings
-NODES = 10_000  # once every alias is written out
-DIGITS = 64  # of a number
-NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+MOST_NODES = 10_000  # once every alias is written out
+MOST_DIGITS = 64  # of a number
+NUMBER_TAGS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 
 class BoundedLoader(yaml.SafeLoader):
@@ -49,8 +49,8 @@ class BoundedLoader(yaml.SafeLoader):
         """A scalar; a number with too many digits is refused before it is converted."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         node = super().compose_scalar_node(anchor)
-        if node.tag in NUMBERS and len(node.value) > DIGITS:
-            raise _problem(event, f"is a number of {len(node.value)} digits, at most {DIGITS}")
+        if node.tag in NUMBER_TAGS and len(node.value) > MOST_DIGITS:
+            raise _problem(event, f"is a number of {len(node.value)} digits, at most {MOST_DIGITS}")
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
@@ -68,8 +68,8 @@ class BoundedLoader(yaml.SafeLoader):
 
     def _count(self, event: Any, nodes: int) -> None:
         self._nodes += nodes
-        if self._nodes > NODES:
-            raise _problem(event, f"holds more than {NODES} values, aliases written out")
+        if self._nodes > MOST_NODES:
+            raise _problem(event, f"holds more than {MOST_NODES} values, aliases written out")
 
 
 WORDLESS = ("tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:binary")  # no key in JSON either

@@ -10,7 +10,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, read_bytes, write_file
 from drivers.settings import Settings, parse
 
-WEIGHTS = 101  # of the paper's network: (3 + 1) 20 + 20 + 1
+WEIGHT_COUNT = 101  # of the paper's network: (3 + 1) 20 + 20 + 1
 
 
 class Training(Settings):
@@ -30,7 +30,7 @@ class Checkpoint(Settings):
 
     schema_: Literal[1] = Field(1, alias="schema")
     policy: Literal["feedback"]
-    weights: Annotated[tuple[float, ...], Field(min_length=WEIGHTS, max_length=WEIGHTS)]
+    weights: Annotated[tuple[float, ...], Field(min_length=WEIGHT_COUNT, max_length=WEIGHT_COUNT)]
     training: Training
 
 

@@ -5,15 +5,15 @@ import numpy as np
 from drivers.strip.file import StripFile, paper_damping_minimum, paper_strip
 from drivers.types import Array
 
-STIFFNESS = (0.02, 0.3)  # N m/rad (paper, appendix)
-DAMPING = 50.0  # largest damping over the smallest at the same stiffness (paper, appendix)
+STIFFNESS_RANGE = (0.02, 0.3)  # N m/rad (paper, appendix)
+DAMPING_RATIO = 50.0  # largest damping over the smallest at the same stiffness (paper, appendix)
 
 
 def strip_at(u: float, v: float) -> StripFile:
     """The strip at (u, v) in the unit square: log k over [0.02, 0.3], log b over [1, 50] b_min."""
-    low, high = STIFFNESS
+    low, high = STIFFNESS_RANGE
     k = low * (high / low) ** u
-    return paper_strip(k, paper_damping_minimum(k) * DAMPING**v)
+    return paper_strip(k, paper_damping_minimum(k) * DAMPING_RATIO**v)
 
 
 def grid(n: int) -> list[StripFile]:

@@ -15,17 +15,17 @@ from policies.policy import Decision, Observation
 
 COMMITTED = FilePath(__file__).with_name("weights") / "feedback.json"
 
-# Over the strip's length. Below FLOOR the gripper does not go down, above LOFT not up, and at
-# NEARLY_TAUT from the fixed edge not outward. Beyond PAST it has gone by the fixed edge and there
-# is nothing left to fold.
-FLOOR = 0.05
+# Over the strip's length. Below LOWEST_HEIGHT the gripper does not go down, above LOFT not up, and
+# at NEARLY_TAUT from the fixed edge not outward. Beyond PAST it has gone by the fixed edge and
+# there is nothing left to fold.
+LOWEST_HEIGHT = 0.05
 LOFT = 0.75
 NEARLY_TAUT = 0.95
 PAST = -0.20
 
 
 class Feedback:
-    """Computes phi by the network; `weights` (p, WEIGHTS) drive p equal groups of the batch.
+    """Computes phi by the network; `weights` (p, WEIGHT_COUNT) drive p equal groups of the batch.
 
     Speed and pitch are constant. The direction always has a component toward the fixed edge, so
     that every fold ends in a touch or past the edge.
@@ -83,7 +83,7 @@ def limit_directions(direction: Array, x: Array, z: Array) -> Array:
     taut = np.arctan2(z, x) + 0.5 * math.pi
     low = np.where(np.hypot(x, z) > NEARLY_TAUT, taut, 0.5 * math.pi)
     low = np.where(z > LOFT, np.maximum(low, math.pi), low)
-    high = np.where(z < FLOOR, math.pi, 1.5 * math.pi)
+    high = np.where(z < LOWEST_HEIGHT, math.pi, 1.5 * math.pi)
     return np.asarray(np.clip(direction, np.minimum(low, high), high))
 
 

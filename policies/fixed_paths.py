@@ -27,7 +27,7 @@ class Circular(PathPolicy):
 
 
 # m. Over the paper's range at 0.1 m/s |d| is least in the mean at 40 mm, at worst at 43 mm.
-RISE = 0.042
+PAPER_RISE = 0.042
 
 
 class Shifted(PathPolicy):
@@ -35,7 +35,7 @@ class Shifted(PathPolicy):
 
     name = "shifted"
 
-    def __init__(self, rise: float = RISE) -> None:
+    def __init__(self, rise: float = PAPER_RISE) -> None:
         super().__init__()
         self.rise = rise
 

@@ -7,10 +7,10 @@ from drivers.types import Array
 from policies.path import Path
 from policies.policy import Decision, Observation
 
-WINDOW = 0.03  # m of path ahead in which the nearest point is looked for
+SEARCH_WINDOW = 0.03  # m of path ahead in which the nearest point is looked for
 LOOK_AHEAD = 0.01  # m over which a cross-track error is steered out
 LEAD = 0.04  # s of preview: half the time in which a gripper turns a corner
-FOLLOWED = 0.0005  # m before its end at which a path has been followed
+END_TOLERANCE = 0.0005  # m before its end at which a path has been followed
 
 
 class Follower:
@@ -28,13 +28,13 @@ class Follower:
         """Direction along the path at `speed` [m/s] from grippers at `x`, `z` (n,) [m]; done at its
         end.
 
-        The first call searches the whole path, later ones at most `WINDOW` ahead.
+        The first call searches the whole path, later ones at most `SEARCH_WINDOW` ahead.
         """
         points = np.stack([x, z], axis=-1)
         high = np.minimum(self.progress + self._reach, self.path.length)
         self.progress = nearest(self.path, points, self.progress, high)
-        self._reach = WINDOW
-        done = self.progress >= self.path.length - FOLLOWED
+        self._reach = SEARCH_WINDOW
+        done = self.progress >= self.path.length - END_TOLERANCE
         still = np.zeros(len(points))
         return Decision(
             direction=self._heading(points, speed),

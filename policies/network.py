@@ -9,33 +9,35 @@ from torch import Tensor, nn
 from drivers.types import Array
 
 INPUTS = 3
-HIDDEN = 20
-WEIGHTS = (INPUTS + 1) * HIDDEN + HIDDEN + 1
+HIDDEN_UNITS = 20
+WEIGHT_COUNT = (INPUTS + 1) * HIDDEN_UNITS + HIDDEN_UNITS + 1
 
 # Over the strip's length: a typical state, and the directions in which states spread around it,
 # so that a unit change of any weight means about as much as one of another.
-CENTRE = (0.57, 0.40, 0.56)
-SPREAD = ((0.16, 0.0, 0.0), (0.0, 0.11, 0.0), (0.04, -0.08, 0.02))
+INPUT_CENTRE = (0.57, 0.40, 0.56)
+INPUT_SPREAD = ((0.16, 0.0, 0.0), (0.0, 0.11, 0.0), (0.04, -0.08, 0.02))
 
 
 class HeadingNetwork(nn.Module):
     """One hidden layer of 20 tanh units for each of p candidates, evaluated side by side.
 
-    `weights` (p, WEIGHTS): per unit three input weights, then the hidden biases, the output
+    `weights` (p, WEIGHT_COUNT): per unit three input weights, then the hidden biases, the output
     weights and the output bias.
     """
 
     def __init__(self, weights: Array) -> None:
         super().__init__()
         flat = torch.tensor(np.atleast_2d(weights), dtype=torch.float64)
-        cut = [INPUTS * HIDDEN, HIDDEN, HIDDEN, 1]
+        cut = [INPUTS * HIDDEN_UNITS, HIDDEN_UNITS, HIDDEN_UNITS, 1]
         first, first_bias, last, last_bias = torch.split(flat, cut, dim=1)
-        self.first = nn.Parameter(first.reshape(-1, HIDDEN, INPUTS).transpose(1, 2).contiguous())
+        self.first = nn.Parameter(
+            first.reshape(-1, HIDDEN_UNITS, INPUTS).transpose(1, 2).contiguous()
+        )
         self.first_bias = nn.Parameter(first_bias[:, None].contiguous())
         self.last = nn.Parameter(last[..., None].contiguous())
         self.last_bias = nn.Parameter(last_bias[:, None].contiguous())
-        self.register_buffer("centre", torch.tensor(CENTRE, dtype=torch.float64))
-        whiten = np.linalg.inv(np.array(SPREAD)).T
+        self.register_buffer("centre", torch.tensor(INPUT_CENTRE, dtype=torch.float64))
+        whiten = np.linalg.inv(np.array(INPUT_SPREAD)).T
         self.register_buffer("whiten", torch.tensor(whiten, dtype=torch.float64))
 
     def forward(self, state: Tensor) -> Tensor:

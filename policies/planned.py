@@ -18,7 +18,7 @@ from policies.follower import Follower
 from policies.path import Path
 from policies.policy import Decision, Observation
 from policies.rollout import Rollout, roll_out
-from policies.sensing import EXACT
+from policies.sensing import EXACT_SENSING
 
 SEGMENTS = 100
 BENT = 0.18  # of the length, height up to which all paths climb as the triangle does
@@ -133,11 +133,11 @@ class Motions:
     def __init__(self, strip: StripFile, speed: float) -> None:
         self.dt = 0.0
         self._strip = strip
-        self._settings = Rollout(speed=speed, sensing=EXACT, profile=False)
+        self._settings = Rollout(speed=speed, sensing=EXACT_SENSING, profile=False)
         self._known: dict[int, Array] = {}
 
     def poses(self, steps: Array) -> Array:
-        """Poses (k, n, 3) along the paths whose rises are `steps` (n,) of STEP."""
+        """Poses (k, n, 3) along the paths whose rises are `steps` (n,) of RISE_STEP."""
         new = sorted(set(steps.tolist()) - set(self._known))
         if new:
             self._work_out(new)

@@ -15,7 +15,7 @@ from policies.profile import POINTS, profiles
 
 Range = tuple[float, float]
 CONTACT, TIP_X, TIP_Z = range(3)
-STATE = 3
+STATE_SIZE = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,17 +46,17 @@ class Sensing:
 
     @property
     def sigmas(self) -> Array:
-        """Noise (STATE,) of contact, tip x and tip z [m]."""
+        """Noise (STATE_SIZE,) of contact, tip x and tip z [m]."""
         tip_z = self.tip_sigma if self.tip_z_sigma is None else self.tip_z_sigma
         return np.array([self.contact_sigma, self.tip_sigma, tip_z])
 
     @property
     def biases(self) -> Array:
-        """One-sigma biases (STATE,) [m]."""
+        """One-sigma biases (STATE_SIZE,) [m]."""
         return np.array([self.contact_bias, self.tip_bias, self.tip_bias])
 
 
-EXACT = Sensing(
+EXACT_SENSING = Sensing(
     contact_sigma=0.0,
     tip_sigma=0.0,
     contact_bias=0.0,
@@ -91,15 +91,20 @@ class ImageNoise(Settings):
         return Sensing(**sizes, delay=(0.02, 0.04), delay_error=0.002)
 
 
-IMAGES = load(Path(__file__).with_suffix(".yaml"), ImageNoise).sensing()
+IMAGE_SENSING = load(Path(__file__).with_suffix(".yaml"), ImageNoise).sensing()
 TRAINING = replace(
-    IMAGES, delay=(0.0, 0.06), wild=0.01, dropped=(0.0, 0.5), delay_error=0.005, factor=(0.5, 6.0)
+    IMAGE_SENSING,
+    delay=(0.0, 0.06),
+    wild=0.01,
+    dropped=(0.0, 0.5),
+    delay_error=0.005,
+    factor=(0.5, 6.0),
 )
 """Images of the twin, and worse ones: later, with gaps, outliers, and up to six times the noise."""
 
 
 class Shown(NamedTuple):
-    """Observed state of n strips: `stamp` (n,), `state` (n, STATE), `profile` (n, m, 2)."""
+    """Observed state of n strips: `stamp` (n,), `state` (n, STATE_SIZE), `profile` (n, m, 2)."""
 
     stamp: Array
     state: Array
@@ -145,7 +150,7 @@ class Eye:
         draws = Draws(groups, count // groups, rng)
         self._sensing, self._draws = sensing, draws
         self._delay = draws.uniform(*sensing.delay)
-        self._bias = draws.normal(STATE) * sensing.biases
+        self._bias = draws.normal(STATE_SIZE) * sensing.biases
         late = self._delay / period
         if sensing.delay_error > 0:
             late = np.maximum(late + draws.normal() * sensing.delay_error / period, 0.0)
@@ -154,7 +159,7 @@ class Eye:
         self._shift = draws.normal(1, 2) * sensing.profile_bias
         depth = int(np.ceil(late.max(initial=0.0))) + 2
         self._points = POINTS if profile else 0
-        self._recent: Array = np.full((depth, count, STATE + 2 * self._points), np.nan)
+        self._recent: Array = np.full((depth, count, STATE_SIZE + 2 * self._points), np.nan)
         self._newest = 0
         self._back = np.floor(late).astype(int)
         self._share = (late - self._back)[:, None]
@@ -173,7 +178,7 @@ class Eye:
         newest[:, TIP_X : TIP_Z + 1] = seen.tip
         if self._points:
             found = profiles(shapes, arc, seen.contact_x, grip)
-            newest[:, STATE:] = found.reshape(len(found), -1)
+            newest[:, STATE_SIZE:] = found.reshape(len(found), -1)
 
     @property
     def wants_shapes(self) -> bool:
@@ -201,9 +206,9 @@ class Eye:
         far = (near + 1) % len(self._recent)
         true = (1 - self._share) * self._recent[near, self._lane]
         true += self._share * self._recent[far, self._lane]
-        noise = self._draws.normal(STATE) * self._sensing.sigmas * self._factor[:, None]
-        state = true[:, :STATE] + self._bias + noise
-        profile = true[:, STATE:].reshape(len(true), self._points, 2)
+        noise = self._draws.normal(STATE_SIZE) * self._sensing.sigmas * self._factor[:, None]
+        state = true[:, :STATE_SIZE] + self._bias + noise
+        profile = true[:, STATE_SIZE:].reshape(len(true), self._points, 2)
         if self._points:
             profile = self._blur(profile)
         if self._sensing.wild > 0:

@@ -4,6 +4,7 @@ import ast
 import re
 from collections import Counter
 
+from tests.support.capitals import ambiguous_capitals, kind_of
 from tests.support.docstrings import shapeless, silent
 from tests.support.rooms import (
     ROOT,
@@ -66,6 +67,27 @@ def test_every_public_function_that_raises_says_so() -> None:
 def test_no_retired_word_is_used() -> None:
     assert not told_lines()
     assert not participles()
+
+
+def test_no_capital_stands_for_values_of_two_kinds_or_units() -> None:
+    assert not ambiguous_capitals()
+
+
+def test_kind_of_a_value_is_read_from_its_text() -> None:
+    known = {"WIDTH": "number", "FOLDER": "path"}
+    kinds = {
+        "number": ("-1.5", "2 * WIDTH", "np.pi", "1 << 20", "float('nan')"),
+        "text": ("'hand'", "f'{x}'", "'-' * 3"),
+        "path": ("Path('a') / 'b'", "FOLDER / WIDTH", "Path(__file__).parents[2] / 'configs'"),
+        "sequence": ("(1, 2)", "np.array([0.1])", "[0] * 7"),
+        "mapping": ("{'a': 1}", "dict(a=1)"),
+        "set": ("frozenset({1})", "{1} | OTHER"),
+        "Struct": ("struct.Struct('<I')",),
+        None: ("made(1)", "OTHER", "OTHER[1]"),
+    }
+    for kind, values in kinds.items():
+        for value in values:
+            assert kind_of(ast.parse(value, mode="eval").body, known) == kind, value
 
 
 def test_participles_are_distinguished_from_verbs_and_nouns() -> None:

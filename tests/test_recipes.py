@@ -13,7 +13,7 @@ from cell.campaign.measure import measure
 from cell.campaign.progress import Quiet
 from cell.cli.options import policy_names as typed_policies
 from cell.config.drivers import arms, cameras
-from cell.config.places import BESIDE, find_configs
+from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.config.settings import DriverChoice
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_calibrated, open_cell
@@ -224,7 +224,7 @@ def install(place: Path, kind: str, name: str, text: str, object_name: str) -> N
 def test_a_strip_is_a_file(tmp_path: Path) -> None:
     (tmp_path / "strips").mkdir()
     (tmp_path / "strips" / "felt.yaml").write_text(STRIP, encoding="utf-8")
-    (tmp_path / "cell.yaml").write_bytes((BESIDE / "cell.yaml").read_bytes())
+    (tmp_path / "cell.yaml").write_bytes((CHECKOUT_CONFIGS / "cell.yaml").read_bytes())
     configs = find_configs(tmp_path)
     assert configs.strip_names() == ("felt",)
     assert configs.strip("felt").length == 0.5
@@ -300,7 +300,7 @@ def test_a_monitor_is_an_entry_of_the_list(monkeypatch: pytest.MonkeyPatch) -> N
 
     tall = Monitor("too_high", frozenset({State.FOLD}), too_high)
     monkeypatch.setattr(monitors, "MONITORS", (*monitors.MONITORS, tall))
-    settings = find_configs(BESIDE).cell()
+    settings = find_configs(CHECKOUT_CONFIGS).cell()
     rules = Rules(settings.monitors, settings.installation.workspace)
     with pytest.raises(Fault, match="above 10 cm"):
         check_all(GOOD, Hold(), rules)
@@ -343,7 +343,10 @@ def with_stuck_camera(devices, settings):
 
 def test_a_driver_is_a_package_of_one_file(installed: Path) -> None:
     install(installed, "cameras", "stuck", CAMERA, "DRIVER")
-    settings, lying = find_configs(BESIDE).cell(), load_strip(BESIDE / "strips" / "denim.yaml")
+    settings, lying = (
+        find_configs(CHECKOUT_CONFIGS).cell(),
+        load_strip(CHECKOUT_CONFIGS / "strips" / "denim.yaml"),
+    )
     stuck = parse({"camera": "stuck"}, DriverChoice, "cell.yaml: drivers")
     with pytest.raises(ConfigurationError, match=r"arm: must be one of twin, fci \(found 'stuck'"):
         parse({"arm": "stuck"}, DriverChoice, "cell.yaml: drivers")

@@ -15,18 +15,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0), "A1": (841.0, 594.0)}
-QUIET = 0.5  # squares of white around the pattern
+QUIET_ZONE = 0.5  # squares of white around the pattern
 FOOT = 16.0  # mm under it, for the ruler and the words
 MODULES = 7  # of a marker of 5 x 5 bits, its border included
-PLATE, DISC = 14.0, 5.0  # mm, radii of the pointer's dark plate and bright disc
-MM = 1 / 25.4  # inches
+PLATE_MM, DISC_MM = 14.0, 5.0  # mm, radii of the pointer's dark plate and bright disc
+INCHES_PER_MM = 1 / 25.4  # inches
 
 
 def paper(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
     """The smallest sheet [mm, wide and high] that holds the board; ConfigurationError for none."""
     square = 1e3 * settings.square
-    wide = (settings.columns + 2 * QUIET) * square
-    high = (settings.rows + 2 * QUIET) * square + FOOT
+    wide = (settings.columns + 2 * QUIET_ZONE) * square
+    high = (settings.rows + 2 * QUIET_ZONE) * square + FOOT
     for name, (width, height) in PAPERS.items():
         if wide <= width and high <= height:
             return name, (width, height)
@@ -40,7 +40,7 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
     name, (width, height) = paper(settings)
     page, axes = _page(width, height)
     square = 1e3 * settings.square
-    left, top = (width - settings.columns * square) / 2, height - QUIET * square
+    left, top = (width - settings.columns * square) / 2, height - QUIET_ZONE * square
     board = settings.board()
     for x, y in _dark_squares(settings):
         _fill(axes, left + x * square, top - (y + 1) * square, square, square)
@@ -80,7 +80,7 @@ def _page(width: float, height: float) -> tuple["Figure", Any]:
     """A figure whose axes are millimetres from the sheet's lower left corner."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width * MM, height * MM))
+    figure = Figure(figsize=(width * INCHES_PER_MM, height * INCHES_PER_MM))
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
     axes.set_xlim(0, width)
@@ -132,12 +132,12 @@ def _pointer_page() -> "Figure":
     from matplotlib.patches import Circle
 
     page, axes = _page(*PAPERS["A4"])
-    axes.add_patch(Circle((60, 150), PLATE, facecolor="black", linewidth=0))
-    axes.add_patch(Circle((60, 150), DISC, facecolor="white", linewidth=0))
+    axes.add_patch(Circle((60, 150), PLATE_MM, facecolor="black", linewidth=0))
+    axes.add_patch(Circle((60, 150), DISC_MM, facecolor="white", linewidth=0))
     words = (
         "The pointer: cut out the black plate, glue it to a pin that the fingers hold,\n"
         "its disc's centre where the gripper grasps, its face in the plane of the strip's\n"
-        f"near edge. The plate measures {2 * PLATE:.0f} mm, the disc {2 * DISC:.0f} mm."
+        f"near edge. The plate measures {2 * PLATE_MM:.0f} mm, the disc {2 * DISC_MM:.0f} mm."
     )
     axes.text(85, 150, words, fontsize=9, va="center")
     return page

@@ -22,7 +22,7 @@ from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
 from calibration.wizard.news import Result, ViewResult
 from drivers.types import Frame, Image
 
-ENOUGH = 4  # views from which a lens is fitted, to compute how the board leans
+FEWEST_VIEWS = 4  # views from which a lens is fitted, to compute how the board leans
 VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad, from the wanted view
 
 
@@ -172,7 +172,7 @@ class BoardViews:
 
     def _fitted_so_far(self, size: tuple[int, int]) -> Lens:
         """The lens as far as it is known, to compute the board's tilt."""
-        if len(self._views) < max(ENOUGH, MINIMUM_VIEWS):
+        if len(self._views) < max(FEWEST_VIEWS, MINIMUM_VIEWS):
             return guessed_lens(size)
         return fit_views(self.views, size).lens
 

@@ -12,8 +12,8 @@ from calibration.board import BoardSettings, BoardView
 from calibration.lens import Lens
 from drivers.types import Array
 
-SMALL = 0.05  # share of the image within which a place is called the middle
-FLAT = 0.05  # rad under which a lean is not spoken of
+MIDDLE_SHARE = 0.05  # share of the image within which a place is called the middle
+FLAT_ANGLE = 0.05  # rad under which a lean is not spoken of
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,18 +79,18 @@ def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, .
 
 
 def _along(share: float, low: str, high: str) -> str:
-    if abs(share - 0.5) <= SMALL:
+    if abs(share - 0.5) <= MIDDLE_SHARE:
         return "middle"
     return low if share < 0.5 else high
 
 
 def _lean(angle: float, positive: str, negative: str) -> str:
-    if abs(angle) < FLAT:
+    if abs(angle) < FLAT_ANGLE:
         return ""
     return f"{positive if angle > 0 else negative} by {degrees(abs(angle)):.0f} deg"
 
 
-CELLS = (4, 3)  # of the image, over which the corners must spread
+COVERAGE_CELLS = (4, 3)  # of the image, over which the corners must spread
 GUESS = 2.0  # focal length over image width, before any is known
 
 
@@ -221,5 +221,5 @@ def _cells(views: Sequence[BoardView], lens: Lens) -> float:
         return 0.0
     points = np.vstack([view.image for view in views]) / (lens.width, lens.height)
     inside = np.clip(points, 0.0, 0.999999)
-    reached = np.unique((inside * CELLS).astype(int) @ (1, CELLS[0]))
-    return len(reached) / (CELLS[0] * CELLS[1])
+    reached = np.unique((inside * COVERAGE_CELLS).astype(int) @ (1, COVERAGE_CELLS[0]))
+    return len(reached) / (COVERAGE_CELLS[0] * COVERAGE_CELLS[1])

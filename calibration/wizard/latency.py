@@ -16,7 +16,7 @@ from drivers.types import ArmState, Array, Frame, Pose
 
 DRIFT_SIGMA = 6.0  # sigma by which a drift must be seen
 NAN = float("nan")
-MOVING = 0.02  # m/s from which a moment says something about time
+MOVING_SPEED = 0.02  # m/s from which a moment says something about time
 FIRST_STEP = 0.005  # s between the latencies that are tried first
 
 
@@ -138,7 +138,7 @@ def latency_verdict(
     inside = (stamps > arm[0, 0] + settings.most) & (stamps < arm[-1, 0])
     stamps, along = stamps[inside], places[inside, 0]
     speed = np.interp(stamps, arm[:, 0], np.abs(np.gradient(arm[:, 1], arm[:, 0])))
-    moving = int((speed > MOVING).sum())
+    moving = int((speed > MOVING_SPEED).sum())
     if moving < settings.images:
         reason = f"{moving} images show the pointer under way, {settings.images} are needed"
         return LatencyVerdict(images=moving, reasons=(f"{reason}; step again, uncover it",))

@@ -15,7 +15,7 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 NORMAL_STEP = 1e-4  # m, difference for the derivative along the board's normal
-CAMERA = slice(6, 14)  # of cv2.projectPoints' Jacobian: focal lengths, centre, k1 k2 p1 p2
+CAMERA_COLUMNS = slice(6, 14)  # of cv2.projectPoints' Jacobian: focal lengths, centre, k1 k2 p1 p2
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ def _linearise(view: BoardView, lens: Lens) -> tuple[Array, Array, Array, Array]
     lifted, _ = cv2.projectPoints(raised, turn, shift, lens.matrix, lens.distortion)
     error = (np.asarray(view.image) - seen.reshape(-1, 2)).ravel()
     height = (lifted - seen).reshape(-1, 1) / NORMAL_STEP
-    return error, slopes[:, CAMERA], slopes[:, :6], height
+    return error, slopes[:, CAMERA_COLUMNS], slopes[:, :6], height
 
 
 def _solution(by: Array, values: Array) -> Array:

@@ -13,13 +13,13 @@ from calibration.wizard.touches import Touched
 from drivers.types import Array, Image
 
 ENLARGED = 300.0  # times by which errors are drawn longer than they are
-FITTED, HELD_OUT, BAD, WHITE = (
+FITTED_BGR, HELD_OUT_BGR, BAD_BGR, WHITE_BGR = (
     (80, 210, 110),
     (255, 170, 40),
     (60, 60, 235),
     (255, 255, 255),
 )  # BGR
-LINE = cv2.LINE_AA
+LINE_TYPE = cv2.LINE_AA
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
@@ -28,7 +28,7 @@ def views_picture(image: Image, views: Iterable[BoardView], per_view: Mapping[in
     drawn = _dim(image)
     for view in views:
         for corner in view.image:
-            cv2.circle(drawn, _at(corner), 2, FITTED, -1, LINE)
+            cv2.circle(drawn, _at(corner), 2, FITTED_BGR, -1, LINE_TYPE)
     words = (
         f"{len(per_view)} views; corners off by up to {max(per_view.values(), default=0):.2f} px"
     )
@@ -45,14 +45,14 @@ def touches_picture(
     for touched in touches:
         at = _at(touched.pixel)
         wild = touched.number in off or (touched.number in replaced and not touched.again)
-        colour = BAD if wild else HELD_OUT if touched.held_out else FITTED
+        colour = BAD_BGR if wild else HELD_OUT_BGR if touched.held_out else FITTED_BGR
         if wild:
-            cv2.drawMarker(drawn, at, BAD, cv2.MARKER_TILTED_CROSS, 20, 2, LINE)
+            cv2.drawMarker(drawn, at, BAD_BGR, cv2.MARKER_TILTED_CROSS, 20, 2, LINE_TYPE)
         else:
-            cv2.circle(drawn, at, 6, colour, 1, LINE)
+            cv2.circle(drawn, at, 6, colour, 1, LINE_TYPE)
             _error(drawn, touched, lens, verdict.homography, colour)
         cv2.putText(
-            drawn, str(touched.number), (at[0] + 12, at[1] - 10), FONT, 0.5, colour, 1, LINE
+            drawn, str(touched.number), (at[0] + 12, at[1] - 10), FONT, 0.5, colour, 1, LINE_TYPE
         )
     words = (
         f"green: fitted, blue: held out, red: wild; errors drawn {ENLARGED:.0f} times",
@@ -73,12 +73,12 @@ def _error(
         return
     mapped = lens.distort(homography.to_image(touched.place))[0]
     end = touched.pixel + ENLARGED * (touched.pixel - mapped)
-    cv2.arrowedLine(drawn, _at(touched.pixel), _at(end), colour, 2, LINE, tipLength=0.25)
+    cv2.arrowedLine(drawn, _at(touched.pixel), _at(end), colour, 2, LINE_TYPE, tipLength=0.25)
 
 
 def _title(drawn: Image, lines: Sequence[str]) -> Image:
     for k, line in enumerate(lines):
-        cv2.putText(drawn, line, (18, 30 + 26 * k), FONT, 0.62, WHITE, 1, LINE)
+        cv2.putText(drawn, line, (18, 30 + 26 * k), FONT, 0.62, WHITE_BGR, 1, LINE_TYPE)
     return drawn
 
 

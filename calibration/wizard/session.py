@@ -22,13 +22,16 @@ from drivers.settings import Settings, load, parse, read_json
 from drivers.types import Image
 
 LARGEST_LOG = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes less than one
-SIDE = 16_384  # px
-SESSION, ROWS, VERDICT, IMAGES = "session.yaml", "told.jsonl", "verdict.yaml", "images"
-LATENCY, PICTURE = "latency.json", "picture.png"
+LARGEST_SIDE = 16_384  # px
+SESSION_FILE = "session.yaml"
+ROWS_FILE = "told.jsonl"
+VERDICT_FILE = "verdict.yaml"
+IMAGES_FOLDER = "images"
+LATENCY_FILE, PICTURE_FILE = "latency.json", "picture.png"
 MAKE_ROOM = "make room"  # what an operator does whose disk is full
-FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+FAST_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 Kind = Literal["camera", "homography"]
-Side = Annotated[int, Field(gt=0, le=SIDE)]
+Side = Annotated[int, Field(gt=0, le=LARGEST_SIDE)]
 
 
 class Session(Settings):
@@ -97,14 +100,14 @@ class SessionFolder:
         """
         self.folder, self.session = folder, session
         self.newest: News | None = None
-        self._count = len([*(folder / IMAGES).glob("*.png")])
+        self._count = len([*(folder / IMAGES_FOLDER).glob("*.png")])
         self._watch = watch
-        if (folder / SESSION).exists():
-            _mend_rows(folder / ROWS)
+        if (folder / SESSION_FILE).exists():
+            _mend_rows(folder / ROWS_FILE)
             return
         with writing(folder):
-            (folder / IMAGES).mkdir(parents=True)
-        write_yaml(folder / SESSION, session.model_dump(mode="json", by_alias=True))
+            (folder / IMAGES_FOLDER).mkdir(parents=True)
+        write_yaml(folder / SESSION_FILE, session.model_dump(mode="json", by_alias=True))
 
     def __call__(self, news: News) -> None:
         """Write what was measured in the image of the news, and the image where it counts."""
@@ -113,7 +116,7 @@ class SessionFolder:
         if isinstance(news, TouchNews) and news.steps is not None:
             seen = [(step.stamp, *step.pixel.tolist()) for step in news.steps.seen]
             content = {"arm": news.steps.arm.tolist(), "seen": seen}
-            write_file(self.folder / LATENCY, json.dumps(content) + "\n", MAKE_ROOM)
+            write_file(self.folder / LATENCY_FILE, json.dumps(content) + "\n", MAKE_ROOM)
         elif isinstance(news, TouchNews) and news.dropped is not None:
             self.add(Row(number=news.dropped.number, again=news.dropped.again, dropped=True))
         elif news.frame is not None and (row := _row(news)) is not None:
@@ -127,13 +130,13 @@ class SessionFolder:
         Raises ConfigurationError where it cannot be written.
         """
         if image is not None:
-            name = f"{IMAGES}/{self._count:04d}.png"
+            name = f"{IMAGES_FOLDER}/{self._count:04d}.png"
             self._count += 1
             write_image(self.folder / name, image)
             row = row.model_copy(update={"image": name})
         line = row.model_dump_json(exclude_defaults=True) + "\n"
-        with writing(self.folder / ROWS, MAKE_ROOM):
-            append_line(self.folder / ROWS, line.encode())
+        with writing(self.folder / ROWS_FILE, MAKE_ROOM):
+            append_line(self.folder / ROWS_FILE, line.encode())
 
 
 def _row(news: News) -> Row | None:
@@ -161,7 +164,7 @@ def _row(news: News) -> Row | None:
 
 def read_session(folder: Path, kind: Kind) -> Session:
     """session.yaml of `folder`; another kind of session is a ConfigurationError."""
-    session = load(folder / SESSION, Session)
+    session = load(folder / SESSION_FILE, Session)
     if session.kind != kind:
         raise ConfigurationError(
             f"{folder}: is a session of `cell calibrate {session.kind}`, not of "
@@ -177,8 +180,8 @@ def session_to_resume(folder: Path, now: Session) -> Session:
         then, today = getattr(begun, key), getattr(now, key)
         if then != today:
             raise ConfigurationError(
-                f"--resume: {folder / SESSION}: {key}: is {then}, here it is {today}; set it back, "
-                "or begin a new session"
+                f"--resume: {folder / SESSION_FILE}: {key}: is {then}, here it is {today}; set it "
+                "back, or begin a new session"
             )
     return begun
 
@@ -197,7 +200,7 @@ def read_rows(folder: Path) -> Iterator[Row]:
 
     Raises ConfigurationError for a file that cannot be read or a line that is not JSON.
     """
-    path = folder / ROWS
+    path = folder / ROWS_FILE
     lines = read_text(path, LARGEST_LOG).splitlines()
     for number, line in enumerate(lines, start=1):
         try:
@@ -217,7 +220,7 @@ def taken_images(
     Raises ConfigurationError for an image that is missing or not of the session's size.
     """
     kept: list[Row] = []
-    for row in read_rows(folder) if (folder / ROWS).exists() else ():
+    for row in read_rows(folder) if (folder / ROWS_FILE).exists() else ():
         if row.dropped:
             mine = (row.number, row.again)
             kept = [other for other in kept if (other.number, other.again) != mine]
@@ -230,8 +233,10 @@ def taken_images(
 
 def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
     path = folder / str(row.image)
-    if path.resolve().parent != (folder / IMAGES).resolve():
-        raise ConfigurationError(f"{folder / ROWS}: image: {row.image} lies outside of {IMAGES}/")
+    if path.resolve().parent != (folder / IMAGES_FOLDER).resolve():
+        raise ConfigurationError(
+            f"{folder / ROWS_FILE}: image: {row.image} lies outside of {IMAGES_FOLDER}/"
+        )
     try:
         image = read_picture(path)
     except ConfigurationError as error:
@@ -239,7 +244,7 @@ def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
     found = (image.shape[1], image.shape[0])
     if found != size:
         raise ConfigurationError(
-            f"{path}: is {found[0]} x {found[1]} px, {folder / SESSION} says image: "
+            f"{path}: is {found[0]} x {found[1]} px, {folder / SESSION_FILE} says image: "
             f"[{size[0]}, {size[1]}]; width comes first"
         )
     return image
@@ -256,7 +261,7 @@ class Steps(Settings):
 
 def read_latency(folder: Path) -> Steps:
     """The steps of the arm, none without the file; ConfigurationError where it cannot be read."""
-    path = folder / LATENCY
+    path = folder / LATENCY_FILE
     if not path.exists():
         return Steps()
     return parse(read_json(path, LARGEST_LOG), Steps, str(path))
@@ -272,7 +277,7 @@ def make_folder(folder: Path) -> None:
 
 def write_image(path: Path, image: Image) -> None:
     """Write a picture (height, width, 3); ConfigurationError where it cannot be written."""
-    made, content = cv2.imencode(".png", image, FAST)
+    made, content = cv2.imencode(".png", image, FAST_PNG)
     if not made:
         raise ConfigurationError(f"{path}: the picture cannot be written as PNG")
     write_file(path, content.tobytes(), MAKE_ROOM)

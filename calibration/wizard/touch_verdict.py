@@ -17,9 +17,10 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 NAN = float("nan")
-HALF = 6  # points from which half a map is still worth comparing
+HALF_POINTS = 6  # points from which half a map is still worth comparing
 ORIENTATION_STEP = 0.01  # m, over which the map's orientation is looked at
-SHIFT = 2.0  # an error e of x lengthens one layer and shortens the other: d is off by 2 e
+# an error e of x lengthens one layer and shortens the other: d is off by 2 e
+DISPLACEMENT_FACTOR = 2.0
 FEWEST_POINTS = 3  # points that decide
 ANEW = "run `cell calibrate homography` again"
 
@@ -203,7 +204,7 @@ def _verdict(solved: Solved, settings: TouchSettings) -> TouchVerdict:
         median_mm=float(np.median(errors)) if len(errors) else NAN,
         worst_mm=float(errors.max(initial=0.0)),
         halves_mm=_halves_mm((*solved.used, *solved.decide), solved.lens, settings),
-        displacement_mm=SHIFT * _rms(1e3 * decide[:, 0]),
+        displacement_mm=DISPLACEMENT_FACTOR * _rms(1e3 * decide[:, 0]),
         used=len(solved.used),
         held_out=len(solved.decide),
         errors_mm={p.number: 1e3 * float(np.hypot(*solved.error(p))) for p in points},
@@ -225,7 +226,7 @@ def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -
     area = np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
     maps = []
     for half in (order[::2], order[1::2]):
-        if len(half) < HALF:
+        if len(half) < HALF_POINTS:
             return NAN
         pixels = lens.undistort(np.array([ordered[i].pixel for i in half]))
         places = 1e3 * np.array([ordered[i].place for i in half])

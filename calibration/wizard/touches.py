@@ -177,7 +177,7 @@ def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) ->
 
 
 FEWEST_TOUCHES = 3  # touches on either side of a move
-SCALE = 0.3  # px, from where a touch counts less: it may be wild
+LOSS_SCALE = 0.3  # px, from where a touch counts less: it may be wild
 MAD = 1.4826  # sigma over the median of deviations
 MOVE_SIGMA = 3.8  # sigma by which a move must be seen: the slow tests of `test_causes.py`
 
@@ -247,7 +247,7 @@ def _fit_move(
     begin = np.append(start, np.median((pixels - _project(plane, start))[moment:], axis=0))
     from scipy.optimize import least_squares
 
-    found = least_squares(errors, begin, loss="cauchy", f_scale=SCALE, x_scale="jac")
+    found = least_squares(errors, begin, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac")
     left = errors(found.x)
     sigma = max(MAD * float(np.median(np.abs(left))), 1e-6) * np.sqrt(len(left) / (len(left) - 10))
     used = np.abs(left) < 5.0 * sigma

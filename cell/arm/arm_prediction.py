@@ -12,7 +12,7 @@ from drivers.arm.reach import Reach, dense, plan_reach
 from drivers.strip.file import StripFile
 from drivers.types import Array
 
-SPARSE = 0.01  # m between points of the path that are kept
+POINT_SPACING = 0.01  # m between points of the path that are kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +81,9 @@ def fold_poses(
 
 
 def _sparse(points: Array) -> Array:
-    """Points at least SPARSE apart, the last one kept."""
+    """Points at least POINT_SPACING apart, the last one kept."""
     kept = [points[0]]
     for point in points[1:]:
-        if np.hypot(*(point - kept[-1])) >= SPARSE:
+        if np.hypot(*(point - kept[-1])) >= POINT_SPACING:
             kept.append(point)
     return np.array([*kept, points[-1]])

@@ -9,7 +9,7 @@ from drivers.errors import PreflightRefused
 from drivers.limits import MotionLimits
 
 FIRST_RUN_SPEED = 0.1  # share of the speed of first runs
-LONGEST = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run may be given
+TIME_LIMITS = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run may be given
 
 
 def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
@@ -54,7 +54,7 @@ def slow_down(settings: CellFile) -> CellFile:
     installation = settings.installation.model_copy(update={"limits": MotionLimits(**axes)})
     times = {
         name: min(getattr(settings.monitors, name) / FIRST_RUN_SPEED, longest)
-        for name, longest in LONGEST.items()
+        for name, longest in TIME_LIMITS.items()
     }
     monitors = settings.monitors.model_copy(update=times)
     return settings.model_copy(

@@ -12,7 +12,7 @@ from drivers.files import replace_file
 from drivers.installation import Mounting
 from drivers.types import Array
 
-POINTS = (
+TOUCH_POINTS = (
     "the middle of the strip's fixed edge, on the desk",
     "the middle of the strip's other edge, on the desk",
     "a point of the desk beside the strip, at least 0.1 m from it",
@@ -20,11 +20,11 @@ POINTS = (
 MOST_TILT = np.radians(0.5)  # rad that the desk may be tilted
 STRETCH = 0.005  # m between the length touched and the strip's own
 OFF_LINE = 0.1  # m, at least, of the third point from the line of the first two
-LINE = re.compile(r"^(?P<indent>\s*)mounting:[ \t]*\{[^}]*\}[^\n]*$", re.MULTILINE)
+MOUNTING_LINE = re.compile(r"^(?P<indent>\s*)mounting:[ \t]*\{[^}]*\}[^\n]*$", re.MULTILINE)
 
 
 def mounting_from(points: Array, length: float) -> Mounting:
-    """The mounting from touched POINTS (3, 3) [m] in the robot's base.
+    """The mounting from touched TOUCH_POINTS (3, 3) [m] in the robot's base.
 
     Raises CellError for a strip of another `length` [m] or a desk that is not level.
     """
@@ -60,7 +60,7 @@ def write_mounting(configs: Configs, mounting: Mounting) -> Path:
     """
     path = configs.folder / "cell.yaml"
     text = path.read_text(encoding="utf-8")
-    found = LINE.search(text)
+    found = MOUNTING_LINE.search(text)
     if found is None:
         raise ConfigurationError(
             f"{path}: installation.mounting: must stand on one line, as {_line(mounting)}"

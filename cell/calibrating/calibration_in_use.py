@@ -12,9 +12,10 @@ from drivers.settings import read_yaml
 from drivers.yaml_edit import edit_text
 
 DAY = 86400.0  # s
-EARLY = 1.0  # days by which two clocks, or their time zones, may differ
-LATENCY, RESIDUAL = (-1.0, 1.0), (0.0, 20.0)  # s, mm
-BIAS, DISTANCE = (-0.05, 0.05), (0.05, 20.0)  # m, of contact_x and of the camera from its plane
+CLOCK_TOLERANCE = 1.0  # days by which two clocks, or their time zones, may differ
+LATENCY_RANGE, RESIDUAL_RANGE = (-1.0, 1.0), (0.0, 20.0)  # s, mm
+BIAS_RANGE = (-0.05, 0.05)  # m
+DISTANCE_RANGE = (0.05, 20.0)  # of contact_x and of the camera from its plane
 ANEW = "run `cell calibrate camera` and `cell calibrate homography --use`"
 
 
@@ -65,7 +66,7 @@ def check_current(
     """
     _check_plausible(calibration)
     age = age_days(calibration, now)
-    if age < -EARLY:
+    if age < -CLOCK_TOLERANCE:
         raise ConfigurationError(
             f"calibration: date: {calibration.date} lies in the future; set the clock, or {ANEW}"
         )
@@ -79,10 +80,10 @@ def check_current(
 def _check_plausible(calibration: Calibration) -> None:
     """Refuse numbers that no wizard gives, so that nothing moves by them, whoever wrote them."""
     for key, value, (low, high), unit in (
-        ("latency", calibration.latency, LATENCY, "s"),
-        ("residual_mm", calibration.residual_mm, RESIDUAL, "mm"),
-        ("contact_bias", calibration.contact_bias, BIAS, "m"),
-        ("homography: the camera's distance", calibration.viewpoint.distance, DISTANCE, "m"),
+        ("latency", calibration.latency, LATENCY_RANGE, "s"),
+        ("residual_mm", calibration.residual_mm, RESIDUAL_RANGE, "mm"),
+        ("contact_bias", calibration.contact_bias, BIAS_RANGE, "m"),
+        ("homography: the camera's distance", calibration.viewpoint.distance, DISTANCE_RANGE, "m"),
     ):
         if not low <= value <= high:
             raise ConfigurationError(

@@ -18,9 +18,9 @@ from calibration.wizard.latency import LatencyVerdict, SeenStep, latency_verdict
 from calibration.wizard.news import TouchNews, Watcher
 from calibration.wizard.picture import touches_picture
 from calibration.wizard.session import (
-    PICTURE,
-    SESSION,
-    VERDICT,
+    PICTURE_FILE,
+    SESSION_FILE,
+    VERDICT_FILE,
     Session,
     SessionFolder,
     make_folder,
@@ -51,7 +51,7 @@ from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.settings import Settings, load
 from drivers.types import Pose
 
-CALIBRATION, POSES, LANDMARKS = "calibration.yaml", "poses.yaml", "landmarks.yaml"
+CALIBRATION_FILE, POSES_FILE, LANDMARKS_FILE = "calibration.yaml", "poses.yaml", "landmarks.yaml"
 
 
 class PosesFile(Settings):
@@ -93,12 +93,12 @@ def calibrate_homography(
     facts |= {"latency": settings.latency}
     session = new_session("homography", camera, (lens.width, lens.height), locks, **facts)
     poses = tuple(plan) if plan is not None else touch_plan(settings.touches)
-    if (folder / SESSION).exists():
+    if (folder / SESSION_FILE).exists():
         session = session_to_resume(folder, session)
-        poses = BegunPlan(read_poses(folder / POSES))
+        poses = BegunPlan(read_poses(folder / POSES_FILE))
         poses.touched = tuple(_touches(folder, session, ()))
     keep = SessionFolder(folder, session, watch)
-    write_yaml(folder / POSES, {"poses": [[p.x, p.z, p.pitch] for p in poses]})
+    write_yaml(folder / POSES_FILE, {"poses": [[p.x, p.z, p.pitch] for p in poses]})
     context = CalibrationContext(
         settings.controller, lens, operator=operator, watch=keep, plan=poses, remembers=True
     )
@@ -109,11 +109,11 @@ def calibrate_homography(
     result = TouchSession(folder, *found, made)
     _keep_verdict(folder, result, settings.fold.speed)
     if context.landmarks is not None:
-        write_yaml(folder / LANDMARKS, context.landmarks.model_dump(mode="json"))
+        write_yaml(folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json"))
     newest = keep.newest
     if isinstance(newest, TouchNews) and newest.frame is not None and context.touches is not None:
         drawn = touches_picture(newest.frame.image, newest.touches, lens, context.touches)
-        write_image(folder / PICTURE, drawn)
+        write_image(folder / PICTURE_FILE, drawn)
     return result
 
 
@@ -141,7 +141,7 @@ def homography_again(
         latency = latency_verdict(
             np.array(steps.arm), seen, lens, verdict.homography, session.latency
         )
-    path = folder / LANDMARKS
+    path = folder / LANDMARKS_FILE
     marks = load(path, Landmarks) if path.exists() else None
     made = _accept(session, lens, verdict, latency, marks, accept_anyway=accept_anyway)
     result = TouchSession(out, verdict, latency, made)
@@ -267,9 +267,9 @@ def _keep_verdict(folder: Path, found: TouchSession, speed: float) -> None:
         "lines": [line.text for line in touch_lines(touches, found.latency, speed)],
         "errors_mm": {} if touches is None else {str(n): e for n, e in touches.errors_mm.items()},
     }
-    write_yaml(folder / VERDICT, content)
+    write_yaml(folder / VERDICT_FILE, content)
     if made is not None:
-        save_calibration(made, folder / CALIBRATION)
+        save_calibration(made, folder / CALIBRATION_FILE)
 
 
 def _touches(folder: Path, session: Session, without: Collection[int]) -> list[Touched]:

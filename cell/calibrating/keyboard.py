@@ -79,8 +79,8 @@ def _key(text: str) -> str:
     return text.strip().lower() or ENTER
 
 
-KEYS = "Enter go on | s leave out | r the last one again | a go on alone"
-GLANCE = 0.1  # s between looks at Ctrl-C
+KEY_HELP = "Enter go on | s leave out | r the last one again | a go on alone"
+POLL_INTERVAL = 0.1  # s between looks at Ctrl-C
 ANSWERS = {ENTER: Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
 
 
@@ -128,9 +128,9 @@ class Keyboard:
             return Answer.GO
         if question != self._asked:
             self._asked = question
-            self._prompt(f"{question.words}  [{KEYS}]")
+            self._prompt(f"{question.words}  [{KEY_HELP}]")
         while not self._interrupted():
-            key = self._keys.read(GLANCE if self._waits else 0.0)
+            key = self._keys.read(POLL_INTERVAL if self._waits else 0.0)
             if key is None and not self._waits:
                 return None
             if key in {CTRL_D, "a"}:
@@ -142,7 +142,7 @@ class Keyboard:
                 self._prompt("")
                 return ANSWERS[key]
             if key is not None:
-                self._prompt(f"{question.words}  [{key!r} is no key here; {KEYS}]")
+                self._prompt(f"{question.words}  [{key!r} is no key here; {KEY_HELP}]")
         return None
 
 

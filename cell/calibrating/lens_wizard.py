@@ -14,10 +14,10 @@ from calibration.wizard.lens_verdict import LensVerdict, lens_lines, lens_verdic
 from calibration.wizard.news import ViewNews, Watcher
 from calibration.wizard.picture import views_picture
 from calibration.wizard.session import (
-    PICTURE,
-    ROWS,
-    SESSION,
-    VERDICT,
+    PICTURE_FILE,
+    ROWS_FILE,
+    SESSION_FILE,
+    VERDICT_FILE,
     Row,
     Session,
     SessionFolder,
@@ -37,7 +37,7 @@ from drivers.errors import ConfigurationError, Fault
 from drivers.types import Frame
 
 PERIOD = 0.1  # s between images that are looked at
-BLIND = 2.0  # s without an image after which the camera counts as stalled
+STALL_TIMEOUT = 2.0  # s without an image after which the camera counts as stalled
 ROS, OPENCV = "camera_info.yaml", "opencv.yaml"
 
 Source = Callable[[WantedView], Frame]
@@ -78,7 +78,7 @@ def calibrate_lens(
         facts = {"length": length, "boards": settings.boards}
         locks = dict(devices.camera_locks())
         session = new_session("camera", devices.camera_identity, size, locks, **facts)
-        if (folder / SESSION).exists():
+        if (folder / SESSION_FILE).exists():
             session = session_to_resume(folder, session)
             length = session.length
         keep = SessionFolder(folder, session, watch)
@@ -92,7 +92,7 @@ def calibrate_lens(
     _keep_lens(folder, verdict, devices.camera_identity)
     newest = keep.newest.frame if keep.newest is not None else None
     drawn = views_picture((newest or first).image, views.views, verdict.per_view)
-    write_image(folder / PICTURE, drawn)
+    write_image(folder / PICTURE_FILE, drawn)
     return LensSession(folder, verdict)
 
 
@@ -170,7 +170,8 @@ def _restore(views: BoardViews, folder: Path, session: Session) -> None:
     for row, image in taken_images(folder, session, ()):
         if views.restore(row.number, image) is None:
             raise ConfigurationError(
-                f"--resume: {folder / str(row.image)}: shows no board; take its line out of {ROWS}"
+                f"--resume: {folder / str(row.image)}: shows no board; take its line out of "
+                f"{ROWS_FILE}"
             )
 
 
@@ -187,7 +188,7 @@ def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
         "rms_px": None if verdict.fit is None else verdict.fit.rms,
         "per_view_px": {str(number): rms for number, rms in verdict.per_view.items()},
     }
-    write_yaml(folder / VERDICT, content)
+    write_yaml(folder / VERDICT_FILE, content)
     if verdict.fit is not None and verdict.passed:
         write_camera_info(verdict.fit.lens, camera, folder / ROS)
         write_opencv(verdict.fit.lens, folder / OPENCV)
@@ -199,12 +200,14 @@ def _live(devices: Devices) -> Source:
 
     def look(_: WantedView) -> Frame:
         asked = devices.clock.now()
-        while devices.clock.now() < asked + BLIND:
+        while devices.clock.now() < asked + STALL_TIMEOUT:
             devices.clock.wait_until(devices.clock.now() + PERIOD)
             frame = devices.camera.read(newest[0], timeout=0.0)
             if frame is not None:
                 newest[0] = frame.stamp
                 return frame
-        raise Fault("camera_stalled", f"no image in {BLIND:.0f} s; look at the camera's cable")
+        raise Fault(
+            "camera_stalled", f"no image in {STALL_TIMEOUT:.0f} s; look at the camera's cable"
+        )
 
     return look

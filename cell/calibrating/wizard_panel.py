@@ -25,7 +25,7 @@ SKETCH = (32, 9)  # characters of the board's picture, 16:9 like an image
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of a braille character
 BRAILLE = 0x2800
 RECENT = 4  # answers that stay in sight
-FOLLOWED = "o fitted   h held out   x twice touched   > wanted   . to come"
+MARK_LEGEND = "o fitted   h held out   x twice touched   > wanted   . to come"
 
 
 class WizardPanel:
@@ -166,7 +166,7 @@ def touches_map(news: TouchNews) -> RenderableType:
         row.sort(key=lambda k: news.plan[k].x)
         marks = [_mark(k, news, touched) for k in row]
         table.add_row(f"z {1e3 * height:4.0f} mm", *marks)
-    return Group(table, Text(FOLLOWED, style="dim"))
+    return Group(table, Text(MARK_LEGEND, style="dim"))
 
 
 def _mark(number: int, news: TouchNews, touched: dict[int, Touched]) -> Text:

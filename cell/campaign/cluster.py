@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from distributed.utils import LoopRunner
     from tornado.ioloop import IOLoop
 
-PATIENCE = 20.0  # s in which scheduler and first worker must answer at the start
+CONNECT_TIMEOUT = 20.0  # s in which scheduler and first worker must answer at the start
 ABSENCE = 300.0  # s that a cluster may be gone in the middle, to be started again
-GLANCE = 2.0  # s between looks at whether scheduler and workers are there
+POLL_INTERVAL = 2.0  # s between looks at whether scheduler and workers are there
 TRIES = 3  # times that Dask may give up: a part, after several deaths of workers; its event loop
 
 
@@ -56,7 +56,7 @@ class Cluster:
         versions, WorkersLost where the cluster stays away.
         """
         left = {(part.key, part.of): part for part in parts}
-        patience = PATIENCE
+        patience = CONNECT_TIMEOUT
         while left:
             with _silence(), connect(self.address, patience) as client:
                 for record in _shift(client, list(left.values()), folder, versions, self.limit):
@@ -72,7 +72,7 @@ def executor(address: str) -> Iterator[Executor]:
     The scheduler reassigns the work of a worker that died. Raises ConfigurationError for an address
     without a usable cluster, WorkersLost when the cluster is gone.
     """
-    with _silence(), connect(address, PATIENCE) as client:
+    with _silence(), connect(address, CONNECT_TIMEOUT) as client:
         from distributed import KilledWorker
 
         try:
@@ -156,7 +156,7 @@ def _shift(
             arguments = (part, str(folder.resolve()), dict(here), limit)
             out[client.submit(remote, *arguments, pure=False)] = part
         with suppress(TimeoutError, CancelledError), client.as_current():
-            wait(list(out), timeout=GLANCE, return_when="FIRST_COMPLETED")
+            wait(list(out), timeout=POLL_INTERVAL, return_when="FIRST_COMPLETED")
         for future in [future for future in out if future.done()]:
             part = out.pop(future)
             record = _gather(future, part, folder, killed)
@@ -184,7 +184,7 @@ def _gather(future: "Future[str]", part: Part, folder: Path, killed: Counter[str
     from distributed import KilledWorker
 
     try:
-        record = Record.model_validate_json(future.result(timeout=GLANCE))
+        record = Record.model_validate_json(future.result(timeout=POLL_INTERVAL))
     except KilledWorker:
         killed[part.key] += 1
         if killed[part.key] < TRIES:

@@ -13,7 +13,7 @@ from cell.campaign.part import Part
 from cell.campaign.worker import Died, Worker
 from drivers.errors import CellError
 
-GLANCE = 0.2  # s between looks at the clock
+POLL_INTERVAL = 0.2  # s between looks at the clock
 TRIES = 2  # of a part that kills its process: the first may have been the machine's fault
 
 
@@ -64,7 +64,7 @@ class Crew:
         while waiting or self._busy:
             while waiting and len(self._busy) < self._size:
                 self._begin(waiting.popleft(), folder, versions)
-            ready = wait([task.worker.pipe for task in self._busy], GLANCE)
+            ready = wait([task.worker.pipe for task in self._busy], POLL_INTERVAL)
             for task in list(self._busy):
                 if task.worker.pipe in ready:
                     found = self._collect(task)

@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 
 from drivers.types import Array
 
-LEVEL = 0.95
+CONFIDENCE_LEVEL = 0.95
 DRAWS = 1000  # of the bootstrap
 
 
@@ -46,7 +46,8 @@ _OF: dict[Statistic, Callable[[Array], float]] = {
     Statistic.SHARE: np.mean,
     Statistic.COUNT: np.sum,
 }
-CERTAIN = (Statistic.WORST_SIZE, Statistic.COUNT)  # of these very cases: without an interval
+# of these very cases: without an interval
+EXACT_STATISTICS = (Statistic.WORST_SIZE, Statistic.COUNT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,10 +121,10 @@ def figure(quantity: Quantity, samples: Sequence[Sequence[float]]) -> Figure:
 
 
 def _interval(statistic: Statistic, cases: list[Array], values: Array) -> tuple[float, float]:
-    if len(cases) < 2 or statistic in CERTAIN:
+    if len(cases) < 2 or statistic in EXACT_STATISTICS:
         return float("nan"), float("nan")
     if statistic is Statistic.SHARE and values.size == len(cases):
-        exact = binomtest(int(values.sum()), len(values)).proportion_ci(LEVEL)
+        exact = binomtest(int(values.sum()), len(values)).proportion_ci(CONFIDENCE_LEVEL)
         return float(exact.low), float(exact.high)
     rng = np.random.default_rng(0)
     draws = rng.integers(len(cases), size=(DRAWS, len(cases)))
@@ -131,6 +132,6 @@ def _interval(statistic: Statistic, cases: list[Array], values: Array) -> tuple[
         found = [statistic(values[draw]) for draw in draws]
     else:
         found = [statistic(np.concatenate([cases[i] for i in draw])) for draw in draws]
-    tail = (1 - LEVEL) / 2
+    tail = (1 - CONFIDENCE_LEVEL) / 2
     low, high = np.quantile(found, (tail, 1 - tail))
     return float(low), float(high)

@@ -18,8 +18,8 @@ from typing import Any
 from drivers.errors import CellError
 
 STOP = "stop"
-GLANCE = 0.5  # s between looks at whether the parent lives
-PATIENCE = 60.0  # s that a call may take to end once it was asked to stop
+POLL_INTERVAL = 0.5  # s between looks at whether the parent lives
+TERMINATION_TIMEOUT = 60.0  # s that a call may take to end once it was asked to stop
 BOOT = "import sys; from cell.campaign.worker import serve; serve(int(sys.argv[1]))"
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -81,7 +81,7 @@ class Worker:
     def join(self) -> None:
         """Wait for a released process to end; it is ended where it takes too long."""
         try:
-            self._process.wait(PATIENCE)
+            self._process.wait(TERMINATION_TIMEOUT)
         except subprocess.TimeoutExpired:
             self.kill()
 
@@ -140,6 +140,6 @@ def end_with_parent() -> None:
 
 def _watch(parent: int) -> None:
     while os.getppid() == parent:
-        time.sleep(GLANCE)
+        time.sleep(POLL_INTERVAL)
     with suppress(PermissionError):
         os.killpg(0, signal.SIGKILL)

@@ -101,7 +101,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
     import numpy as np
 
     from cell.arm.by_hand import robot_task
-    from cell.arm.register import POINTS, mounting_from, write_mounting
+    from cell.arm.register import TOUCH_POINTS, mounting_from, write_mounting
     from cell.config.places import find_configs
 
     found = find_configs(configs)
@@ -109,7 +109,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
     from drivers.arm.errands import hand_pose
 
     touched = []
-    for number, point in enumerate(POINTS, start=1):
+    for number, point in enumerate(TOUCH_POINTS, start=1):
         if not ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: "):
             raise ConfigurationError("the input ended before Enter was pressed; nothing is changed")
         touched.append(hand_pose(task)[12:15])

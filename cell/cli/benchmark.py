@@ -9,7 +9,7 @@ import typer
 from cell.cli.options import Cluster, Configs, Json, engine, print_json, resumable
 from cell.cli.table import wide_console
 
-LIMIT = 7200.0  # s of a part
+PART_TIMEOUT = 7200.0  # s of a part
 
 
 def benchmark(
@@ -55,7 +55,7 @@ def benchmark(
 
     found = find_configs(configs)
     spec = BenchmarkSpec.of(found, split(policies), split(strips), repeat, seed, quick=quick)
-    by = engine(jobs, cluster, LIMIT)
+    by = engine(jobs, cluster, PART_TIMEOUT)
     place = runs or out / "runs"
     with resumable(out), Meter(Console(stderr=True), summarise) as meter:
         results = measure(spec, found, out, place, engine=by, again=again, watcher=meter)

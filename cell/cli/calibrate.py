@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cell.config.cell import CellFile
     from cell.devices.devices import Devices
 
-MEASURED = length_parser("--measured", "mm", least=1e-3)
+MEASURED_LENGTH = length_parser("--measured", "mm", least=1e-3)
 SESSIONS = Path("calibrations")
 FIRST_LINE = "Calibrate the camera: `camera` its lens, `homography` its place; `check` touches it."
 
@@ -80,7 +80,7 @@ def calibrate_camera(
     measured: Annotated[
         float | None,
         typer.Option(
-            parser=MEASURED,
+            parser=MEASURED_LENGTH,
             metavar="LENGTH",
             help="Length of all columns of squares by a ruler, as 252.0mm [mm].",
         ),
@@ -235,7 +235,7 @@ def _ruler(text: str) -> float:
     from drivers.errors import ConfigurationError
 
     try:
-        return MEASURED(text)
+        return MEASURED_LENGTH(text)
     except ConfigurationError as error:
         raise typer.BadParameter(str(error)) from None
 
@@ -244,14 +244,14 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
     """The folder of --resume or --out, or a new one named by time; refuses an existing --out."""
     from datetime import UTC, datetime
 
-    from calibration.wizard.session import SESSION
+    from calibration.wizard.session import SESSION_FILE
     from drivers.errors import ConfigurationError
 
     if resume is not None and out is not None:
         raise ConfigurationError("--resume: goes on in its own folder; leave --out away")
     if resume is not None:
-        if not (resume / SESSION).is_file():
-            raise ConfigurationError(f"--resume: {resume} holds no session: no {SESSION}")
+        if not (resume / SESSION_FILE).is_file():
+            raise ConfigurationError(f"--resume: {resume} holds no session: no {SESSION_FILE}")
         return resume
     if out is None:
         return SESSIONS / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{cell}-{kind}"

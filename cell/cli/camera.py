@@ -126,13 +126,13 @@ def _section(entry: "CameraReport") -> dict[str, Any] | None:
 
 
 def _page(entry: "CameraReport") -> Iterator[str]:
-    from drivers.camera.formats import READ
+    from drivers.camera.formats import READABLE_FORMATS
 
     who = entry.identity
     yield f"{entry.device}: {who.card} ({who.driver}, {who.bus})"
     yield "  formats"
-    yield from (f"    {mode} Hz" for mode in entry.modes if mode.format in READ)
-    others = {mode.format: None for mode in entry.modes if mode.format not in READ}
+    yield from (f"    {mode} Hz" for mode in entry.modes if mode.format in READABLE_FORMATS)
+    others = {mode.format: None for mode in entry.modes if mode.format not in READABLE_FORMATS}
     if others:
         yield f"    not read by this driver: {', '.join(others)}"
     yield "  controls"

@@ -243,10 +243,10 @@ def _fold_each(
 
 def _name_strip(strip: str, length: float | None, thickness: float | None) -> str:
     """The strip as requests name it: one without a file by its length, and thickness if known."""
-    from cell.config.unknown import NAME, name_of
+    from cell.config.unknown import UNKNOWN_NAME, name_of
     from drivers.errors import ConfigurationError
 
-    if (strip == NAME) != (length is not None):
+    if (strip == UNKNOWN_NAME) != (length is not None):
         raise ConfigurationError(
             "--length: goes with `--strip unknown`, which needs it; other strips have a file"
         )

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from cell.exam.run_case import Steps
     from cell.exam.scoring.results import Entry
 
-LIMIT = 7200.0  # s of a case, runs through images included
+CASE_TIMEOUT = 7200.0  # s of a case, runs through images included
 OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
 
 KeptIn = Annotated[
@@ -85,7 +85,7 @@ def exam(
 
     steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
-    chosen = engine(wide, cluster, LIMIT)
+    chosen = engine(wide, cluster, CASE_TIMEOUT)
     with resumable(out), Meter(console, summarise, quiet=as_json) as meter:
         drawn = (lambda *_: None) if as_json else _line
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
@@ -140,9 +140,9 @@ def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
         for entry in entries:
             print_json(entry.model_dump(mode="json"))
         return
-    from cell.exam.report.page import GOOD
+    from cell.exam.report.page import GOOD_RESULTS
 
-    good = sum(e.outcome is not None and e.outcome.result in GOOD for e in entries)
+    good = sum(e.outcome is not None and e.outcome.result in GOOD_RESULTS for e in entries)
     failed = sum(e.state == "failed" for e in entries)
     words = f"{good} of {len(entries)} right" + (f", {failed} without a verdict" if failed else "")
     sys.stdout.write(f"{words}: {page}\n")

@@ -9,7 +9,7 @@ import typer
 
 from cell.cli.options import Cluster, Configs, Json, engine, resumable
 
-LIMIT = 3600.0  # s of a copy
+COPY_TIMEOUT = 3600.0  # s of a copy
 
 
 def rehearse(
@@ -42,7 +42,7 @@ def rehearse(
         named if named.exists() or named.suffix else near(find_configs(configs).strip_path(strip))
     )
     wide = min(jobs, os.cpu_count() or 1)
-    chosen = engine(wide, cluster, LIMIT)
+    chosen = engine(wide, cluster, COPY_TIMEOUT)
     made = plan(runs, file, out, excess, empty, wide)
     with resumable(out), Meter(Console(stderr=True), line, quiet=as_json) as meter:
         records = carry_out(made, out, chosen, meter)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cell.campaign.run import Engine
 
 T = TypeVar("T")
-INTERRUPTED = 130  # exit code
+INTERRUPTED_CODE = 130  # exit code
 
 
 def length_parser(option: str, bare: str = "m", least: float = -inf) -> "Callable[[str], float]":
@@ -132,7 +132,7 @@ def resumable(folder: Path) -> "Iterator[None]":
         sys.stderr.write(
             f"interrupted; what is finished is kept in {folder}: the same command goes on\n"
         )
-        sys.exit(INTERRUPTED)
+        sys.exit(INTERRUPTED_CODE)
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import sys
 from contextlib import suppress
 from typing import Any, TextIO
 
-GONE = {errno.EPIPE, errno.EBADF, errno.EIO}  # nobody reads any more: no news to anyone
+GONE_ERRNOS = {errno.EPIPE, errno.EBADF, errno.EIO}  # nobody reads any more: no news to anyone
 
 
 class Outlet(io.FileIO):
@@ -65,6 +65,6 @@ def _text(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
 
 def why_lost(outlet: Outlet | None) -> str:
     """Why the printed text did not arrive; empty where it did or nobody was reading."""
-    if outlet is None or outlet.failure is None or outlet.failure.errno in GONE:
+    if outlet is None or outlet.failure is None or outlet.failure.errno in GONE_ERRNOS:
         return ""
     return outlet.failure.strerror or "no reason given"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from cell.config.places import Configs as Found
     from drivers.strip.file import StripFile
 
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
 strips = typer.Typer(
     help="List the strips that this cell knows; measure one, make a new one.",
@@ -147,7 +147,7 @@ def new(
 def _check_name(strip: str) -> None:
     from drivers.errors import ConfigurationError
 
-    if NAME.fullmatch(strip) is None:
+    if NAME_PATTERN.fullmatch(strip) is None:
         raise ConfigurationError(
             f"{strip!r}: is not a name of a strip; use letters, digits, - and _"
         )

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
 
-NARROW = "  "
-WIDE = 120  # columns of the widest table
+COLUMN_GAP = "  "
+LARGEST_WIDTH = 120  # columns of the widest table
 
 
 def print_table(
@@ -24,12 +24,12 @@ def print_table(
 
     shown = [[printable(cell) for cell in row] for row in rows]
     widths = [max(map(cell_len, column)) for column in zip(columns, *shown, strict=True)]
-    if sum(widths) + len(NARROW) * (len(widths) - 1) > get_terminal_size().columns:
+    if sum(widths) + len(COLUMN_GAP) * (len(widths) - 1) > get_terminal_size().columns:
         sys.stdout.write(f"{title}\n" if title else "")
         wide = get_terminal_size().columns
         sys.stdout.writelines("\n".join(_lines(columns, row, wide)) + "\n" for row in shown)
         return
-    rule = "-" * (sum(widths) + len(NARROW) * (len(widths) - 1)) + "\n"
+    rule = "-" * (sum(widths) + len(COLUMN_GAP) * (len(widths) - 1)) + "\n"
     head, *body = (_row(row, widths, text) for row in (columns, *shown))
     sys.stdout.writelines([f"{title}\n" if title else "", rule, head, rule, *body, rule])
 
@@ -41,7 +41,7 @@ def _row(cells: Sequence[str], widths: Sequence[int], text: int) -> str:
     parts = [
         c + gap if i < text else gap + c for i, (c, gap) in enumerate(zip(cells, gaps, strict=True))
     ]
-    return NARROW.join(parts).rstrip() + "\n"
+    return COLUMN_GAP.join(parts).rstrip() + "\n"
 
 
 def printable(text: str) -> str:
@@ -56,15 +56,15 @@ def _lines(columns: Sequence[str], row: Sequence[str], width: int) -> list[str]:
         if not cell:
             continue
         fact = f"{name} {cell}"
-        if current and len(NARROW) + len(current) + 2 + len(fact) > width:
-            lines.append(NARROW + current)
+        if current and len(COLUMN_GAP) + len(current) + 2 + len(fact) > width:
+            lines.append(COLUMN_GAP + current)
             current = ""
         current = f"{current}, {fact}" if current else fact
-    return [*lines, NARROW + current] if current else lines
+    return [*lines, COLUMN_GAP + current] if current else lines
 
 
 def wide_console() -> "Console":
     """A console that never wraps a line of a table; a narrower terminal wraps it visibly."""
     from rich.console import Console
 
-    return Console(width=max(Console().width, WIDE))
+    return Console(width=max(Console().width, LARGEST_WIDTH))

@@ -87,10 +87,10 @@ def sitting(folder: Path, kind: str, viz: WizardViz) -> Iterator[Sitting]:
 
 def _remainder(folder: Path, kind: str) -> str:
     """What an interrupted session leaves, and how to go on with it."""
-    from calibration.wizard.session import ROWS, read_rows
+    from calibration.wizard.session import ROWS_FILE, read_rows
     from cell.report.words import plural
 
-    taken = sum(row.taken for row in read_rows(folder)) if (folder / ROWS).is_file() else 0
+    taken = sum(row.taken for row in read_rows(folder)) if (folder / ROWS_FILE).is_file() else 0
     if taken == 0:
         return f"interrupted; nothing was taken yet; {folder} may be deleted"
     return (

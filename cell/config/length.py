@@ -5,14 +5,14 @@ from math import inf, nan
 
 from drivers.errors import ConfigurationError
 
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 
 
 def length(text: str, bare: str = "m") -> float:
     """The length [m] that `text` states, in `bare` where it names no unit; otherwise NaN."""
     found = re.fullmatch(r"\s*([-+]?[\d.]+(?:e-?\d+)?)\s*(m|cm|mm)?\s*", text)
     try:
-        return float(found[1]) * UNITS[found[2] or bare] if found else nan
+        return float(found[1]) * LENGTH_UNITS[found[2] or bare] if found else nan
     except ValueError:
         return nan
 

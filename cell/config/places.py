@@ -12,7 +12,7 @@ if TYPE_CHECKING:  # names are found before the libraries that read the files ar
     from drivers.strip.file import StripFile
 
 PACKAGED = Path(__file__).resolve().parent.parent / "_configs"
-BESIDE = Path(__file__).resolve().parents[2] / "configs"  # of a checkout
+CHECKOUT_CONFIGS = Path(__file__).resolve().parents[2] / "configs"  # of a checkout
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def find_configs(given: Path | None) -> Configs:
                 f"--configs: {given} holds no cell.yaml; name a folder like the packaged configs"
             )
         return Configs(given)
-    for folder in (Path("configs"), PACKAGED, BESIDE):
+    for folder in (Path("configs"), PACKAGED, CHECKOUT_CONFIGS):
         if (folder / "cell.yaml").is_file():
             return Configs(folder)
     raise ConfigurationError("--configs: no configuration was found; name a folder with cell.yaml")

@@ -6,12 +6,13 @@ from cell.config.length import metres
 from drivers.settings import parse
 from drivers.strip.file import StripFile
 
-NAME = "unknown"
-MARK = NAME + ":"  # before its length [m], and its thickness [m] if known, where a strip is named
-WIDTH, DENSITY = 0.05, 0.3  # m, kg/m^2
+UNKNOWN_NAME = "unknown"
+# before its length [m], and its thickness [m] if known, where a strip is named
+MARK = UNKNOWN_NAME + ":"
+ASSUMED_WIDTH, ASSUMED_DENSITY = 0.05, 0.3  # m, kg/m^2
 BENDING_LENGTH, RETARDATION_TIME = (0.0135, 0.0333), (0.004, 1.0)  # m, s: the paper's range
-THICKNESS = (0.0002, 0.003)  # m, of shirting and of felt
-ASSUMED = ("width", "areal_density", "bending_length", "retardation_time")
+THICKNESS_RANGE = (0.0002, 0.003)  # m, of shirting and of felt
+ASSUMED_KEYS = ("width", "areal_density", "bending_length", "retardation_time")
 CALIPERS = {"key": "thickness", "source": "measured", "note": "stated by the operator"}
 
 
@@ -21,8 +22,8 @@ def name_of(length: float, thickness: float | None) -> str:
 
 
 def unknown_strip(known: str) -> StripFile:
-    """The strip of which only length, or `LENGTH:THICKNESS` [m], is `known`: the middle of the
-    paper's range.
+    """The strip of which only length, or `LENGTH:THICKNESS` [m], is `known`: the middle of
+    the paper's range.
 
     Raises ConfigurationError for what are no such numbers.
     """
@@ -40,16 +41,16 @@ def unknown_strip(known: str) -> StripFile:
 def _content(length: float) -> dict[str, Any]:
     (c_low, c_high), (t_low, t_high) = BENDING_LENGTH, RETARDATION_TIME
     return {
-        "name": NAME,
+        "name": UNKNOWN_NAME,
         "length": length,
-        "width": WIDTH,
-        "areal_density": DENSITY,
+        "width": ASSUMED_WIDTH,
+        "areal_density": ASSUMED_DENSITY,
         "bending_length": (c_low * c_high) ** 0.5,
         "retardation_time": (t_low * t_high) ** 0.5,
         "spread": {
             "bending_length": list(BENDING_LENGTH),
             "retardation_time": list(RETARDATION_TIME),
-            "thickness": list(THICKNESS),
+            "thickness": list(THICKNESS_RANGE),
         },
-        "provenance": [{"key": key, "source": "assumed"} for key in ASSUMED],
+        "provenance": [{"key": key, "source": "assumed"} for key in ASSUMED_KEYS],
     }

@@ -17,7 +17,7 @@ from drivers.clock import WallClock
 from drivers.errors import CellError
 from drivers.files import write_file
 
-WANTED = 1280, 720, 30.0  # more pixels or frames than these are not looked for
+BEST_MODE = 1280, 720, 30.0  # more pixels or frames than these are not looked for
 PREFERRED = ("YUYV", "GREY", "RGGB", "GRBG", "BA81", "GBRG", "MJPG")  # the less work the better
 WORTH_LOCKING = (
     "exposure_time_absolute",
@@ -27,7 +27,7 @@ WORTH_LOCKING = (
     "zoom_absolute",
 )
 WATCHED = 1.0  # s
-FIRST = 5.0  # s that the first frame may take
+FIRST_FRAME_TIMEOUT = 5.0  # s that the first frame may take
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,14 +50,14 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
     if not modes:
         return None
     mode = max(modes, key=_suits)
-    rates = [rate for rate in mode.rates if rate <= WANTED[2] + 0.5] or list(mode.rates)
+    rates = [rate for rate in mode.rates if rate <= BEST_MODE[2] + 0.5] or list(mode.rates)
     locks = {c.name: c.value for c in camera.controls if _is_locked(c)}
     content = {
         "device": camera.device,
         "format": mode.format,
         "width": mode.width,
         "height": mode.height,
-        "rate": max(rates, default=WANTED[2]),
+        "rate": max(rates, default=BEST_MODE[2]),
         "controls": locks,
     }
     return V4l2Settings.model_validate(content)
@@ -89,14 +89,14 @@ def save(image: CameraFrame, path: Path) -> None:
 
 
 def _next(camera: V4l2Camera, after: float) -> CameraFrame:
-    frame = camera.read(after, FIRST)
+    frame = camera.read(after, FIRST_FRAME_TIMEOUT)
     if frame is None:
-        raise CellError(f"no picture in {FIRST:g} s")
+        raise CellError(f"no picture in {FIRST_FRAME_TIMEOUT:g} s")
     return frame
 
 
 def _suits(mode: Mode) -> tuple[bool, bool, int, int]:
-    width, height, rate = WANTED
+    width, height, rate = BEST_MODE
     fits = mode.width <= width and mode.height <= height
     fast = max(mode.rates, default=rate) >= rate - 0.5
     area = mode.width * mode.height

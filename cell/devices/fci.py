@@ -28,7 +28,7 @@ from drivers.twin.paced_camera import PacedCamera
 from drivers.twin.real_time_clock import RealTimeClock
 from drivers.types import Array, Frame, frozen
 
-NONE = frozen([0.0, 0.0, 0.0])
+NO_FORCE = frozen([0.0, 0.0, 0.0])
 CATCHING_UP = 0.02  # s that a tick may spend on what strip and camera are behind a robot's time
 
 
@@ -44,7 +44,7 @@ class Surroundings:
 
     def force(self, tip: Array, time: float) -> Array:
         """Force (3,) [N] on the tool, in the base."""
-        return NONE if self.follower is None else self.follower.force(tip, time)
+        return NO_FORCE if self.follower is None else self.follower.force(tip, time)
 
 
 def fci_devices(

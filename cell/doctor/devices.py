@@ -13,8 +13,8 @@ from drivers.camera.kernel import Linux
 from drivers.camera.listing import report
 from drivers.errors import CellError
 
-LOST, TOO_MANY, IN_A_ROW = 0.01, 0.10, 20  # shares of states; the robot itself stops after 20
-LATE = 2.0  # ms between two states, 99.9 % of them
+LOST_SHARE, TOO_MANY, IN_A_ROW = 0.01, 0.10, 20  # shares of states; the robot itself stops after 20
+LARGEST_DELAY_MS = 2.0  # ms between two states, 99.9 % of them
 EXPIRING = 0.8  # of the days that a calibration is believed
 
 
@@ -65,7 +65,7 @@ def judged_link(link: Link) -> Check:
         f"{link.worst_ms:.1f} ms"
     )
     state = State.PASS
-    if link.lost_share > LOST or link.late_ms > LATE:
+    if link.lost_share > LOST_SHARE or link.late_ms > LARGEST_DELAY_MS:
         state = State.WARN
     if link.lost_share > TOO_MANY or link.in_a_row >= IN_A_ROW:
         state = State.FAIL

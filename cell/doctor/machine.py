@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cell.doctor.check import Check, State
 
-NEEDED = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "torch", "rerun-sdk")
+NEEDED_PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "torch", "rerun-sdk")
 RUN_GB, ROOM_GB = 1.0, 10.0  # GB below which nothing is recorded, and from which all is well
 CORES, PLENTY = 2, 4  # for loop and images, and for the recording and viewer beside them
 REALTIME = Path("/sys/kernel/realtime")
@@ -20,7 +20,7 @@ THROTTLE = Path("/proc/sys/kernel/sched_rt_runtime_us")
 def versions() -> Check:
     """Whether all packages are installed, and which they are."""
     found, missing = [f"Python {platform.python_version()}"], []
-    for package in NEEDED:
+    for package in NEEDED_PACKAGES:
         try:
             found.append(f"{package} {version(package)}")
         except PackageNotFoundError:

@@ -44,10 +44,10 @@ from drivers.strip.rod.motions import GripperPath
 from drivers.types import frozen
 
 PLAN, JOURNAL, PAGE = "plan.json", "journal", "rehearsal.md"
-NOTHING = "nothing"
-COST = 30.0  # s of one core, about
+NO_EFFECT = "nothing"
+COPY_COST = 30.0  # s of one core, about
 SEGMENTS, STEP = 240, 0.002  # of the copies' rod: finer than either grain of the model
-STILL, ROW = 0.6, 0.01  # s that a copy stays at the end of its path, in rows of so much
+DWELL_TIME, ROW_PERIOD = 0.6, 0.01  # s that a copy stays at the end of its path, in rows of so much
 
 
 class Hidden(Settings):
@@ -98,7 +98,7 @@ def plan(
     plant = as_fitted(strip, values)
     copies, unseen = sizes(plant, [run for run in measured if run.usable], excess)
     copies += [
-        Hidden(key=f"{NOTHING}-{i}", effect=NOTHING, values={}, seed=i) for i in range(empty)
+        Hidden(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i) for i in range(empty)
     ]
     made = Plan(
         inputs=asked,
@@ -124,7 +124,7 @@ def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
 def way(run: MeasuredRun) -> GripperPath:
     """The measured path of a run, which stays at its end for a while: a copy may fold later."""
     t, poses = run.measured.t, run.measured.poses
-    more = t[-1] + ROW * np.arange(1, round(STILL / ROW) + 1)
+    more = t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
     rest = np.repeat(poses[-1:], len(more), axis=0)
     moved = np.concatenate([t, more]) - t[0]
     return GripperPath(frozen(moved), frozen(np.vstack([poses, rest])), run.measured.hanging)
@@ -155,7 +155,7 @@ class Copy:
     plan: Plan
     hidden: Hidden
     of: str
-    cost: float = COST
+    cost: float = COPY_COST
 
     @property
     def key(self) -> str:
@@ -184,7 +184,7 @@ def write_copy(made: Plan, hidden: Hidden, folder: Path) -> None:
     strip, rng = load_strip(Path(made.file)), np.random.default_rng([hidden.seed, 1])
     plant = as_fitted(strip, made.base)
     runs = [run for run in read_runs(find_runs([Path(p) for p in made.runs]), strip) if run.usable]
-    effects = {hidden.effect: hidden.values} if hidden.effect != NOTHING else {}
+    effects = {hidden.effect: hidden.values} if hidden.effect != NO_EFFECT else {}
     models = [
         differing(describe(plant, effects, run.measured.index), made.scatter, rng) for run in runs
     ]
@@ -220,7 +220,7 @@ def rehearse(made: Plan, folder: Path, engine: Engine, watcher: Watcher) -> list
 def right(outcome: Mapping[str, Any]) -> bool:
     """Whether what was hidden was named, or stands in a class that was; of nothing, no gap."""
     name = outcome["hidden"]
-    if name == NOTHING:
+    if name == NO_EFFECT:
         return bool(outcome["verdict"] == "no_gap")
     likes = {name, *twins(name)}
     within = {n for group in outcome["classes"] for n in group}
@@ -244,8 +244,8 @@ def _words(outcome: Mapping[str, Any]) -> str:
 def page(made: Plan, records: Sequence[Record]) -> str:
     """The rehearsal in Markdown: what could have been named, and what is named for nothing."""
     found = [r.outcome for r in records if r.outcome is not None]
-    hidden = [o for o in found if o["hidden"] != NOTHING]
-    empty = [o for o in found if o["hidden"] == NOTHING]
+    hidden = [o for o in found if o["hidden"] != NO_EFFECT]
+    empty = [o for o in found if o["hidden"] == NO_EFFECT]
     rows = [(o["hidden"], _size(o["values"]), _words(o), "yes" if right(o) else "**no**")
             for o in hidden]  # fmt: skip
     return "\n\n".join([f"# Rehearsal of {len(made.runs)} runs", *_summary(made, hidden, empty),

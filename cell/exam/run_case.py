@@ -10,7 +10,7 @@ from typing import Any, Literal
 from cell.config.places import find_configs
 from cell.exam.case import Case
 from cell.exam.cases.answer_key import Sources, case_hash, open_key
-from cell.exam.sandbox.child import NOTES, VERDICT
+from cell.exam.sandbox.child import NOTES, VERDICT_FILE
 from cell.exam.sandbox.parent import SandboxRun, run_sandboxed
 from cell.exam.scoring.oracle import oracle
 from cell.exam.scoring.results import Baselines, Entry
@@ -23,8 +23,8 @@ from drivers.strip.describe import load_strip
 
 Steps = Literal["all", "make", "judge"]
 Maker = Callable[[Case, Path], object]
-RUNS, VERDICTS, STAMP, MADE = "runs", "verdicts", "sandboxed.json", "made"
-COST = 60.0  # s of one core, about
+RUNS_FOLDER, VERDICTS_FOLDER, STAMP, MADE = "runs", "verdicts", "sandboxed.json", "made"
+CASE_COST = 60.0  # s of one core, about
 
 
 def made_by_tier(case: Case, folder: Path) -> None:
@@ -53,7 +53,7 @@ class Examined:
     steps: Steps
     make: Maker
     again: bool = False
-    cost: float = COST
+    cost: float = CASE_COST
 
     @property
     def key(self) -> str:
@@ -68,7 +68,7 @@ class Examined:
     def measure(self) -> Mapping[str, Any]:
         """Make the runs, judge them, score the verdict; raises CellError where one fails."""
         case = open_key(self.folder, self.name)
-        place = self.folder / RUNS / case.name
+        place = self.folder / RUNS_FOLDER / case.name
         if self.steps != "judge":
             keep_runs(case, place, self.make)
         if self.steps == "make":
@@ -126,7 +126,7 @@ def judge(
 ) -> Entry:
     """The case's entry: its verdict is kept where neither engine nor case has changed."""
     strip = find_configs(None).strip_path(case.strip)
-    runs, out = find_runs([folder / RUNS / case.name]), folder / VERDICTS / case.name
+    runs, out = find_runs([folder / RUNS_FOLDER / case.name]), folder / VERDICTS_FOLDER / case.name
     sandboxed = None if again else _sat(out, by.verdict(case))
     if sandboxed is None:
         shutil.rmtree(out, ignore_errors=True)
@@ -140,7 +140,7 @@ def judge(
             "kernel": sandboxed.kernel,
         }
         replace_file(out / STAMP, json.dumps(facts).encode())
-    verdict = read_verdict(out / VERDICT)
+    verdict = read_verdict(out / VERDICT_FILE)
     notes = json.loads((out / NOTES).read_text(encoding="utf-8"))
     return Entry(
         case=case, of=by.entry(case), state="scored",

@@ -62,7 +62,7 @@ def _fold_one(
         return Unexpected(error)
 
 
-GLANCE = 0.1  # s between looks at the keyboard
+POLL_INTERVAL = 0.1  # s between looks at the keyboard
 
 
 def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Request, ...]:
@@ -182,7 +182,7 @@ class WorkerPool:
 
     def _collect(self) -> None:
         """Collect finished results, waiting briefly for them."""
-        ready = wait([worker.pipe for worker in self._busy], GLANCE)
+        ready = wait([worker.pipe for worker in self._busy], POLL_INTERVAL)
         for worker in self._busy:
             if worker.pipe in ready and worker.task is not None:
                 number = worker.task

@@ -26,13 +26,14 @@ from drivers.installation import Installation
 from drivers.types import Array
 from policies.policy import Policy
 
-STATES = ("FOLD", "LAY", "TOUCHED", "RELEASE", "STOPPING", "LIFT", "GRASP", "PREFLIGHT")
-AFTER = 0.25  # s in the state before the fault strikes
-STILL = 0.002  # m/s below which a gripper rests
-RIGHT = 0.003  # m that a good fold's measurement may be off the truth: what a cell states as sigma
-STEPS = 5  # looks at the gripper over which its rate is judged: it follows a robot in steps
-SPARE = 1.02  # of a limit, for what sampling makes of it
-CAMERA = 20.0  # Hz: an image is the dearest part of a simulated fold
+FAULT_STATES = ("FOLD", "LAY", "TOUCHED", "RELEASE", "STOPPING", "LIFT", "GRASP", "PREFLIGHT")
+FAULT_DELAY = 0.25  # s in the state before the fault strikes
+REST_SPEED = 0.002  # m/s below which a gripper rests
+# m that a good fold's measurement may be off the truth: what a cell states as sigma
+DISPLACEMENT_TOLERANCE = 0.003
+RATE_SAMPLES = 5  # looks at the gripper over which its rate is judged: it follows a robot in steps
+LIMIT_FACTOR = 1.02  # of a limit, for what sampling makes of it
+CAMERA_RATE = 20.0  # Hz: an image is the dearest part of a simulated fold
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ class Striker:
         begun = self._begun
         if begun is None or self.at is not None or self._blow.state == "STOPPING":
             return
-        if self._scene().cell.now >= begun + AFTER:
+        if self._scene().cell.now >= begun + FAULT_DELAY:
             self._strike()
 
     def note(self, _time: float, kind: str, facts: dict[str, object]) -> None:
@@ -139,17 +140,17 @@ def _came(
     if striker.at is None:
         return facts
     rates = np.diff(motion[:, 1:], axis=0) / PERIOD
-    whole_steps = np.diff(motion[::STEPS, 1:], axis=0) / (STEPS * PERIOD)
+    whole_steps = np.diff(motion[::RATE_SAMPLES, 1:], axis=0) / (RATE_SAMPLES * PERIOD)
     after = motion[1:, 0] > striker.at
     speed = np.hypot(rates[:, 0], rates[:, 1])
     stopped = facts["verdict"] == "stopped"
-    late = motion[1:, 0][after & (speed > STILL)]
+    late = motion[1:, 0][after & (speed > REST_SPEED)]
     path = float(PERIOD * speed[after].sum())
     return facts | {
         "stop": striker.fault[0] - striker.at if stopped and striker.fault else None,
         "rest": float(late.max() - striker.at) if stopped and late.size else None,
         "distance": path if stopped else None,
-        "resting": bool((speed[-1:] < STILL).all()),
+        "resting": bool((speed[-1:] < REST_SPEED).all()),
         "within": _within(motion, whole_steps, place),
     }
 
@@ -162,7 +163,7 @@ def _verdict(striker: Striker, result: FoldResult) -> str:
     if result.exit_code > 1:
         return "stopped"
     seen, true = result.displacement, result.displacement_true
-    right = seen is not None and true is not None and abs(seen - true) <= RIGHT
+    right = seen is not None and true is not None and abs(seen - true) <= DISPLACEMENT_TOLERANCE
     return "harmless" if right or result.exit_code == 1 else "undetected"
 
 
@@ -170,7 +171,8 @@ def _within(motion: Array, rates: Array, place: Installation) -> bool:
     """Whether no limit of the arm was exceeded, and no border of its workspace."""
     limits, box = place.limits, place.workspace
     quick = all(
-        np.abs(rates[:, i]).max() <= SPARE * axis.velocity for i, axis in enumerate(limits.axes)
+        np.abs(rates[:, i]).max() <= LIMIT_FACTOR * axis.velocity
+        for i, axis in enumerate(limits.axes)
     )
     inside = all(
         low - 0.005 <= motion[:, 1 + i].min() and motion[:, 1 + i].max() <= high + 0.005
@@ -211,7 +213,7 @@ def _configure(folder: Path) -> Path:
     usual = find_configs(None)
     (made / "strips").mkdir(parents=True)
     content = usual.cell().model_dump(mode="json", by_alias=True, exclude_unset=True)
-    content["twin"] = content["twin"] | {"camera": {"rate": CAMERA}, "world": {"links": 60}}
+    content["twin"] = content["twin"] | {"camera": {"rate": CAMERA_RATE}, "world": {"links": 60}}
     content["monitors"] = {"turn": 15.0, "state_duration": 20.0}
     write_document(made / "cell.yaml", content)
     strip = usual.strip("denim").model_dump(mode="json", by_alias=True, exclude_unset=True)

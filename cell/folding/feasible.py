@@ -18,16 +18,16 @@ from policies.sensing import Sensing
 
 SEGMENTS = 60  # of the model that draws the path; millimetres do not matter here
 ARM_REACH = 0.78  # m from its base that a Panda's hand reaches over a desk, pointing down
-BORDER = 0.005  # m that the path may be drawn wrong by
+PATH_ERROR = 0.005  # m that the path may be drawn wrong by
 
 
-WIDTH = (0.005, 0.20)  # m, both ends folded through images, seen within 1 mm of the truth
-THICKNESS = (0.0, 0.004)  # m
+WIDTH_RANGE = (0.005, 0.20)  # m, both ends folded through images, seen within 1 mm of the truth
+THICKNESS_RANGE = (0.0, 0.004)  # m
 
 
 def outside_scope(strip: StripFile) -> Iterator[str]:
     """Reasons why perception is not valid for `strip`, a line each; none where it is."""
-    bounds = (("width", strip.width, WIDTH), ("thickness", strip.thickness, THICKNESS))
+    bounds = (("width", strip.width, WIDTH_RANGE), ("thickness", strip.thickness, THICKNESS_RANGE))
     for key, value, (low, high) in bounds:
         if not low <= value <= high:
             yield (
@@ -89,7 +89,7 @@ def _outside_workspace(path: Array, installation: Installation) -> Iterator[str]
     box = installation.workspace
     for axis, name, (low, high) in ((0, "x", box.x), (1, "z", box.z)):
         least, most = float(path[:, axis].min()), float(path[:, axis].max())
-        if least < low - BORDER or most > high + BORDER:
+        if least < low - PATH_ERROR or most > high + PATH_ERROR:
             yield (
                 f"workspace: the gripper would move from {name} = {least:.2f} to {most:.2f} m, "
                 f"allowed {low:.2f} to {high:.2f} m; fold a shorter strip, by another policy, or "
@@ -103,7 +103,7 @@ def _out_of_reach(path: Array, installation: Installation) -> Iterator[str]:
         mounting.x + path[:, 0] * np.cos(mounting.yaw),
         mounting.y + path[:, 0] * np.sin(mounting.yaw),
     )
-    if float(away.max()) > ARM_REACH + BORDER:
+    if float(away.max()) > ARM_REACH + PATH_ERROR:
         yield (
             f"reach: the gripper would be {away.max():.2f} m from the robot's base, its hand "
             f"reaches {ARM_REACH:.2f} m; fold a shorter strip, or mount the robot nearer "

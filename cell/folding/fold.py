@@ -18,7 +18,7 @@ from cell.calibrating.calibrate import calibration_of
 from cell.calibrating.calibration_in_use import check_usable, record_entry
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.config.unknown import NAME as UNKNOWN
+from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration

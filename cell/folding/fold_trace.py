@@ -14,8 +14,8 @@ from drivers.errors import CellError
 from drivers.strip.file import StripFile
 from policies.profile import seen_profile
 
-MOVING = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
-UNLIKE = "unlike_model"
+MOVING_STATES = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
+UNLIKE_REASON = "unlike_model"
 
 
 class FoldTrace:
@@ -30,7 +30,7 @@ class FoldTrace:
 
     def see(self, snapshot: Snapshot) -> None:
         """Keep one tick."""
-        if snapshot.state not in MOVING:
+        if snapshot.state not in MOVING_STATES:
             return
         pose, seen = snapshot.arm.pose, snapshot.view.measurement
         self._path.append((snapshot.arm.stamp, pose.x, pose.z, pose.pitch))
@@ -50,10 +50,10 @@ class FoldTrace:
         if agreed is None or agreed.like_model:
             return outcome
         reason = agreed.sentence()
-        record.event(self._path[-1][0], UNLIKE, **asdict(agreed), reason=reason)
+        record.event(self._path[-1][0], UNLIKE_REASON, **asdict(agreed), reason=reason)
         if outcome.exit_code != 0:
             return outcome
-        return outcome.but(StopReason(UNLIKE, reason, 1))
+        return outcome.but(StopReason(UNLIKE_REASON, reason, 1))
 
     def _agreement(self, outcome: Outcome, origin: float) -> Agreement | None:
         """None where nothing was predicted, no touch was seen, or the model cannot follow."""

@@ -9,7 +9,7 @@ from drivers.strip.file import Provenance, StripFile
 from policies.prediction import FoldPrediction
 
 LEARNED = "learned.yaml"
-RUBBING = 5.0  # 1/m of yield curvature, from which friction is worth a line
+NOTABLE_YIELD = 5.0  # 1/m of yield curvature, from which friction is worth a line
 
 
 def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> StripFile:
@@ -25,7 +25,7 @@ def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Stri
         "retardation_time": time.text(1.0, 3) + " s",
     }
     effects = dict(strip.effects)
-    if friction.value >= RUBBING:
+    if friction.value >= NOTABLE_YIELD:
         effects["bending_hysteresis"] = {"yield_curvature": round(friction.value, 1)}
         notes["effects.bending_hysteresis.yield_curvature"] = friction.text(1.0, 0) + " 1/m"
     kept = [entry for entry in strip.provenance if entry.key not in notes]

@@ -30,13 +30,13 @@ from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image
 
-STEP = 0.01  # s between rows of ticks, as the contract of a run asks for
+ROW_PERIOD = 0.01  # s between rows of ticks, as the contract of a run asks for
 FEWEST_IMAGES = 10  # images in which the held end must be found
-ERRORS = {"gripper": 0.002, "contact_x": 0.001, "displacement": 0.004}
+SIGMA_FLOORS = {"gripper": 0.002, "contact_x": 0.001, "displacement": 0.004}
 """One sigma [m] at least of what a film without an arm shows: compression smooths the edges, and
 the held end is where the strip's length ends (tests/end_to_end/test_observe.py).
 """
-FLAT = 0.01  # m of strip at its end that may be off the desk where it counts as flat
+FLAT_LENGTH = 0.01  # m of strip at its end that may be off the desk where it counts as flat
 PROPORTIONS = 0.02  # share by which those of film and calibration may differ
 Progress = Callable[[float], None]
 
@@ -208,7 +208,7 @@ def _header(cell: CellFile, strip: StripFile, calibration: Calibration) -> dict[
     return {
         "schema": 1,
         "strip": strip.name,
-        "sigma": {k: max(v, ERRORS.get(k, 0.0)) for k, v in cell.sigma.model_dump().items()},
+        "sigma": {k: max(v, SIGMA_FLOORS.get(k, 0.0)) for k, v in cell.sigma.model_dump().items()},
         "start": "flat",
         "contact_height": cell.perception.contact_height,
         "seen_by": "cell",
@@ -222,11 +222,12 @@ def _path(read: Sequence[Held], strip: StripFile) -> tuple[Array, Array, Array]:
     flat = [
         held.measurement.stamp
         for held in read
-        if held.measurement.stamp < ends[0][0] and held.measurement.contact_x > strip.length - FLAT
+        if held.measurement.stamp < ends[0][0]
+        and held.measurement.contact_x > strip.length - FLAT_LENGTH
     ]
     begin = sorted({0.0, *flat[-1:]})
     knots = [(stamp, strip.length, 0.0) for stamp in begin if stamp < ends[0][0]]
     knots += [(stamp, end.x, end.z) for stamp, end in ends if end is not None]
     stamps, x, z = np.array(knots).T
-    t = np.arange(stamps[0], stamps[-1], STEP)
+    t = np.arange(stamps[0], stamps[-1], ROW_PERIOD)
     return t, PchipInterpolator(stamps, x)(t), PchipInterpolator(stamps, z)(t)

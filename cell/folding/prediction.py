@@ -27,7 +27,8 @@ from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
 
-UNKNOWN = {"bending_length": 0.1, "retardation_time": 0.5}  # relative, where no spread is stated
+# relative, where no spread is stated
+UNKNOWN_SPREADS = {"bending_length": 0.1, "retardation_time": 0.5}
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,10 +134,10 @@ def _variants(strip: StripFile) -> list[StripFile]:
     """Corners of the uncertainty of the strip's parameters."""
     spans = [
         strip.spread.get(key, (getattr(strip, key) * (1 - u), getattr(strip, key) * (1 + u)))
-        for key, u in UNKNOWN.items()
+        for key, u in UNKNOWN_SPREADS.items()
     ]
     corners = product(*spans)
-    return [strip.model_copy(update=dict(zip(UNKNOWN, c, strict=True))) for c in corners]
+    return [strip.model_copy(update=dict(zip(UNKNOWN_SPREADS, c, strict=True))) for c in corners]
 
 
 def _reach(folds: Folds) -> tuple[float, float, float, float]:

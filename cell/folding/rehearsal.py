@@ -23,12 +23,13 @@ from drivers.limits import MotionLimits
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose, Velocity
 
-HEIGHT = 0.2  # m above the fold
+HOVER_HEIGHT = 0.2  # m above the fold
 GAIN = 3.0  # 1/s, how fast the gripper returns to its path
 EASE = 1.5  # time that the path is given, of what it takes at its speeds without accelerating
 RAMP = 0.3  # s to take up speed and to let go of it: without, the gripper overshoots by 9 mm
 CORNER = 0.7  # cosine of the angle by which the path turns, below which the gripper rests there
-OVER, APPROACH = 2, 3  # first points of a fold: over the strip, left out here; then to the grasp
+OVER_POINT = 2  # first points of a fold: over the strip
+APPROACH_POINT = 3  # left out here; then to the grasp
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ class Rehearsal:
 
     def motion(self, _: Snapshot) -> Motion:
         """Approach, grasp, fold, lay, release, retreat."""
-        begin, end = APPROACH - 1, len(self.path) - 2
+        begin, end = APPROACH_POINT - 1, len(self.path) - 2
         yield from move(Pose(*self.path[0].tolist()))
         yield from open_hand()
         yield from self._follow(0, begin)
@@ -84,13 +85,13 @@ class Rehearsal:
 def rehearsal(
     settings: CellFile, strip: StripFile, path: Array, speeds: Array, elbow: float | None = None
 ) -> Rehearsal:
-    """The fold along `path` (n, 3) at `speeds` (n,) [m/s], raised by HEIGHT.
+    """The fold along `path` (n, 3) at `speeds` (n,) [m/s], raised by HOVER_HEIGHT.
 
     What only avoids a lying strip is left out: the way over it at the begin, the rise at the end.
     With an `elbow` [rad] it must be followed by a Franka arm. Raises ConfigurationError where the
     workspace or the arm ends below the fold.
     """
-    raised, speeds = np.add(path, (0.0, HEIGHT, 0.0))[OVER:-1], speeds[OVER:-1]
+    raised, speeds = np.add(path, (0.0, HOVER_HEIGHT, 0.0))[OVER_POINT:-1], speeds[OVER_POINT:-1]
     top, ceiling = float(raised[:, 1].max()), settings.installation.workspace.z[1]
     if top > ceiling:
         raise ConfigurationError(

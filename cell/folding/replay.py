@@ -25,8 +25,8 @@ from policies.policy import Observation
 from policies.profile import seen_profile
 from policies.registry import make_policy
 
-UNSEEN: Array = np.empty((0, 2))
-SAME = 1e-9  # m, rad: what rounding may change, times being shifted by the run's origin
+NO_PROFILE: Array = np.empty((0, 2))
+POSE_ROUNDING = 1e-9  # m, rad: what rounding may change, times being shifted by the run's origin
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ def _differences(measurement: StripMeasurement, sights: Sights, row: int) -> Ite
     now |= {"gap": measurement.gap, "gap_x": measurement.gap_x}
     for name, value in now.items():
         then = float(getattr(sights, name)[row])
-        if not np.isclose(value, then, rtol=0, atol=SAME, equal_nan=True):
+        if not np.isclose(value, then, rtol=0, atol=POSE_ROUNDING, equal_nan=True):
             yield f"image {measurement.sequence}: {name} was {then:.6f}, is {value:.6f} m"
 
 
@@ -153,7 +153,7 @@ def _other_decisions(
             continue
         decision = policy.decide(_observe(then, run, sights, row, curves))
         now = float(decision.direction[0])
-        if not abs(now - then.direction) <= SAME or bool(decision.done[0]) != then.done:
+        if not abs(now - then.direction) <= POSE_ROUNDING or bool(decision.done[0]) != then.done:
             yield f"image {then.sequence}: direction was {then.direction:.6f}, is {now:.6f} rad"
 
 
@@ -172,7 +172,7 @@ def _observe(
         tip_x=sights.tip_x[row : row + 1],
         tip_z=sights.tip_z[row : row + 1],
         profile=seen_profile(
-            curves.get(stamp, UNSEEN), float(sights.contact_x[row]), (gripper.x, gripper.z)
+            curves.get(stamp, NO_PROFILE), float(sights.contact_x[row]), (gripper.x, gripper.z)
         ),
         profile_confidence=sights.profile_confidence[row : row + 1],
     )

@@ -3,16 +3,17 @@
 from dataclasses import dataclass
 from typing import Any, Self
 
-from cell.config.unknown import NAME as UNKNOWN
+from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.folding.learned import LEARNED
 from cell.orchestrator.outcome import StopReason
 from drivers.errors import CellError
 
-LINE = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
-LINE += ["layer_touch", "edge_offset", "edge_offset_true", "like_model"]
-LINE += ["duration", "wall", "calibration", "exit_code"]
-ROUNDED = {name: 6 for name in LINE if name.startswith(("displacement", "edge_offset"))}  # m
-ROUNDED |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
+LINE_COLUMNS = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
+LINE_COLUMNS += ["layer_touch", "edge_offset", "edge_offset_true", "like_model"]
+LINE_COLUMNS += ["duration", "wall", "calibration", "exit_code"]
+# m
+LINE_DIGITS = {name: 6 for name in LINE_COLUMNS if name.startswith(("displacement", "edge_offset"))}
+LINE_DIGITS |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +71,9 @@ class FoldResult:
 
     def line(self) -> dict[str, Any]:
         """The object that `cell fold --json` prints, with the keys of the contract only."""
-        values = {name: getattr(self, name) for name in LINE}
+        values = {name: getattr(self, name) for name in LINE_COLUMNS}
         values |= {key: values[key] or None for key in ("run", "calibration")}
-        for key, digits in ROUNDED.items():
+        for key, digits in LINE_DIGITS.items():
             if values[key] is not None:
                 values[key] = round(values[key], digits)
         return values

@@ -24,10 +24,11 @@ from drivers.errors import ConfigurationError
 from drivers.settings import read_yaml
 from drivers.types import Array
 
-READ = ("run.yaml", "result.yaml", *TABLES)
+INPUT_FILES = ("run.yaml", "result.yaml", *TABLES)
 PROBE_SIGMA = 3.0  # by which the largest probe of an effect must show, once the base has moved
 WEAK = 0.5  # of what was known of a quantity before: runs that leave more say little of it
-ALIKE = 0.995  # correlation of responses, from which on runs cannot separate two effects
+# correlation of responses, from which on runs cannot separate two effects
+LARGEST_CORRELATION = 0.995
 Level = Literal["bad", "fair", "good"]
 
 
@@ -69,7 +70,7 @@ def inputs_digest(file: Path, runs: Sequence[RunFolder]) -> str:
     model = file.parent / str(read_yaml(file).get("model", "."))
     h.update(model.read_bytes() if model.is_file() else b"")
     for run in runs:
-        for path in (run.path / name for name in READ):
+        for path in (run.path / name for name in INPUT_FILES):
             h.update(path.name.encode() + (path.read_bytes() if path.is_file() else b"absent"))
     return h.hexdigest()[:16]
 
@@ -150,7 +151,7 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
             f"{np.linalg.norm(left):.1f} sigma", remedy=probed.candidate.revealed_by,
         )  # fmt: skip
     for (one, a), (other, b) in combinations(shown.items(), 2):
-        if abs(float(a @ b)) > ALIKE:
+        if abs(float(a @ b)) > LARGEST_CORRELATION:
             yield Finding(
                 level="fair", what="identifiable", run="", remedy="fit, then `cell gap advise`",
                 words=f"{one} and {other} show alike: these runs cannot separate them",

@@ -40,7 +40,7 @@ from drivers.yaml_edit import dump_text
 Overlay = Callable[[Findings, Verdict, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
-VERSION = "31"  # of the engine: another one starts anew
+ENGINE_VERSION = "31"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:
@@ -134,7 +134,7 @@ def _values(verdict: Verdict) -> tuple[dict[str, float], dict[str, dict[str, flo
 
 def _key(file: Path, runs: Sequence[RunFolder], held: Sequence[str]) -> str:
     """Hash of everything that the simulations depend on."""
-    given = "\0".join([VERSION, inputs_digest(file, runs), *held])
+    given = "\0".join([ENGINE_VERSION, inputs_digest(file, runs), *held])
     return hashlib.sha256(given.encode()).hexdigest()[:16]
 
 

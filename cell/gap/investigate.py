@@ -23,7 +23,7 @@ from cell.gap.selection import search
 from cell.gap.selection.choice import choose, is_exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import (
-    LEVEL,
+    ALPHA,
     LikelihoodScale,
     holm,
     likelihood_scale,
@@ -144,7 +144,7 @@ def _is_strained(subject: Subject, base: Estimate) -> bool:
     if not subject.scope.believed or not len(known):
         return False
     any_one = len(known) * float(special.chdtrc(1, known.max()))
-    return min(float(special.chdtrc(len(known), known.sum())), any_one) < LEVEL
+    return min(float(special.chdtrc(len(known), known.sum())), any_one) < ALPHA
 
 
 def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
@@ -279,6 +279,6 @@ def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:
     rng = np.random.default_rng(1)
     noise = lack_of_fit.noise_left(projection(best, robustly=False), rng)
     allowed = lack_of_fit.slack(best.evidence, inflation, {})
-    if lack_of_fit.lack_of_fit(best, noise, allowed).p < LEVEL:
+    if lack_of_fit.lack_of_fit(best, noise, allowed).p < ALPHA:
         return True
-    return anywhere and any(place.p < LEVEL for place in localise(best, noise, allowed))
+    return anywhere and any(place.p < ALPHA for place in localise(best, noise, allowed))

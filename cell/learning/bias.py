@@ -16,8 +16,10 @@ from cell.learning.experience import Experience
 from cell.learning.shrinkage import Parts, laid_offset, shrunk
 from drivers.types import Array
 
-WILD = 4.0  # sigmas of one fold that is set aside until the next one comes: 6e-5 by chance
-TWICE = 2.5  # sigmas of two folds in a row, to the same side, that show a change: 8e-5 by chance
+# sigmas of one fold that is set aside until the next one comes: 6e-5 by chance
+OUTLIER_SIGMAS = 4.0
+# sigmas of two folds in a row, to the same side, that show a change: 8e-5 by chance
+CHANGE_SIGMAS = 2.5
 
 Unknown = tuple[str, str | int]  # a level of the hierarchy and its member
 Row = tuple[tuple[Unknown, ...], float, float]  # unknowns, their measured sum, its sigma
@@ -73,16 +75,20 @@ class _Learner:
             return
         surprise, before = self._surprise(experience), self._before
         self._before = (surprise, experience)
-        if before and min(abs(surprise), abs(before[0])) > TWICE and surprise * before[0] > 0:
+        if (
+            before
+            and min(abs(surprise), abs(before[0])) > CHANGE_SIGMAS
+            and surprise * before[0] > 0
+        ):
             self._begin(*before)
             self._before = None
-        elif abs(surprise) > WILD:
+        elif abs(surprise) > OUTLIER_SIGMAS:
             return
         self._add(experience)
 
     def _begin(self, surprise: float, first: Experience) -> None:
         """An epoch that begins with the fold before, which differed by `surprise`."""
-        if abs(surprise) <= WILD:
+        if abs(surprise) <= OUTLIER_SIGMAS:
             self._rows.pop(self._epoch_folds[-1])
         self._runs.append(first.run)
         self._epoch_folds, self.epoch = [], []

@@ -9,14 +9,14 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from cell.config.learning import LearningSettings
-from cell.config.unknown import NAME as UNKNOWN
+from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.learning.bias import Bias, bias
 from cell.learning.experience import Experience, Memory
 from cell.orchestrator.lay import edge_place
 from cell.orchestrator.outcome import Outcome
 from policies.policy import Policy
 
-WEIGHTS = Path(__file__).parents[2] / "policies" / "weights"
+WEIGHTS_FOLDER = Path(__file__).parents[2] / "policies" / "weights"
 TEACHING = {"layer_touch", "unlike_model"}  # outcomes of folds that were laid down
 WORTH_SAYING = 5e-5  # m, half of the last digit that is printed
 
@@ -99,7 +99,7 @@ def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str |
 
     The specimen of a fabric without a file is empty: each of its folds is another piece.
     """
-    found = (checkpoint, *(WEIGHTS / f"{policy}{end}" for end in (".npz", ".json")))
+    found = (checkpoint, *(WEIGHTS_FOLDER / f"{policy}{end}" for end in (".npz", ".json")))
     weights = next((path for path in found if path is not None and path.is_file()), None)
     piece = "" if strip == UNKNOWN else strip
     digest = "" if weights is None else hashlib.sha256(weights.read_bytes()).hexdigest()[:12]

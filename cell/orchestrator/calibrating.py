@@ -31,7 +31,7 @@ Doing = Generator[Command, Snapshot, None]
 Answering = Generator[Command, Snapshot, Answer]
 
 POINTER_IN = Question(Ask.POINTER_IN, "put the pointer between the fingers, its disc to the camera")
-STEPS = Question(Ask.STEPS, "the arm now steps to and fro to measure the camera's latency")
+STEPS_QUESTION = Question(Ask.STEPS, "the arm now steps to and fro to measure the camera's latency")
 POINTER_OUT = Question(Ask.POINTER_OUT, "take the pointer out and keep clear of the hand")
 
 
@@ -101,7 +101,7 @@ def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record, why:
 
 def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
     """Step back and forth, passing arm states and images to the wizard."""
-    yield from _answer(cell, STEPS)
+    yield from _answer(cell, STEPS_QUESTION)
     steps = LatencySteps(cell.settings.latency)
     while (pose := steps.ask()) is not None:
         why = f"{steps.left} steps are left, to see how late the images are"

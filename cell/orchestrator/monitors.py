@@ -13,7 +13,7 @@ from cell.orchestrator.states import TERMINAL, State
 from drivers.errors import Fault
 from drivers.limits import Workspace
 
-MOVED = 2  # images in a row
+MOVED_IMAGES = 2  # images in a row
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
 
 def _camera_moved(snapshot: Snapshot, rules: Rules) -> str | None:
     view, limit = snapshot.view, rules.limits.camera_shift
-    if view.moved < MOVED:
+    if view.moved < MOVED_IMAGES:
         return None
     return (
         f"the scene appears moved by {1e3 * view.shift:.1f} mm since the preflight, allowed "

@@ -5,7 +5,8 @@ from cell.orchestrator.monitors import SEEING
 from cell.orchestrator.snapshot import Command, Drive, Hold, MoveTo, Snapshot
 from drivers.types import Velocity
 
-USUAL = 0.7  # of the allowed age; the twin's images are at most 0.6 old where nothing is measured
+# of the allowed age; the twin's images are at most 0.6 old where nothing is measured
+USUAL_AGE = 0.7
 
 
 def pace(command: Command, snapshot: Snapshot, limits: MonitorLimits) -> Command:
@@ -15,7 +16,7 @@ def pace(command: Command, snapshot: Snapshot, limits: MonitorLimits) -> Command
     frame = snapshot.view.frame
     if frame is None or snapshot.state not in SEEING:
         return command
-    left = (limits.image_age - (snapshot.time - frame.stamp)) / (1.0 - USUAL) / limits.image_age
+    left = (limits.image_age - (snapshot.time - frame.stamp)) / (1.0 - USUAL_AGE) / limits.image_age
     if isinstance(command, Drive) and left < 1.0:
         share, rate = max(left, 0.0), command.velocity
         return Drive(Velocity(share * rate.vx, share * rate.vz, share * rate.pitch_rate))

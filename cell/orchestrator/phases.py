@@ -43,7 +43,8 @@ from policies.prediction import Predicting
 from policies.profile import seen_profile
 
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
-BRAKING = 0.7  # of the arm's acceleration, with which the pitch comes to rest at the lift's end
+# of the arm's acceleration, with which the pitch comes to rest at the lift's end
+BRAKING_SHARE = 0.7
 
 
 def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
@@ -272,7 +273,7 @@ def _lift_pitch_rate(travel: float, speed: float, pitch: float, most: float) -> 
     wanted = float(lift_pitch(travel))
     ahead = float(lift_pitch(travel + 0.01)) - wanted
     rate = ahead / 0.01 * speed + PITCH_GAIN * (wanted - pitch)
-    return min(rate, sqrt(2.0 * BRAKING * most * max(HANGING - pitch, 0.0)))
+    return min(rate, sqrt(2.0 * BRAKING_SHARE * most * max(HANGING - pitch, 0.0)))
 
 
 def _camera_checks(cell: FoldContext) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:

@@ -24,7 +24,7 @@ from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
 from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
 from drivers.errors import Fault
-from drivers.types import STILL, Pose
+from drivers.types import ZERO_VELOCITY, Pose
 from policies.prediction import FoldPrediction
 
 PROMPT = 1.0  # s on the wall clock within which a turn ends, or is ended
@@ -71,7 +71,7 @@ class Run:
         self._snapshot: Snapshot | None = None
         self._arm_history = ArmHistory()
         self._vision = Vision(devices.camera, settings.monitors)
-        self._velocity = STILL
+        self._velocity = ZERO_VELOCITY
 
     def execute(self) -> Outcome:
         """Run to DONE or FAULT, and until the arm is at rest or its time to stop has passed.

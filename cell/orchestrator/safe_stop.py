@@ -6,7 +6,7 @@ from math import hypot
 from cell.devices.devices import Devices
 from drivers.types import ArmState, HandState
 
-REST = 1e-3  # m/s of the gripper below which it rests
+REST_SPEED = 1e-3  # m/s of the gripper below which it rests
 
 
 def run_suppressed(action: Callable[[], object]) -> bool:
@@ -55,4 +55,4 @@ class SafeStop:
 
 
 def _at_rest(arm: ArmState) -> bool:
-    return not arm.moving and hypot(arm.velocity.vx, arm.velocity.vz) < REST
+    return not arm.moving and hypot(arm.velocity.vx, arm.velocity.vz) < REST_SPEED

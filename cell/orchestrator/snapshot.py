@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
-from drivers.types import STILL, ArmState, HandState, Pose, Velocity
+from drivers.types import ZERO_VELOCITY, ArmState, HandState, Pose, Velocity
 from policies.prediction import FoldPrediction
 
 
@@ -22,7 +22,7 @@ class Snapshot:
     arm: ArmState
     hand: HandState
     view: View
-    velocity: Velocity = STILL
+    velocity: Velocity = ZERO_VELOCITY
     predicted: FoldPrediction | None = None
 
 

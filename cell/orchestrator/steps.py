@@ -18,7 +18,7 @@ Motion = Generator[Command, Snapshot, Snapshot]
 
 SETTLE = 0.3  # s for strip and image to come to rest
 TURNING = 2.4  # rad/s at most, a little below what any arm allows
-REACHED = 0.002  # m, rad: how near a finished move must have come
+POSE_TOLERANCE = 0.002  # m, rad: how near a finished move must have come
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ def turn(pitch: float) -> "Generator[Command, Snapshot, Pose]":
 
 def is_at(snapshot: Snapshot, pose: Pose) -> bool:
     """Whether the arm is at rest at `pose`."""
-    return not snapshot.arm.moving and _distance(snapshot.arm.commanded, pose) <= REACHED
+    return not snapshot.arm.moving and _distance(snapshot.arm.commanded, pose) <= POSE_TOLERANCE
 
 
 def _distance(a: Pose, b: Pose) -> float:

@@ -23,7 +23,7 @@ from drivers.types import Frame, Pose
 
 MEASURED_STATES = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
 RECORDED = MEASURED_STATES | {State.LAY, State.RELEASE}
-GLANCE = 0.1  # s between images where nothing is measured in them
+IDLE_IMAGE_PERIOD = 0.1  # s between images where nothing is measured in them
 
 
 class Reader(Protocol):
@@ -185,7 +185,7 @@ class Vision:
     def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:
         """Whether a frame newer than the last one arrived."""
         after = self._frame.stamp if self._frame is not None else -1.0
-        after = after if state in MEASURED_STATES else after + GLANCE
+        after = after if state in MEASURED_STATES else after + IDLE_IMAGE_PERIOD
         frame = self._camera.read(after, timeout=0.0)
         if frame is None:
             return False

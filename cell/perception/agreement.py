@@ -19,14 +19,17 @@ from policies.prediction import Estimate, FoldPrediction
 from policies.profile import POINTS, profiles
 
 LIMITS = Path(__file__).with_suffix(".yaml")
-DT, EVERY, SEGMENTS = 0.005, 2, 60  # s of a step, steps between two shapes, segments of the rod
+DT = 0.005  # s of a step
+SHAPE_STRIDE = 2  # steps between two shapes
+SEGMENTS = 60  # segments of the rod
 PASSES = 3  # of Gauss-Newton
-ROUGH = 10.0  # 1/m, yield curvature that makes one unit of ln(1 + y / ROUGH)
-STEPS = np.array([0.02, 0.2, 0.2])  # differences of ln length, ln time, ln(1 + y / ROUGH)
+YIELD_UNIT = 10.0  # 1/m, yield curvature that makes one unit of ln(1 + y / YIELD_UNIT)
+# differences of ln length, ln time, ln(1 + y / YIELD_UNIT)
+GRADIENT_STEPS = np.array([0.02, 0.2, 0.2])
 SMALLEST_SIGMA = np.array([0.01, 0.15, 0.15])  # sigma of these in a belief, at least
-NOISE = 0.0005  # m, of a point's median over a bin
-SHIFT, LATE = 0.0005, 0.005  # m, s: sigma of the images' bias and of their stamps
-UNSURE = np.array([SHIFT, SHIFT, SHIFT, LATE])
+POINT_NOISE = 0.0005  # m, of a point's median over a bin
+BIAS_SIGMA, STAMP_SIGMA = 0.0005, 0.005  # m, s: sigma of the images' bias and of their stamps
+IMAGE_SIGMAS = np.array([BIAS_SIGMA, BIAS_SIGMA, BIAS_SIGMA, STAMP_SIGMA])
 
 
 class AgreementLimits(Settings):
@@ -100,7 +103,7 @@ def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) 
     at, residual = middle, np.nan
     for _ in range(PASSES):
         curves = simulate_profiles(
-            [_model(strip, each) for each in (at, *(at + np.diag(STEPS)))], fold
+            [_model(strip, each) for each in (at, *(at + np.diag(GRADIENT_STEPS)))], fold
         )
         if curves is None:
             return None
@@ -112,7 +115,7 @@ def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) 
         residual = float(np.sqrt(max((left**2).sum(axis=-1).mean() - fold.noise**2, 0.0)))
         at = at + np.clip(change, -3.0 * sigma, 3.0 * sigma)
         at[2] = max(at[2], 0.0)
-    return Agreement(residual, ROUGH * float(np.expm1(at[2])))
+    return Agreement(residual, YIELD_UNIT * float(np.expm1(at[2])))
 
 
 def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | None:
@@ -121,10 +124,10 @@ def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | N
     path = np.stack([np.interp(times, fold.t, column) for column in fold.poses.T], axis=1)
     rod = Rod(SEGMENTS, strict=False)
     rod.reset(models)
-    shown = rod.follow(np.repeat(path[:, None], len(models), axis=1), DT, EVERY)
+    shown = rod.follow(np.repeat(path[:, None], len(models), axis=1), DT, SHAPE_STRIDE)
     if rod.failed.any():
         return None
-    kept = slice(EVERY - 1, None, EVERY)
+    kept = slice(SHAPE_STRIDE - 1, None, SHAPE_STRIDE)
     times, grip, contact, arc = times[kept], path[kept, :2], shown.contact_x[kept], rod.arc()
     j = np.clip(np.searchsorted(times, fold.stamp) - 1, 0, len(times) - 2)
     part = ((fold.stamp - times[j]) / (times[j + 1] - times[j]))[:, None, None]
@@ -142,7 +145,9 @@ def _design(curves: Array, spacing: float) -> Array:
     delay.
     """
     base = curves[0]
-    by_strip = [(curve - base) / step for curve, step in zip(curves[1:], STEPS, strict=True)]
+    by_strip = [
+        (curve - base) / step for curve, step in zip(curves[1:], GRADIENT_STEPS, strict=True)
+    ]
     shifts = np.zeros((3, *base.shape))
     shifts[0, :, :-1, 0] = shifts[1, :, :-1, 1] = shifts[2, :, 0, 0] = 1.0
     return np.stack([*by_strip, *shifts, np.gradient(base, spacing, axis=0)], axis=-1)
@@ -153,10 +158,12 @@ def _solve(design: Array, off: Array, gone: Array, sigma: Array) -> tuple[Array,
 
     `gone` (3,) is how far they are from the belief already, `sigma` (3,) the belief's.
     """
-    prior = np.concatenate([sigma, UNSURE])
+    prior = np.concatenate([sigma, IMAGE_SIGMAS])
     a, b = design.reshape(-1, len(prior)), off.ravel()
-    rows = np.vstack([a / NOISE, np.diag(1.0 / prior)])
-    wanted = np.concatenate([b / NOISE, -np.concatenate([gone, np.zeros(len(UNSURE))]) / prior])
+    rows = np.vstack([a / POINT_NOISE, np.diag(1.0 / prior)])
+    wanted = np.concatenate(
+        [b / POINT_NOISE, -np.concatenate([gone, np.zeros(len(IMAGE_SIGMAS))]) / prior]
+    )
     change = np.linalg.lstsq(rows, wanted, rcond=None)[0]
     return change[: len(sigma)], (b - a @ change).reshape(-1, POINTS, 2)
 
@@ -164,7 +171,7 @@ def _solve(design: Array, off: Array, gone: Array, sigma: Array) -> tuple[Array,
 def _model(strip: StripFile, at: Array) -> StripModel:
     """The strip with the parameters `at` (3,); its other effects stay."""
     effects = {name: given for name, given in strip.effects.items() if name != "bending_hysteresis"}
-    friction = ROUGH * float(np.expm1(max(at[2], 0.0)))
+    friction = YIELD_UNIT * float(np.expm1(max(at[2], 0.0)))
     if friction > 0:
         effects["bending_hysteresis"] = {"yield_curvature": friction}
     changed = {"bending_length": float(np.exp(at[0])), "retardation_time": float(np.exp(at[1]))}
@@ -172,7 +179,7 @@ def _model(strip: StripFile, at: Array) -> StripModel:
 
 
 def _parameters(predicted: FoldPrediction) -> Array:
-    friction = np.log1p(predicted.yield_curvature.value / ROUGH)
+    friction = np.log1p(predicted.yield_curvature.value / YIELD_UNIT)
     lengths = predicted.bending_length.value, predicted.retardation_time.value
     return np.array([*np.log(lengths), friction])
 
@@ -182,6 +189,6 @@ def _sigmas(predicted: FoldPrediction) -> Array:
         return 0.5 * float(np.log(estimate.high / estimate.low))
 
     friction = predicted.yield_curvature
-    low, high = (np.log1p(value / ROUGH) for value in (friction.low, friction.high))
+    low, high = (np.log1p(value / YIELD_UNIT) for value in (friction.low, friction.high))
     times = half(predicted.bending_length), half(predicted.retardation_time)
     return np.array([*times, 0.5 * (high - low)])

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.perception.kernels import CELL, EVEN, PATCH, Floats, brightness
+from cell.perception.kernels import CELL_PX, EVEN_LIGHT, PATCH_PX, Floats, brightness
 from cell.perception.region import Region
 from drivers.types import Array, Image
 
@@ -28,23 +28,23 @@ class Background:
     about: int
 
     def light(self, image: Image, region: Region, visible: Image) -> Floats:
-        """(n + 2, m + 2) brightness in the cells of `region` and a border of one, EVEN where
+        """(n + 2, m + 2) brightness in the cells of `region` and a border of one, EVEN_LIGHT where
         unchanged since preflight.
 
         Shadow and flicker are smooth, a strip is thin: the median over a neighbourhood is light
         only. Pixels where `visible` (h, w) is 0, such as the hand, are not used.
         """
-        rows, columns = region.cells(PATCH)
+        rows, columns = region.cells(PATCH_PX)
         patches = (region.left, region.top, rows, columns)
         now, then = brightness(image, *patches), brightness(self.image, *patches)
-        clear = visible[PATCH // 2 :: PATCH, PATCH // 2 :: PATCH] > 0
+        clear = visible[PATCH_PX // 2 :: PATCH_PX, PATCH_PX // 2 :: PATCH_PX] > 0
         known = np.ones((rows, columns), np.float32)
         known[: clear.shape[0], : clear.shape[1]] = clear
         ratio = self._fill_holes(np.asarray(now / np.maximum(then, 3.0), dtype=np.float32), known)
-        steps = np.rint(np.clip(EVEN * ratio, 1, 255)).astype(np.uint8)
+        steps = np.rint(np.clip(EVEN_LIGHT * ratio, 1, 255)).astype(np.uint8)
         smooth = cv2.blur(cv2.medianBlur(steps, self.about).astype(np.float32), (3, 3))
-        cells = cv2.resize(smooth, (columns * PATCH // CELL, rows * PATCH // CELL))
-        n, m = region.cells(CELL)
+        cells = cv2.resize(smooth, (columns * PATCH_PX // CELL_PX, rows * PATCH_PX // CELL_PX))
+        n, m = region.cells(CELL_PX)
         return np.asarray(cv2.copyMakeBorder(cells[:n, :m], 1, 1, 1, 1, cv2.BORDER_REPLICATE))
 
     def _fill_holes(self, values: Floats, known: Floats) -> Floats:

@@ -29,13 +29,13 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Pose
 
 INSPECT, LOOK, TRACK = 0, 1, 2  # what is asked: the checks, a measurement, or one with the touch
-HEADER = 8  # numbers beside an image: request, stamp, arrival, sequence, gripper (3), answered
+HEADER_SIZE = 8  # numbers beside an image: request, stamp, arrival, sequence, gripper (3), answered
 NUMBERS = 11  # numbers of a measurement beside its profile
-SHIFT = 1
-TOUCH = 6
+SHIFT_SIZE = 1
+TOUCH_SIZE = 6
 MOST_POINTS = 500  # of a profile
-START = 60.0  # s for the process to start, its libraries included
-ENDING = 1.0  # s for it to end
+START_TIMEOUT = 60.0  # s for the process to start, its libraries included
+ENDING_TIMEOUT = 1.0  # s for it to end
 ENDED = "the process for images has ended"
 NICE = (
     -10
@@ -113,7 +113,7 @@ class Beside:
     """
 
     def __init__(self, subject: Subject, made: Maker = StripSight) -> None:
-        """Start the process; Fault `image_reader_dead` where it does not come up in START [s]."""
+        """Start the process; Fault `image_reader_dead` where it does not come up in time."""
         context = get_context("spawn")
         h, w, _ = self._shape = subject.shape()
         image: Any = context.RawArray(ctypes.c_uint8, h * w * 3)
@@ -131,7 +131,7 @@ class Beside:
         self._process.start()
         theirs.close()
         self._memory = FileIO(f"/proc/{self._process.pid}/statm")
-        if not self._pipe.poll(START) or self._receive() is None:
+        if not self._pipe.poll(START_TIMEOUT) or self._receive() is None:
             self.close()
             raise Fault("image_reader_dead", f"the process for images did not start: {self._dead}")
 
@@ -159,7 +159,14 @@ class Beside:
             raise Fault("image_size", f"an image of {frame.image.shape[:2]} pixels, not {h} x {w}")
         np.copyto(self._pixels, frame.image)
         pose = (gripper.x, gripper.z, gripper.pitch)
-        self._values[:HEADER] = (request, frame.stamp, frame.arrival, frame.sequence, *pose, 0.0)
+        self._values[:HEADER_SIZE] = (
+            request,
+            frame.stamp,
+            frame.arrival,
+            frame.sequence,
+            *pose,
+            0.0,
+        )
         self._asked = now
         try:
             self._pipe.send_bytes(b"?")
@@ -186,10 +193,10 @@ class Beside:
         """End the process; calling it twice is allowed."""
         self._pipe.close()
         self._memory.close()
-        self._process.join(ENDING)
+        self._process.join(ENDING_TIMEOUT)
         if self._process.is_alive():
             self._process.kill()
-            self._process.join(ENDING)
+            self._process.join(ENDING_TIMEOUT)
 
     def _news(self) -> bytes:
         """The message of the process, empty for none."""
@@ -257,7 +264,7 @@ def _go_first() -> None:
 
 def _measure(sight: Sight, pixels: Any, values: Array) -> bytes:
     """Measure the image handed over, and the message that says so."""
-    request, stamp, arrival, sequence, x, z, pitch, _ = values[:HEADER].tolist()
+    request, stamp, arrival, sequence, x, z, pitch, _ = values[:HEADER_SIZE].tolist()
     frame = Frame(stamp, arrival, "shared", int(sequence), pixels)
     if request == INSPECT:
         checks = [asdict(check) for check in sight.inspect(frame)]
@@ -267,7 +274,7 @@ def _measure(sight: Sight, pixels: Any, values: Array) -> bytes:
 
 
 def _size() -> int:
-    return HEADER + NUMBERS + SHIFT + TOUCH + 1 + 2 * MOST_POINTS
+    return HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1 + 2 * MOST_POINTS
 
 
 def _pack(values: Array, seen: Seen) -> None:
@@ -276,21 +283,21 @@ def _pack(values: Array, seen: Seen) -> None:
     points = m.profile[:MOST_POINTS]
     one = [m.stamp, m.sequence, m.contact_x, m.contact_confidence, m.profile_confidence, *m.tip]
     one += [m.gap, m.gap_x, *m.gripper, seen.shift]
-    nothing = [np.nan] * TOUCH
+    nothing = [np.nan] * TOUCH_SIZE
     touch = nothing if t is None else [t.time, t.x, t.to_grasped, t.to_fixed, t.confidence]
     touch += [] if t is None else [t.distance]
-    start = HEADER + NUMBERS + SHIFT + TOUCH + 1
-    values[HEADER:start] = [*one, *touch, len(points)]
+    start = HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1
+    values[HEADER_SIZE:start] = [*one, *touch, len(points)]
     values[start : start + 2 * len(points)] = points.ravel()
 
 
 def _unpack(values: Array) -> Seen:
     """What the shared numbers (n,) hold."""
-    start = HEADER + NUMBERS + SHIFT + TOUCH + 1
-    one, touch = values[HEADER:start].tolist(), None
+    start = HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1
+    one, touch = values[HEADER_SIZE:start].tolist(), None
     stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[:NUMBERS]
     count = int(one[-1])
-    touching = one[NUMBERS + SHIFT : -1]
+    touching = one[NUMBERS + SHIFT_SIZE : -1]
     if not np.isnan(touching[0]):
         touch = SeenTouch(*touching)
     points = values[start : start + 2 * count].reshape(count, 2).copy()

@@ -19,11 +19,11 @@ from drivers.types import Array, Image
 
 MOSTLY = 0.5  # share of the background from which what is taken for the strip is the background
 THICKEST = 0.008  # m; from there on the desk before it is looked for within its cut edge
-WHITE, BLACK = 252.0, 12.0  # grey levels from which a pixel has no colour
+WHITE_LEVEL, BLACK_LEVEL = 252.0, 12.0  # grey levels from which a pixel has no colour
 BURNT = 0.1  # share of pixels that may be so
 SOLID = 0.5  # share of strip that every part of it shows
 ALIKE_SHARE = 0.04  # share of the background that may look like the strip
-APART = 3.0  # separation from what is behind it, standard deviations
+SEPARATION = 3.0  # separation from what is behind it, standard deviations
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ def background_contrast(
 ) -> PreflightCheck:
     """Whether the background along the strip's motion differs from each of its colours."""
     way = way_of(calibration, strip.length)
-    alike = (scene.separation(way) < APART).mean(axis=0)
+    alike = (scene.separation(way) < SEPARATION).mean(axis=0)
     share = float(alike.mean())
     place = np.zeros(way.shape, dtype=np.float32)
     place[way > 0] = alike
@@ -119,7 +119,10 @@ def background_contrast(
 def check_exposure(seen: Samples) -> PreflightCheck:
     """Whether strip, desk and backdrop are neither over- nor underexposed."""
     pixels = np.vstack([seen.strip, seen.desk, seen.backdrop])
-    white, black = ((pixels > WHITE).any(axis=1).mean(), (pixels < BLACK).all(axis=1).mean())
+    white, black = (
+        (pixels > WHITE_LEVEL).any(axis=1).mean(),
+        (pixels < BLACK_LEVEL).all(axis=1).mean(),
+    )
     return PreflightCheck(
         "exposure",
         max(white, black) <= BURNT,

@@ -7,14 +7,14 @@ import numpy as np
 
 from calibration.calibration import Calibration
 from cell.perception.appearance import Appearance
-from cell.perception.levels import SCALE, ZERO, share
+from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL, share
 from drivers.types import Array, Image
 
-SPACING = 0.0003  # m between samples along the line
-FRONT = -0.005  # m of height where desk shows before the strip
+SAMPLE_SPACING = 0.0003  # m between samples along the line
+FRONT_HEIGHT = -0.005  # m of height where desk shows before the strip
 AVERAGE = 9  # samples over which a sample is averaged against noise
-MARGIN = 0.004  # m of strip that must come before, and of desk that must follow
-HALF = ZERO + SCALE // 2  # level of which half is strip
+SURE_LENGTH = 0.004  # m of strip that must come before, and of desk that must follow
+HALF_LEVEL = ZERO_LEVEL + LEVEL_SPAN // 2  # level of which half is strip
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +40,10 @@ class SearchLine:
         span: tuple[float, float],
     ) -> "SearchLine":
         """The line over `span` [m] of x."""
-        x = np.arange(span[0], span[1], SPACING)
+        x = np.arange(span[0], span[1], SAMPLE_SPACING)
         z = appearance.rest_height(x) + height - thickness / 2
         near = x[: len(x) // 2 : 20]
-        front = np.column_stack([near, np.full_like(near, FRONT)])
+        front = np.column_stack([near, np.full_like(near, FRONT_HEIGHT)])
         pixels = calibration.to_image(np.column_stack([x, z]))
         return cls(x, pixels, calibration.to_image(front))
 
@@ -63,13 +63,13 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     `levels` (h, w) is the smoothed matte of the window whose first pixel is `origin` (2,) [px].
     """
     desk = _sample(levels, line.front - origin)
-    if (desk > HALF).mean() > 0.5:  # all looks like strip
+    if (desk > HALF_LEVEL).mean() > 0.5:  # all looks like strip
         return Contact(float("nan"), 0.0)
     along = share(_average(_sample(levels, line.pixels - origin)))
     strip = along > 0.5
     if not strip[: len(strip) // 8].any():
         return Contact(float("nan"), 0.0)
-    ahead = int(MARGIN / SPACING)
+    ahead = int(SURE_LENGTH / SAMPLE_SPACING)
     clear = np.convolve(strip, np.ones(ahead), mode="full")[ahead - 1 : ahead - 1 + len(strip)]
     held = np.convolve(strip, np.ones(ahead), mode="full")[: len(strip)]
     ends = np.flatnonzero(strip[:-1] & (held[:-1] >= ahead - 1) & ~strip[1:] & (clear[1:] == 0))
@@ -80,12 +80,12 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
     before, after = along[max(i - 4 * ahead, 0) : i + 1].max(), along[i + 1 : i + 4 * ahead].min()
     confidence = float(np.clip(2 * (before - after) - 0.6, 0.0, 1.0))
-    return Contact(float(line.x[i] + part * SPACING), confidence)
+    return Contact(float(line.x[i] + part * SAMPLE_SPACING), confidence)
 
 
 def _sample(levels: Image, pixels: Array) -> Image:
     at = pixels.astype(np.float32)[None]
-    sampled = cv2.remap(levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO)
+    sampled = cv2.remap(levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO_LEVEL)
     return np.asarray(sampled[0], dtype=np.uint8)
 
 

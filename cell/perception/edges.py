@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.perception.levels import ZERO, share
+from cell.perception.levels import ZERO_LEVEL, share
 from cell.perception.silhouette import Side
 from cell.perception.sizes import Sizes
 from drivers.types import Array, Image
@@ -42,7 +42,7 @@ def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings
     offsets = np.arange(-sizes.outside, sizes.deep + step / 2, step)
     at = side.points[:, None] - offsets[None, :, None] * side.normals[:, None]
     at = at.astype(np.float32)
-    sampled = cv2.remap(levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO)
+    sampled = cv2.remap(levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO_LEVEL)
     across = share(sampled)
     n, m = across.shape
     zero = int(sizes.outside / step)

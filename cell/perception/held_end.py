@@ -18,7 +18,7 @@ CLOSE = 0.001  # m by which the end may still move when it counts as found
 ROUNDS = 6
 TANGENT_LENGTH = 0.02  # m at the profile's end that give its tangent
 LIFTS = (0.03, 0.045, 0.06, 0.08)  # m of height at which an end that was just lifted is looked for
-AROUND = (-0.03, -0.015, 0.015, 0.03)  # m about where it should be, when it is not there
+SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about where it should be, when it is not there
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class HeldEnd:
         expected = self._predict(stamp)
         yield expected
         yield last
-        for step in AROUND:
+        for step in SEARCH_STEPS:
             yield replace(expected, x=expected.x + step)
             yield replace(expected, z=max(expected.z + step, 0.0))
 

@@ -5,15 +5,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.perception.levels import SCALE, ZERO
+from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
 from drivers.strip.rod.compiled import entry, kernel
 from drivers.types import Image
 
-CELL = 8  # px, side of a cell, by which change is detected
-PATCH = 2 * CELL  # px, side of a patch, by which light is read
-EVEN = 120  # level of light as bright as at preflight
+CELL_PX = 8  # px, side of a cell, by which change is detected
+PATCH_PX = 2 * CELL_PX  # px, side of a patch, by which light is read
+EVEN_LIGHT = 120  # level of light as bright as at preflight
 SHADE = 0.15  # share of brightness by which the strip's own colour changes as it turns
-BLIND = 2.0  # separation under which a colour cannot be distinguished from what is behind it
+# separation under which a colour cannot be distinguished from what is behind it
+LEAST_SEPARATION = 2.0
 
 Floats = NDArray[np.float32]
 Offsets = NDArray[np.int64]
@@ -63,9 +64,11 @@ def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Fl
         for j in range(columns):
             total = np.int32(0)
             for v in range(2):
-                row = min(top + PATCH * i + PATCH // 2 + 4 * v - 3, image.shape[0] - 1)
+                row = min(top + PATCH_PX * i + PATCH_PX // 2 + 4 * v - 3, image.shape[0] - 1)
                 for u in range(2):
-                    column = min(left + PATCH * j + PATCH // 2 + 4 * u - 3, image.shape[1] - 1)
+                    column = min(
+                        left + PATCH_PX * j + PATCH_PX // 2 + 4 * u - 3, image.shape[1] - 1
+                    )
                     for c in range(3):
                         total += np.int32(image[row, column, c])
             found[i, j] = np.float32(total) / 4
@@ -83,20 +86,24 @@ def changed_cells(
     """
     rows, columns = light.shape
     found = np.zeros((rows, columns), np.uint8)
-    inside = min(columns, (seen.shape[1] // 3 - left) // CELL)
+    inside = min(columns, (seen.shape[1] // 3 - left) // CELL_PX)
     for i in range(rows):
         away = np.zeros(columns, np.int32)
         lines = 0
-        for v in range(top + CELL * i + 1, min(top + CELL * (i + 1), seen.shape[0]), 4):
+        for v in range(top + CELL_PX * i + 1, min(top + CELL_PX * (i + 1), seen.shape[0]), 4):
             now, then = seen[v], behind[v]
             lines += 1
             for j in range(inside):
-                first, bright, total = 3 * (left + CELL * j), np.int32(light[i, j]), np.int32(0)
-                for c in range(3 * CELL):
-                    difference = np.int32(now[first + c]) * np.int32(EVEN)
+                first, bright, total = (
+                    3 * (left + CELL_PX * j),
+                    np.int32(light[i, j]),
+                    np.int32(0),
+                )
+                for c in range(3 * CELL_PX):
+                    difference = np.int32(now[first + c]) * np.int32(EVEN_LIGHT)
                     total += abs(difference - np.int32(then[first + c]) * bright)
                 away[j] += total
-        most = limit * EVEN * 3 * CELL * lines
+        most = limit * EVEN_LIGHT * 3 * CELL_PX * lines
         for j in range(inside):
             found[i, j] = away[j] > most
     return found
@@ -105,9 +112,9 @@ def changed_cells(
 @kernel
 def _between(light: Floats, v: int, u: int) -> Any:
     """Light (n + 2, m + 2) of cells with a border, interpolated at row v and column u [px]."""
-    half = np.float32(0.5) / np.float32(CELL)
-    y = np.float32(v) / np.float32(CELL) + half + np.float32(0.5)
-    x = np.float32(u) / np.float32(CELL) + half + np.float32(0.5)
+    half = np.float32(0.5) / np.float32(CELL_PX)
+    y = np.float32(v) / np.float32(CELL_PX) + half + np.float32(0.5)
+    x = np.float32(u) / np.float32(CELL_PX) + half + np.float32(0.5)
     i, j = int(y), int(x)
     down, right = y - np.float32(i), x - np.float32(j)
     upper = light[i, j] + right * (light[i, j + 1] - light[i, j])
@@ -133,7 +140,7 @@ def _share(
         own, mixed = c0 * c0 + c1 * c1 + c2 * c2, s0 * c0 + s1 * c1 + s2 * c2
         a, b, det = _fisher(mixed, own, of_scene, shade, variance)
         reach = a * (own - mixed) + b * (mixed - of_scene)
-        if reach > np.float32(BLIND * BLIND) * det:
+        if reach > np.float32(LEAST_SEPARATION * LEAST_SEPARATION) * det:
             found = (a * (d0 * c0 + d1 * c1 + d2 * c2) + b * along) / reach
             best = max(best, found)
     return best
@@ -160,7 +167,7 @@ def segment(
     variance: float,
     corner: tuple[int, int],
 ) -> Image:
-    """Matte levels (CELL n, CELL m) where `cells` (n, m) is not 0, and ZERO elsewhere.
+    """Matte levels (CELL_PX n, CELL_PX m) where `cells` (n, m) is not 0, else ZERO_LEVEL.
 
     The images (height, width, 3) and `shade` (height, width) are whole, `light` (n + 2, m + 2)
     that of the cells and a border of one, of which the first inside begins at `corner`, column
@@ -168,19 +175,19 @@ def segment(
     """
     left, top = corner
     rows, columns = cells.shape
-    levels = np.full((rows * CELL, columns * CELL), ZERO, np.uint8)
+    levels = np.full((rows * CELL_PX, columns * CELL_PX), ZERO_LEVEL, np.uint8)
     noise = np.float32(variance)
     for i in range(rows):
         for j in range(columns):
             if cells[i, j] == 0:
                 continue
-            for v in range(CELL * i, min(CELL * (i + 1), seen.shape[0] - top)):
-                for u in range(CELL * j, min(CELL * (j + 1), seen.shape[1] - left)):
+            for v in range(CELL_PX * i, min(CELL_PX * (i + 1), seen.shape[0] - top)):
+                for u in range(CELL_PX * j, min(CELL_PX * (j + 1), seen.shape[1] - left)):
                     y, x = top + v, left + u
-                    gain = np.float32(EVEN) / _between(light, v, u)
+                    gain = np.float32(EVEN_LIGHT) / _between(light, v, u)
                     now, then = _colour(seen, y, x, gain), _colour(behind, y, x, np.float32(1))
                     best = _share(now, then, shade[y, x], colours, noise)
-                    level = np.float32(ZERO) + np.float32(SCALE) * best + np.float32(0.5)
+                    level = np.float32(ZERO_LEVEL) + np.float32(LEVEL_SPAN) * best + np.float32(0.5)
                     levels[v, u] = np.uint8(min(level, np.float32(255)))
     return levels
 
@@ -195,7 +202,7 @@ def silhouette_of(
     h, w = levels.shape
     mask = np.zeros((h, w), np.uint8)
     count, length = lines.shape[:2]
-    half = ZERO + (faint - ZERO) // 2
+    half = ZERO_LEVEL + (faint - ZERO_LEVEL) // 2
     for v in range(h):
         for u in range(w):
             level = levels[v, u]

@@ -10,8 +10,8 @@ from pydantic import Field
 from cell.perception.measurement import StripMeasurement
 from drivers.settings import Settings, load
 
-WEIGHTS = Path(__file__).with_suffix(".yaml")
-COARSE = 8  # points of the profile, some 2 cm
+WEIGHTS_FILE = Path(__file__).with_suffix(".yaml")
+PROFILE_STRIDE = 8  # points of the profile, some 2 cm
 TOP = 5  # points of the profile whose mean height is the loop's
 
 
@@ -57,19 +57,19 @@ class LaidWeights(Settings):
 @cache
 def laid_weights() -> LaidWeights:
     """The weights of this version."""
-    return load(WEIGHTS, LaidWeights)
+    return load(WEIGHTS_FILE, LaidWeights)
 
 
 def laid_length(measurement: StripMeasurement) -> float:
     """Length [m] of a laid strip as it is seen, to where the gripper let go; NaN without a profile.
 
-    Along every COARSE-th point of the profile: of layers that lie on one another the points in
-    between hold noise, which makes the curve longer by a tenth.
+    Along every PROFILE_STRIDE-th point of the profile: of layers that lie on one another the points
+    in between hold noise, which makes the curve longer by a tenth.
     """
     if len(measurement.profile) == 0:
         return float("nan")
     ends = np.array([(measurement.contact_x, 0.0)]), np.array([measurement.gripper])
-    curve = np.concatenate([ends[0], measurement.profile[::COARSE], ends[1]])
+    curve = np.concatenate([ends[0], measurement.profile[::PROFILE_STRIDE], ends[1]])
     return float(measurement.contact_x + np.hypot(*np.diff(curve, axis=0).T).sum())
 
 

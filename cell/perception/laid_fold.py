@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-FAR = 0.015  # m between the grasped edge as seen and where the gripper opened
+EDGE_TOLERANCE = 0.015  # m between the grasped edge as seen and where the gripper opened
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,11 +24,12 @@ class LaidFold:
                 "the layers touched, but the camera sees no fold where it was laid: the strip "
                 "sprang open or is hidden; look at it, and lay it again",
             )
-        if abs(self.seen - self.released) > FAR:
+        if abs(self.seen - self.released) > EDGE_TOLERANCE:
             return (
                 "edges_apart",
                 f"the laid edges are {1e3 * self.seen:+.1f} mm apart, the gripper let go of them "
-                f"at {1e3 * self.released:+.1f} mm (allowed {1e3 * FAR:.0f} mm from there): the "
-                "strip slipped, stretched or sprang open; look at the grip and the strip",
+                f"at {1e3 * self.released:+.1f} mm (allowed {1e3 * EDGE_TOLERANCE:.0f} "
+                "mm from there): the strip slipped, stretched or sprang open; look at the grip and "
+                "the strip",
             )
         return None

@@ -10,7 +10,7 @@ from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 
-DISAGREE = 4.0  # times `touch_agreement`, from where on the two signals show different events
+LARGEST_RATIO = 4.0  # times `touch_agreement`, from where on the two signals show different events
 THINNEST = 0.001  # m, the distance at which layers of a thin strip are seen to touch
 UNEVEN = 0.5  # of the strip's length that the layers may differ by, where anyone speaks of a fold
 
@@ -80,7 +80,7 @@ class LayerTouch:
         if left > self._settings.touch_stop * speed:
             return None
         apart = abs(_knee(t, gap, time, speed) - time) / self._settings.touch_agreement
-        if apart > DISAGREE:
+        if apart > LARGEST_RATIO:
             return None
         # both lengths err alike where the fold's place is misread: their difference is filtered
         x = _at(time, t, _without_spikes([f.x for f in self._falls]))

@@ -5,7 +5,7 @@ import numpy as np
 
 from drivers.types import Array, Image
 
-ZERO, SCALE = 48, 160  # grey levels: all background, and from there to all strip
+ZERO_LEVEL, LEVEL_SPAN = 48, 160  # grey levels: all background, and from there to all strip
 
 
 def soft(levels: Image) -> Image:
@@ -15,4 +15,4 @@ def soft(levels: Image) -> Image:
 
 def share(levels: Array | Image) -> Array:
     """Shares of strip (...,) from matte grey levels (...,): 0 to 1 and slightly beyond."""
-    return np.asarray((np.asarray(levels, dtype=np.float64) - ZERO) / SCALE)
+    return np.asarray((np.asarray(levels, dtype=np.float64) - ZERO_LEVEL) / LEVEL_SPAN)

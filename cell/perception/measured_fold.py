@@ -11,7 +11,7 @@ from policies.profile import POINTS
 BINS = 12  # of time, in which the noise of the images averages out
 FEWEST_IMAGES = 3  # images in a bin that counts
 MAD = 1.4826  # sigma over the median of deviations
-BEFORE = 0.03  # s before the touch in which images do not count: the layers hide each other
+TOUCH_MARGIN = 0.03  # s before the touch in which images do not count: the layers hide each other
 
 
 class MeasuredFold(NamedTuple):
@@ -27,7 +27,7 @@ class MeasuredFold(NamedTuple):
     @classmethod
     def until(cls, touch: float, t: Array, poses: Array, stamp: Array, profile: Array) -> Self:
         """What was measured before the `touch` [s], of poses at `t` and profiles at `stamp`."""
-        seen = (stamp < touch - BEFORE) & np.isfinite(profile).all(axis=(1, 2))
+        seen = (stamp < touch - TOUCH_MARGIN) & np.isfinite(profile).all(axis=(1, 2))
         moved = t <= touch
         return cls(t[moved], poses[moved], stamp[seen], profile[seen])
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from drivers.types import Array, frozen
 
 MOST_COLOURS = 4  # colours that a strip may have
-SPREAD = 6.0  # grey levels by which weave and noise scatter one colour
+COLOUR_SPREAD = 6.0  # grey levels by which weave and noise scatter one colour
 SHADE = 0.06  # share of brightness by which weave and light vary over a resting strip
-FAR = 3.0  # standard deviations from which a sample is of another colour
+OTHER_COLOUR = 3.0  # standard deviations from which a sample is of another colour
 BLENDS = 0.08  # share of samples that may lie between colours
 ROUNDS = 12
 
@@ -32,7 +32,7 @@ def palette(samples: Array) -> Array:
 
 def match_none(samples: Array, colours: Array) -> NDArray[np.bool_]:
     """Which samples (n, 3) match none of the colours (k, 3)."""
-    return np.asarray(_distances(samples, colours).min(axis=1) > FAR)
+    return np.asarray(_distances(samples, colours).min(axis=1) > OTHER_COLOUR)
 
 
 def _distances(samples: Array, colours: Array) -> Array:
@@ -41,8 +41,8 @@ def _distances(samples: Array, colours: Array) -> Array:
     bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
     along = (away * bright).sum(axis=2)
     aside = (away**2).sum(axis=2) - along**2
-    stretch = SPREAD**2 + SHADE**2 * (colours**2).sum(axis=1)
-    return np.asarray(np.sqrt(np.maximum(aside, 0.0) / SPREAD**2 + along**2 / stretch))
+    stretch = COLOUR_SPREAD**2 + SHADE**2 * (colours**2).sum(axis=1)
+    return np.asarray(np.sqrt(np.maximum(aside, 0.0) / COLOUR_SPREAD**2 + along**2 / stretch))
 
 
 def _farthest(samples: Array, colours: Array) -> Array:

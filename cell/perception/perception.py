@@ -8,11 +8,11 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.perception.appearance import Appearance
 from cell.perception.contact import Contact, SearchLine, find_contact
-from cell.perception.kernels import CELL, PATCH
+from cell.perception.kernels import CELL_PX, PATCH_PX
 from cell.perception.levels import soft
 from cell.perception.measurement import StripMeasurement
 from cell.perception.profile import Geometry, midline_points, order_points, resample
-from cell.perception.region import START, Region, strip_region, without_hand, zones
+from cell.perception.region import STRIP_START, Region, strip_region, without_hand, zones
 from cell.perception.settings import PerceptionSettings
 from cell.perception.silhouette import Grip, Side, outer_side, silhouette
 from cell.perception.sizes import Sizes
@@ -55,10 +55,10 @@ class Perception:
             appearance,
             settings.contact_height,
             strip.thickness,
-            (START + 0.0005, strip.length + 0.01),
+            (STRIP_START + 0.0005, strip.length + 0.01),
         )
         self._zones = zones(calibration, strip.length, settings.shadow_height)
-        self._sizes = Sizes.of(calibration, PATCH)
+        self._sizes = Sizes.of(calibration, PATCH_PX)
         self._rest = appearance.rest_height
         self._contact_bias = settings.contact_bias + calibration.contact_bias
 
@@ -103,7 +103,7 @@ class Perception:
 
         `around` [m] is masked around the hand too.
         """
-        region = strip_region(self._calibration, self._strip.length, gripper, CELL)
+        region = strip_region(self._calibration, self._strip.length, gripper, CELL_PX)
         visible = without_hand(region, self._calibration, gripper)
         if around > 0:
             side = 2 * round(around / self._sizes.scale) + 1

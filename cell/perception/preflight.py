@@ -17,7 +17,7 @@ from cell.perception.checks import (
     solid,
     thin_enough,
 )
-from cell.perception.levels import ZERO, soft
+from cell.perception.levels import ZERO_LEVEL, soft
 from cell.perception.region import Region
 from cell.perception.resting import inner_pixels, resting_line, samples, underside
 from cell.perception.segmenter import Segmenter, learn, resting_place
@@ -80,7 +80,7 @@ def inspect(
 def _levels(scene: Segmenter, image: Image) -> Image:
     """Matte levels (h, w) of all of `image` (h, w, 3), no hand being in the strip's way."""
     h, w = image.shape[:2]
-    levels, everywhere = np.full((h, w), ZERO, np.uint8), np.full((h, w), 255, np.uint8)
+    levels, everywhere = np.full((h, w), ZERO_LEVEL, np.uint8), np.full((h, w), 255, np.uint8)
     part, region = scene.levels(image, Region(0, 0, w, h), everywhere)
     region.of(levels)[:] = part
     return levels

@@ -11,15 +11,16 @@ from calibration.calibration import Calibration
 from drivers.types import Array, Image, Pose
 
 T = TypeVar("T", bound=np.generic)
-START = 0.001  # m, right of the clamp that holds the fixed edge
+STRIP_START = 0.001  # m, right of the clamp that holds the fixed edge
 BELOW = 0.009  # m under the resting strip: desk, not yet its front
 BEYOND = 0.03  # m past the furthest that the strip can reach
-OVER = 0.012  # m above the gripper point
+ABOVE_GRIPPER = 0.012  # m above the gripper point
 FOLD = 0.09  # m of height that is always looked at
-FINGER = (0.045, 0.020)  # m: length along the approach, half width
-LOW, HIGH = 0.012, 0.09  # m of height: free of the resting strip, below the waiting hand
+FINGER_SIZE = (0.045, 0.020)  # m: length along the approach, half width
+LOW_HEIGHT = 0.012  # m of height: free of the resting strip
+HIGH_HEIGHT = 0.09  # below the waiting hand
 WAY = (0.3, 0.85, 1.02, 0.5)  # of its length: where a strip moves, from, free of hand, to, up to
-HAND = (0.60, 0.100)  # m: hand and what carries it
+HAND_SIZE = (0.60, 0.100)  # m: hand and what carries it
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +52,9 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: i
 
     It ends on the right half way between the strip's length and the gripper.
     """
-    top = max(gripper.z + OVER, FOLD)
+    top = max(gripper.z + ABOVE_GRIPPER, FOLD)
     right = float(np.clip((length + gripper.x) / 2, length / 2, length)) + BEYOND
-    corners = np.array([(x, z) for x in (START, right) for z in (-BELOW, top)])
+    corners = np.array([(x, z) for x in (STRIP_START, right) for z in (-BELOW, top)])
     pixels = calibration.to_image(corners)
     lens = calibration.lens
     size = np.array([lens.width, lens.height])
@@ -74,7 +75,14 @@ def way_of(calibration: Calibration, length: float) -> Image:
     Above the desk; where the hand waits before the grasp only the low part.
     """
     start, middle, end, top = (share * length for share in WAY)
-    outline = [(start, LOW), (end, LOW), (end, HIGH), (middle, HIGH), (middle, top), (start, top)]
+    outline = [
+        (start, LOW_HEIGHT),
+        (end, LOW_HEIGHT),
+        (end, HIGH_HEIGHT),
+        (middle, HIGH_HEIGHT),
+        (middle, top),
+        (start, top),
+    ]
     return _fill(calibration, np.array(outline))
 
 
@@ -95,7 +103,7 @@ def zones(calibration: Calibration, length: float, shadow_height: float) -> Zone
 
 def _zone(calibration: Calibration, length: float, low: float) -> Image:
     right, ceiling = length + BEYOND, length
-    corners = [(START, low), (right, low), (right, ceiling), (START, ceiling)]
+    corners = [(STRIP_START, low), (right, low), (right, ceiling), (STRIP_START, ceiling)]
     return _fill(calibration, np.array(corners))
 
 
@@ -111,7 +119,7 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     """Mask (h, w) of `region`, 0 where the hand is in the way and 255 elsewhere."""
     approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
     aside = np.array([-approach[1], approach[0]])
-    (finger, slim), (hand, wide) = FINGER, HAND
+    (finger, slim), (hand, wide) = FINGER_SIZE, HAND_SIZE
     outline = [(0.0, -slim), (finger, -slim), (finger, -wide), (hand, -wide)]
     outline += [(along, -across) for along, across in reversed(outline)]
     corners = np.array(outline) @ np.stack([approach, aside]) + (gripper.x, gripper.z)

@@ -11,9 +11,9 @@ from cell.perception.levels import share
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image
 
-FRONT = (-0.008, -0.003)  # m of height where the desk shows before a thin strip
+FRONT_HEIGHTS = (-0.008, -0.003)  # m of height where the desk shows before a thin strip
 THIN = 0.002  # m of thickness up to which it does; before a thicker one it shows lower down
-BACKDROP = (0.06, 0.25)  # m of height where the backdrop shows
+BACKDROP_HEIGHTS = (0.06, 0.25)  # m of height where the backdrop shows
 SEARCH = 0.008  # m above and below rest in which the underside is looked for
 FACE = 0.7  # share of the strip's face, from the near edge on, that shows its colour
 INNER = (0.3, 0.6)  # shares of it that lie well within
@@ -54,12 +54,12 @@ class Samples:
 def samples(image: Image, calibration: Calibration, strip: StripFile) -> Samples:
     """Pixels of `image` (h, w, 3) where strip, desk and backdrop are expected."""
     lower = max(strip.thickness - THIN, 0.0) / 2
-    front = (FRONT[0] - lower, FRONT[1] - lower)
+    front = (FRONT_HEIGHTS[0] - lower, FRONT_HEIGHTS[1] - lower)
     face = face_height(calibration, strip)
     return Samples(
         _pixels(image, calibration, _span(strip, 0.05), (0.0, FACE * face)),
         _pixels(image, calibration, _span(strip, 0.03), front),
-        _pixels(image, calibration, _span(strip, 0.0), BACKDROP),
+        _pixels(image, calibration, _span(strip, 0.0), BACKDROP_HEIGHTS),
     )
 
 

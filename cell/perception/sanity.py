@@ -7,8 +7,9 @@ import numpy as np
 
 from drivers.types import Frame, Pose
 
-MOVED = 0.002  # m or, times a finger's length, rad: a gripper that moved so far looks otherwise
-FINGER = 0.045  # m
+# m or, times a finger's length, rad: a gripper that moved so far looks otherwise
+MOVED_DISTANCE = 0.002
+FINGER_LENGTH = 0.045  # m
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +48,11 @@ class ImageSanity:
     def _compare(self, last: Frame | None, frame: Frame, gripper: Pose) -> None:
         if last is None or not np.array_equal(last.image, frame.image) or self._shown is None:
             self._shown, self._identical = gripper, 1
-        elif _distance(self._shown, gripper) > MOVED:
+        elif _distance(self._shown, gripper) > MOVED_DISTANCE:
             self._identical += 1
 
 
 def _distance(one: Pose, other: Pose) -> float:
     """Apparent distance [m] of two poses; a turn counts by the motion of a finger's end."""
-    turn = FINGER * abs(one.pitch - other.pitch)
+    turn = FINGER_LENGTH * abs(one.pitch - other.pitch)
     return max(hypot(one.x - other.x, one.z - other.z), turn)

@@ -8,15 +8,15 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.perception.background import LIFTED_SHADE, Background, Place, learn_background
 from cell.perception.kernels import (
-    BLIND,
-    CELL,
-    PATCH,
+    CELL_PX,
+    LEAST_SEPARATION,
+    PATCH_PX,
     Floats,
     changed_cells,
     discriminants,
     segment,
 )
-from cell.perception.levels import ZERO
+from cell.perception.levels import ZERO_LEVEL
 from cell.perception.palette import palette
 from cell.perception.region import Region, way_of
 from cell.perception.resting import face_height
@@ -26,10 +26,10 @@ from drivers.types import Array, Image
 
 LEAST_NOISE = 2.5  # grey levels, assumed of any camera: weave, demosaicing and rounding add to it
 GAUSSIAN = (2 / np.pi) ** 0.5  # mean absolute value over standard deviation
-CHANGE = 1.2  # times the noise's mean difference in a cell, from which the cell changed
+CHANGE_RATIO = 1.2  # times the noise's mean difference in a cell, from which the cell changed
 DIFFERENCE = 2**0.5  # of two noisy pictures: the background is one too
-SOFT = 0.5  # of its noise is left in a picture after `soft`
-WINDOW = 5  # px over which a picture is averaged to leave its noise
+NOISE_SHARE = 0.5  # of its noise is left in a picture after `soft`
+AVERAGING_WINDOW = 5  # px over which a picture is averaged to leave its noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,16 +63,16 @@ class Segmenter:
             np.rint(light[1:-1, 1:-1]).astype(np.uint8),
             region.left,
             region.top,
-            CHANGE * GAUSSIAN * self.sensor,
+            CHANGE_RATIO * GAUSSIAN * self.sensor,
         )
         cells = cv2.dilate(cells, np.ones((3, 3), np.uint8))
         cells[0, 0] |= not cells.any()  # never an empty part
         j, i, columns, rows = cv2.boundingRect(cells)
         part = Region(
-            region.left + CELL * j,
-            region.top + CELL * i,
-            min(region.left + CELL * (j + columns), region.right),
-            min(region.top + CELL * (i + rows), region.bottom),
+            region.left + CELL_PX * j,
+            region.top + CELL_PX * i,
+            min(region.left + CELL_PX * (j + columns), region.right),
+            min(region.top + CELL_PX * (i + rows), region.bottom),
         )
         found = segment(
             image,
@@ -85,8 +85,8 @@ class Segmenter:
             (part.left, part.top),
         )
         h, w = part.bottom - part.top, part.right - part.left
-        clear = visible[CELL * i : CELL * i + h, CELL * j : CELL * j + w]
-        return cv2.max(cv2.min(found[:h, :w], clear), ZERO), part
+        clear = visible[CELL_PX * i : CELL_PX * i + h, CELL_PX * j : CELL_PX * j + w]
+        return cv2.max(cv2.min(found[:h, :w], clear), ZERO_LEVEL), part
 
     def separation(self, where: Image) -> Floats:
         """(k, n) distance of each colour from the background in a mask's n pixels, in sigma."""
@@ -105,8 +105,8 @@ def learn(
 ) -> Segmenter:
     """The scene in `image` (h, w, 3) with the strip at `place`, whose pixels are `strip` (n, 3)."""
     sensor = max(sensor_noise(image), LEAST_NOISE) * DIFFERENCE
-    smooth = max(sensor * SOFT, LEAST_NOISE * DIFFERENCE)
-    about = Sizes.of(calibration, PATCH).light
+    smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
+    about = Sizes.of(calibration, PATCH_PX).light
     behind = learn_background(image, calibration, place, about)
     colours, scene = palette(strip), behind.image[way_of(calibration, stated.length) > 0]
     noise = _share_noise(colours, scene, smooth) * sensor
@@ -127,12 +127,12 @@ def sensor_noise(image: Image) -> float:
     are left out, since they show none.
     """
     seen = image.astype(np.float32)
-    rest = seen - cv2.blur(seen, (WINDOW, WINDOW))
-    size = (image.shape[1] // CELL, image.shape[0] // CELL)
+    rest = seen - cv2.blur(seen, (AVERAGING_WINDOW, AVERAGING_WINDOW))
+    size = (image.shape[1] // CELL_PX, image.shape[0] // CELL_PX)
     power = cv2.resize(rest * rest, size, interpolation=cv2.INTER_AREA)
     level = cv2.resize(seen, size, interpolation=cv2.INTER_AREA)
     good = power[(level > 20) & (level < 235)]
-    return float(np.sqrt(np.median(good) / (1 - WINDOW**-2))) if len(good) else 0.0
+    return float(np.sqrt(np.median(good) / (1 - AVERAGING_WINDOW**-2))) if len(good) else 0.0
 
 
 def _share_noise(colours: Array, behind: Image, smooth: float) -> float:
@@ -144,7 +144,7 @@ def _share_noise(colours: Array, behind: Image, smooth: float) -> float:
     for colour in _floats(colours):
         a, b, reach = discriminants(colour, scene, shade, smooth**2).T
         size = np.linalg.norm(a[:, None] * colour + b[:, None] * scene, axis=1)
-        distinct = reach > BLIND**2
+        distinct = reach > LEAST_SEPARATION**2
         if distinct.any():
             worst = max(worst, float(np.median(size[distinct] / reach[distinct])))
     return worst

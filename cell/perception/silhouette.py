@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.perception.kernels import Offsets, silhouette_of
-from cell.perception.levels import SCALE, ZERO
+from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
 from cell.perception.sizes import Sizes
 from drivers.types import Array, Image
 
@@ -58,7 +58,7 @@ def silhouette(soft: Image, faint: float, strip: Image, lifted: Image, length: i
     On the backdrop there is no shadow, and an edge-on strip is fainter than its colour: averaging
     over `length` [px] along the way on which it hangs raises it above the noise.
     """
-    solid, least = (round(ZERO + SCALE * share) for share in (SOLID, faint))
+    solid, least = (round(ZERO_LEVEL + LEVEL_SPAN * share) for share in (SOLID, faint))
     return silhouette_of(soft, strip, lifted, lines(length), solid, least)
 
 

@@ -8,7 +8,11 @@ import numpy as np
 from calibration.calibration import Calibration
 
 # m: chosen on the twin's camera of 0.59 mm/px, which sees a pixel of blur
-LIGHT, HANGING, BRIDGE, ASIDE, DEEP = 0.047, 0.0053, 0.026, 0.0176, 0.014
+LIGHT_WINDOW = 0.047
+HANGING_WINDOW = 0.0053
+LONGEST_BRIDGE = 0.026
+FINGER_DISTANCE = 0.0176
+PROBE_DEPTH = 0.014
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +50,11 @@ class Sizes:
         scale = metres_per_pixel(calibration)
         return cls(
             scale=scale,
-            light=max(_odd(LIGHT / scale / patch), 3),
-            hanging=max(_odd(HANGING / scale), 5),
-            bridge=BRIDGE / scale,
-            aside=ASIDE / scale,
-            deep=max(DEEP / scale, 8.0),
+            light=max(_odd(LIGHT_WINDOW / scale / patch), 3),
+            hanging=max(_odd(HANGING_WINDOW / scale), 5),
+            bridge=LONGEST_BRIDGE / scale,
+            aside=FINGER_DISTANCE / scale,
+            deep=max(PROBE_DEPTH / scale, 8.0),
         )
 
 

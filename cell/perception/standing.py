@@ -7,29 +7,29 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from calibration.landmarks import ALIKE, grey_of, peak
+from calibration.landmarks import MATCH_CORRELATION, grey_of, peak
 from cell.perception.appearance import Appearance
-from cell.perception.region import HIGH, without_hand, zones
+from cell.perception.region import HIGH_HEIGHT, without_hand, zones
 from cell.perception.region import whole as all_of
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image, Pose
 
-SIDE = 32  # px, of a patch
+PATCH_SIZE = 32  # px, of a patch
 SEARCH_RADIUS = 12  # px by which it is looked for around its place
 MOST_PATCHES = 16  # that are remembered
 FEWEST_PATCHES = 2  # that must be found to state a shift
 ALONG = 1.0  # px by which most of them must have moved alike
 PATCH_SIGMA = 0.3  # px, standard deviation of a patch's place by its structure and the noise
-SOFT = 1.5  # px over which noise is averaged
+NOISE_WINDOW = 1.5  # px over which noise is averaged
 NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
     """Patches on the desk and about it that nothing hides for long: `corners` (n, 2), column and
-    row [px] of their first pixels, `patches`, their grey levels (SIDE, SIDE), and `weights` (n,),
-    the inverse variances [1/px^2] of their places.
+    row [px] of their first pixels, `patches`, their grey levels (PATCH_SIZE, PATCH_SIZE), and
+    `weights` (n,), the inverse variances [1/px^2] of their places.
     """
 
     corners: Array
@@ -49,19 +49,21 @@ class Standing:
         grey = grey_of(appearance.scene.background.image)
         unsure = _deviation(grey, appearance.scene.sensor)
         strip_zone = zones(calibration, strip.length, settings.shadow_height).strip
-        unsure[cv2.dilate(strip_zone, np.ones((SIDE, SIDE), np.uint8)) > 0] = np.inf
-        edge, middle = SIDE // 2 + SEARCH_RADIUS, strip.length / 2
-        top = calibration.to_image(np.array([[middle, HIGH]]))[0, 1]
+        unsure[cv2.dilate(strip_zone, np.ones((PATCH_SIZE, PATCH_SIZE), np.uint8)) > 0] = np.inf
+        edge, middle = PATCH_SIZE // 2 + SEARCH_RADIUS, strip.length / 2
+        top = calibration.to_image(np.array([[middle, HIGH_HEIGHT]]))[0, 1]
         unsure[: max(int(top), 0) + edge], unsure[-edge:] = np.inf, np.inf
         unsure[:, :edge], unsure[:, -edge:] = np.inf, np.inf
         corners, weights = list[tuple[int, int]](), list[float]()
         while len(corners) < MOST_PATCHES and unsure.min() <= PATCH_SIGMA:
             v, u = np.unravel_index(int(unsure.argmin()), unsure.shape)
-            corners.append((int(u) - SIDE // 2, int(v) - SIDE // 2))
+            corners.append((int(u) - PATCH_SIZE // 2, int(v) - PATCH_SIZE // 2))
             weights.append(float(unsure[v, u]) ** -2)
-            unsure[max(v - SIDE, 0) : v + SIDE, max(u - SIDE, 0) : u + SIDE] = np.inf
+            unsure[
+                max(v - PATCH_SIZE, 0) : v + PATCH_SIZE, max(u - PATCH_SIZE, 0) : u + PATCH_SIZE
+            ] = np.inf
         soft = _soft(grey)
-        patches = tuple(soft[v : v + SIDE, u : u + SIDE].copy() for u, v in corners)
+        patches = tuple(soft[v : v + PATCH_SIZE, u : u + PATCH_SIZE].copy() for u, v in corners)
         places = np.array(corners, dtype=np.float64).reshape(-1, 2)
         return cls(places, patches, np.array(weights), calibration)
 
@@ -76,10 +78,10 @@ class Standing:
         clear = without_hand(all_of(image), self.calibration, gripper)
         moved = np.full(self.corners.shape, NAN)
         for i, (u, v) in enumerate(self.corners.astype(int).tolist()):
-            if clear[v : v + SIDE, u : u + SIDE].all():
+            if clear[v : v + PATCH_SIZE, u : u + PATCH_SIZE].all():
                 window = image[
-                    v - SEARCH_RADIUS : v + SIDE + SEARCH_RADIUS,
-                    u - SEARCH_RADIUS : u + SIDE + SEARCH_RADIUS,
+                    v - SEARCH_RADIUS : v + PATCH_SIZE + SEARCH_RADIUS,
+                    u - SEARCH_RADIUS : u + PATCH_SIZE + SEARCH_RADIUS,
                 ]
                 moved[i] = _find(_soft(grey_of(window)), self.patches[i])
         found = np.isfinite(moved[:, 0])
@@ -102,7 +104,7 @@ def _deviation(grey: Image, noise: float) -> Array:
     seen = grey.astype(np.float32)
     dx, dz = cv2.Scharr(seen, -1, 1, 0, scale=1 / 32), cv2.Scharr(seen, -1, 0, 1, scale=1 / 32)
     xx, xz, zz = (
-        cv2.boxFilter(product, -1, (SIDE, SIDE), normalize=False)
+        cv2.boxFilter(product, -1, (PATCH_SIZE, PATCH_SIZE), normalize=False)
         for product in (dx * dx, dx * dz, dz * dz)
     )
     least = (xx + zz) / 2 - np.hypot((xx - zz) / 2, xz)
@@ -121,10 +123,12 @@ def _find(window: Image, patch: Image) -> Array:
     """Shift (2,) [px] of the `patch` in a `window` SEARCH_RADIUS larger, NaN where not found."""
     scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
     _, best, _, (u, v) = cv2.minMaxLoc(scores)
-    if not best >= ALIKE or not (0 < u < 2 * SEARCH_RADIUS and 0 < v < 2 * SEARCH_RADIUS):
+    if not best >= MATCH_CORRELATION or not (
+        0 < u < 2 * SEARCH_RADIUS and 0 < v < 2 * SEARCH_RADIUS
+    ):
         return np.full(2, NAN)
     return np.array([u + peak(scores[v, :], u), v + peak(scores[:, u], v)]) - SEARCH_RADIUS
 
 
 def _soft(grey: Image) -> Image:
-    return np.asarray(cv2.GaussianBlur(grey, (0, 0), SOFT), dtype=np.uint8)
+    return np.asarray(cv2.GaussianBlur(grey, (0, 0), NOISE_WINDOW), dtype=np.uint8)

@@ -14,12 +14,12 @@ from cell.record.files import RESULT, RUN
 from cell.record.listing import UNDER_WAY, RunRow, read_row
 from drivers.errors import ConfigurationError, suggestion
 
-VERSION = 1  # of the columns; another one is thrown away
-COLUMNS = tuple(field.name for field in fields(RunRow))
-FIRST = "run"  # in place of `folder`: the folder's name
-RUN_COLUMNS = (FIRST, *COLUMNS[1:])
-LIKE = COLUMNS.index("like_model") - 2
-ALLOWED = {
+SCHEMA_VERSION = 1  # of the columns; another one is thrown away
+COLUMN_NAMES = tuple(field.name for field in fields(RunRow))
+FOLDER_COLUMN = "run"  # in place of `folder`: the folder's name
+RUN_COLUMNS = (FOLDER_COLUMN, *COLUMN_NAMES[1:])
+LIKE = COLUMN_NAMES.index("like_model") - 2
+ALLOWED_ACTIONS = {
     sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_FUNCTION, sqlite3.SQLITE_RECURSIVE,
 }  # fmt: skip
 Stamp = tuple[int, int, int]  # times of change [ns] of the folder, run.yaml, result.yaml
@@ -70,7 +70,7 @@ class Catalogue:
             )
         order = f"{key} IS NULL, {key} {'DESC' if sort.startswith('-') else 'ASC'}, " if key else ""
         text = f"SELECT {', '.join(RUN_COLUMNS)} FROM runs WHERE ({where or '1'}) "  # noqa: S608
-        found = self._execute(f"{text} ORDER BY {order}began, {FIRST}", "--where")
+        found = self._execute(f"{text} ORDER BY {order}began, {FOLDER_COLUMN}", "--where")
         return tuple(self._row(values) for values in found)
 
     def query(self, sql: str) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
@@ -96,7 +96,9 @@ class Catalogue:
         """Read what has changed since the last time, and forget what has gone."""
         known = {
             str(name): stamp
-            for name, *stamp in self._base.execute(f"SELECT {FIRST}, at, head, tail FROM runs")  # noqa: S608
+            for name, *stamp in self._base.execute(
+                f"SELECT {FOLDER_COLUMN}, at, head, tail FROM runs"  # noqa: S608
+            )
         }
         there = dict(_stamps(self._root))
         changed = [name for name, stamp in there.items() if list(stamp) != known.get(name)]
@@ -104,7 +106,7 @@ class Catalogue:
             progress(done, len(changed))
             self._put(read_row(self._root / name), there[name])
         gone = [(name,) for name in known if name not in there]
-        self._base.executemany(f"DELETE FROM runs WHERE {FIRST} = ?", gone)  # noqa: S608
+        self._base.executemany(f"DELETE FROM runs WHERE {FOLDER_COLUMN} = ?", gone)  # noqa: S608
         self._base.commit()
 
     def _put(self, row: RunRow, stamp: Stamp) -> None:
@@ -145,7 +147,7 @@ def _open(path: Path) -> sqlite3.Connection:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             base = sqlite3.connect(path, timeout=5.0)
-            if base.execute("PRAGMA user_version").fetchone()[0] in {0, VERSION}:
+            if base.execute("PRAGMA user_version").fetchone()[0] in {0, SCHEMA_VERSION}:
                 return _with_tables(base)
             base.close()
         except (sqlite3.DatabaseError, OSError):
@@ -156,11 +158,13 @@ def _open(path: Path) -> sqlite3.Connection:
 
 
 def _with_tables(base: sqlite3.Connection) -> sqlite3.Connection:
-    columns = ", ".join((f"{FIRST} TEXT PRIMARY KEY", *RUN_COLUMNS[1:], "at", "head", "tail"))
+    columns = ", ".join(
+        (f"{FOLDER_COLUMN} TEXT PRIMARY KEY", *RUN_COLUMNS[1:], "at", "head", "tail")
+    )
     base.execute(f"CREATE TABLE IF NOT EXISTS runs ({columns})")
-    base.execute(f"PRAGMA user_version = {VERSION}")
+    base.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
     return base
 
 
 def _read_only(action: int, *_: str | None) -> int:
-    return sqlite3.SQLITE_OK if action in ALLOWED else sqlite3.SQLITE_DENY
+    return sqlite3.SQLITE_OK if action in ALLOWED_ACTIONS else sqlite3.SQLITE_DENY

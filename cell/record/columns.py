@@ -11,13 +11,13 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array, frozen
 
 FARTHEST_HAND = 5.0  # m, further from the fixed edge nothing of a cell can be
-TURN = 2 * np.pi
+FULL_TURN = 2 * np.pi
 FARTHEST_POINT = 100.0  # m, further than any camera of a cell sees, however wrong a point may be
-LONG = 1e5  # s, longer than a day
-HUGE = 1e9  # nothing of a cell is as large in any unit
+LONGEST_TIME = 1e5  # s, longer than a day
+LARGEST_VALUE = 1e9  # nothing of a cell is as large in any unit
 MUST = ("t", "x", "z")
-MOVED = ("pitch", "x_cmd", "z_cmd")  # finite where there are such columns
-MAY = (*MOVED, "contact_x", "contact_t", "f_x", "f_z", "image_age")
+MOTION_COLUMNS = ("pitch", "x_cmd", "z_cmd")  # finite where there are such columns
+MAY = (*MOTION_COLUMNS, "contact_x", "contact_t", "f_x", "f_z", "image_age")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,15 +46,15 @@ class Ticks:
         values = {name: _numbers(table, name, origin) for name in MUST}
         values |= {name: _optional(table, name, origin) for name in MAY}
         for name in (*MUST, *MAY):
-            if name in MUST or (name in MOVED and name in table.column_names):
+            if name in MUST or (name in MOTION_COLUMNS and name in table.column_names):
                 _check_finite(values[name], name, origin)
         _check_order(values["t"], origin, strictly=True)
-        _check_range(values["t"], "t", origin, LONG, "s")
+        _check_range(values["t"], "t", origin, LONGEST_TIME, "s")
         for name in ("x", "z", "x_cmd", "z_cmd", "contact_x"):
             _check_range(values[name], name, origin, FARTHEST_HAND, "m")
-        _check_range(values["pitch"], "pitch", origin, TURN, "rad")
+        _check_range(values["pitch"], "pitch", origin, FULL_TURN, "rad")
         for name in ("contact_t", "f_x", "f_z", "image_age"):
-            _check_range(values[name], name, origin, HUGE, "SI units")
+            _check_range(values[name], name, origin, LARGEST_VALUE, "SI units")
         state = table["state"].to_pylist() if table.column_names.count("state") == 1 else []
         return cls(**values, state=tuple(str(name) for name in state))
 
@@ -75,7 +75,7 @@ class Profile:
         for name, column in values.items():
             _check_finite(column, name, origin)
         _check_order(values["t"], origin, strictly=False)
-        _check_range(values["t"], "t", origin, LONG, "s")
+        _check_range(values["t"], "t", origin, LONGEST_TIME, "s")
         for name in ("x", "z"):
             _check_middle(values[name], name, origin)
             _check_range(values[name], name, origin, FARTHEST_POINT, "m")
@@ -112,7 +112,7 @@ class Sights:
         for name in ("stamp", "sequence"):
             _check_finite(values[name], name, origin)
         for name in cls.__slots__:
-            _check_range(values[name], name, origin, HUGE, "SI units")
+            _check_range(values[name], name, origin, LARGEST_VALUE, "SI units")
         return cls(**values)
 
     @classmethod

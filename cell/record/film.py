@@ -11,10 +11,10 @@ from drivers.errors import ConfigurationError
 from drivers.files import own_file, replacing, writing
 from drivers.types import Frame, Image
 
-TICK = Fraction(1, 90_000)  # s, the time base of films that are written
+TIME_BASE = Fraction(1, 90_000)  # s, the time base of films that are written
 Encoder = Literal["libx264"]  # of a fold's film; SVT-AV1 hangs in one of some hundred
 ENCODER = "libx264"  # which every player knows
-SECOND = 60  # images between two from which decoding can start
+KEYFRAME_INTERVAL = 60  # images between two from which decoding can start
 QUALITY = {
     "libx264": {"crf": "28", "preset": "veryfast", "bf": "0", "tune": "zerolatency"},
     "libx265": {"crf": "24", "preset": "veryfast", "x265-params": "bframes=0:log-level=error"},
@@ -88,7 +88,7 @@ class FilmWriter:
             self._begin = stamp
             self._stream = self._open_stream(image)
         picture = av.VideoFrame.from_ndarray(image, format="bgr24")
-        picture.pts, picture.time_base = round((stamp - self._begin) / TICK), TICK
+        picture.pts, picture.time_base = round((stamp - self._begin) / TIME_BASE), TIME_BASE
         self._container.mux(self._stream.encode(picture))
 
     def __enter__(self) -> Self:
@@ -104,11 +104,11 @@ class FilmWriter:
             index_film(self._path)
 
     def _open_stream(self, image: Image) -> Any:
-        options = {"g": str(SECOND), **QUALITY.get(self._encoder, {})}
+        options = {"g": str(KEYFRAME_INTERVAL), **QUALITY.get(self._encoder, {})}
         stream = self._container.add_stream(self._encoder, rate=30, options=options)
         stream.height, stream.width = image.shape[:2]
-        stream.pix_fmt, stream.time_base = "yuv420p", TICK
-        stream.codec_context.time_base = TICK
+        stream.pix_fmt, stream.time_base = "yuv420p", TIME_BASE
+        stream.codec_context.time_base = TIME_BASE
         stream.codec_context.thread_count = 1
         stream.codec_context.open()
         return stream

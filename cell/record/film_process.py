@@ -15,9 +15,9 @@ import numpy as np
 from cell.record.film import FilmWriter
 from drivers.types import Image
 
-HEAD = struct.Struct("<d3I")  # of an image: stamp [s], height, width, channels
+IMAGE_HEADER = struct.Struct("<d3I")  # of an image: stamp [s], height, width, channels
 POLITE = 10  # nice value of the encoder
-END = b""  # the message after the last image, and the answer of a film that is whole
+END_MESSAGE = b""  # the message after the last image, and the answer of a film that is whole
 
 
 class FilmProcess:
@@ -40,7 +40,7 @@ class FilmProcess:
         Raises OSError with the reason where the film has broken off.
         """
         try:
-            self._pipe.send_bytes(HEAD.pack(stamp, *image.shape))
+            self._pipe.send_bytes(IMAGE_HEADER.pack(stamp, *image.shape))
             self._pipe.send_bytes(np.ascontiguousarray(image).data.cast("B"))
         except OSError:
             self._answer()
@@ -59,7 +59,7 @@ class FilmProcess:
         """Wait until the film is whole."""
         try:
             if kind is None:
-                self._pipe.send_bytes(END)
+                self._pipe.send_bytes(END_MESSAGE)
                 self._answer()
         finally:
             self._pipe.close()
@@ -71,7 +71,7 @@ class FilmProcess:
             message = self._pipe.recv_bytes()
         except (EOFError, OSError):
             raise OSError("its process has ended") from None
-        if message != END:
+        if message != END_MESSAGE:
             raise OSError(message.decode())
 
 
@@ -81,12 +81,12 @@ def serve(path: Path, encoder: str, pipe: Connection) -> None:
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     try:
         with FilmWriter(path, encoder) as film, suppress(EOFError, ConnectionResetError):
-            pipe.send_bytes(END)
+            pipe.send_bytes(END_MESSAGE)
             os.setpriority(os.PRIO_PROCESS, 0, POLITE)
             while head := pipe.recv_bytes():
-                stamp, *shape = HEAD.unpack(head)
+                stamp, *shape = IMAGE_HEADER.unpack(head)
                 film.add(stamp, np.frombuffer(pipe.recv_bytes(), np.uint8).reshape(shape))
-        answer = END
+        answer = END_MESSAGE
     except Exception as error:  # noqa: BLE001  an edge: the cell says why the film breaks off
         answer = (str(error) or type(error).__name__).encode()
     with suppress(OSError):

@@ -10,7 +10,7 @@ from cell.record.film_process import FilmProcess
 from drivers.types import Image
 
 QUEUE = 16  # images of 2.8 MB: at most 45 MB wait for the encoder
-PATIENCE = 20.0  # s of waiting for an image, after which the encoder hangs
+ENCODER_TIMEOUT = 20.0  # s of waiting for an image, after which the encoder hangs
 HANGS = "the film breaks off: its encoder hangs"
 
 
@@ -32,7 +32,7 @@ class FilmThread:
             target=self._work, args=(path, encoder), name="film", daemon=True
         )
         self._thread.start()
-        self._begun.wait(PATIENCE)
+        self._begun.wait(ENCODER_TIMEOUT)
 
     def put(self, stamp: float, image: Image) -> int | None:
         """Film `image` (h, w, 3), taken at `stamp` [s], later than the last one.
@@ -42,7 +42,7 @@ class FilmThread:
         if self.failure:
             return None
         try:
-            self._waiting.put((stamp, image), self._patient, PATIENCE)
+            self._waiting.put((stamp, image), self._patient, ENCODER_TIMEOUT)
         except queue.Full:
             self.failure = HANGS if self._patient else ""
             return None
@@ -52,8 +52,8 @@ class FilmThread:
     def close(self) -> None:
         """Wait until the film is whole, or its encoder hangs."""
         with suppress(queue.Full):
-            self._waiting.put(None, timeout=PATIENCE)
-        self._thread.join(PATIENCE)
+            self._waiting.put(None, timeout=ENCODER_TIMEOUT)
+        self._thread.join(ENCODER_TIMEOUT)
         if self._thread.is_alive():
             self.failure = HANGS
 

@@ -9,9 +9,9 @@ from cell.record.documents import plain
 from drivers.files import MEGABYTE, append_line, read_bytes, replace_file, writing
 
 Line = dict[str, Any]
-EVENTS = 32 * MEGABYTE  # a fold of two minutes writes half of one
-OWN = 512 * MEGABYTE  # of a journal that this program goes on with
-LINES = 200_000
+LARGEST_EVENTS = 32 * MEGABYTE  # a fold of two minutes writes half of one
+LARGEST_JOURNAL = 512 * MEGABYTE  # of a journal that this program goes on with
+MOST_LINES = 200_000
 DEPTH = 16
 DIGITS = 18  # of a whole number that fits 64 bits
 
@@ -22,7 +22,7 @@ def json_line(content: Mapping[str, Any]) -> bytes:
     return text.encode(errors="backslashreplace") + b"\n"
 
 
-def read_json_lines(path: Path, most: int = EVENTS) -> list[Line]:
+def read_json_lines(path: Path, most: int = LARGEST_EVENTS) -> list[Line]:
     """The complete lines of a JSON-lines file of at most `most` bytes; empty without the file.
 
     A truncated last line is skipped. Raises ConfigurationError for a file that is not regular, or
@@ -31,7 +31,7 @@ def read_json_lines(path: Path, most: int = EVENTS) -> list[Line]:
     if not path.exists():
         return []
     lines: list[Line] = []
-    for line in read_bytes(path, most).split(b"\n", LINES)[:LINES]:
+    for line in read_bytes(path, most).split(b"\n", MOST_LINES)[:MOST_LINES]:
         try:
             content = json.loads(line, parse_int=_integer)
         except (ValueError, RecursionError):
@@ -68,7 +68,7 @@ class Journal:
         self.path = path
         with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            self.lines = [] if again else read_json_lines(path, OWN)
+            self.lines = [] if again else read_json_lines(path, LARGEST_JOURNAL)
             replace_file(path, b"".join(json_line(line) for line in self.lines))
 
     def append(self, line: Line) -> None:

@@ -10,13 +10,15 @@ MONITORED = frozenset(
 MONITORED |= {"low_confidence", "state_overtime", "setpoint_expired", "calibration_overtime"}
 MONITORED |= {"turn_overtime"}
 REFUSED = frozenset({"command_refused", "motion_refused", "velocity_refused", "outside_workspace"})
-CELL = frozenset({"illegal_event", "no_perception", "process_died", "world_unknown", "unexpected"})
-CELL |= {"no_aids", "no_latency"}
+CELL_OUTCOMES = frozenset(
+    {"illegal_event", "no_perception", "process_died", "world_unknown", "unexpected"}
+)
+CELL_OUTCOMES |= {"no_aids", "no_latency"}
 DEVICES = ("arm_", "hand_", "grasp_", "camera_", "image_", "simulation_", "strip_", "robot_")
 """Each device names its own faults after itself."""
 
 
 def is_outcome(name: str) -> bool:
     """Whether `name` is `layer_touch`, `path_done` or the name of a fault."""
-    known = GOALS | NOT_FOLDED | STOPS | MONITORED | REFUSED | CELL
+    known = GOALS | NOT_FOLDED | STOPS | MONITORED | REFUSED | CELL_OUTCOMES
     return name in known or name.startswith(DEVICES)

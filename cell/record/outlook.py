@@ -11,13 +11,15 @@ from drivers.types import Array
 
 PREDICTED = "foretold"  # kind of the events
 BELIEFS = ("bending_length", "retardation_time", "yield_curvature")
-NAMES = tuple(name + end for name in ("displacement", *BELIEFS) for end in ("", "_low", "_high"))
+COLUMN_NAMES = tuple(
+    name + end for name in ("displacement", *BELIEFS) for end in ("", "_low", "_high")
+)
 """Columns of a row: displacement [m] with one sigma about it, then bending length [m], retardation
 time [s] and yield curvature [1/m] with their intervals."""
 
 
 class Outlook(NamedTuple):
-    """Predictions of a fold: `rows` (k, len(NAMES)) at times `t` (k,) [s] from the lift."""
+    """Predictions of a fold: `rows` (k, len(COLUMN_NAMES)) at times `t` (k,) [s] from the lift."""
 
     t: Array
     rows: Array
@@ -27,15 +29,15 @@ class Outlook(NamedTuple):
         """The predictions among `events`; NaN for values that cannot be read."""
         stated = sorted((e for e in events if e.kind == PREDICTED), key=lambda event: event.t)
         rows = np.array([row_of(event.facts) for event in stated])
-        return cls(np.array([event.t for event in stated]), rows.reshape(-1, len(NAMES)))
+        return cls(np.array([event.t for event in stated]), rows.reshape(-1, len(COLUMN_NAMES)))
 
     def column(self, name: str) -> Array:
-        """Values (k,) of one of NAMES."""
-        return np.asarray(self.rows[:, NAMES.index(name)])
+        """Values (k,) of one of COLUMN_NAMES."""
+        return np.asarray(self.rows[:, COLUMN_NAMES.index(name)])
 
 
 def row_of(facts: Mapping[str, object]) -> Array:
-    """The row (k,) of one prediction, a value for each of NAMES, given as in an event."""
+    """The row (k,) of one prediction, a value for each of COLUMN_NAMES, given as in an event."""
     displacement, sigma = (_number(facts.get(name)) for name in ("displacement", "sigma"))
     row = [displacement, displacement - sigma, displacement + sigma]
     for name in BELIEFS:

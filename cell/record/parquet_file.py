@@ -11,7 +11,7 @@ from drivers.files import MEGABYTE, read_bytes
 from drivers.settings import SCHEMA
 
 PACKED, UNPACKED = 64 * MEGABYTE, 256 * MEGABYTE  # a fold's profile is below one
-ROWS = 1_000_000
+MOST_ROWS = 1_000_000
 
 
 class NotWhole(Exception):
@@ -51,10 +51,10 @@ def _table(content: bytes) -> pa.Table:
     file = pq.ParquetFile(pa.BufferReader(content))
     stated: Any = file.metadata
     unpacked = sum(stated.row_group(i).total_byte_size for i in range(stated.num_row_groups))
-    if stated.num_rows > ROWS or unpacked > UNPACKED:
+    if stated.num_rows > MOST_ROWS or unpacked > UNPACKED:
         raise NotWhole(
-            f"it states {stated.num_rows} rows and {unpacked / MEGABYTE:.0f} MB, at most {ROWS} "
-            f"and {UNPACKED // MEGABYTE} MB are read"
+            f"it states {stated.num_rows} rows and {unpacked / MEGABYTE:.0f} MB, at most "
+            f"{MOST_ROWS} and {UNPACKED // MEGABYTE} MB are read"
         )
     table = file.read(use_threads=False)
     table.validate(full=True)

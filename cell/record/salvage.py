@@ -38,12 +38,12 @@ class Salvage(Run):
         header, problems = load(folder / RUN, Header), list[str]()
         ticks = _part(
             lambda: Ticks.of(*_table(folder, header, "ticks", problems)),
-            lambda: Ticks.of(NOTHING.ticks, TICKS),
+            lambda: Ticks.of(EMPTY_TABLES.ticks, TICKS),
             problems,
         )
         profile = _part(
             lambda: Profile.of(*_table(folder, header, "profile", problems)),
-            lambda: Profile.of(NOTHING.profile, PROFILE),
+            lambda: Profile.of(EMPTY_TABLES.profile, PROFILE),
             problems,
         )
         result = _part(lambda: _result(folder), lambda: None, problems)
@@ -94,7 +94,7 @@ class Salvage(Run):
                 yield frame
 
 
-NOTHING = Tables(
+EMPTY_TABLES = Tables(
     ticks=tick_table(TICK_ROWS.empty_table(), SIGHT_ROWS.empty_table()),
     profile=profile_table(SIGHT_ROWS.empty_table()),
     sights=SIGHT_ROWS.empty_table(),

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import yaml
 
-DEEP = 2  # levels of keys that are read; a list or anything deeper is passed over
+MOST_LEVELS = 2  # levels of keys that are read; a list or anything deeper is passed over
 
 Scalar = str | float | bool | None
 ITEM = 0
@@ -43,7 +43,11 @@ def _scalars(text: str) -> Iterator[tuple[str, Scalar]]:
         elif isinstance(event, yaml.CollectionStartEvent):
             path.append(None if isinstance(event, yaml.MappingStartEvent) else ITEM)
         else:
-            if isinstance(event, yaml.ScalarEvent) and len(path) <= DEEP and ITEM not in path:
+            if (
+                isinstance(event, yaml.ScalarEvent)
+                and len(path) <= MOST_LEVELS
+                and ITEM not in path
+            ):
                 yield ".".join(map(str, path)), _value(event)
             _pass(path)
 

@@ -10,10 +10,10 @@ from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, new_file, read_bytes, write_all
 
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
-STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
-OPTIONAL = frozenset({"cost"})  # which records from before lack
+LARGEST_STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
+LATER_COLUMNS = frozenset({"cost"})  # which records from before lack
 NUMBER = pa.float64()
-POINTS = pa.list_(pa.float64())
+POINTS_TYPE = pa.list_(pa.float64())
 
 TICK_ROWS = pa.schema(
     [(name, NUMBER) for name in ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")]
@@ -23,7 +23,7 @@ SIGHT_ROWS = pa.schema(
     [("stamp", NUMBER), ("sequence", pa.int64())]
     + [(name, NUMBER) for name in ("contact_x", "contact_confidence", "profile_confidence")]
     + [(name, NUMBER) for name in ("tip_x", "tip_z", "gap", "gap_x")]
-    + [("profile_x", POINTS), ("profile_z", POINTS)]
+    + [("profile_x", POINTS_TYPE), ("profile_z", POINTS_TYPE)]
 )
 
 
@@ -69,7 +69,7 @@ def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
     stream with other columns.
     """
     batches: list[Any] = []
-    content = read_bytes(path, STREAM) if path.exists() else b""
+    content = read_bytes(path, LARGEST_STREAM) if path.exists() else b""
     try:
         with pa.ipc.open_stream(pa.py_buffer(content)) as reader:
             found = reader.schema
@@ -89,7 +89,7 @@ def _check_columns(path: Path, found: pa.Schema, wanted: pa.Schema) -> None:
             f"{path}: the names of its columns are no text; it was changed after the run"
         ) from None
     for field in wanted:
-        if field.name not in OPTIONAL and (
+        if field.name not in LATER_COLUMNS and (
             names.count(field.name) != 1 or found.field(field.name).type != field.type
         ):
             raise ConfigurationError(

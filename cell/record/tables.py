@@ -16,7 +16,7 @@ from drivers.files import replacing
 from drivers.settings import SCHEMA
 from drivers.types import Array
 
-ROUNDING = 1e-9  # s
+TIME_ROUNDING = 1e-9  # s
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ def _since(begin: float, rows: pa.Table, time: str) -> pa.Table:
     if begin == 0.0:
         return rows
     t = _numbers(rows, time) - begin
-    kept = t >= -ROUNDING
+    kept = t >= -TIME_ROUNDING
     rows = rows.filter(pa.array(kept))
     place = rows.column_names.index(time)
     return rows.set_column(place, rows.schema.field(place), pa.array(t[kept], pa.float64()))

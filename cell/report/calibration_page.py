@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from calibration.calibration import Calibration, load_calibration
-from calibration.wizard.session import PICTURE, VERDICT
+from calibration.wizard.session import PICTURE_FILE, VERDICT_FILE
 from cell.record.files import CALIBRATION, REPORT
 from cell.report.drawing import BLUE, INK, MUTED, as_svg, canvas
 from cell.report.kit import jpeg_text, page
@@ -19,7 +19,8 @@ from drivers.files import write_file
 from drivers.pictures import read_picture
 from drivers.settings import read_yaml
 
-GOOD = 1.0  # mm, the error of a measured curve (`sigma.profile`) that a calibration must not exceed
+# mm, the error of a measured curve (`sigma.profile`) that a calibration must not exceed
+GOOD_RESIDUAL = 1.0
 X, Z = np.arange(-0.1, 1.01, 0.1), np.arange(0.0, 0.51, 0.05)  # m, of the grid
 LINE_POINTS = 60  # points of a line, which a lens bends
 SCALE_STEP = 1e-3  # m, over which the scale of the image is taken
@@ -41,7 +42,7 @@ def write_session_page(folder: Path) -> Path:
 
     Raises ConfigurationError for a folder without a verdict, or one that cannot be written.
     """
-    verdict, path = read_yaml(folder / VERDICT), folder / REPORT
+    verdict, path = read_yaml(folder / VERDICT_FILE), folder / REPORT
     passed = bool(verdict.get("passed", verdict.get("accepted")))
     lines, made = [str(line) for line in verdict.get("lines", ())], folder / CALIBRATION
     said = Verdict("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ())
@@ -62,16 +63,16 @@ def write_session_page(folder: Path) -> Path:
 
 def _picture(folder: Path) -> list[KeyPicture]:
     """The picture of the session; one that was solved again has none."""
-    path = folder / PICTURE
+    path = folder / PICTURE_FILE
     if not path.is_file():
         return []
     said = "what was measured, in the last image"
-    return [KeyPicture(jpeg_text(read_picture(path)), said, PICTURE)]
+    return [KeyPicture(jpeg_text(read_picture(path)), said, PICTURE_FILE)]
 
 
 def calibration_report(calibration: Calibration, name: str) -> str:
     """The page of `calibration`, called `name`."""
-    good = calibration.residual_mm <= GOOD and not calibration.accepted_anyway
+    good = calibration.residual_mm <= GOOD_RESIDUAL and not calibration.accepted_anyway
     said = Verdict(
         "good" if good else "bad",
         "Touched points lie where the image shows them" if good else "Use it with care",

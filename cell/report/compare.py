@@ -20,7 +20,7 @@ from drivers.files import write_file
 
 COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#b4382c", "#4a9aa8", "#8c7a2b", "#c05a94")
 MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
-OWN = frozenset({"seed", "index"})  # which differ from run to run by themselves
+PER_RUN_KEYS = frozenset({"seed", "index"})  # which differ from run to run by themselves
 
 
 def write_comparison(folders: Sequence[Path], out: Path) -> Path:
@@ -89,7 +89,8 @@ def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, 
     rows = [
         (key, *values)
         for key in keys
-        if len(set(values := [each.get(key, NO_VALUE) for each in settings])) > 1 and key not in OWN
+        if len(set(values := [each.get(key, NO_VALUE) for each in settings])) > 1
+        and key not in PER_RUN_KEYS
     ]
     return ("setting", *(_short(run) for run in runs)), rows
 

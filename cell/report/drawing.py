@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Literal
 
-from cell.report.readings import POINTS, name_artists, readings
+from cell.report.readings import POINTS_PER_INCH, name_artists, readings
 
 INK, MUTED, RULE, PAPER = "#1b1f24", "#6b7280", "#e3e5e8", "#fffffe"
 BLUE, ORANGE, GREEN, PURPLE = "#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0"
@@ -69,7 +69,7 @@ def as_svg(figure: Any) -> str:
     name_artists(figure)
     with rc_context(STYLE):
         figure.savefig(text, format="svg", metadata=dict.fromkeys(METADATA))
-    width = f'style="--width:{POINTS * figure.get_size_inches()[0]:.0f}pt"'
+    width = f'style="--width:{POINTS_PER_INCH * figure.get_size_inches()[0]:.0f}pt"'
     return page_svg(text.getvalue()).replace("<svg", f"<svg {readings(figure)} {width}", 1)
 
 

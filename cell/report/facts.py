@@ -12,15 +12,15 @@ from cell.report.timing import image_ages
 from cell.report.words import MINUS, NO_VALUE, millimetres, milliseconds, seconds
 
 FREQUENT = 40  # more of one kind are counted, not listed
-LISTED = 400
+LISTED_EVENTS = 400
 PREFLIGHT = "preflight"
 LEFT_OUT = frozenset({"config", "preflight", "schema", "provenance", "spread"})
 SHOWN_ELSEWHERE = frozenset({PREFLIGHT, "origin"})
 SIGNED = frozenset({"displacement", "edge_offset"})
-LENGTHS = SIGNED | {"x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"}
-LENGTHS |= {"contact_height", "contact_x", "error", "tip_x", "height"}
-UNITS = {"speed": "m/s", "camera_hz": "Hz", "touch_time": "s", "retardation_time": "s"}
-UNITS |= {"areal_density": "kg/m²", "force": "N"}
+LENGTH_NAMES = SIGNED | {"x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"}
+LENGTH_NAMES |= {"contact_height", "contact_x", "error", "tip_x", "height"}
+SIGNAL_UNITS = {"speed": "m/s", "camera_hz": "Hz", "touch_time": "s", "retardation_time": "s"}
+SIGNAL_UNITS |= {"areal_density": "kg/m²", "force": "N"}
 Rows = list[tuple[str, str]]
 
 
@@ -73,7 +73,7 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
     rare = [event for event in events if counts[event.kind] <= FREQUENT]
     rows = [
         (f"{e.t:.3f}".replace("-", MINUS), e.kind.replace("_", " "), _sentence(e))
-        for e in rare[:LISTED]
+        for e in rare[:LISTED_EVENTS]
     ]
     often = [(kind, n) for kind, n in counts.items() if n > FREQUENT]
     return [*rows, *((NO_VALUE, kind, f"{n} times") for kind, n in sorted(often))]
@@ -151,7 +151,7 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 def _text(key: str, value: Any) -> str:
     name = key.rpartition(".")[2]
-    if key.startswith("sigma.") and name not in UNITS and isinstance(value, float):
+    if key.startswith("sigma.") and name not in SIGNAL_UNITS and isinstance(value, float):
         return millimetres(value)
     if name.endswith("sha256"):
         return f"{value!s:.12}…"
@@ -175,6 +175,6 @@ def _value(name: str, value: Any) -> str:
     if not isinstance(value, int | float) or isinstance(value, bool):
         text = str(value)
         return text if len(text) <= 160 else f"{text[:157]}..."
-    if name in LENGTHS:
+    if name in LENGTH_NAMES:
         return millimetres(value, signed=name in SIGNED)
-    return f"{value:.6g} {UNITS.get(name, '')}".strip()
+    return f"{value:.6g} {SIGNAL_UNITS.get(name, '')}".strip()

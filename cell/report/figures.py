@@ -23,7 +23,7 @@ LEGEND: dict[str, Any] = {
     "borderaxespad": 0,
 }
 TIME = ["#8fc6b4", "#3f8fc4", "#6a4fb3", "#b0428f"]
-LANES = {
+STATE_SHADES = {
     "PREFLIGHT": "#c9ced6",
     "CALIBRATE": "#c9ced6",
     "GRASP": "#b9c4d6",
@@ -155,7 +155,7 @@ def _lanes(axes: Any, ticks: Ticks) -> None:
         count = len(list(rows))
         start, end = ticks.t[place], ticks.t[min(place + count, ticks.t.size - 1)]
         place += count
-        shade = LANES.get(state, RULE)
+        shade = STATE_SHADES.get(state, RULE)
         axes.barh(0, end - start, left=start, height=1, color=shade, lw=0, gid=state)
         if end - start > 0.05 * (ticks.t[-1] - ticks.t[0]):
             middle = 0.5 * (start + end)

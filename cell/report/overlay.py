@@ -18,10 +18,11 @@ from cell.report.words import seconds
 from drivers.errors import ConfigurationError
 from drivers.types import Array, Image
 
-SHOWN = 6
-MARGIN = 0.06  # m around the motion
+SHOWN_IMAGES = 6
+VIEW_MARGIN = 0.06  # m around the motion
 FOLDED = 0.005  # m by which a fold stands out beyond the gripper; before, the gripper is in front
-LYING = (-0.05, 0.7, -0.03, 0.06)  # m from x, share of the reach to x, m from and to z: a laid fold
+# m from x, share of the reach to x, m from and to z: a laid fold
+LAID_REGION = (-0.05, 0.7, -0.03, 0.06)
 PROFILE_BGR, CONTACT_BGR, TIP_BGR = (40, 110, 255), (255, 120, 30), (255, 255, 255)
 
 
@@ -40,7 +41,9 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
     An image that cannot be read is skipped.
     """
     kept = [note for note in run.frame_index() if note.file is not None]
-    chosen = np.unique(np.linspace(0, len(kept) - 1, min(SHOWN, len(kept))).round().astype(int))
+    chosen = np.unique(
+        np.linspace(0, len(kept) - 1, min(SHOWN_IMAGES, len(kept))).round().astype(int)
+    )
     calibration, sights, curves = run.calibration(), run.sights(), dict(run.profile.curves())
     tips = fold_tips(sights, run.ticks)
     pictures = []
@@ -67,7 +70,7 @@ def end_picture(run: Run) -> str:
     if image is None or calibration is None or not _fits(image, calibration):
         return "" if image is None else jpeg_text(image)
     reach = float(np.max(run.ticks.x, initial=0.1))
-    corners = [(x, z) for x in (LYING[0], LYING[1] * reach) for z in LYING[2:]]
+    corners = [(x, z) for x in (LAID_REGION[0], LAID_REGION[1] * reach) for z in LAID_REGION[2:]]
     pixels = calibration.to_image(np.array(corners))
     if not np.isfinite(pixels).all():
         return jpeg_text(image)
@@ -92,8 +95,8 @@ def _fits(image: Image, calibration: Calibration) -> bool:
 def window_on(ticks: Ticks, calibration: Calibration) -> Region:
     """The smallest window of the image's own proportions that holds the whole motion."""
     width, height = calibration.lens.width, calibration.lens.height
-    x = (-MARGIN, float(np.max(ticks.x, initial=0.0)) + MARGIN)
-    z = (-MARGIN, float(np.max(ticks.z, initial=0.0)) + MARGIN)
+    x = (-VIEW_MARGIN, float(np.max(ticks.x, initial=0.0)) + VIEW_MARGIN)
+    z = (-VIEW_MARGIN, float(np.max(ticks.z, initial=0.0)) + VIEW_MARGIN)
     corners = calibration.to_image(np.array([(a, b) for a in x for b in z]))
     if not np.isfinite(corners).all():
         return Region(0, 0, width, height)

@@ -20,7 +20,7 @@ import numpy as np
 
 from cell.report.words import MINUS
 
-POINTS = 72  # an inch
+POINTS_PER_INCH = 72  # an inch
 Facts = dict[str, Any]
 
 
@@ -91,7 +91,7 @@ def _axis(axis: Any, limits: tuple[float, float]) -> Facts:
 
 def _place(figure: Any, x: float, y: float) -> list[float]:
     """A point of the display [px of the figure] as a point of its SVG."""
-    scale = POINTS / figure.dpi
+    scale = POINTS_PER_INCH / figure.dpi
     return [round(scale * x, 3), round(scale * (figure.bbox.height - y), 3)]
 
 

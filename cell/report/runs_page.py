@@ -13,8 +13,8 @@ from drivers.errors import ConfigurationError
 from drivers.files import write_file
 
 PICTURED = 300  # newest runs with a thumbnail; more would make the page heavy
-WIDE = 128  # px
-HEAD = ("run", "strip", "policy", "outcome", "d mm", "edges mm", "s", "tags")
+THUMBNAIL_WIDTH = 128  # px
+COLUMN_HEADINGS = ("run", "strip", "policy", "outcome", "d mm", "edges mm", "s", "tags")
 
 
 def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
@@ -33,8 +33,8 @@ def runs_page(rows: Sequence[RunRow], place: Path) -> str:
         "report/templates/runs.html",
         plural(len(rows), "run"),
         title=plural(len(rows), "run"),
-        head=HEAD,
-        wide=WIDE,
+        head=COLUMN_HEADINGS,
+        wide=THUMBNAIL_WIDTH,
         rows=[
             (_thumbnail(row) if row.name in pictured else "", _cells(row, place)) for row in rows
         ],
@@ -57,4 +57,4 @@ def _thumbnail(row: RunRow) -> str:
         image = decode(kept[-1]) if kept else None
     except ConfigurationError:
         return ""
-    return "" if image is None else jpeg_text(image, WIDE, quality=60)
+    return "" if image is None else jpeg_text(image, THUMBNAIL_WIDTH, quality=60)

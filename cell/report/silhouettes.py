@@ -15,7 +15,7 @@ from drivers.settings import parse
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Pose
 
-STATES = ("LAY", "RELEASE")
+SILHOUETTE_STATES = ("LAY", "RELEASE")
 MOST_IMAGES = 6
 
 
@@ -45,7 +45,9 @@ def silhouettes(run: Run) -> tuple[Silhouette, ...]:
 def _outlines(run: Run) -> Iterator[Silhouette]:
     notes, calibration = run.frame_index(), run.calibration()
     later = [
-        note for note in notes if note.file is not None and state_at(run, note.stamp) in STATES
+        note
+        for note in notes
+        if note.file is not None and state_at(run, note.stamp) in SILHOUETTE_STATES
     ]
     first = next((note for note in notes if note.file is not None and note.stamp < 0), None)
     before = None if first is None else read_frame(first)

@@ -10,7 +10,7 @@ from cell.report.drawing import BLUE, GREEN, INK, MUTED, PURPLE, as_svg, canvas
 from drivers.types import Array
 
 READING = frozenset({"LIFT", "FOLD", "TOUCHED"})  # states in which images are read
-WIDE = 30.0  # largest over smallest, from where on a scale is logarithmic
+LOG_SCALE_RATIO = 30.0  # largest over smallest, from where on a scale is logarithmic
 
 
 def image_ages(run: Run) -> Array:
@@ -83,7 +83,7 @@ def _three(value: float) -> str:
 def _edges(values: Array) -> tuple[Array, bool]:
     """Edges of 40 bins, and whether they are logarithmic."""
     low, high = (float(np.quantile(values, q)) for q in (0.005, 0.995))
-    if low > 0 and high > WIDE * low:
+    if low > 0 and high > LOG_SCALE_RATIO * low:
         return np.geomspace(0.8 * low, 1.2 * high, 41), True
     margin = max(0.05 * abs(float(np.median(values))), 0.1 * (high - low), 1e-4)
     return np.linspace(low - margin, high + margin, 41), False

@@ -10,8 +10,8 @@ from cell.record.run import Run
 from cell.report.kit import Tone
 from cell.report.words import millimetres, outcome_title, seconds, side
 
-LINE = "\n"
-GOOD = 0.020  # m, within this the paper calls a strip folded
+LINE_BREAK = "\n"
+FOLDED_TOLERANCE = 0.020  # m, within this the paper calls a strip folded
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +41,13 @@ def _error(run: Run, *, laid: bool) -> str:
     known = "calibration error not recorded"
     if error is not None:
         known = f"± {millimetres(error)} calibration"
-    return f"± {millimetres(sigma)} {source}{LINE}{known}"
+    return f"± {millimetres(sigma)} {source}{LINE_BREAK}{known}"
 
 
 def verdict(run: Run) -> str:
     """The headline verdict, from the record only."""
     said = verdict_of(run, None, is_under_way(run.folder))
-    figure = f": {said.figure} ({said.error.replace(LINE, ', ')})" if said.figure else ""
+    figure = f": {said.figure} ({said.error.replace(LINE_BREAK, ', ')})" if said.figure else ""
     return f"{run.header.strip}: {said.headline}{figure}"
 
 
@@ -75,7 +75,7 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
         sentences.append(_sentence(agreed.reason))
     headline = outcome_title(result.outcome)
     off = max(abs(d), abs(edge or 0.0))
-    tone: Tone = "good" if off <= GOOD else "fair"
+    tone: Tone = "good" if off <= FOLDED_TOLERANCE else "fair"
     if result.outcome != "layer_touch":
         tone = "bad"
         sentences.insert(0, _reason(result))

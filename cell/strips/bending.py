@@ -67,7 +67,7 @@ def _scatter(y: Array, variance: Array) -> float:
     return float(brentq(lambda scatter: _excess(y, variance, scatter), 0.0, most))
 
 
-SPREADS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # 1/m, rest curvatures that are tried
+REST_CURVATURES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # 1/m, rest curvatures that are tried
 DECISIVE = 5.0  # of log evidence, for a birth with one more unknown
 
 Fits = tuple[Fit, ...]
@@ -136,16 +136,16 @@ def pool_lengths(fits: Sequence[Fit]) -> Pooled:
 def _best(photographs: Sequence[Photograph], start: Fits, born: RestCurvature) -> Fits:
     """Fits at the spread of rest curvature with the largest evidence."""
     tried: list[Fits] = []
-    for spread in SPREADS:
+    for spread in REST_CURVATURES:
         birth = RestCurvaturePrior(born, spread)
         start = tuple(fit(each, birth, s) for each, s in zip(photographs, start, strict=True))
         tried.append(start)
     scores = np.array([evidence(each) for each in tried])
     j = int(np.argmax(scores))
-    if j in (0, len(SPREADS) - 1):
+    if j in (0, len(REST_CURVATURES) - 1):
         return tried[j]
     bend = scores[j - 1] - 2 * scores[j] + scores[j + 1]
-    spread = SPREADS[j] * 2 ** float(0.5 * (scores[j - 1] - scores[j + 1]) / bend)
+    spread = REST_CURVATURES[j] * 2 ** float(0.5 * (scores[j - 1] - scores[j + 1]) / bend)
     refined = tuple(
         fit(each, RestCurvaturePrior(born, spread), s)
         for each, s in zip(photographs, tried[j], strict=True)

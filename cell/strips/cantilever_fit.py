@@ -12,11 +12,11 @@ from drivers.types import Array
 
 RULER = 0.001  # m, one sigma of a measured overhang
 FIRST_SIGMA = 12.0  # times sigma for the first fit, which has to find its way
-STARTS = (0.5, 1.0, 2.5)  # typical bending lengths from which it sets out
-STEPS = 80
-LONGEST_STEP = 0.3  # of ln(bending length)
-ENOUGH = 1e-5  # of the cost
-DAMPING, FACTOR, STUCK = 1e-3, 8.0, 1e10
+START_LENGTHS = (0.5, 1.0, 2.5)  # typical bending lengths from which it sets out
+ITERATIONS = 80
+LARGEST_LOG_STEP = 0.3  # of ln(bending length)
+COST_TOLERANCE = 1e-5  # of the cost
+LM_DAMPING, FACTOR, LARGEST_DAMPING = 1e-3, 8.0, 1e10
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ def _find(photograph: Photograph) -> Fit:
     """A straight strip, fitted coarsely from several bending lengths: the best of them."""
     problem = Problem(replace(photograph, sigma=FIRST_SIGMA * photograph.sigma), STRAIGHT)
     found = []
-    for start in STARTS:
+    for start in START_LENGTHS:
         values = np.zeros(problem.size)
         values[LN_LENGTH] = np.log(start)
         values[[X, Z]] = photograph.points[0]
@@ -105,13 +105,13 @@ def _find(photograph: Photograph) -> Fit:
 def _settle(problem: Problem, values: Array) -> Fit:
     """Levenberg-Marquardt descent from `values`."""
     here = problem.trial(values)
-    damping = DAMPING
-    for _ in range(STEPS):
+    damping = LM_DAMPING
+    for _ in range(ITERATIONS):
         there, damping = _descend(problem, here, damping)
         if there is None:
             break
         gain, here = here.cost - there.cost, there
-        if gain < ENOUGH * (1 + here.cost):
+        if gain < COST_TOLERANCE * (1 + here.cost):
             break
     matrix, _ = problem.normal_equations(here)
     return Fit(
@@ -128,9 +128,9 @@ def _settle(problem: Problem, values: Array) -> Fit:
 def _descend(problem: Problem, here: Trial, damping: float) -> tuple[Trial | None, float]:
     """A better trial and the next damping, or None where there is none."""
     matrix, downhill = problem.normal_equations(here)
-    while damping < STUCK:
+    while damping < LARGEST_DAMPING:
         step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), downhill)
-        step[LN_LENGTH] = np.clip(step[LN_LENGTH], -LONGEST_STEP, LONGEST_STEP)
+        step[LN_LENGTH] = np.clip(step[LN_LENGTH], -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
         try:
             there = problem.trial(here.values + step)
         except NoRest:

@@ -38,7 +38,7 @@ def create(path: Path, content: Mapping[str, Any]) -> None:
 
 
 SOURCED = ("areal_density", "bending_length", "retardation_time", "thickness")
-ASSUMED = {
+ASSUMED_VALUES = {
     "areal_density": 0.2,  # kg/m^2, a shirting
     "bending_length": 0.020,  # m, the middle of what fabrics have
     "retardation_time": 0.05,  # s; nobody publishes it
@@ -58,7 +58,9 @@ def new_strip(
         if stated.get(key) is None:
             raise ConfigurationError(f"--source: {key}: give its value too")
     content: dict[str, Any] = {"schema": 1, "name": path.stem}
-    content |= {key: ASSUMED[key] if value is None else value for key, value in stated.items()}
+    content |= {
+        key: ASSUMED_VALUES[key] if value is None else value for key, value in stated.items()
+    }
     if colour is not None:
         content["colour"] = list(colour)
     content["provenance"] = [

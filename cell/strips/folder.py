@@ -11,7 +11,7 @@ from cell.strips.picture import picture
 from drivers.files import replace_file, writing
 from drivers.settings import read_yaml
 
-NUMBERS = "measurement.json"
+MEASUREMENT_FILE = "measurement.json"
 
 
 def save(measurement: Measurement, folder: Path) -> None:
@@ -30,7 +30,7 @@ def save(measurement: Measurement, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for name, content in pictures.items():
             replace_file(folder / name, content)
-        replace_file(folder / NUMBERS, numbers.encode())
+        replace_file(folder / MEASUREMENT_FILE, numbers.encode())
 
 
 def put_into(path: Path, measurement: Measurement, today: date) -> None:

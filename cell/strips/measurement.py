@@ -13,16 +13,17 @@ from cell.strips.rest_curvature import RestCurvature
 from drivers.errors import ConfigurationError
 
 VISIBLE = 0.1  # widths by which a straight-born strip misses the midline
-DISAGREE = 0.05  # probability below which photographs disagree
-UNSURE = 0.10  # half width of the interval over the value
-SHARP_WIDTHS, SHARP = 1.0, 0.002  # widths, or m; a bend of a smaller radius is hardly seen
-ALIKE = 1.5  # ratio of the strip's widths in two photographs
+DISAGREEMENT_LEVEL = 0.05  # probability below which photographs disagree
+LARGEST_UNCERTAINTY = 0.10  # half width of the interval over the value
+SHARP_WIDTHS, SHARP_RADIUS = 1.0, 0.002  # widths, or m; a bend of a smaller radius is hardly seen
+SMALLEST_WIDTH_RATIO = 1.5  # ratio of the strip's widths in two photographs
 OVERHANGS = (2, 5)  # bending lengths, between which a photograph says most
-KEPT = 4  # digits
+KEPT_DIGITS = 4  # digits
 ASTRAY = 0.02  # of the overhang; what misses by more is no hanging strip
-OFF = 0.25  # of the overhang; nor is what leaves the ledge so far from the picture's border
+# of the overhang; nor is what leaves the ledge so far from the picture's border
+LEDGE_TOLERANCE = 0.25
 HOPELESS = 0.5  # sigma of ln(bending length)
-SHORTEST, LONGEST = 0.002, 0.2  # m, bending lengths of strips
+SHORTEST_BENDING_LENGTH, LONGEST_BENDING_LENGTH = 0.002, 0.2  # m, bending lengths of strips
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ class Measurement:
     @property
     def value(self) -> float:
         """Bending length [m], rounded to the precision of a strip file."""
-        return float(f"{self.bending_length.value:.{KEPT}g}")
+        return float(f"{self.bending_length.value:.{KEPT_DIGITS}g}")
 
     def line(self) -> dict[str, Any]:
         """The measurement as one JSON object; lengths in m."""
@@ -78,7 +79,7 @@ class Measurement:
         ]
         for overhang, each in bending.by_overhang:
             lines.append(f"  overhang {1e3 * overhang:.4g} mm: {_mm(each)}")
-        if count > 1 and self.bending_length.agreement > DISAGREE:
+        if count > 1 and self.bending_length.agreement > DISAGREEMENT_LEVEL:
             lines.append("  the photographs agree within their own errors")
         return "\n".join(lines + [f"warning: {each}" for each in self.warnings])
 
@@ -98,17 +99,18 @@ def _refuse(fitted: Fit) -> None:
     photograph = fitted.photograph
     if (
         fitted.rms > ASTRAY * photograph.overhang
-        or abs(fitted.ledge) > OFF * photograph.overhang
+        or abs(fitted.ledge) > LEDGE_TOLERANCE * photograph.overhang
         or fitted.sigma > HOPELESS
     ):
         raise ConfigurationError(
             f"{photograph.path}: picture: this does not hang like a strip; crop it at the ledge, "
             "upright, with the strip leaving the ledge at the left border"
         )
-    if not SHORTEST <= fitted.bending_length <= LONGEST:
+    if not SHORTEST_BENDING_LENGTH <= fitted.bending_length <= LONGEST_BENDING_LENGTH:
         raise ConfigurationError(
             f"{photograph.path}: a bending length of {1e3 * fitted.bending_length:.3g} mm is out "
-            f"of range, allowed: {1e3 * SHORTEST:g} to {1e3 * LONGEST:g} mm; let the strip hang "
+            f"of range, allowed: {1e3 * SHORTEST_BENDING_LENGTH:g} to "
+            f"{1e3 * LONGEST_BENDING_LENGTH:g} mm; let the strip hang "
             "over by 2 to 5 bending lengths, and give that --overhang"
         )
 
@@ -137,7 +139,7 @@ def _not_straight(bending: Bending) -> str:
 
 def _disagreement(bending: Bending) -> str:
     pooled = bending.bending_length
-    if pooled.agreement > DISAGREE:
+    if pooled.agreement > DISAGREEMENT_LEVEL:
         return ""
     return (
         f"the photographs disagree by {100 * pooled.scatter:.0f} % beyond their own errors; "
@@ -153,12 +155,12 @@ def _overhang(bending: Bending) -> str:
     sharp = [
         each.photograph.name
         for each, r in zip(bending.fits, radius, strict=True)
-        if r < max(SHARP_WIDTHS * each.photograph.width, SHARP)
+        if r < max(SHARP_WIDTHS * each.photograph.width, SHARP_RADIUS)
     ]
     stiff = [
         each.photograph.name
         for each in bending.fits
-        if each.photograph.overhang < c and each.sigma > UNSURE / 2
+        if each.photograph.overhang < c and each.sigma > LARGEST_UNCERTAINTY / 2
     ]
     low, high = (1e3 * c * each for each in OVERHANGS)
     best = f"an overhang of {low:.0f} to {high:.0f} mm shows most"
@@ -173,7 +175,7 @@ def _widths(bending: Bending) -> str:
     """Warning when the strip appears much wider in one overhang than in another."""
     photographs = [each.photograph for each in bending.fits]
     thin, thick = (pick(photographs, key=lambda each: each.width) for pick in (min, max))
-    if thick.width < ALIKE * thin.width:
+    if thick.width < SMALLEST_WIDTH_RATIO * thin.width:
         return ""
     return (
         f"by its overhang the strip is {1e3 * thick.width:.1f} mm thick in {thick.name} and "
@@ -184,7 +186,7 @@ def _widths(bending: Bending) -> str:
 def _width_of_interval(bending: Bending) -> str:
     pooled = bending.bending_length
     half = 0.5 * np.log(pooled.high / pooled.low)
-    if half < UNSURE:
+    if half < LARGEST_UNCERTAINTY:
         return ""
     return f"the bending length is only known to {100 * half:.0f} %; photograph more pieces"
 

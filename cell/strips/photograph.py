@@ -12,13 +12,13 @@ from drivers.errors import ConfigurationError
 from drivers.pictures import read_picture
 from drivers.types import Array, Image
 
-SHORTEST, LONGEST = 0.01, 2.0  # m of overhang
+SHORTEST_OVERHANG, LONGEST_OVERHANG = 0.01, 2.0  # m of overhang
 ROUGHLY = 200  # points of a first midline, which gives width and length
 TRACED = 0.15  # widths between the points of the second, which smooths over seven of them
-THICKEST = 0.15  # of its length
-SPACING = 0.5  # widths between the points that are fitted
+THICKEST_SHARE = 0.15  # of its length
+FIT_SPACING = 0.5  # widths between the points that are fitted
 FEWEST_POINTS, MOST_POINTS, MOST_TRACED = 60, 400, 4000
-SMOOTHED = 5  # points on either side of the parabola against which roughness is measured
+SMOOTHING_POINTS = 5  # points on either side of the parabola against which roughness is measured
 PRECISION = 0.02  # widths; no midline is better, however smooth
 CORRELATION = 1.5  # sqrt of the number of neighbours whose errors go together
 UNSURE_END = 1.0  # widths at either end where a midline is less sure
@@ -58,10 +58,11 @@ def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[
             "in the same order"
         )
     for overhang in overhangs:
-        if not SHORTEST <= overhang <= LONGEST:
+        if not SHORTEST_OVERHANG <= overhang <= LONGEST_OVERHANG:
             raise ConfigurationError(
                 f"--overhang: {overhang:g} m is out of range; "
-                f"allowed: {SHORTEST:g} to {LONGEST:g} m, from the ledge to the tip along the strip"
+                f"allowed: {SHORTEST_OVERHANG:g} to {LONGEST_OVERHANG:g} m, from the "
+                "ledge to the tip along the strip"
             )
     return [read_photograph(*pair) for pair in zip(paths, overhangs, strict=True)]
 
@@ -81,7 +82,7 @@ def _trace(path: Path, image: Image) -> Midline:
     for seen in (image, cv2.bitwise_not(image)):
         try:
             rough = extract_midline(seen, ROUGHLY)
-            if rough.width < THICKEST * rough.length:
+            if rough.width < THICKEST_SHARE * rough.length:
                 count = int(np.clip(rough.length / (TRACED * rough.width), ROUGHLY, MOST_TRACED))
                 return extract_midline(seen, count)
             reasons.append("picture: what enters at its left border is too thick for a strip")
@@ -96,7 +97,7 @@ def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> 
     traced = midline.points * (1, -1)
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(traced, axis=0).T))])
     pixel = overhang / travel[-1]
-    count = int(np.clip(travel[-1] / (SPACING * midline.width), FEWEST_POINTS, MOST_POINTS))
+    count = int(np.clip(travel[-1] / (FIT_SPACING * midline.width), FEWEST_POINTS, MOST_POINTS))
     arc = np.linspace(0.0, travel[-1], count)
     points = _average(traced, travel, arc)
     sigma = CORRELATION * max(roughness(points), PRECISION * midline.width)
@@ -127,12 +128,12 @@ def _average(traced: Array, travel: Array, arc: Array) -> Array:
 
 def roughness(points: Array) -> float:
     """Robust standard deviation of points (n, 2) across a parabola through their neighbours."""
-    places = np.arange(-SMOOTHED, SMOOTHED + 1.0)
+    places = np.arange(-SMOOTHING_POINTS, SMOOTHING_POINTS + 1.0)
     powers = np.stack([places**0, places, places**2], axis=1)
-    weights = (powers @ np.linalg.pinv(powers))[SMOOTHED]
+    weights = (powers @ np.linalg.pinv(powers))[SMOOTHING_POINTS]
     smooth = np.stack([np.convolve(points[:, c], weights[::-1], "valid") for c in range(2)], axis=1)
-    inner = slice(SMOOTHED, len(points) - SMOOTHED)
+    inner = slice(SMOOTHING_POINTS, len(points) - SMOOTHING_POINTS)
     along = np.gradient(points, axis=0)[inner]
     miss = points[inner] - smooth
     across = (along[:, 0] * miss[:, 1] - along[:, 1] * miss[:, 0]) / np.hypot(*along.T)
-    return float(1.4826 * np.median(np.abs(across)) / np.sqrt(1 - weights[SMOOTHED]))
+    return float(1.4826 * np.median(np.abs(across)) / np.sqrt(1 - weights[SMOOTHING_POINTS]))

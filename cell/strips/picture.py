@@ -10,10 +10,10 @@ from cell.strips.cantilever_fit import Fit
 from cell.strips.rest_curvature import RestCurvature
 from drivers.strip.cantilever import hinges
 
-HEIGHT = 1600  # px of the photograph in the picture
+PICTURE_HEIGHT = 1600  # px of the photograph in the picture
 DPI = 150
 BEND = 1.5  # bending lengths beside and below the ledge, shown larger
-SEEN, FITTED, AS_STRAIGHT = "#19c8c8", ORANGE, BLUE
+SEEN_COLOUR, FITTED_COLOUR, STRAIGHT_COLOUR = "#19c8c8", ORANGE, BLUE
 
 
 def picture(fitted: Fit, straight: Fit) -> bytes:
@@ -51,14 +51,16 @@ def _title(fitted: Fit, straight: Fit) -> str:
 def _photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
     photograph = fitted.photograph
     image = photograph.image
-    scale = min(1.0, HEIGHT / image.shape[0])
+    scale = min(1.0, PICTURE_HEIGHT / image.shape[0])
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     axes.imshow(small[..., ::-1], extent=(-0.5, image.shape[1] - 0.5, image.shape[0] - 0.5, -0.5))
     midline = photograph.points / photograph.pixel * (1, -1)
-    axes.plot(*midline.T, color=SEEN, lw=1.6, label="midline")
+    axes.plot(*midline.T, color=SEEN_COLOUR, lw=1.6, label="midline")
     if straight is not fitted:
-        axes.plot(*straight.curve().T, color=AS_STRAIGHT, lw=0.9, ls="--", label="born straight")
-    axes.plot(*fitted.curve().T, color=FITTED, lw=0.9, label="fit")
+        axes.plot(
+            *straight.curve().T, color=STRAIGHT_COLOUR, lw=0.9, ls="--", label="born straight"
+        )
+    axes.plot(*fitted.curve().T, color=FITTED_COLOUR, lw=0.9, label="fit")
     axes.grid(visible=False)
     axes.set(xticks=(), yticks=(), xlim=(-0.06 * image.shape[0], image.shape[1]))
     axes.spines[:].set_visible(False)
@@ -76,8 +78,8 @@ def _near_the_ledge(axes: Any, fitted: Fit) -> None:
 def _misses(axes: Any, fitted: Fit, straight: Fit) -> None:
     arc = 1e3 * fitted.photograph.arc
     if straight is not fitted:
-        axes.plot(arc, 1e3 * straight.misses, color=AS_STRAIGHT, ls="--", label="born straight")
-    axes.plot(arc, 1e3 * fitted.misses, color=FITTED, label="fit")
+        axes.plot(arc, 1e3 * straight.misses, color=STRAIGHT_COLOUR, ls="--", label="born straight")
+    axes.plot(arc, 1e3 * fitted.misses, color=FITTED_COLOUR, label="fit")
     axes.axhline(0, color=MUTED, lw=0.6)
     axes.set(xlabel="along the strip  [mm]", ylabel="midline beside the fit  [mm]")
     axes.legend(loc="best")
@@ -85,6 +87,6 @@ def _misses(axes: Any, fitted: Fit, straight: Fit) -> None:
 
 def _set(axes: Any, fitted: Fit) -> None:
     arc = 1e3 * hinges(fitted.photograph.overhang)
-    axes.plot(arc, fitted.rest_curvature, color=FITTED)
+    axes.plot(arc, fitted.rest_curvature, color=FITTED_COLOUR)
     axes.axhline(0, color=MUTED, lw=0.6)
     axes.set(xlabel="along the strip  [mm]", ylabel="curvature of the strip unloaded  [1/m]")

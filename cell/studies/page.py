@@ -13,8 +13,8 @@ from cell.studies.campaign import Kept, cost
 from cell.studies.table import cells, group, head, keeps_bars, markdown, progress, rows, samples
 from drivers.files import replace_file
 
-TABLE, PAGE = "table.md", "study.html"
-ROW, WIDTH = 0.32, 8.4  # inch
+TABLE_FILE, PAGE = "table.md", "study.html"
+ROW_HEIGHT, PAGE_WIDTH = 0.32, 8.4  # inch
 
 
 def write_page(kept: Kept) -> Path:
@@ -25,7 +25,7 @@ def write_page(kept: Kept) -> Path:
     """
     folder, study = kept.asked.folder, kept.asked.study
     folder.mkdir(parents=True, exist_ok=True)
-    replace_file(folder / TABLE, markdown(kept).encode())
+    replace_file(folder / TABLE_FILE, markdown(kept).encode())
     for fit in study.fits if len(kept.outcomes) >= kept.asked.count else ():
         found = dict(fit.of(kept.outcomes))
         found["source"] = f"{found.get('source', '')} {progress(kept)}".strip()
@@ -65,7 +65,7 @@ def page_of(kept: Kept) -> str:
 def points(kept: Kept) -> str:
     """The first quantity of every case, a line a group; SVG."""
     quantity, groups = kept.asked.study.quantities[0], group(kept)
-    with canvas(WIDTH, 0.7 + ROW * len(groups)) as figure:
+    with canvas(PAGE_WIDTH, 0.7 + ROW_HEIGHT * len(groups)) as figure:
         axes = figure.add_subplot()
         for line, (name, some) in enumerate(groups.items()):
             values = quantity.scale * np.concatenate(samples(some, quantity.value))

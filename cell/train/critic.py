@@ -20,7 +20,7 @@ from policies.adaptive.train.settings import CriticSettings
 from policies.adaptive.train.training import CriticTraining
 from policies.domain import grid
 from policies.rollout import Rollout, roll_out
-from policies.sensing import IMAGES
+from policies.sensing import IMAGE_SENSING
 
 
 def train_critic(
@@ -60,7 +60,7 @@ def fold_row(
 ) -> Array:
     """Displacements (side,) [m] of one row of the grid: a pure function."""
     strips = grid(side)[row * side : (row + 1) * side]
-    rollout = Rollout(speed=settings.speed, sensing=IMAGES, substeps=4)
+    rollout = Rollout(speed=settings.speed, sensing=IMAGE_SENSING, substeps=4)
     rng = np.random.default_rng([settings.seed, row])
     models = [describe(strip) for strip in strips]
     with threadpool_limits(1, user_api="blas"):

@@ -15,7 +15,7 @@ from policies.train.search import Progress
 
 RECENT = 30  # generations from which the time left is text
 LINES = 20  # text of a whole training where there is no screen
-NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
+ENGINE_NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
 
 
 class Meter:
@@ -77,5 +77,5 @@ def show(evaluations: Sequence[Evaluation], console: Console) -> None:
         table.add_column(name, justify="right")
     for each in evaluations:
         numbers = [f"{1e3 * value:.1f}" for value in (each.mean, each.most, each.worst)]
-        table.add_row(NAMES[each.engine], *numbers, str(each.untouched))
+        table.add_row(ENGINE_NAMES[each.engine], *numbers, str(each.untouched))
     console.print(table)

@@ -14,7 +14,7 @@ from drivers.protocols import Clock
 from drivers.types import ArmState, Array, Pose, Velocity, frozen
 
 SOURCE = "fci arm"
-ROUNDING = 1e-6  # of a tick, between the clock's time and whole ticks
+TICK_ROUNDING = 1e-6  # of a tick, between the clock's time and whole ticks
 
 
 class FciArm:
@@ -138,7 +138,7 @@ class FciArm:
         """In lock-step, advance the robot to the clock's time."""
         if not bridge.lock_step:
             return
-        due = int((self._clock.now() - self._begun) / TICK + ROUNDING)
+        due = int((self._clock.now() - self._begun) / TICK + TICK_ROUNDING)
         if due > bridge.ticks:
             bridge.advance(due)
 

@@ -11,7 +11,7 @@ from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Kind, Order, Repor
 from drivers.arm.process import Task, run
 from drivers.errors import Fault
 
-ENDING = 1.5  # s for the arm to come to rest and the process to end
+ENDING_TIMEOUT = 1.5  # s for the arm to come to rest and the process to end
 SENDING = 20.0  # s for what is left to say once the arm rests
 
 
@@ -95,10 +95,10 @@ class Bridge:
         if self._failure is None:
             with suppress(OSError, EOFError, Fault):
                 self._pipe.send_bytes(encode({"close": True}))
-                self._answer(ENDING)
+                self._answer(ENDING_TIMEOUT)
                 if self._pipe.poll(SENDING):
                     self.joints = joint_rows(self._pipe.recv_bytes())
-        self._process.join(ENDING)
+        self._process.join(ENDING_TIMEOUT)
         self._kill()
         self._pipe.close()
 
@@ -109,7 +109,7 @@ class Bridge:
                 self._fail(Cause.SILENT, f"the robot did not answer within {patience:.1f} s")
             answer = decode(self._pipe.recv_bytes())
         except (EOFError, OSError):
-            self._process.join(ENDING)
+            self._process.join(ENDING_TIMEOUT)
             code = self._process.exitcode
             self._fail(Cause.LOST, f"the process of the arm ended by itself, code {code}")
         self.timing = answer.get("timing", self.timing)
@@ -125,4 +125,4 @@ class Bridge:
     def _kill(self) -> None:
         if self._process.is_alive():
             self._process.kill()
-            self._process.join(ENDING)
+            self._process.join(ENDING_TIMEOUT)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from drivers.arm.failure import Cause, Failed, Failure
-from drivers.arm.way import UNHEARD, Course, go_on
+from drivers.arm.way import ROUNDING, Course, go_on
 from drivers.arm.whereabouts import largest_difference
 from drivers.franka.kinematics import forward, pose_and_jacobian
 from drivers.franka.tracking import ELBOW_JOINT, joint_step
@@ -94,7 +94,7 @@ class ByJoints:
             self._here = go_on(self._here, self._sent, state, ticks)
         here = self._here
         off = max(abs(a - b) for a, b in zip(here.place, self._sent, strict=True))
-        if self._sent_pose is not None and ticks == 1 and off < UNHEARD:
+        if self._sent_pose is not None and ticks == 1 and off < ROUNDING:
             self._trail = [self._sent_pose, *self._trail[:2]]
         else:
             self._ahead = self._own_clock and not first
@@ -134,7 +134,7 @@ class ByJoints:
         expected, self._ahead = self._here or Course([], [], []), False
         before, self._time = self._time, state.time.to_sec()
         away = largest_difference(expected.place, state.q_d)
-        if round((self._time - before) / TICK) == 1 and away < UNHEARD:
+        if round((self._time - before) / TICK) == 1 and away < ROUNDING:
             return True
         self._here = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
         self._sent, self._sent_pose = self._here.place, None

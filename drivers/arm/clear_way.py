@@ -14,16 +14,19 @@ from drivers.franka.kinematics import jacobian
 from drivers.installation import Installation
 from drivers.types import Array, frozen
 
-MARGIN = 0.03  # m that the arm keeps from everything, tracking and the shapes' own errors included
-DENSE = 0.03  # rad at most between postures that are looked at
-SLACK = 1e-3  # m by which a way may come nearer where it begins or ends too near
-UP, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one leg upward, and heights that are tried
-STEP, DAMPING, ROOM = 0.005, 0.02, 0.03  # m, of the inverse, rad from a joint's end
+# m that the arm keeps from everything, tracking and the shapes' own errors included
+ARM_CLEARANCE = 0.03
+POSTURE_SPACING = 0.03  # rad at most between postures that are looked at
+CLEARANCE_TOLERANCE = 1e-3  # m by which a way may come nearer where it begins or ends too near
+LEG_RISE, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one leg upward, and heights that are tried
+WAY_STEP = 0.005  # m
+INVERSE_DAMPING = 0.02  # of the inverse
+JOINT_ROOM = 0.03  # rad from a joint's end
 UPRIGHT = frozen([0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398])  # rad, over everything
 
 # Of the cell, in its frame [m]: the desk ends where the gripper's workspace does; the clamp of the
 # fixed edge stands no higher than this. Both are to be checked by hand on the first day.
-BESIDE, CLAMP_LENGTH, CLAMP_HEIGHT, DEEP, FAR = 0.3, 0.08, 0.04, 1.0, 3.0
+DESK_EDGE, CLAMP_LENGTH, CLAMP_HEIGHT, DESK_DEPTH, FLOOR_SIZE = 0.3, 0.08, 0.04, 1.0, 3.0
 UNDER = 0.1  # m under the desk: published shapes of the wrist reach 9 cm below a hand lying flat
 
 
@@ -31,16 +34,16 @@ def solids_of(installation: Installation) -> Solids:
     """Desk, clamp and floor, as the mounting places them."""
     end = installation.workspace.x[1]
     boxes = (
-        Box("desk", (-CLAMP_LENGTH, -BESIDE, -DEEP), (end, BESIDE, 0.0)),
-        Box("clamp", (-CLAMP_LENGTH, -BESIDE, 0.0), (0.0, BESIDE, CLAMP_HEIGHT)),
-        Box("floor", (-FAR, -FAR, -FAR), (FAR, FAR, -RISE)),
+        Box("desk", (-CLAMP_LENGTH, -DESK_EDGE, -DESK_DEPTH), (end, DESK_EDGE, 0.0)),
+        Box("clamp", (-CLAMP_LENGTH, -DESK_EDGE, 0.0), (0.0, DESK_EDGE, CLAMP_HEIGHT)),
+        Box("floor", (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE), (FLOOR_SIZE, FLOOR_SIZE, -RISE)),
     )
     return Solids(installation.mounting.transform().matrix, boxes)
 
 
 def floor_of(installation: Installation) -> Solids:
     """The solids that no part of the arm may enter, not even the wrist of a low hand."""
-    floor = Box("floor", (-FAR, -FAR, -FAR), (FAR, FAR, -UNDER))
+    floor = Box("floor", (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE), (FLOOR_SIZE, FLOOR_SIZE, -UNDER))
     return Solids(installation.mounting.transform().matrix, [floor])
 
 
@@ -74,13 +77,13 @@ def _around(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
 
 def _rise(joints: Array, up: Array, rise: float) -> list[Array]:
     """Joints (7,) on the way straight `up` (3,) by `rise` [m], as far as the arm reaches."""
-    points, twist = [], np.concatenate([STEP * up, np.zeros(3)])
+    points, twist = [], np.concatenate([WAY_STEP * up, np.zeros(3)])
     here = joints
-    for step in range(1, 1 + round(rise / STEP)):
-        here = here + damped_inverse(jacobian(here), DAMPING) @ twist
-        if limits.margins(here).min() < ROOM:
+    for step in range(1, 1 + round(rise / WAY_STEP)):
+        here = here + damped_inverse(jacobian(here), INVERSE_DAMPING) @ twist
+        if limits.margins(here).min() < JOINT_ROOM:
             break
-        if step % round(UP / STEP) == 0:
+        if step % round(LEG_RISE / WAY_STEP) == 0:
             points.append(here)
     return points
 
@@ -89,7 +92,7 @@ def _objection(points: Sequence[Array], solids: Solids) -> str:
     """What the arm would meet on the way through `points`, each (7,); empty for nothing."""
     legs = []
     for a, b in pairwise(points):
-        count = 2 + int(np.abs(b - a).max() / DENSE)
+        count = 2 + int(np.abs(b - a).max() / POSTURE_SPACING)
         legs.append(np.linspace(a, b, count))
     way = np.concatenate(legs)
     gaps = np.column_stack([apart(way), solids.clearance(way)])
@@ -104,13 +107,13 @@ def _noun(name: str) -> str:
 
 
 def _keeps_clear(gap: Array) -> bool:
-    """Whether distances (n,) [m] along a way stay above MARGIN; an arm that begins nearer may
-    leave, one that ends nearer may approach.
+    """Whether distances (n,) [m] along a way stay above ARM_CLEARANCE; an arm that begins nearer
+    may leave, one that ends nearer may approach.
     """
-    clear = np.flatnonzero(gap >= MARGIN)
+    clear = np.flatnonzero(gap >= ARM_CLEARANCE)
     if not len(clear):
         return False
     first, last = clear[0], clear[-1]
-    leaves = (np.diff(gap[: first + 1]) > -SLACK).all()
-    comes = (np.diff(gap[last:]) < SLACK).all()
-    return bool(leaves and comes and (gap[first : last + 1] >= MARGIN).all())
+    leaves = (np.diff(gap[: first + 1]) > -CLEARANCE_TOLERANCE).all()
+    comes = (np.diff(gap[last:]) < CLEARANCE_TOLERANCE).all()
+    return bool(leaves and comes and (gap[first : last + 1] >= ARM_CLEARANCE).all())

@@ -6,7 +6,7 @@ from drivers.types import Array
 
 # Behind the finger tips along the approach axis, and half the thickness there [m]: the palm of the
 # Franka Hand at its front and back, and the flange. Source: its data sheet, rounded up.
-BODY = ((0.037, 0.032), (0.07, 0.032), (0.103, 0.05), (0.2, 0.05))
+HAND_BODY = ((0.037, 0.032), (0.07, 0.032), (0.103, 0.05), (0.2, 0.05))
 RISE = 0.06  # m that a desk must stand above what is beside it, for a hand that lies flat
 
 
@@ -18,7 +18,7 @@ def desk_clearance(poses: Array, length: float) -> Array:
     """
     x, z, pitch = poses.T
     lowest = np.full(len(poses), np.inf)
-    for behind, half in BODY:
+    for behind, half in HAND_BODY:
         for side in (-half, half):
             across = x + behind * np.cos(pitch) - side * np.sin(pitch)
             height = z + behind * np.sin(pitch) + side * np.cos(pitch)

@@ -2,8 +2,8 @@
 
 from drivers.motion import TICK
 
-FADE = 100  # ticks until the hand is back in the plane
-NONE = (0.0, 0.0, 0.0)
+FADE_TICKS = 100  # ticks until the hand is back in the plane
+NO_OFFSET = (0.0, 0.0, 0.0)
 
 Numbers = list[float]
 
@@ -17,10 +17,10 @@ class Departure:
     """
 
     def __init__(self) -> None:
-        self._place: Numbers = list(NONE)
-        self._rate: Numbers = list(NONE)
-        self._change: Numbers = list(NONE)
-        self._age = FADE
+        self._place: Numbers = list(NO_OFFSET)
+        self._rate: Numbers = list(NO_OFFSET)
+        self._change: Numbers = list(NO_OFFSET)
+        self._age = FADE_TICKS
 
     def begin(self, place: Numbers, rate: Numbers, change: Numbers) -> None:
         """Fade from `place` (3,) [m, rad, rad] and its first two derivatives."""
@@ -29,10 +29,10 @@ class Departure:
 
     def tick(self) -> tuple[float, float, float]:
         """Advance by one period; the three values at its end."""
-        if self._age >= FADE:
-            return NONE
+        if self._age >= FADE_TICKS:
+            return NO_OFFSET
         self._age += 1
-        share, duration = self._age / FADE, FADE * TICK
+        share, duration = self._age / FADE_TICKS, FADE_TICKS * TICK
         left = (1.0 - share) ** 3
         weights = (
             left * (1.0 + 3.0 * share + 6.0 * share**2),

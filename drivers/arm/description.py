@@ -12,14 +12,14 @@ from drivers.franka import limits
 
 PORT = 1337
 LIBRARY_VERSION = 10  # of the robot's interface that pylibfranka 0.21 speaks
-PATIENCE = 1.0  # s for each answer
-LONGEST = 1 << 20  # bytes of a description
-CONNECT, GET_MODEL = 0, 11
+ANSWER_TIMEOUT = 1.0  # s for each answer
+LARGEST_DESCRIPTION = 1 << 20  # bytes of a description
+CONNECT_COMMAND, GET_MODEL = 0, 11
 SLACK = 1e-3  # rad, rad/s, rad/s^2 by which a limit may be narrower than the cell's
 
 # Attribute of the description, what the cell assumes (7,), and whether the robot's must reach it
 # from below (+1: at least so large) or from above (-1: at most so large).
-ASSUMED = (
+ASSUMED_LIMITS = (
     ("limit", "lower", limits.POSITION_LOW, -1),
     ("limit", "upper", limits.POSITION_HIGH, 1),
     ("limit", "velocity", limits.VELOCITY, 1),
@@ -37,11 +37,11 @@ def read_description(address: str) -> str | None:
     with (
         suppress(OSError),
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as states,
-        socket.create_connection((address, PORT), PATIENCE) as link,
+        socket.create_connection((address, PORT), ANSWER_TIMEOUT) as link,
     ):
         states.bind((link.getsockname()[0], 0))
         port = states.getsockname()[1]
-        link.sendall(struct.pack("<IIIHH", CONNECT, 1, 16, LIBRARY_VERSION, port))
+        link.sendall(struct.pack("<IIIHH", CONNECT_COMMAND, 1, 16, LIBRARY_VERSION, port))
         if _reply(link)[:1] == b"\0":
             link.sendall(struct.pack("<III", GET_MODEL, 2, 12))
             reply = _reply(link)
@@ -64,7 +64,7 @@ def require_limits(description: str) -> None:
     narrower = [
         f"joint {number + 1}: {name} is {value:g}, the cell plans with {wanted[number]:g}"
         for number in range(7)
-        for tag, name, wanted, sign in ASSUMED
+        for tag, name, wanted, sign in ASSUMED_LIMITS
         if not sign * ((value := _number(joints, number, tag, name)) - wanted[number]) >= -SLACK
     ]
     if narrower:
@@ -83,9 +83,9 @@ def _number(joints: dict[str, ElementTree.Element], number: int, tag: str, name:
 
 def _reply(link: socket.socket) -> bytes:
     """Content of the next reply; OSError where it does not come or is too long."""
-    link.settimeout(PATIENCE)
+    link.settimeout(ANSWER_TIMEOUT)
     size = struct.unpack("<III", _exactly(link, 12))[2]
-    if not 12 < size <= LONGEST:
+    if not 12 < size <= LARGEST_DESCRIPTION:
         raise OSError(f"a reply of {size} bytes")
     return _exactly(link, size - 12)
 

@@ -15,7 +15,7 @@ from drivers.arm.retreat import retreat
 from drivers.arm.scheduling import schedule
 from drivers.arm.way import follow_joints
 
-LONGEST = 180.0  # s of an errand
+ERRAND_TIMEOUT = 180.0  # s of an errand
 
 
 def go_to(
@@ -53,8 +53,8 @@ def _carried_out(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
     process.start()
     theirs.close()
     try:
-        if not pipe.poll(LONGEST):
-            raise Failure(Cause.SILENT, f"the errand took more than {LONGEST:.0f} s").fault()
+        if not pipe.poll(ERRAND_TIMEOUT):
+            raise Failure(Cause.SILENT, f"the errand took more than {ERRAND_TIMEOUT:.0f} s").fault()
         answer = decode(pipe.recv_bytes())
     except (EOFError, OSError):
         raise Failure(Cause.LOST, "the process of the arm ended by itself").fault() from None

@@ -13,11 +13,11 @@ from drivers.types import Array, Pose, Velocity
 
 JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
 NEWTON = 3  # steps from one look to the next
-REACHED = 1e-3  # m or rad
+POSE_TOLERANCE = 1e-3  # m or rad
 REACTION = 0.015  # s until a braking is under way
-FAST = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
+VELOCITY_SHARE = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
 ACCELERATION_SHARE = 0.9  # of a joint's in a motion; the rest is for what changes on the way
-SPARE = 1.6  # of a joint's acceleration, if all axes changed at once in the worst directions
+CHANGE_SHARE = 1.6  # of a joint's acceleration, if all axes changed at once in the worst directions
 
 
 class Soon(NamedTuple):
@@ -32,10 +32,11 @@ class ReachGuard:
     """Looks at the commanded motion a moment later, and at where it would rest if it braked then.
 
     The elbow is taken to stay where the motion began. At both places each joint must have room, and
-    what the motion asks of it, curvature included, must lie within FAST of its velocity and SHARE
-    of its acceleration; what braking would ask, within its acceleration. So the arm can brake,
-    whatever is commanded next. Where a change of all axes at once in the worst directions would ask
-    SPARE of a joint's acceleration, it does not go: there hardly any command could be followed.
+    what the motion asks of it, curvature included, must lie within VELOCITY_SHARE of its velocity
+    and ACCELERATION_SHARE of its acceleration; what braking would ask, within its acceleration. So
+    the arm can brake, whatever is commanded next. Where a change of all axes at once in the worst
+    directions would ask CHANGE_SHARE of a joint's acceleration, it does not go: there hardly any
+    command could be followed.
     """
 
     def __init__(self, plane: StripPlane, motion: MotionLimits, joints: list[float]) -> None:
@@ -75,7 +76,7 @@ class ReachGuard:
                 np.abs(here @ change + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
                 np.abs(here @ braking + bending) / limits.ACCELERATION,
                 np.abs(there @ braking) / limits.ACCELERATION,
-                np.abs(there) @ self._most / limits.ACCELERATION / SPARE,
+                np.abs(there) @ self._most / limits.ACCELERATION / CHANGE_SHARE,
             ]
         )
         if asked.max() > 1.0:
@@ -91,14 +92,14 @@ class ReachGuard:
             reached, jac = pose_and_jacobian(joints)
             step = joint_step(joints, reached, jac, target, self._elbow)
             joints = joints + step
-        if not float(np.abs(step).max()) < REACHED:
+        if not float(np.abs(step).max()) < POSE_TOLERANCE:
             return joints, None
         return joints, joint_rates(jac, self._twists)
 
     def _haste(self, rates: Array) -> Array:
         """Joint `rates` (7,) [rad/s] as shares of what is allowed; 1 is the most."""
         low, high = limits.velocity_bounds(self._soon)
-        return np.asarray(np.maximum(rates / high, rates / low) / FAST, dtype=np.float64)
+        return np.asarray(np.maximum(rates / high, rates / low) / VELOCITY_SHARE, dtype=np.float64)
 
 
 def _twists(plane: StripPlane) -> Array:

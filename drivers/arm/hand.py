@@ -12,10 +12,10 @@ from drivers.protocols import Clock
 from drivers.types import HandState
 
 SOURCE = "fci hand"
-PATIENCE = 1.0  # s to connect
+CONNECT_TIMEOUT = 1.0  # s to connect
 STALE = 64  # datagrams taken at once
 UNSTOPPED = 0.25  # s after which a stop that changed nothing is sent again
-STOPS = 3  # of them, after which the hand is given up
+MOST_STOPS = 3  # of them, after which the hand is given up
 
 Motion = Callable[[int], bytes]  # a request, made of its number
 
@@ -138,11 +138,12 @@ class FciHand:
         if self._stop_sent is None or self._clock.now() - self._stop_sent < UNSTOPPED:
             return
         self._stop_sent = None
-        if self._stops >= STOPS:
+        if self._stops >= MOST_STOPS:
             self._stops = 0
             raise Fault(
                 "hand_not_stopped",
-                f"the hand at {self._address} goes on after {STOPS} stops; look at it and at Desk",
+                f"the hand at {self._address} goes on after {MOST_STOPS} stops; look at it and "
+                "at Desk",
             )
         self._interrupt()
 
@@ -217,7 +218,7 @@ class FciHand:
 def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
     """Connections (TCP and UDP) to the hand at `address`, and its first state."""
     udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    tcp = socket.create_connection((address, wire.PORT), PATIENCE)
+    tcp = socket.create_connection((address, wire.PORT), CONNECT_TIMEOUT)
     with suppress(OSError):
         tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     udp.bind((tcp.getsockname()[0], 0))
@@ -232,9 +233,9 @@ def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
         raise Fault(
             "hand_version",
             f"the hand at {address} speaks version {answers[0].version} of its interface, "
-            f"the cell speaks {wire.VERSION}; update the robot's system image or the cell",
+            f"the cell speaks {wire.PROTOCOL_VERSION}; update the robot's system image or the cell",
         )
-    udp.settimeout(PATIENCE)
+    udp.settimeout(CONNECT_TIMEOUT)
     while (first := wire.state(udp.recv(256))) is None:
         continue
     tcp.setblocking(False)

@@ -8,10 +8,10 @@ import struct
 from dataclasses import dataclass
 from enum import IntEnum
 
-VERSION = 3
+PROTOCOL_VERSION = 3
 PORT = 1338
 HEADER = struct.Struct("<HII")
-STATE = struct.Struct("<IddBH")
+STATE_PACKET = struct.Struct("<IddBH")
 
 
 class Command(IntEnum):
@@ -60,7 +60,7 @@ def request(command: Command, number: int, payload: bytes = b"") -> bytes:
 
 def connect(number: int, port: int) -> bytes:
     """Request to connect, with states sent to UDP `port`."""
-    return request(Command.CONNECT, number, struct.pack("<HH", VERSION, port))
+    return request(Command.CONNECT, number, struct.pack("<HH", PROTOCOL_VERSION, port))
 
 
 def homing(number: int) -> bytes:
@@ -95,7 +95,7 @@ def replies(received: bytearray) -> list[Reply]:
 
 def state(packet: bytes) -> Fingers | None:
     """The state in a datagram; None when the datagram is not a state."""
-    if len(packet) != STATE.size:
+    if len(packet) != STATE_PACKET.size:
         return None
-    number, width, widest, grasped, _ = STATE.unpack(packet)
+    number, width, widest, grasped, _ = STATE_PACKET.unpack(packet)
     return Fingers(number, width, widest, bool(grasped))

@@ -21,11 +21,12 @@ from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile
 from drivers.types import Pose, Velocity
 
-FIRST = 20  # commands at most until the robot has heard one
+MOST_UNHEARD_COMMANDS = 20  # commands at most until the robot has heard one
 TICKS_BETWEEN_LOOKS = 10  # ticks between looks ahead
 VELOCITY_STATES = 8  # states over which the velocity is measured
-REST = (1e-4, 3e-4)  # m/s and rad/s of its setpoint at which a robot may be commanded to stand
-SLOW = 0.01  # m/s and rad/s
+# m/s and rad/s of its setpoint at which a robot may be commanded to stand
+REST_SPEEDS = (1e-4, 3e-4)
+SLOW_SPEED = 0.01  # m/s and rad/s
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
@@ -99,7 +100,7 @@ class Loop:
 
     def _heard(self, state: Any) -> Any:
         """Repeat the present pose until the robot follows commands; its state then."""
-        for _ in range(FIRST):
+        for _ in range(MOST_UNHEARD_COMMANDS):
             self._robot.write_pose(self._motion, state.O_T_EE_c)
             state = self._robot.read(self._motion)
             if state.control_command_success_rate > 0:
@@ -270,7 +271,7 @@ def rehearse(installation: Installation) -> None:
     x, z, pitch = (0.5 * (low + high) for low, high in zip(space.low, space.high, strict=True))
     profile = MotionProfile(limits, space, Pose(x, z, pitch))
     guard = ReachGuard(plane, limits, HOME.tolist())
-    profile.set_velocity(Velocity(SLOW, SLOW, SLOW))
+    profile.set_velocity(Velocity(SLOW_SPEED, SLOW_SPEED, SLOW_SPEED))
     for _ in range(TICKS_BETWEEN_LOOKS):
         x, z, pitch = profile.tick()
         plane.command(x, z, pitch, Departure().tick())
@@ -281,7 +282,7 @@ def rehearse(installation: Installation) -> None:
 def at_rest(state: Any) -> bool:
     """Whether the robot's setpoint stands still, up to what one tick can take off smoothly."""
     twist = state.O_dP_EE_c
-    return hypot(*twist[:3]) < REST[0] and hypot(*twist[3:]) < REST[1]
+    return hypot(*twist[:3]) < REST_SPEEDS[0] and hypot(*twist[3:]) < REST_SPEEDS[1]
 
 
 def plane_of(installation: Installation, pose: list[float]) -> StripPlane:

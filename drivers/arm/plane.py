@@ -5,7 +5,7 @@ from math import atan2, cos, pi, sin
 
 import numpy as np
 
-from drivers.arm.departure import NONE
+from drivers.arm.departure import NO_OFFSET
 from drivers.franka.tracking import rotation, rotation_vector
 from drivers.geometry import CellInRobot
 from drivers.types import Array
@@ -58,7 +58,7 @@ class StripPlane:
         self._rest = np.asarray(rest, dtype=np.float64)
         self._back = np.asarray(np.linalg.inv(rest), dtype=np.float64)
 
-    def command(self, x: float, z: float, pitch: float, aside: Triple = NONE) -> Numbers:
+    def command(self, x: float, z: float, pitch: float, aside: Triple = NO_OFFSET) -> Numbers:
         """The hand's pose in the base as 16 numbers, column-major, as the robot takes it.
 
         `aside` leaves the plane: an offset across it [m], angles [rad] about its x and z axes.

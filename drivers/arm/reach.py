@@ -12,15 +12,15 @@ from drivers.franka.kinematics import HOME, jacobian, pose_and_jacobian
 from drivers.franka.limits import margins, velocity_bounds
 from drivers.franka.tracking import ELBOW_JOINT, joint_step
 from drivers.installation import Installation
-from drivers.types import STILL, Array, Pose, Velocity, frozen
+from drivers.types import ZERO_VELOCITY, Array, Pose, Velocity, frozen
 
 POSE_STEP = 0.01  # m along the path, and rad / 5 of pitch, between poses that are solved
 JOINT_MARGIN = 0.05  # rad that every joint keeps from its ends
 SINGULAR = 0.02  # smallest singular value of the Jacobian that is allowed
 VELOCITY_SHARE = 0.9  # of a joint's allowed velocity
-NEWTON, REACHED = 12, 1e-6  # iterations; m or rad that may be missing after them
+NEWTON_ITERATIONS, POSE_TOLERANCE = 12, 1e-6  # iterations; m or rad that may be missing after them
 HANGING = np.pi / 2 - 1e-6  # rad of pitch, from the end of the lift on
-ENOUGH = 5  # problems of one way, after which it is given up
+MOST_PROBLEMS = 5  # problems of one way, after which it is given up
 ELBOWS = (-1.2, -0.9, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 0.9, 1.2)  # rad of joint 3, tried
 
 
@@ -117,7 +117,7 @@ def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) ->
         reason = _objection(joints, there, time)
         if reason:
             problems.append(Problem(x, z, pitch, reason))
-        if len(problems) >= ENOUGH:
+        if len(problems) >= MOST_PROBLEMS:
             break
         joints, count = there, count + 1
     return Reach(plane.turned, start, least[0], least[1] + 1, count, tuple(problems))
@@ -134,7 +134,7 @@ def _first_braking(
     poses, times = dense(path, speeds)
     rates = np.diff(poses, axis=0) / times[1:, None]
     for (x, z, pitch), rate in zip(poses.tolist(), rates.tolist(), strict=False):
-        reason = guard.objection(Soon(Pose(x, z, pitch), Velocity(*rate), STILL))
+        reason = guard.objection(Soon(Pose(x, z, pitch), Velocity(*rate), ZERO_VELOCITY))
         if reason and pitch > 0.0:
             return Problem(x, z, pitch, reason)
     return None
@@ -146,11 +146,11 @@ def _furthest(way: Reach) -> tuple[bool, float]:
 
 def _track_pose(joints: Array, pose: Array, elbow: float) -> Array | None:
     """Joints (7,) near `joints` at `pose` (4, 4) with the elbow at `elbow` [rad]; None if none."""
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_ITERATIONS):
         reached, jac = pose_and_jacobian(joints)
         step = joint_step(joints, reached, jac, pose, elbow)
         joints = joints + step
-        if float(np.abs(step).max()) < REACHED:
+        if float(np.abs(step).max()) < POSE_TOLERANCE:
             return joints
     return None
 
@@ -174,7 +174,7 @@ def _objection(joints: Array, there: Array, time: float) -> str:
 
 
 def dense(path: Array, speeds: Array) -> tuple[Array, Array]:
-    """Poses (m, 3) along `path` at most STEP apart, and the time [s] from each to the next."""
+    """Poses (m, 3) along `path` at most POSE_STEP apart, and the time [s] from each to the next."""
     poses, times = [path[:1]], [np.array([1.0])]
     for here, there, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
         way = float(np.hypot(*(there - here)[:2]))

@@ -16,11 +16,11 @@ from drivers.types import Array
 
 AWAY = 0.03  # m at most
 PLACE_STEP = 0.001  # m between the places that are solved
-RISE = 8.0  # N by which the force may rise meanwhile
+FORCE_RISE = 8.0  # N by which the force may rise meanwhile
 SPEED_SHARE = 0.05  # share of the joints' speed
 FREE = 0.3  # share of the allowed force at rest from which the arm counts as free
 JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
-DAMPING = 0.02
+INVERSE_DAMPING = 0.02
 
 
 def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None:
@@ -37,7 +37,7 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None
         return
     goal = _beside(np.array(state.q), force / size)
     robot.configure(_loosen(settings.collision, size))
-    guard = ForceGuard(size + RISE)
+    guard = ForceGuard(size + FORCE_RISE)
 
     def free(now: Any) -> bool:
         return float(np.linalg.norm(now.O_F_ext_hat_K[:3])) < FREE * settings.rest
@@ -56,7 +56,7 @@ def _beside(joints: Array, direction: Array) -> Array:
     """Joints (7,) [rad] that move the tip by AWAY along `direction` (3,) without turning it."""
     twist = np.concatenate([PLACE_STEP * direction, np.zeros(3)])
     for _ in range(round(AWAY / PLACE_STEP)):
-        joints = joints + damped_inverse(jacobian(joints), DAMPING) @ twist
+        joints = joints + damped_inverse(jacobian(joints), INVERSE_DAMPING) @ twist
     if limits.margins(joints).min() < JOINT_MARGIN:
         words = "no way leads out of the contact: a joint is at its end; free the arm by hand"
         raise Failed(Failure(Cause.PRESSED, words))
@@ -66,7 +66,7 @@ def _beside(joints: Array, direction: Array) -> Array:
 def _loosen(collision: CollisionSettings, force: float) -> CollisionSettings:
     """Thresholds under which the arm may move while it is pressed with `force` [N]."""
     upper = {
-        "force_upper": min(max(collision.force_upper, 2 * force + RISE), 100.0),
+        "force_upper": min(max(collision.force_upper, 2 * force + FORCE_RISE), 100.0),
         "moment_upper": min(2 * collision.moment_upper, 100.0),
         "torque_upper": min(2 * collision.torque_upper, 87.0),
     }

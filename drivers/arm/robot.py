@@ -16,10 +16,10 @@ from drivers.arm.description import LIBRARY_VERSION, PORT, read_description, req
 from drivers.arm.failure import Cause, Failed, Failure, one_line
 from drivers.arm.force import ForceGuard, Tare
 from drivers.arm.settings import CollisionSettings, FciSettings
-from drivers.arm.tool import UNIT, require_tool
+from drivers.arm.tool import IDENTITY, require_tool
 
-TARED = 50  # states, of which the force at rest is the mean
-PROBE = 0.5  # s for a robot to send its version
+TARE_STATES = 50  # states, of which the force at rest is the mean
+VERSION_TIMEOUT = 0.5  # s for a robot to send its version
 AWAITED = 5e-5  # s that reading a state takes which is waited for; one at hand takes 2e-5
 
 CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
@@ -32,7 +32,7 @@ CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
     (franka.FrankaException, Cause.LIBRARY),
     (RuntimeError, Cause.NETWORK),  # what the library raises once its connection is gone
 )
-ERRORS = tuple(name for name in dir(franka.Errors) if not name.startswith("_"))
+ERROR_NAMES = tuple(name for name in dir(franka.Errors) if not name.startswith("_"))
 
 
 class Motion(Protocol):
@@ -86,8 +86,8 @@ class Robot:
     def reset_tool(self) -> None:
         """Set end effector and stiffness frame to the nominal ones, and no load."""
         with _library_errors(self._stop_reason):
-            self._robot.set_EE(UNIT)
-            self._robot.set_K(UNIT)
+            self._robot.set_EE(IDENTITY)
+            self._robot.set_K(IDENTITY)
             self._robot.set_load(0.0, [0.0] * 3, [0.0] * 9)
 
     def configure(self, collision: CollisionSettings) -> None:
@@ -100,7 +100,7 @@ class Robot:
 
     def guard(self) -> ForceGuard:
         """The guards of a motion from here; Failed where the robot feels too much at rest."""
-        states = [self.state() for _ in range(TARED)]
+        states = [self.state() for _ in range(TARE_STATES)]
         settings = self._settings
         tare = Tare.of(states, settings.rest)
         return ForceGuard(settings.guard, settings.guard_torque, tare)
@@ -157,7 +157,7 @@ def failure_in(state: Any) -> Failure | None:
 
 def _flags(flagged: Any) -> tuple[str, ...]:
     """Names of the errors that are set."""
-    return tuple(name for name in ERRORS if getattr(flagged, name))
+    return tuple(name for name in ERROR_NAMES if getattr(flagged, name))
 
 
 @contextmanager
@@ -202,8 +202,8 @@ def _mismatch(address: str) -> Failure | None:
 def robot_version(address: str) -> int | None:
     """Interface version that a robot answers with; None when it does not answer."""
     request = struct.pack("<IIIHH", 0, 1, 16, LIBRARY_VERSION, 0)
-    with suppress(OSError), socket.create_connection((address, PORT), PROBE) as link:
-        link.settimeout(PROBE)
+    with suppress(OSError), socket.create_connection((address, PORT), VERSION_TIMEOUT) as link:
+        link.settimeout(VERSION_TIMEOUT)
         link.sendall(request)
         reply = b""
         while len(reply) < 15 and (more := link.recv(64)):

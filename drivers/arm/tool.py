@@ -11,9 +11,9 @@ from drivers.franka.kinematics import FLANGE_TO_TIP
 from drivers.franka.tracking import rotation_vector
 from drivers.types import Array
 
-PLACE, ANGLE = 5e-4, 5e-3  # m and rad by which frames may differ
-MASS, CENTRE = 0.02, 5e-3  # kg and m, likewise
-UNIT = np.eye(4).ravel().tolist()
+PLACE_TOLERANCE, ANGLE_TOLERANCE = 5e-4, 5e-3  # m and rad by which frames may differ
+MASS_TOLERANCE, CENTRE_TOLERANCE = 0.02, 5e-3  # kg and m, likewise
+IDENTITY = np.eye(4).ravel().tolist()
 IN_DESK = "set end effector Franka Hand in Desk"
 BY_RESET = "see what is mounted; if only the hand is, `cell home --reset-tool` sets it back"
 
@@ -52,10 +52,10 @@ def tool_differences(state: Any, tool: ToolSettings) -> list[Difference]:
     found += [
         Difference(what, f"{mass:.2f} kg", f"{stated:.2f} kg", remedy)
         for what, mass, stated, remedy in masses
-        if not abs(mass - stated) <= MASS
+        if not abs(mass - stated) <= MASS_TOLERANCE
     ]
     off = np.abs(np.array(state.F_x_Cee) - tool.centre).max()
-    if not off <= CENTRE:
+    if not off <= CENTRE_TOLERANCE:
         here, wanted = (_place_text(np.array(place)) for place in (state.F_x_Cee, tool.centre))
         found.append(Difference("the hand's centre of mass", here, wanted, IN_DESK))
     return found
@@ -80,7 +80,7 @@ def _matrix(columns: Any) -> Array:
 def _same_frame(one: Array, other: Array) -> bool:
     turn = rotation_vector(one[:3, :3] @ other[:3, :3].T)
     apart = np.abs(one[:3, 3] - other[:3, 3]).max()
-    return bool(apart <= PLACE and np.abs(turn).max() <= ANGLE)  # False for NaN
+    return bool(apart <= PLACE_TOLERANCE and np.abs(turn).max() <= ANGLE_TOLERANCE)  # False for NaN
 
 
 def _frame_text(frame: Array) -> str:

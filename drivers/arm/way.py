@@ -16,12 +16,14 @@ from drivers.arm.force import ForceGuard
 from drivers.arm.whereabouts import largest_difference
 from drivers.motion import TICK
 
-JOINTS = 7
-SPEED, ACCELERATION, JERK = 0.5, 1.5, 50.0  # rad/s, rad/s^2, rad/s^3 at full speed
-UNHEARD = 3e-7  # rad: more than the rounding of the state
-SAME = 1e-6  # rad/s^2, likewise
+AXES = 7
+JOINT_SPEED = 0.5  # rad/s
+JOINT_ACCELERATION = 1.5  # rad/s^2
+JOINT_JERK = 50.0  # rad/s^3 at full speed
+ROUNDING = 3e-7  # rad: more than the rounding of the state
+CHANGE_TOLERANCE = 1e-6  # rad/s^2, likewise
 GOAL_TOLERANCE = 5e-5  # rad from the goal, from which nothing is corrected any more
-REST = 1e-3  # rad/s at which the robot may be commanded to stand
+REST_RATE = 1e-3  # rad/s at which the robot may be commanded to stand
 NEARING = 3.0  # 1/s, speed over the distance that is left
 TAKING_UP = 12.0  # 1/s, how fast a joint takes up the speed that is wanted
 
@@ -43,14 +45,14 @@ def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
     it: finer than the rounded numbers of the state.
     """
     seen = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
-    heard = largest_difference(seen.change, before.change) > SAME
+    heard = largest_difference(seen.change, before.change) > CHANGE_TOLERANCE
     place = sent if heard else before.place
     for ago in range(max(ticks - 1, 0) if heard else ticks):
         place = [
             p + TICK * (rate - ago * TICK * change)
             for p, rate, change in zip(place, seen.rate, seen.change, strict=True)
         ]
-    return seen if largest_difference(seen.place, place) > UNHEARD else seen._replace(place=place)
+    return seen if largest_difference(seen.place, place) > ROUNDING else seen._replace(place=place)
 
 
 class Way:
@@ -60,11 +62,11 @@ class Way:
         """From a robot at rest in `state` to rest at `goal` (7,) [rad]; a `share` of the speed."""
         start = list(state.q_d)
         self._plan = _plan(start, goal, share)
-        self._planner, self._output = ruckig.Ruckig(JOINTS, TICK), ruckig.OutputParameter(JOINTS)
+        self._planner, self._output = (ruckig.Ruckig(AXES, TICK), ruckig.OutputParameter(AXES))
         self._goal: Numbers | None = goal
-        self._speed, self._acceleration = share * SPEED, share * ACCELERATION
+        self._speed, self._acceleration = share * JOINT_SPEED, share * JOINT_ACCELERATION
         self._time = state.time.to_sec()
-        self._here, self._sent = Course(start, [0.0] * JOINTS, [0.0] * JOINTS), start
+        self._here, self._sent = Course(start, [0.0] * AXES, [0.0] * AXES), start
         self._planned, self._missed = True, False
 
     @property
@@ -72,7 +74,7 @@ class Way:
         """Whether the setpoints lead on no more."""
         if not self._missed:
             return not self._planned
-        still = max(map(abs, self._here.rate)) < REST
+        still = max(map(abs, self._here.rate)) < REST_RATE
         if self._goal is None:
             return still
         return still and largest_difference(self._here.place, self._goal) < GOAL_TOLERANCE
@@ -91,16 +93,16 @@ class Way:
         now = state.time.to_sec()
         ticks, self._time = round((now - self._time) / TICK), now
         self._missed = (
-            self._missed or ticks != 1 or largest_difference(state.q_d, self._sent) > UNHEARD
+            self._missed or ticks != 1 or largest_difference(state.q_d, self._sent) > ROUNDING
         )
         self._here = go_on(self._here, self._sent, state, ticks)
 
     def brake(self) -> None:
         """Come to rest wherever that is."""
-        self._goal, self._acceleration = None, ACCELERATION
-        self._plan.max_acceleration = [ACCELERATION] * JOINTS
+        self._goal, self._acceleration = None, JOINT_ACCELERATION
+        self._plan.max_acceleration = [JOINT_ACCELERATION] * AXES
         self._plan.control_interface = ruckig.ControlInterface.Velocity
-        self._plan.target_velocity = self._plan.target_acceleration = [0.0] * JOINTS
+        self._plan.target_velocity = self._plan.target_acceleration = [0.0] * AXES
 
     def _as_planned(self) -> Numbers:
         result = self._planner.update(self._plan, self._output)
@@ -112,7 +114,7 @@ class Way:
         return setpoint
 
     def _step(self) -> Numbers:
-        wanted = [0.0] * JOINTS
+        wanted = [0.0] * AXES
         if self._goal is not None:
             away = [end - p for end, p in zip(self._goal, self._here.place, strict=True)]
             most = NEARING * max(map(abs, away))
@@ -122,7 +124,7 @@ class Way:
 
     def _joint(self, place: float, rate: float, change: float, wanted: float) -> float:
         asked = _within(TAKING_UP * (wanted - rate), self._acceleration)
-        change += _within(asked - change, JERK * TICK)
+        change += _within(asked - change, JOINT_JERK * TICK)
         return place + TICK * (rate + TICK * change)
 
 
@@ -157,17 +159,17 @@ def follow_joints(
 
 def _stands(state: Any) -> bool:
     """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
-    return bool(max(abs(rate) for rate in state.dq_d) < REST)
+    return bool(max(abs(rate) for rate in state.dq_d) < REST_RATE)
 
 
 def _plan(start: Numbers, goal: Numbers, share: float) -> Any:
-    plan = ruckig.InputParameter(JOINTS)
+    plan = ruckig.InputParameter(AXES)
     plan.synchronization = ruckig.Synchronization.Phase  # straight from start to goal
     plan.current_position, plan.target_position = start, goal
-    plan.current_velocity = plan.current_acceleration = [0.0] * JOINTS
-    plan.max_velocity = [share * SPEED] * JOINTS
-    plan.max_acceleration = [share * ACCELERATION] * JOINTS
-    plan.max_jerk = [JERK] * JOINTS
+    plan.current_velocity = plan.current_acceleration = [0.0] * AXES
+    plan.max_velocity = [share * JOINT_SPEED] * AXES
+    plan.max_acceleration = [share * JOINT_ACCELERATION] * AXES
+    plan.max_jerk = [JOINT_JERK] * AXES
     return plan
 
 

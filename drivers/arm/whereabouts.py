@@ -8,8 +8,8 @@ from drivers.franka.tracking import rotation
 from drivers.motion import TICK
 from drivers.types import Array
 
-UNHEARD = 1e-7  # m, and of a rotation's entries: more than the rounding of the state
-SAME = 1e-6  # m/s^2 and rad/s^2: likewise, of an acceleration that goes on
+POSE_ROUNDING = 1e-7  # m, and of a rotation's entries: more than the rounding of the state
+ACCELERATION_TOLERANCE = 1e-6  # m/s^2 and rad/s^2: likewise, of an acceleration that goes on
 
 Numbers = list[float]
 
@@ -32,12 +32,12 @@ class Whereabouts:
         `pose` is then the setpoint that it has, 16 numbers by columns.
         """
         stated, change = list(state.O_T_EE_c), list(state.O_ddP_EE_c)
-        heard = largest_difference(change, self._change) > SAME
+        heard = largest_difference(change, self._change) > ACCELERATION_TOLERANCE
         went_on = max(ticks - 1, 0) if heard else ticks
         pose = self._gone_on(sent if heard else self.pose, state, went_on)
-        self.pose = pose if largest_difference(pose, stated) < UNHEARD else stated
+        self.pose = pose if largest_difference(pose, stated) < POSE_ROUNDING else stated
         self._change = change
-        if ticks > 1 or largest_difference(stated, sent) >= UNHEARD:
+        if ticks > 1 or largest_difference(stated, sent) >= POSE_ROUNDING:
             return True
         if heard:
             self.pose = sent

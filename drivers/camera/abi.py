@@ -215,7 +215,7 @@ class Control(Structure):
 Number = ctypes.c_int
 Argument = Structure | Number
 
-_WRITE, _READ = 1, 2
+_IOC_WRITE, _IOC_READ = 1, 2
 
 
 def _request(direction: int, number: int, argument: type) -> int:
@@ -226,24 +226,24 @@ def _request(direction: int, number: int, argument: type) -> int:
 class Request(IntEnum):
     """Requests of V4L2; a number carries the size of its argument."""
 
-    QUERYCAP = _request(_READ, 0, Capability)
-    ENUM_FMT = _request(_READ | _WRITE, 2, FormatDescription)
-    G_FMT = _request(_READ | _WRITE, 4, Format)
-    S_FMT = _request(_READ | _WRITE, 5, Format)
-    REQBUFS = _request(_READ | _WRITE, 8, BufferRequest)
-    QUERYBUF = _request(_READ | _WRITE, 9, Buffer)
-    QBUF = _request(_READ | _WRITE, 15, Buffer)
-    DQBUF = _request(_READ | _WRITE, 17, Buffer)
-    STREAMON = _request(_WRITE, 18, Number)
-    STREAMOFF = _request(_WRITE, 19, Number)
-    G_PARM = _request(_READ | _WRITE, 21, StreamParameters)
-    S_PARM = _request(_READ | _WRITE, 22, StreamParameters)
-    G_CTRL = _request(_READ | _WRITE, 27, Control)
-    S_CTRL = _request(_READ | _WRITE, 28, Control)
-    QUERYCTRL = _request(_READ | _WRITE, 36, ControlQuery)
-    QUERYMENU = _request(_READ | _WRITE, 37, MenuQuery)
-    ENUM_FRAMESIZES = _request(_READ | _WRITE, 74, FrameSize)
-    ENUM_FRAMEINTERVALS = _request(_READ | _WRITE, 75, FrameInterval)
+    QUERYCAP = _request(_IOC_READ, 0, Capability)
+    ENUM_FMT = _request(_IOC_READ | _IOC_WRITE, 2, FormatDescription)
+    G_FMT = _request(_IOC_READ | _IOC_WRITE, 4, Format)
+    S_FMT = _request(_IOC_READ | _IOC_WRITE, 5, Format)
+    REQBUFS = _request(_IOC_READ | _IOC_WRITE, 8, BufferRequest)
+    QUERYBUF = _request(_IOC_READ | _IOC_WRITE, 9, Buffer)
+    QBUF = _request(_IOC_READ | _IOC_WRITE, 15, Buffer)
+    DQBUF = _request(_IOC_READ | _IOC_WRITE, 17, Buffer)
+    STREAMON = _request(_IOC_WRITE, 18, Number)
+    STREAMOFF = _request(_IOC_WRITE, 19, Number)
+    G_PARM = _request(_IOC_READ | _IOC_WRITE, 21, StreamParameters)
+    S_PARM = _request(_IOC_READ | _IOC_WRITE, 22, StreamParameters)
+    G_CTRL = _request(_IOC_READ | _IOC_WRITE, 27, Control)
+    S_CTRL = _request(_IOC_READ | _IOC_WRITE, 28, Control)
+    QUERYCTRL = _request(_IOC_READ | _IOC_WRITE, 36, ControlQuery)
+    QUERYMENU = _request(_IOC_READ | _IOC_WRITE, 37, MenuQuery)
+    ENUM_FRAMESIZES = _request(_IOC_READ | _IOC_WRITE, 74, FrameSize)
+    ENUM_FRAMEINTERVALS = _request(_IOC_READ | _IOC_WRITE, 75, FrameInterval)
 
 
 class Can(IntFlag):

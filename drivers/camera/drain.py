@@ -15,11 +15,11 @@ from drivers.camera.stream import Capture
 from drivers.errors import CellError
 from drivers.protocols import Clock
 
-TICK = 0.04  # s without a frame until the device is asked whether it is still there
-PAUSE = 0.1  # s between attempts to recover
+FRAME_TIMEOUT = 0.04  # s without a frame until the device is asked whether it is still there
+RETRY_INTERVAL = 0.1  # s between attempts to recover
 FIRST_FRAME = 3.0  # s that a camera may take for its first frame
 LEAST_STEP = 1e-6  # s by which stamps grow at least
-NAME = "v4l2 camera"
+CAMERA_NAME = "v4l2 camera"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,9 @@ class Drain:
         self._patience = FIRST_FRAME
         self._last_whole = self._last_any = kernel.monotonic()
         self._current: Session | None = None
-        self._thread = threading.Thread(target=self._run, args=(session,), name=NAME, daemon=True)
+        self._thread = threading.Thread(
+            target=self._run, args=(session,), name=CAMERA_NAME, daemon=True
+        )
         self._thread.start()
 
     def newest(self, after: float, timeout: float) -> Arrived | None:
@@ -105,17 +107,17 @@ class Drain:
             self._pump(self._current)
         except (CameraStalled, CameraFaulty) as error:
             self._tell(error)
-            self._kernel.wait(None, PAUSE)
+            self._kernel.wait(None, RETRY_INTERVAL)
             self._restart()
         except CellError as error:
             self._tell(error)
             self._let_go()
-            self._kernel.wait(None, PAUSE)
+            self._kernel.wait(None, RETRY_INTERVAL)
 
     def _pump(self, session: Session) -> None:
         """Take frames until the camera is closed; raises the error that ends the session."""
         while not self._closing:
-            capture = session.wait(TICK)
+            capture = session.wait(FRAME_TIMEOUT)
             if capture is not None:
                 self._keep(session, capture)
             self._check_flow()

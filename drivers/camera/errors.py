@@ -4,7 +4,7 @@ import errno
 
 from drivers.errors import ConfigurationError, Fault
 
-GONE = frozenset({errno.ENODEV, errno.ENXIO, errno.ENOENT})
+GONE_ERRNOS = frozenset({errno.ENODEV, errno.ENXIO, errno.ENOENT})
 
 
 class CameraLost(Fault):
@@ -56,7 +56,7 @@ class CameraRefused(ConfigurationError):
 def translate_error(error: OSError, device: str, doing: str, users: str) -> Fault | CameraRefused:
     """The driver's error for an OSError raised while `doing` something."""
     reason = error.strerror or str(error)
-    if error.errno in GONE:
+    if error.errno in GONE_ERRNOS:
         return CameraLost(device, f"{reason} while {doing}")
     if error.errno == errno.EBUSY:
         return CameraBusy(device, users)

@@ -45,7 +45,7 @@ RAW: dict[str, tuple[int, Decoder]] = {
 }
 
 
-READ = frozenset({*RAW, "MJPG"})
+READABLE_FORMATS = frozenset({*RAW, "MJPG"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,5 +123,5 @@ def _agree_rate(device: Device, settings: V4l2Settings) -> float:
 
 
 def _offer(device: Device) -> str:
-    usable = (mode for mode in modes_of(device) if mode.format in READ)
+    usable = (mode for mode in modes_of(device) if mode.format in READABLE_FORMATS)
     return "; ".join(str(mode) for mode in usable) or "none that this driver reads"

@@ -10,7 +10,7 @@ from drivers.camera.kernel import Kernel
 from drivers.camera.modes import Mode, modes_of
 from drivers.errors import CellError
 
-LINKS = Path("/dev/v4l")
+DEVICE_LINKS_FOLDER = Path("/dev/v4l")
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,9 @@ class UnusableDevice:
     problem: str
 
 
-def list_cameras(kernel: Kernel, links: Path = LINKS) -> Iterator[CameraReport | UnusableDevice]:
+def list_cameras(
+    kernel: Kernel, links: Path = DEVICE_LINKS_FOLDER
+) -> Iterator[CameraReport | UnusableDevice]:
     """Every video device that has a link of its own, by id where it has one, else by path."""
     for link in device_links(links):
         try:
@@ -50,7 +52,7 @@ def report(kernel: Kernel, link: str) -> CameraReport:
         device.close()
 
 
-def device_links(links: Path = LINKS) -> list[str]:
+def device_links(links: Path = DEVICE_LINKS_FOLDER) -> list[str]:
     """Links that udev keeps, one a device: the one by id, else the one by path."""
     found: dict[Path, str] = {}
     for kind in ("by-id", "by-path"):

@@ -11,7 +11,7 @@ from drivers.camera.errors import CameraFaulty, translate_error
 from drivers.camera.kernel import Mapping
 from drivers.types import Image
 
-FEWEST = 2
+FEWEST_BUFFERS = 2
 MICRO = 1e-6
 
 
@@ -93,7 +93,7 @@ class Stream:
         device = self._device
         asked = BufferRequest(count=buffers, type=CAPTURE, memory=MMAP)
         count = device.call(Request.REQBUFS, asked, "asking for buffers").count
-        if count < FEWEST:
+        if count < FEWEST_BUFFERS:
             raise CameraFaulty(device.path, f"gave {count} buffers of {buffers}")
         for index in range(count):
             self._mappings.append(self._share(index))

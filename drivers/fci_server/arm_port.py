@@ -8,10 +8,10 @@ from drivers.fci_server.publish import Publisher
 from drivers.fci_server.reception import Reception
 from drivers.fci_server.robot import Robot
 from drivers.fci_server.wire import (
-    CONNECT,
+    CONNECT_REQUEST,
     CONNECTED,
     PORT,
-    VERSION,
+    PROTOCOL_VERSION,
     Command,
     Malformed,
     MoveRequest,
@@ -34,7 +34,7 @@ class ArmPort:
         self._publisher = Publisher()
         self._reception = Reception(address, PORT, poll, self._greet)
         self._datagram = b""
-        self.version = VERSION
+        self.version = PROTOCOL_VERSION
 
     @property
     def client(self) -> Link | None:
@@ -95,7 +95,7 @@ class ArmPort:
             return None
         if request.command is not Command.CONNECT:
             raise Malformed(f"{request.command.name} before connecting")
-        version, port = CONNECT.unpack(request.payload)
+        version, port = CONNECT_REQUEST.unpack(request.payload)
         accepted = version == self.version
         content = CONNECTED.pack(0 if accepted else INCOMPATIBLE, self.version)
         return Welcome(accepted, port, reply(request.command, request.command_id, content))

@@ -15,7 +15,7 @@ JOINT_STIFFNESS = (0.0, 14250.0)  # N m/rad
 TRANSLATION_STIFFNESS = (10.0, 3000.0)  # N/m
 ROTATION_STIFFNESS = (1.0, 300.0)  # N m/rad
 LARGEST_LOAD = 3.0  # kg, the payload that the maker states
-RIGID = 1e-5
+RIGID_TOLERANCE = 1e-5
 _UNIT = frozen(np.eye(3))
 _LAST_ROW = frozen([0, 0, 0, 1])
 
@@ -99,8 +99,8 @@ def rigid(matrix: Array) -> bool:
     )
     return bool(
         right_handed > 0
-        and np.abs(turn @ turn.T - _UNIT).max() < RIGID
-        and np.abs(matrix[3] - _LAST_ROW).max() < RIGID
+        and np.abs(turn @ turn.T - _UNIT).max() < RIGID_TOLERANCE
+        and np.abs(matrix[3] - _LAST_ROW).max() < RIGID_TOLERANCE
     )
 
 
@@ -137,7 +137,7 @@ def _tool(old: Configuration, numbers: Array) -> Configuration | None:
 
 def _load(old: Configuration, numbers: Array) -> Configuration | None:
     mass, centre, inertia = float(numbers[0]), numbers[1:4], numbers[4:].reshape(3, 3)
-    if not 0 <= mass <= LARGEST_LOAD or np.abs(inertia - inertia.T).max() > RIGID:
+    if not 0 <= mass <= LARGEST_LOAD or np.abs(inertia - inertia.T).max() > RIGID_TOLERANCE:
         return None
     if np.linalg.eigvalsh(inertia)[0] < 0:
         return None

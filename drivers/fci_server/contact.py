@@ -10,7 +10,7 @@ from drivers.fci_server.posture import Posture
 from drivers.fci_server.reflex import Reflex
 from drivers.types import Array
 
-STEADY = 1e-3  # rad/s^2 and m/s^2, below which a motion counts as uniform
+STEADY_ACCELERATION = 1e-3  # rad/s^2 and m/s^2, below which a motion counts as uniform
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Contact:
         wrench[3:] = np.cross(-arm, force)
         torque = posture.jacobian[:3].T @ force
         thresholds = configuration.thresholds
-        steady = bool((np.abs(posture.joints.acceleration) < STEADY).all())
+        steady = bool((np.abs(posture.joints.acceleration) < STEADY_ACCELERATION).all())
         joints = thresholds.torque_nominal if steady else thresholds.torque_accelerating
         tool = thresholds.force_nominal if steady else thresholds.force_accelerating
         joint_flags = np.greater(np.abs(torque), joints).astype(np.float64)
@@ -49,4 +49,4 @@ class Contact:
         return Reflex.JOINT_REFLEX if self.joint_flags[1].any() else None
 
 
-NOTHING = Contact(np.zeros(6), np.zeros(7), np.zeros((2, 7)), np.zeros((2, 6)))
+NO_CONTACT = Contact(np.zeros(6), np.zeros(7), np.zeros((2, 7)), np.zeros((2, 6)))

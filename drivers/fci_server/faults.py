@@ -9,12 +9,12 @@ from pydantic import AfterValidator, Field
 from drivers.fci_server.reflex import Reflex
 from drivers.settings import Settings, load
 
-NAMES = tuple(reflex.name.lower() for reflex in Reflex)
+REFLEX_NAMES = tuple(reflex.name.lower() for reflex in Reflex)
 
 
 def _check_name(name: str) -> str:
-    if name not in NAMES:
-        raise ValueError(f"is no error of the robot; allowed: {', '.join(NAMES)}")
+    if name not in REFLEX_NAMES:
+        raise ValueError(f"is no error of the robot; allowed: {', '.join(REFLEX_NAMES)}")
     return name
 
 

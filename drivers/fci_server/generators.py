@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.fci_server.configuration import rigid
-from drivers.fci_server.kernel import SIZE, Broken, advance
+from drivers.fci_server.kernel import POSTURE_SIZE, Broken, advance
 from drivers.fci_server.limits import (
     CARTESIAN,
     CARTESIAN_JOINT,
     JOINT,
-    TABLE,
+    LIMIT_TABLE,
     TICK,
     check_end,
     check_joint_course,
@@ -22,7 +22,7 @@ from drivers.fci_server.reflex import Reflex, Violation
 from drivers.fci_server.wire import Generator, RobotCommand, usable
 from drivers.franka.inverse import damped_inverse, twist_between
 from drivers.franka.kinematics import from_last_joint
-from drivers.franka.tracking import DAMPING, ELBOW_JOINT, rotation
+from drivers.franka.tracking import ELBOW_JOINT, INVERSE_DAMPING, rotation
 from drivers.types import Array
 
 TARGET = 23  # numbers of a Cartesian command: pose, twist, elbow
@@ -111,12 +111,12 @@ def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Pos
 
 
 def _cartesian(old: Posture, command: RobotCommand, tool: Array, *, by_twist: bool) -> Posture:
-    target, vector = np.empty(TARGET), np.empty(SIZE)
+    target, vector = np.empty(TARGET), np.empty(POSTURE_SIZE)
     target[:16] = command.pose.ravel()
     target[16:22] = command.twist
     target[22] = _elbow(old, command)
     last = from_last_joint(tool).ravel()
-    broken = advance(old.vector, target, by_twist, last, TABLE, vector)
+    broken = advance(old.vector, target, by_twist, last, LIMIT_TABLE, vector)
     if broken:
         raise Violation(_BROKEN[Broken(broken)])
     return Posture(vector)
@@ -135,7 +135,7 @@ def _elbow(old: Posture, command: RobotCommand) -> float:
 def _smallest(old: Posture, command: RobotCommand) -> float:
     """The elbow's angle [rad] that the pseudo-inverse of the Jacobian gives one tick on."""
     twist = twist_between(old.reached, command.pose)
-    return float(old.elbow + (damped_inverse(old.jacobian, DAMPING) @ twist)[ELBOW_JOINT])
+    return float(old.elbow + (damped_inverse(old.jacobian, INVERSE_DAMPING) @ twist)[ELBOW_JOINT])
 
 
 def _advance_pose(pose: Array, twist: Array) -> Array:

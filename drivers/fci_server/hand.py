@@ -8,7 +8,7 @@ from drivers.fci_server.hand_wire import STATUS, HandCommand, HandRequest, HandS
 from drivers.fci_server.limits import TICK
 
 WIDEST = 0.08  # m
-FASTEST = 0.1  # m/s, of one finger towards the other
+FASTEST_FINGER = 0.1  # m/s, of one finger towards the other
 TEMPERATURE = 30  # degrees C
 
 Between = Callable[[], float | None]
@@ -27,9 +27,9 @@ class Hand:
     """Width [m] between the fingers and whether they hold something, stepped every 1 ms.
 
     `between` gives the thickness [m] of the object between the fingers now, None for nothing.
-    Speeds above FASTEST are limited to it; the real hand's answer in that case is not known. A hand
-    that `is_homed` not reports no width and refuses to move. What is thinner than `felt` [m] it
-    holds without saying so, and `deaf` counts stops that it will not hear: so users report
+    Speeds above FASTEST_FINGER are limited to it; the real hand's answer in that case is not known.
+    A hand that `is_homed` not reports no width and refuses to move. What is thinner than `felt` [m]
+    it holds without saying so, and `deaf` counts stops that it will not hear: so users report
     (franka_ros#276, libfranka#111, #28).
     """
 
@@ -113,10 +113,10 @@ class Hand:
 
 def _task(request: HandRequest) -> Task:
     if request.command is HandCommand.HOMING:
-        return Task(request, [0.0, WIDEST], FASTEST)
+        return Task(request, [0.0, WIDEST], FASTEST_FINGER)
     if request.command is HandCommand.GRASP:
-        return Task(request, [0.0], min(request.values[3], FASTEST))
-    return Task(request, [request.values[0]], min(request.values[1], FASTEST))
+        return Task(request, [0.0], min(request.values[3], FASTEST_FINGER))
+    return Task(request, [request.values[0]], min(request.values[1], FASTEST_FINGER))
 
 
 def _valid(request: HandRequest) -> bool:

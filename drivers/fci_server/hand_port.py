@@ -6,8 +6,8 @@ from drivers.fci_server.hand import TEMPERATURE, WIDEST, Hand
 from drivers.fci_server.hand_wire import (
     CONNECTED,
     PORT,
-    STATE,
-    VERSION,
+    PROTOCOL_VERSION,
+    STATE_PACKET,
     HandCommand,
     reply,
     take_request,
@@ -82,7 +82,7 @@ class HandPort:
 
 def _state(hand: Hand, time: int) -> bytes:
     width, widest = (hand.width, WIDEST) if hand.is_homed else (0.0, 0.0)
-    return STATE.pack(time & 0xFFFFFFFF, width, widest, hand.is_grasped, TEMPERATURE)
+    return STATE_PACKET.pack(time & 0xFFFFFFFF, width, widest, hand.is_grasped, TEMPERATURE)
 
 
 def _greet(received: bytearray) -> Welcome | None:
@@ -92,6 +92,6 @@ def _greet(received: bytearray) -> Welcome | None:
     if request.command is not HandCommand.CONNECT:
         raise Malformed(f"{request.command.name} before connecting")
     version, port = request.values
-    accepted = version == VERSION
-    content = CONNECTED.pack(0 if accepted else 1, VERSION)
+    accepted = version == PROTOCOL_VERSION
+    content = CONNECTED.pack(0 if accepted else 1, PROTOCOL_VERSION)
     return Welcome(accepted, int(port), reply(request.command, request.command_id, content))

@@ -6,11 +6,11 @@ from struct import Struct
 
 from drivers.fci_server.wire import Malformed
 
-VERSION = 3
+PROTOCOL_VERSION = 3
 PORT = 1338
 HEADER = Struct("<HII")  # command, command id, size with header
 CONNECTED = Struct("<HH")  # status, version of the server
-STATE = Struct("<IddBH")  # time [ms], width [m], largest width [m], grasped, temperature [C]
+STATE_PACKET = Struct("<IddBH")  # time [ms], width [m], largest width [m], grasped, temperature [C]
 STATUS = Struct("<H")
 
 

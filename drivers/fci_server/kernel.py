@@ -1,7 +1,7 @@
 """One tick of a Cartesian motion, compiled: kinematics, differential inverse, and its limits.
 
-A posture is one vector; `FIELDS` names its parts. The formulas are those of `drivers.franka`, for
-single postures; the tests compare the two.
+A posture is one vector; `POSTURE_FIELDS` names its parts. The formulas are those of
+`drivers.franka`, for single postures; the tests compare the two.
 """
 
 from enum import IntEnum
@@ -27,10 +27,10 @@ _SIZES = {
     "sign": 1,  # of the elbow
 }
 _ENDS = list(accumulate(_SIZES.values(), initial=0))
-FIELDS = {name: slice(*span) for name, span in zip(_SIZES, pairwise(_ENDS), strict=True)}
-SIZE = _ENDS[-1]
+POSTURE_FIELDS = {name: slice(*span) for name, span in zip(_SIZES, pairwise(_ENDS), strict=True)}
+POSTURE_SIZE = _ENDS[-1]
 Q, VELOCITY, ACCELERATION, REACHED, JACOBIAN, POSE, TWIST, CHANGE, ELBOW, SIGN = (
-    part.start for part in FIELDS.values()
+    part.start for part in POSTURE_FIELDS.values()
 )
 
 # Rows of the table of numbers that the compiled code is given, see `limits.TABLE`.
@@ -229,7 +229,7 @@ def _braking_limit(room: float, j: int, table: Array) -> float:
 
 @entry
 def place(new: Array, last: Array, table: Array) -> None:
-    """Write pose, Jacobian and the elbow's sign that the joints of the posture `new` (SIZE,) give.
+    """Write pose, Jacobian and the elbow's sign of the joints of posture `new` (POSTURE_SIZE,).
 
     `last` (16,) is the tool in the last joint's frame, row by row.
     """
@@ -240,7 +240,7 @@ def place(new: Array, last: Array, table: Array) -> None:
 def advance(
     old: Array, target: Array, by_twist: bool, last: Array, table: Array, new: Array
 ) -> int:
-    """One tick from posture `old` (SIZE,) to `new`; returns a number of `Broken`.
+    """One tick from posture `old` (POSTURE_SIZE,) to `new`; returns a number of `Broken`.
 
     `target` (23,) is the commanded pose row by row, the twist, and the elbow [rad]; `by_twist` says
     which of the first two counts. `last` (16,) is the tool in the last joint's frame.

@@ -7,11 +7,11 @@ import numpy as np
 from drivers.fci_server.reflex import Reflex, Violation
 from drivers.franka import limits
 from drivers.franka.kinematics import ELBOW_FLIP, PARAMETERS
-from drivers.franka.tracking import DAMPING, rotation_vector
+from drivers.franka.tracking import INVERSE_DAMPING, rotation_vector
 from drivers.types import Array, frozen
 
 TICK = 1e-3  # s
-SLACK = (
+LIMIT_FACTOR = (
     1.01  # float32 of the state, from which clients limit their rates, costs a few tenths of 1 %
 )
 
@@ -114,10 +114,10 @@ def _beyond(values: Array, most: tuple[float, ...]) -> bool:
 
 
 def _slack(limit: Array, time: float = 1.0) -> tuple[float, ...]:
-    return tuple((SLACK * time * limit).tolist())
+    return tuple((LIMIT_FACTOR * time * limit).tolist())
 
 
-TABLE = frozen(
+LIMIT_TABLE = frozen(
     [
         *PARAMETERS.T[:2],
         np.cos(PARAMETERS[:, 2]),
@@ -130,7 +130,7 @@ TABLE = frozen(
         limits.VELOCITY_OFFSET,
         limits.DECELERATION,
         [*limits.TRANSLATION, *limits.ROTATION, 0.0],
-        [*limits.ELBOW, DAMPING, SLACK, ELBOW_FLIP, 0.0],
+        [*limits.ELBOW, INVERSE_DAMPING, LIMIT_FACTOR, ELBOW_FLIP, 0.0],
     ]
 )  # (13, 7), the numbers of the arm for compiled code
 _JOINT_VELOCITY = _slack(limits.VELOCITY)

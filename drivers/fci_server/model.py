@@ -25,7 +25,7 @@ def _joint(index: int) -> str:
     across, along = _offset_in_frame(float(alpha), float(d))
     span = (
         f'<limit lower="{limits.POSITION_LOW[index]}" upper="{limits.POSITION_HIGH[index]}" '
-        f'velocity="{limits.VELOCITY[index]}" effort="{limits.TORQUE[index]}"/>'
+        f'velocity="{limits.VELOCITY[index]}" effort="{limits.LARGEST_TORQUE[index]}"/>'
     )
     braking = (
         f'<position_based_velocity_limits velocity_offset="{limits.VELOCITY_OFFSET[index]}" '

@@ -4,7 +4,7 @@ import time
 
 from drivers.fci_server.limits import TICK
 
-LATE = 0.2 * TICK  # s at most by which a period is shortened to make up for a late one
+LONGEST_CATCH_UP = 0.2 * TICK  # s at most by which a period is shortened to make up for a late one
 
 
 class Pace:
@@ -24,7 +24,7 @@ class Pace:
         is, and gives its client a whole period to answer each state.
         """
         now = time.monotonic()
-        self._deadline = max(self._deadline, now - LATE) + TICK
+        self._deadline = max(self._deadline, now - LONGEST_CATCH_UP) + TICK
 
     def restart(self) -> None:
         """Count periods from now."""

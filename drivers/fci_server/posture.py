@@ -6,8 +6,8 @@ from typing import Self
 
 import numpy as np
 
-from drivers.fci_server.kernel import FIELDS, SIZE, place
-from drivers.fci_server.limits import TABLE, TICK, Course, still, twist_of
+from drivers.fci_server.kernel import POSTURE_FIELDS, POSTURE_SIZE, place
+from drivers.fci_server.limits import LIMIT_TABLE, TICK, Course, still, twist_of
 from drivers.franka import limits
 from drivers.franka.kinematics import from_last_joint
 from drivers.types import Array
@@ -16,7 +16,7 @@ from drivers.types import Array
 @dataclass(frozen=True)
 class Posture:
     """Joints (7,) with the poses that follow from them, the commanded tool pose (4, 4), and the
-    rates of all three, as one vector (SIZE,) whose parts `kernel.FIELDS` names.
+    rates of all three, as one vector (POSTURE_SIZE,) whose parts `kernel.FIELDS` names.
 
     The twin's arm stands at its commanded joints; `reached` differs from `pose` by the residual of
     one Newton step.
@@ -29,13 +29,13 @@ class Posture:
         """Joints (7,) [rad] on their `joints` course, the commanded pose of the tool (4, 4) being
         the one that they give.
         """
-        vector = np.zeros(SIZE)
-        vector[FIELDS["q"]] = q
-        vector[FIELDS["velocity"]] = joints.velocity
-        vector[FIELDS["acceleration"]] = joints.acceleration
-        place(vector, from_last_joint(tool).ravel(), TABLE)
-        vector[FIELDS["pose"]] = vector[FIELDS["reached"]]
-        vector[FIELDS["elbow"]][0] = q[2]
+        vector = np.zeros(POSTURE_SIZE)
+        vector[POSTURE_FIELDS["q"]] = q
+        vector[POSTURE_FIELDS["velocity"]] = joints.velocity
+        vector[POSTURE_FIELDS["acceleration"]] = joints.acceleration
+        place(vector, from_last_joint(tool).ravel(), LIMIT_TABLE)
+        vector[POSTURE_FIELDS["pose"]] = vector[POSTURE_FIELDS["reached"]]
+        vector[POSTURE_FIELDS["elbow"]][0] = q[2]
         return cls(vector)
 
     @classmethod
@@ -46,42 +46,44 @@ class Posture:
     @cached_property
     def q(self) -> Array:
         """Joints (7,) [rad]."""
-        return self.vector[FIELDS["q"]]
+        return self.vector[POSTURE_FIELDS["q"]]
 
     @cached_property
     def joints(self) -> Course:
         """Course of the joints (7,)."""
-        return Course(self.vector[FIELDS["velocity"]], self.vector[FIELDS["acceleration"]])
+        return Course(
+            self.vector[POSTURE_FIELDS["velocity"]], self.vector[POSTURE_FIELDS["acceleration"]]
+        )
 
     @cached_property
     def reached(self) -> Array:
         """Pose of the tool (4, 4) in the base."""
-        return self.vector[FIELDS["reached"]].reshape(4, 4)
+        return self.vector[POSTURE_FIELDS["reached"]].reshape(4, 4)
 
     @cached_property
     def jacobian(self) -> Array:
         """Jacobian (6, 7) of the tool in the base."""
-        return self.vector[FIELDS["jacobian"]].reshape(6, 7)
+        return self.vector[POSTURE_FIELDS["jacobian"]].reshape(6, 7)
 
     @cached_property
     def pose(self) -> Array:
         """Commanded pose of the tool (4, 4) in the base."""
-        return self.vector[FIELDS["pose"]].reshape(4, 4)
+        return self.vector[POSTURE_FIELDS["pose"]].reshape(4, 4)
 
     @cached_property
     def tool(self) -> Course:
         """Course of the tool (6,)."""
-        return Course(self.vector[FIELDS["twist"]], self.vector[FIELDS["change"]])
+        return Course(self.vector[POSTURE_FIELDS["twist"]], self.vector[POSTURE_FIELDS["change"]])
 
     @property
     def elbow(self) -> float:
         """Commanded angle of the elbow [rad]."""
-        return float(self.vector[FIELDS["elbow"].start])
+        return float(self.vector[POSTURE_FIELDS["elbow"].start])
 
     @property
     def elbow_sign(self) -> float:
         """1 or -1, on which side of its offset the elbow is flexed."""
-        return float(self.vector[FIELDS["sign"].start])
+        return float(self.vector[POSTURE_FIELDS["sign"].start])
 
     @property
     def at_rest(self) -> bool:
@@ -92,13 +94,13 @@ class Posture:
         """One tick on with joints `q` (7,) [rad] on their course; the commanded pose follows."""
         new = self.of(q, tool, joints)
         course = self.tool.step(twist_of(self.pose, new.reached))
-        angle, rate, _ = self.vector[FIELDS["elbow"]].tolist()
+        angle, rate, _ = self.vector[POSTURE_FIELDS["elbow"]].tolist()
         speed = (q[2] - angle) / TICK
-        new.vector[FIELDS["twist"]], new.vector[FIELDS["change"]] = (
+        new.vector[POSTURE_FIELDS["twist"]], new.vector[POSTURE_FIELDS["change"]] = (
             course.velocity,
             course.acceleration,
         )
-        new.vector[FIELDS["elbow"]] = q[2], speed, (speed - rate) / TICK
+        new.vector[POSTURE_FIELDS["elbow"]] = q[2], speed, (speed - rate) / TICK
         return new
 
     def brake(self, tool: Array) -> Self:

@@ -5,36 +5,36 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from drivers.fci_server.configuration import Configuration
-from drivers.fci_server.contact import NOTHING, Contact
-from drivers.fci_server.kernel import FIELDS
+from drivers.fci_server.contact import NO_CONTACT, Contact
+from drivers.fci_server.kernel import POSTURE_FIELDS
 from drivers.fci_server.robot import Robot
-from drivers.fci_server.state_packet import PLACES, Indices, StatePacket
+from drivers.fci_server.state_packet import FIELD_PLACES, Indices, StatePacket
 from drivers.fci_server.wire import Controller, Generator
 from drivers.franka.gravity import holding_torques
 from drivers.types import Array
 
 HAND_INERTIA = (0.001, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, 0.0, 0.0017)  # kg m^2
-MEASURED = ("q", "dq", "O_T_EE", "O_F_ext_hat_K", "K_F_ext_hat_K", "tau_ext_hat_filtered")
+MEASURED_FIELDS = ("q", "dq", "O_T_EE", "O_F_ext_hat_K", "K_F_ext_hat_K", "tau_ext_hat_filtered")
 
 BY_COLUMNS = tuple(4 * row + column for column in range(4) for row in range(4))
 TURNED = 5e-3  # rad by which a joint turns before the torques of gravity are computed again
 ANGLE, RATE, ACCELERATION = range(3)  # of the elbow's part of a posture
 Parts = tuple[tuple[str, Sequence[int]], ...]
-JOINTS, AXES = range(7), range(6)
+JOINT_INDICES, AXIS_INDICES = range(7), range(6)
 STATE_SOURCES: dict[str, Parts] = {
     "O_T_EE": (("reached", BY_COLUMNS),),
     "O_T_EE_d": (("pose", BY_COLUMNS),),
     "O_T_EE_c": (("pose", BY_COLUMNS),),
-    "q": (("q", JOINTS),),
-    "q_d": (("q", JOINTS),),
-    "theta": (("q", JOINTS),),
-    "dq": (("velocity", JOINTS),),
-    "dq_d": (("velocity", JOINTS),),
-    "dtheta": (("velocity", JOINTS),),
-    "ddq_d": (("acceleration", JOINTS),),
-    "O_dP_EE_d": (("twist", AXES),),
-    "O_dP_EE_c": (("twist", AXES),),
-    "O_ddP_EE_c": (("change", AXES),),
+    "q": (("q", JOINT_INDICES),),
+    "q_d": (("q", JOINT_INDICES),),
+    "theta": (("q", JOINT_INDICES),),
+    "dq": (("velocity", JOINT_INDICES),),
+    "dq_d": (("velocity", JOINT_INDICES),),
+    "dtheta": (("velocity", JOINT_INDICES),),
+    "ddq_d": (("acceleration", JOINT_INDICES),),
+    "O_dP_EE_d": (("twist", AXIS_INDICES),),
+    "O_dP_EE_c": (("twist", AXIS_INDICES),),
+    "O_ddP_EE_c": (("change", AXIS_INDICES),),
     "elbow": (("q", (2,)), ("sign", (0,))),
     "elbow_d": (("elbow", (ANGLE,)), ("sign", (0,))),
     "elbow_c": (("elbow", (ANGLE,)), ("sign", (0,))),
@@ -43,7 +43,8 @@ STATE_SOURCES: dict[str, Parts] = {
 }  # fields of the state -> the parts of the posture that they are, and which of their numbers
 
 
-OWN = ("O_T_EE", "q", "theta", "dq", "dtheta", "elbow")  # of the arm itself, not of its setpoint
+# of the arm itself, not of its setpoint
+ARM_FIELDS = ("O_T_EE", "q", "theta", "dq", "dtheta", "elbow")
 
 
 def _sources(names: Iterable[str]) -> tuple[Indices, Indices]:
@@ -51,14 +52,14 @@ def _sources(names: Iterable[str]) -> tuple[Indices, Indices]:
     where, source = list[int](), list[int]()
     for name in names:
         parts = STATE_SOURCES[name]
-        numbers = [FIELDS[part].start + number for part, some in parts for number in some]
-        where += PLACES[name][: len(numbers)]
+        numbers = [POSTURE_FIELDS[part].start + number for part, some in parts for number in some]
+        where += FIELD_PLACES[name][: len(numbers)]
         source += numbers
     return np.array(where), np.array(source)
 
 
 _WHERE, _SOURCE = _sources(STATE_SOURCES)
-_OWN_WHERE, _OWN_SOURCE = _sources(OWN)
+_OWN_WHERE, _OWN_SOURCE = _sources(ARM_FIELDS)
 
 
 class Publisher:
@@ -84,10 +85,10 @@ class Publisher:
             self._put_configuration(robot.configuration)
         self._put_modes(robot)
         self._put_posture(robot)
-        if robot.contact is not self._contact or robot.contact is not NOTHING or is_nan:
+        if robot.contact is not self._contact or robot.contact is not NO_CONTACT or is_nan:
             self._put_contact(robot)
         if is_nan:
-            for name in MEASURED:
+            for name in MEASURED_FIELDS:
                 self._packet.fields[name][:] = np.nan
             self._contact = None
         return self._packet.seal(robot.time, rate)

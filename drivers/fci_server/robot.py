@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers.fci_server.body_check import BodyCheck
 from drivers.fci_server.configuration import SETTERS, Configuration, configure
-from drivers.fci_server.contact import NOTHING, Contact
+from drivers.fci_server.contact import NO_CONTACT, Contact
 from drivers.fci_server.dynamics import Dynamics
 from drivers.fci_server.generators import extrapolate, follow, readable, warm
 from drivers.fci_server.limits import Box
@@ -35,7 +35,7 @@ from drivers.franka.kinematics import HOME
 from drivers.types import Array
 
 SINGULAR = 0.01  # smallest singular value of a Jacobian from which a Cartesian motion may start
-PATIENCE = 20  # ticks in a row without a command
+MOST_MISSED_TICKS = 20  # ticks in a row without a command
 
 
 class Surroundings(Protocol):
@@ -82,7 +82,7 @@ class Robot:
     errors: frozenset[Reflex] = frozenset()
     reasons: frozenset[Reflex] = frozenset()
     motion: Motion | None = None
-    contact: Contact = NOTHING
+    contact: Contact = NO_CONTACT
     pushed: Array = field(default_factory=lambda: np.zeros(3))  # N, by the fault script
     time: int = 0
     ticks: int = 0
@@ -200,14 +200,14 @@ class Robot:
             self._answer()
 
     def miss(self) -> None:
-        """Extrapolate the last command for a missing one, for PATIENCE ticks at most."""
+        """Extrapolate the last command for a missing one, for MOST_MISSED_TICKS ticks at most."""
         motion = self.motion
         if motion is None or not motion.started:
             return
         missed = motion.missed + 1
         self.step(extrapolate(self.posture, self.time))
         motion.missed = missed
-        if missed > PATIENCE and self.motion is not None:
+        if missed > MOST_MISSED_TICKS and self.motion is not None:
             self.reflex(Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION)
 
     def rest(self) -> None:
@@ -229,7 +229,7 @@ class Robot:
         if self.surroundings is not None:
             force = force + self.surroundings.force(self.measured.reached, self.time / 1000)
         if not force.any():
-            self.contact = NOTHING
+            self.contact = NO_CONTACT
             return
         self.contact = Contact.of_force(self.posture, self.configuration, force)
         if self.motion is not None and self.contact.reflex is not None:

@@ -37,11 +37,11 @@ A = TypeVar("A")
 B = TypeVar("B")
 
 
-TICKS = 100
+COUNTED_TICKS = 100
 
 
 class Punctuality:
-    """Counts over the last TICKS ticks of a motion."""
+    """Counts over the last COUNTED_TICKS ticks of a motion."""
 
     def __init__(self) -> None:
         self._came: deque[bool] = deque()
@@ -56,7 +56,7 @@ class Punctuality:
         """Record one more tick, with or without a command in time."""
         self._came.append(came)
         self._in_time += came
-        if len(self._came) > TICKS:
+        if len(self._came) > COUNTED_TICKS:
             self._in_time -= self._came.popleft()
 
     def reset(self) -> None:

@@ -12,9 +12,9 @@ from drivers.types import Array
 
 Indices = NDArray[np.int64]
 
-SIZE = 1377
-FLAGS = 41
-FIELDS = (
+PACKET_SIZE = 1377
+FLAG_COUNT = 41
+PACKET_FIELDS = (
     ("O_T_EE", 16),
     ("O_T_EE_d", 16),
     ("F_T_EE", 16),
@@ -56,28 +56,29 @@ FIELDS = (
     ("dtheta", 7),
     ("accelerometers", 36),
 )
-_STARTS = accumulate((count for _, count in FIELDS), initial=0)
-PLACES = {
-    name: range(start, start + count) for (name, count), start in zip(FIELDS, _STARTS, strict=False)
+_STARTS = accumulate((count for _, count in PACKET_FIELDS), initial=0)
+FIELD_PLACES = {
+    name: range(start, start + count)
+    for (name, count), start in zip(PACKET_FIELDS, _STARTS, strict=False)
 }  # of a field's numbers among all
-_FLOATS = sum(count for _, count in FIELDS)
+_FLOATS = sum(count for _, count in PACKET_FIELDS)
 _TAIL = 8 + 4 * _FLOATS
-_ERRORS, _REASONS = _TAIL + 2, _TAIL + 2 + FLAGS
-_MODE = _REASONS + FLAGS
+_ERRORS, _REASONS = _TAIL + 2, _TAIL + 2 + FLAG_COUNT
+_MODE = _REASONS + FLAG_COUNT
 _TIME, _RATE = Struct("<Q"), Struct("<f")
-_LAYOUT = Struct(f"<Q{_FLOATS}fBB{FLAGS}s{FLAGS}sBf")
+_LAYOUT = Struct(f"<Q{_FLOATS}fBB{FLAG_COUNT}s{FLAG_COUNT}sBf")
 
 
 class StatePacket:
     """One datagram, written in place: `fields[name]` are float32 views into it."""
 
     def __init__(self) -> None:
-        if _LAYOUT.size != SIZE:
-            raise ValueError(f"the layout has {_LAYOUT.size} bytes, the wire {SIZE}")
-        self._bytes = bytearray(SIZE)
+        if _LAYOUT.size != PACKET_SIZE:
+            raise ValueError(f"the layout has {_LAYOUT.size} bytes, the wire {PACKET_SIZE}")
+        self._bytes = bytearray(PACKET_SIZE)
         self._floats = np.frombuffer(self._bytes, "<f4", _FLOATS, 8)
         self.fields = {
-            name: self._floats[place.start : place.stop] for name, place in PLACES.items()
+            name: self._floats[place.start : place.stop] for name, place in FIELD_PLACES.items()
         }
 
     def put(self, where: Indices, values: Array) -> None:
@@ -97,7 +98,7 @@ class StatePacket:
     def put_errors(self, errors: frozenset[Reflex], reasons: frozenset[Reflex]) -> None:
         """Write the current errors, and those that ended the last motion."""
         for start, flags in ((_ERRORS, errors), (_REASONS, reasons)):
-            self._bytes[start : start + FLAGS] = bytes(FLAGS)
+            self._bytes[start : start + FLAG_COUNT] = bytes(FLAG_COUNT)
             for flag in flags:
                 self._bytes[start + flag] = 1
 

@@ -9,15 +9,15 @@ import numpy as np
 
 from drivers.types import Array
 
-VERSION = 10
+PROTOCOL_VERSION = 10
 PORT = 1337
 HEADER = Struct("<III")  # command, command id, size with header
-CONNECT = Struct("<HH")  # version, UDP port of the client
+CONNECT_REQUEST = Struct("<HH")  # version, UDP port of the client
 CONNECTED = Struct("<BH")  # status, version of the server
 MOVE = Struct("<II6dB7d")
-MESSAGE, NUMBERS = Struct("<Q"), 38  # of a command: the state that it answers, numbers, flags
-COMMAND = Struct(f"<Q{NUMBERS}dBB7dB")
-FLAGS = MESSAGE.size + 8 * NUMBERS
+MESSAGE, COMMAND_NUMBERS = Struct("<Q"), 38
+COMMAND = Struct(f"<Q{COMMAND_NUMBERS}dBB7dB")  # the state that it answers, numbers, flags
+FLAGS_OFFSET = MESSAGE.size + 8 * COMMAND_NUMBERS
 LARGEST_NUMBER = 1e6  # in any unit; no command is near it
 
 
@@ -156,8 +156,8 @@ class RobotCommand:
         if len(packet) != COMMAND.size:
             raise Malformed(f"a command has {COMMAND.size} bytes, found {len(packet)}")
         (message_id,) = MESSAGE.unpack_from(packet)
-        numbers = np.frombuffer(packet, "<f8", NUMBERS, MESSAGE.size)
-        with_elbow, finished = packet[FLAGS], packet[FLAGS + 1]
+        numbers = np.frombuffer(packet, "<f8", COMMAND_NUMBERS, MESSAGE.size)
+        with_elbow, finished = packet[FLAGS_OFFSET], packet[FLAGS_OFFSET + 1]
         return cls(
             message_id,
             numbers[:7],

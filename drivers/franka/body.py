@@ -25,9 +25,10 @@ CAPSULES = (
     (8, (0.0, -0.05, 0.04), (0.0, 0.05, 0.04), 0.04),
     (8, (0.0, -0.05, 0.10), (0.0, 0.05, 0.10), 0.02),
 )
-APART = 0.02  # m at most between spheres along an axis
+SPHERE_SPACING = 0.02  # m at most between spheres along an axis
 LOW_LINKS, HIGH_LINKS = 3, 6  # links up to the first never touch links from the second on
-PLACED = 2  # first link that can meet what stands around the robot: those below turn on the spot
+# first link that can meet what stands around the robot: those below turn on the spot
+FIRST_FREE_LINK = 2
 
 
 def _spheres() -> tuple[Array, Array, Array]:
@@ -35,16 +36,16 @@ def _spheres() -> tuple[Array, Array, Array]:
     rows = []
     for link, first, last, radius in CAPSULES:
         begin, end = np.array(first), np.array(last)
-        count = 1 + int(np.ceil(np.linalg.norm(end - begin) / APART))
+        count = 1 + int(np.ceil(np.linalg.norm(end - begin) / SPHERE_SPACING))
         rows += [(*point, radius, link) for point in np.linspace(begin, end, count)]
     table = np.array(rows)
     return frozen(table[:, :3]), frozen(table[:, 3]), frozen(table[:, 4])
 
 
 CENTRES, RADII, _LINKS = _spheres()
-LINKS = _LINKS.astype(int)
-_LOW, _HIGH = LINKS <= LOW_LINKS, LINKS >= HIGH_LINKS
-_FREE = LINKS >= PLACED
+SPHERE_LINKS = _LINKS.astype(int)
+_LOW, _HIGH = SPHERE_LINKS <= LOW_LINKS, SPHERE_LINKS >= HIGH_LINKS
+_FREE = SPHERE_LINKS >= FIRST_FREE_LINK
 
 
 def spheres(q: Array) -> Array:
@@ -57,7 +58,7 @@ def spheres(q: Array) -> Array:
     base = np.broadcast_to(np.eye(4), (*shape, 4, 4))
     links = np.concatenate(
         [base[..., None, :, :], joints, hand[..., None, :, :]], axis=-3
-    )[..., LINKS, :, :]  # fmt: skip
+    )[..., SPHERE_LINKS, :, :]  # fmt: skip
     return np.asarray(
         np.einsum("...mij,mj->...mi", links[..., :3, :3], CENTRES) + links[..., :3, 3]
     )

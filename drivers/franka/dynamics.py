@@ -49,7 +49,7 @@ def arm_mjcf() -> str:
     )
     motors = "".join(
         f'<motor name="motor{i + 1}" joint="joint{i + 1}" forcelimited="true" '
-        f'forcerange="-{limits.TORQUE[i]:g} {limits.TORQUE[i]:g}"/>'
+        f'forcerange="-{limits.LARGEST_TORQUE[i]:g} {limits.LARGEST_TORQUE[i]:g}"/>'
         for i in range(7)
     )
     return (

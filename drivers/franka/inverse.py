@@ -16,10 +16,10 @@ from drivers.franka.limits import MIDDLE, POSITION_HIGH, POSITION_LOW, margins
 from drivers.franka.tracking import rotation_vector
 from drivers.types import Array, frozen
 
-TOLERANCE = 1e-7  # m and rad
+POSE_TOLERANCE = 1e-7  # m and rad
 ITERATIONS = 150
 LARGEST_STEP = 0.3  # rad, of one iteration
-CENTRE = 0.15  # share of the way to mid-range that an iteration takes where the pose allows
+CENTRING_SHARE = 0.15  # share of the way to mid-range that an iteration takes where the pose allows
 SHOULDER = frozen([0.0, 0.0, PARAMETERS[0, 1]])
 
 
@@ -42,11 +42,11 @@ class Attempt:
     @property
     def found(self) -> bool:
         """Whether both errors are within tolerance."""
-        return max(self.distance, self.angle) < TOLERANCE
+        return max(self.distance, self.angle) < POSE_TOLERANCE
 
 
 def solve(
-    pose: Array, seed: Array = HOME, tool: Array = FLANGE_TO_TIP, centre: float = CENTRE
+    pose: Array, seed: Array = HOME, tool: Array = FLANGE_TO_TIP, centre: float = CENTRING_SHARE
 ) -> Array:
     """Joints (7,) [rad] within their limits that bring the tool to `pose` (4, 4) in the base.
 
@@ -90,7 +90,7 @@ def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
         reached, jac = pose_and_jacobian(joints, tool)
         error = twist_between(reached, pose)
         size = float(np.abs(error).max())
-        if size < TOLERANCE / 2:
+        if size < POSE_TOLERANCE / 2:
             break
         pull = centre * (MIDDLE - joints) * min(1.0, 10 * size)
         step = _step(jac, error, pull, size)

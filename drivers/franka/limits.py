@@ -15,7 +15,7 @@ MIDDLE = frozen((POSITION_LOW + POSITION_HIGH) / 2)  # rad
 VELOCITY = frozen([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26])  # rad/s
 ACCELERATION = frozen([10.0] * 7)  # rad/s^2
 JERK = frozen([5000.0] * 7)  # rad/s^3
-TORQUE = frozen([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # N m
+LARGEST_TORQUE = frozen([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # N m
 
 # Close to a joint's end its velocity is limited to what it can still brake.
 VELOCITY_OFFSET = frozen([0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35])  # rad/s

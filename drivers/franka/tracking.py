@@ -9,7 +9,7 @@ import numpy as np
 from drivers.types import Array
 
 ELBOW_JOINT = 2  # its angle is the elbow's, as libfranka defines it
-DAMPING = 1e-4
+INVERSE_DAMPING = 1e-4
 
 
 def joint_step(q: Array, reached: Array, jac: Array, target: Array, elbow: float) -> Array:
@@ -32,7 +32,7 @@ def joint_rates(jac: Array, wanted: Array) -> Array:
     whole[:6] = jac
     whole[6, ELBOW_JOINT] = 1
     square = whole @ whole.T
-    square.flat[::8] += DAMPING**2
+    square.flat[::8] += INVERSE_DAMPING**2
     return np.asarray(whole.T @ np.linalg.solve(square, wanted), dtype=np.float64)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.strip.rod.compiled import entry, kernel
 
-AROUND = 0.08  # m of the strip on each side of where a point should lie
+SEARCH_SPAN = 0.08  # m of the strip on each side of where a point should lie
 STRIDE = 4  # nodes
 OUTLIER = 3.0  # robust standard deviations beyond which a value counts no more than that
 
@@ -79,10 +79,10 @@ def nearest_of(curve: Any, nodes: Any, x: float, z: float) -> Any:
 
 @kernel
 def around(arc: Any, s: float) -> Any:
-    """First and last node within AROUND of arc length s, clamped to the strip."""
+    """First and last node within SEARCH_SPAN of arc length s, clamped to the strip."""
     last = len(arc) - 1
-    low = before(arc, min(s, arc[last]) - AROUND)
-    high = before(arc, max(s, 0.0) + AROUND) + 1
+    low = before(arc, min(s, arc[last]) - SEARCH_SPAN)
+    high = before(arc, max(s, 0.0) + SEARCH_SPAN) + 1
     return max(low, 0), min(high, last)
 
 
@@ -107,7 +107,7 @@ def signed_distances(
 
     Positive to the left of the way from the fixed to the grasped edge. Point p belongs to
     `image` (n,), which shows the world at `places` (m,), a fractional index into `shapes`
-    (k, nodes, 2) with nodes at `arc` (nodes,) [m]; its foot lies within AROUND of `near` (n,)
+    (k, nodes, 2) with nodes at `arc` (nodes,) [m]; its foot lies within SEARCH_SPAN of `near` (n,)
     [m]. Segments count as arcs.
     """
     last, curves = shapes.shape[1] - 1, between(shapes, places)

@@ -118,13 +118,13 @@ _TERMS = (
          "rig.grip_x"),
     Term("term_lift", "grip higher than the arm reports", "m", 3e-4, 0.03, "rig.grip_z"),
 )  # fmt: skip
-TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _TERMS})
+LAW_TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _TERMS})
 """The laws by name, in the order in which they apply."""
 
 
 def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
     """`model` with these amounts of the laws; names that are no law are left to others."""
-    for name, term in TERMS.items():
+    for name, term in LAW_TERMS.items():
         if amount := amounts.get(name):
             added = term.added
             model = _add(model, added, amount) if isinstance(added, str) else added(model, amount)
@@ -134,11 +134,11 @@ def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
 def check_law(amounts: Mapping[str, float], origin: str) -> None:
     """Raise ConfigurationError for an unknown law or an amount that no strip has."""
     for name, amount in amounts.items():
-        if name not in TERMS:
+        if name not in LAW_TERMS:
             raise ConfigurationError(
-                f"{origin}: law.{name}: is unknown; allowed: {', '.join(TERMS)}"
+                f"{origin}: law.{name}: is unknown; allowed: {', '.join(LAW_TERMS)}"
             )
-        term = TERMS[name]
+        term = LAW_TERMS[name]
         if not term.low <= amount <= term.most:
             raise ConfigurationError(
                 f"{origin}: law.{name}: {amount:g} is out of range; "

@@ -17,8 +17,8 @@ from drivers.strip.file import GRAVITY
 from drivers.types import Array, frozen
 
 CELLS = 600
-EARLY = 0.8  # of the stiffness of friction that sets in gradually, what slides early
-SPREAD = 0.6  # of its moment, that is left to what slides late
+EARLY_SHARE = 0.8  # of the stiffness of friction that sets in gradually, what slides early
+LATE_SHARE = 0.6  # of its moment, that is left to what slides late
 CONTACT_HEIGHT = 0.001  # m above rest at which the lifted strip leaves the desk
 
 
@@ -54,8 +54,8 @@ class BendingLaw:
         """
         if not self.gradual:
             return ((1.0, 1.0),)
-        early = EARLY - SPREAD * self.gradual
-        return ((EARLY, early), (1.0 - EARLY, 1.0 - early))
+        early = EARLY_SHARE - LATE_SHARE * self.gradual
+        return ((EARLY_SHARE, early), (1.0 - EARLY_SHARE, 1.0 - early))
 
     @property
     def crest(self) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.types import Array
 
-LYING = 0.05  # m of strip that lies, which ends the search for the desk contact
+LYING_LENGTH = 0.05  # m of strip that lies, which ends the search for the desk contact
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +40,9 @@ class Gap:
 def desk_contact(points: Array, height: float) -> float:
     """x [m] where the midline `points` (n, 2) leaves the desk for the fold, `height` [m] over rest.
 
-    Searched from the fold's rightmost point back to where the strip lies: for `LYING`, or to the
-    fixed edge. So neither ripples that friction leaves in the lying strip count, nor a dip behind
-    the buckle of a lift. Where the whole strip lies it is the x of its grasped end.
+    Searched from the fold's rightmost point back to where the strip lies: for `LYING_LENGTH`, or to
+    the fixed edge. So neither ripples that friction leaves in the lying strip count, nor a dip
+    behind the buckle of a lift. Where the whole strip lies it is the x of its grasped end.
     """
     tip = int(np.argmax(points[:, 0]))
     if points[tip, 1] <= height:
@@ -56,7 +56,7 @@ def desk_contact(points: Array, height: float) -> float:
     for j in reversed(ends):
         above = np.flatnonzero(~low[:j])
         begin = int(above[-1]) + 1 if len(above) else 0
-        if begin == 0 or points[j, 0] - points[begin, 0] >= LYING:
+        if begin == 0 or points[j, 0] - points[begin, 0] >= LYING_LENGTH:
             (xa, za), (xb, zb) = points[j], points[j + 1]
             return float(xa + (xb - xa) * (height - za) / (zb - za))
     return float(points[0, 0])

@@ -17,9 +17,9 @@ from drivers.twin.wrench import ExternalWrench
 from drivers.types import ArmState, Array, Pose, Velocity
 
 SOURCE = "twin arm"
-SETTLED = 1e-5  # m or rad behind the command at which a motion has ended
+SETTLED_DISTANCE = 1e-5  # m or rad behind the command at which a motion has ended
 NOISE_BLOCK = 1024  # ticks of noise that are drawn at once
-NOT_MEASURED = (float("nan"), float("nan"))
+FORCE_NOT_MEASURED = (float("nan"), float("nan"))
 
 
 class TwinArm:
@@ -81,7 +81,7 @@ class TwinArm:
             commanded=self._profile.pose,
             moving=self._profile.moving or not self._settled,
             expired=self._profile.expired,
-            force=NOT_MEASURED if self._wrench is None else self._wrench.reading,
+            force=FORCE_NOT_MEASURED if self._wrench is None else self._wrench.reading,
         )
 
     def move_to(self, pose: Pose) -> None:
@@ -148,7 +148,7 @@ class TwinArm:
         commanded = self._profile.pose
         x, z, pitch, *_ = self._report()
         behind = hypot(commanded.x - x, commanded.z - z, commanded.pitch - pitch)
-        return behind <= SETTLED
+        return behind <= SETTLED_DISTANCE
 
     def _measure(self) -> Pose:
         """The robot's measurement, transformed to the cell frame."""

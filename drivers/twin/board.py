@@ -14,9 +14,9 @@ from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Frame, Image
 
 SOURCE = "twin board"
-MARGIN = 0.5  # squares of white paper around the pattern
+QUIET_ZONE = 0.5  # squares of white paper around the pattern
 SAMPLES_PER_PIXEL = 2  # samples per pixel and direction
-PAPER, INK = 232.0, 26.0  # grey levels of the print
+PAPER_LEVEL, INK_LEVEL = 232.0, 26.0  # grey levels of the print
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ def _show(
 ) -> None:
     """Draw `board` into `image` where the camera sees it, in place."""
     square = board.getSquareLength()
-    half = (np.array(board.getChessboardSize()) / 2 + MARGIN) * square
+    half = (np.array(board.getChessboardSize()) / 2 + QUIET_ZONE) * square
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
     placed = np.column_stack([corners, np.zeros(4)]) @ pose[:3, :3].T + pose[:3, 3]
     depth = float(((placed - optics.centre) @ optics.rotation[2]).min())
@@ -131,7 +131,7 @@ def _sample(
 ) -> tuple[Pixels, Pixels]:
     """Grey level of the print and coverage of the pixel, at x, y [squares]."""
     columns, rows = board.getChessboardSize()
-    margin = round(MARGIN * scale)
+    margin = round(QUIET_ZONE * scale)
     size = (columns * scale + 2 * margin, rows * scale + 2 * margin)
     print_ = board.generateImage(size, marginSize=margin)
     u = (x + np.float32(columns / 2)) * scale + np.float32(margin - 0.5)
@@ -141,4 +141,4 @@ def _sample(
     whole = (x.shape[1] // SAMPLES_PER_PIXEL, x.shape[0] // SAMPLES_PER_PIXEL)
     share = cv2.resize(inside.astype(np.float32), whole, interpolation=cv2.INTER_AREA)
     grey = cv2.resize(grey.astype(np.float32), whole, interpolation=cv2.INTER_AREA)
-    return INK + grey * np.float32((PAPER - INK) / 255), share
+    return INK_LEVEL + grey * np.float32((PAPER_LEVEL - INK_LEVEL) / 255), share

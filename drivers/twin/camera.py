@@ -18,7 +18,7 @@ from drivers.twin.settings import CameraSettings
 from drivers.types import Frame
 
 SOURCE = "twin camera"
-NANO = 9  # digits of a second that the clock knows
+CLOCK_DIGITS = 9  # digits of a second that the clock knows
 AS_CALIBRATED = Observation()
 
 
@@ -101,10 +101,10 @@ class TwinCamera:
         return max(sequence, -1)
 
     def _stamp(self, sequence: int) -> float:
-        return round(sequence / self._settings.rate, NANO)
+        return round(sequence / self._settings.rate, CLOCK_DIGITS)
 
     def _arrival(self, sequence: int) -> float:
-        return round(self._stamp(sequence) + self._delay, NANO)
+        return round(self._stamp(sequence) + self._delay, CLOCK_DIGITS)
 
     def _frame(self, sequence: int) -> Frame:
         stamp = self._stamp(sequence)

@@ -7,7 +7,7 @@ from enum import IntEnum
 
 from drivers.errors import CellError
 
-NANO = 1_000_000_000
+NANOSECONDS = 1_000_000_000
 
 Action = Callable[[float], None]
 
@@ -60,7 +60,7 @@ class TwinClock:
 
     def now(self) -> float:
         """Seconds since the run began."""
-        return self._now / NANO
+        return self._now / NANOSECONDS
 
     def every(self, period: float, action: Action, turn: Turn, start: float | None = None) -> Event:
         """Call `action(now)` at start + n period, n = 1, 2, ... [s]; from now unless given.
@@ -102,7 +102,7 @@ class TwinClock:
             heapq.heapreplace(self._queue, (event.due(), event.turn, event.number, event))
         if not event.cancelled:
             self._now = max(self._now, due)
-            event.action(self._now / NANO)
+            event.action(self._now / NANOSECONDS)
 
     def _number(self) -> int:
         self._numbers += 1
@@ -115,4 +115,4 @@ class TwinClock:
 
 def nanoseconds(time: float) -> int:
     """`time` [s] as the nearest whole nanosecond."""
-    return round(time * NANO)
+    return round(time * NANOSECONDS)

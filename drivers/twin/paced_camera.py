@@ -5,7 +5,7 @@ from math import inf
 from drivers.protocols import Camera
 from drivers.types import Frame
 
-SELDOM = 0.1  # s between two images, from which on none is held back: no tick is full of them
+SLOW_PERIOD = 0.1  # s between two images, from which on none is held back: no tick is full of them
 
 
 class PacedCamera:
@@ -41,7 +41,7 @@ class PacedCamera:
         if drawn is not None and drawn.stamp > after:
             return self._deliver(drawn)
         newest = self._camera.read(after, timeout)
-        if newest is not None and newest.stamp - self._last > SELDOM:
+        if newest is not None and newest.stamp - self._last > SLOW_PERIOD:
             return self._deliver(newest)
         self._drawn = newest
         return None

@@ -7,7 +7,7 @@ from drivers.clock import WallClock
 from drivers.twin.clock import TwinClock
 
 LATE_AT_MOST = 0.002  # s that the world may be behind the wall
-PIECE = 0.005  # s of the world between two looks at the wall
+PIECE_TIME = 0.005  # s of the world between two looks at the wall
 
 
 class RealTimeClock:
@@ -58,7 +58,7 @@ class RealTimeClock:
     def _catch_up(self, end: float) -> None:
         """Advance the world by small pieces to the present, or until the wall says `end` [s]."""
         while (now := self.now()) < end and now - self._twin.now() > LATE_AT_MOST:
-            self._twin.wait_until(min(self._twin.now() + PIECE, now))
+            self._twin.wait_until(min(self._twin.now() + PIECE_TIME, now))
 
     def _running(self) -> WallClock:
         with self._first:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from drivers.errors import Fault
 from drivers.strip.shape import Touch
-from drivers.twin.clock import NANO, nanoseconds
+from drivers.twin.clock import NANOSECONDS, nanoseconds
 from drivers.types import Array, Pose, frozen
 
 
@@ -53,7 +53,7 @@ class History:
             raise Fault(
                 "world_unknown",
                 f"the world at {stamp:.4f} s cannot be shown; known are "
-                f"{first / NANO:.4f} to {self.newest.stamp:.4f} s",
+                f"{first / NANOSECONDS:.4f} to {self.newest.stamp:.4f} s",
             )
         index, rest = divmod(wanted - first, self._step)
         if rest == 0:

@@ -8,9 +8,9 @@ from pydantic import Field, field_validator, model_validator
 
 from drivers.arm_plant import ArmPlant
 from drivers.settings import Settings
-from drivers.twin.renderer.looks import PLAIN, check_look
+from drivers.twin.renderer.looks import DEFAULT_LOOK, check_look
 
-STEEPEST = radians(5.0)  # from higher up the lower layer's face hides the closing gap
+HIGHEST_ELEVATION = radians(5.0)  # from higher up the lower layer's face hides the closing gap
 
 Channel = Annotated[int, Field(ge=0, le=255)]
 Colour = tuple[Channel, Channel, Channel]
@@ -51,7 +51,7 @@ class CameraSettings(Settings):
     transport_delay: float = Field(0.02, ge=0, le=0.5)
     sub_shapes: int = Field(3, ge=1, le=9)
     distance: float = Field(2.0, ge=0.5, le=5.0)
-    elevation: float = Field(radians(3.0), gt=0, le=STEEPEST)
+    elevation: float = Field(radians(3.0), gt=0, le=HIGHEST_ELEVATION)
     aim_x: float = Field(0.31, ge=-0.5, le=2.0)
     aim_z: float = Field(0.158, ge=-0.2, le=1.0)
     view_width: float = Field(0.75, ge=0.2, le=3.0)
@@ -151,7 +151,7 @@ class TwinSettings(Settings):
     """
 
     # The plain look is left out of files: nothing that is kept of a cell changes by its name.
-    look: str = Field(PLAIN, exclude_if=lambda name: name == PLAIN)
+    look: str = Field(DEFAULT_LOOK, exclude_if=lambda name: name == DEFAULT_LOOK)
     arm: ArmSettings = ArmSettings()
     hand: HandSettings = HandSettings()
     world: WorldSettings = WorldSettings()

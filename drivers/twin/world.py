@@ -12,7 +12,7 @@ from drivers.strip.engine import Observables, Stepper
 from drivers.strip.file import GRAVITY
 from drivers.strip.model import StripModel
 from drivers.strip.shape import Touch
-from drivers.twin.clock import NANO, nanoseconds
+from drivers.twin.clock import NANOSECONDS, nanoseconds
 from drivers.twin.fingers import Fingers
 from drivers.twin.grip import Grip, RigOffsets
 from drivers.twin.scene import History, Scene, Truth
@@ -61,7 +61,7 @@ class World:
     @property
     def time(self) -> float:
         """How far the strip has been simulated [s]."""
-        return nanoseconds(self._steps * self._settings.step) / NANO
+        return nanoseconds(self._steps * self._settings.step) / NANOSECONDS
 
     @property
     def gripper(self) -> Pose:

@@ -11,17 +11,17 @@ from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.critic import Critic, Judgement, middle
-from policies.adaptive.features import USUAL, Features
+from policies.adaptive.features import REFERENCE_LENGTH, Features
 from policies.adaptive.steering import Steering
 from policies.adaptive.transfer import Transfer
 from policies.path import Path, vertical_lift
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
 
-SMOOTH = 0.08  # s in which the path follows a new judgement
-BLIND = 0.2  # s without an image that deserves belief, after which nothing is foreseen
-TOLD = 5  # judgements whose middle is predicted
-LENGTHS = (0.45, 0.75)  # m, of strips that the critic was trained on
+SMOOTHING_TIME = 0.08  # s in which the path follows a new judgement
+BLIND_TIME = 0.2  # s without an image that deserves belief, after which nothing is foreseen
+RECENT_JUDGEMENTS = 5  # judgements whose middle is predicted
+LENGTH_RANGE = (0.45, 0.75)  # m, of strips that the critic was trained on
 SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, likewise
 UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: that of `shifted`
 
@@ -40,7 +40,7 @@ class Fold(NamedTuple):
 class Adaptive:
     """Steers down along z = x + rise, with the rise at which the critic foresees d = 0.
 
-    While no image deserves belief it holds the rise; after `BLIND` it takes that of `shifted`,
+    While no image deserves belief it holds the rise; after `BLIND_TIME` it takes that of `shifted`,
     and `blind` says so.
     """
 
@@ -52,13 +52,13 @@ class Adaptive:
         self.transfer = transfer or Transfer()
         self._seen, self._unseen = 0.0, 0.0
         self.judgement: Judgement | None = None
-        self._recent: deque[Judgement] = deque(maxlen=TOLD)
+        self._recent: deque[Judgement] = deque(maxlen=RECENT_JUDGEMENTS)
         self.blind: NDArray[np.bool_] = np.zeros(0, dtype=bool)
-        self._length = USUAL
+        self._length = REFERENCE_LENGTH
         self._thickness: float | None = None
-        self._steering = Steering(USUAL, SPEED, 1)
-        self._features = Features(USUAL, 1)
-        self._fold: Fold = _begun(USUAL, 1, critic.memory)
+        self._steering = Steering(REFERENCE_LENGTH, SPEED, 1)
+        self._features = Features(REFERENCE_LENGTH, 1)
+        self._fold: Fold = _begun(REFERENCE_LENGTH, 1, critic.memory)
 
     def correct(self, seen: float, unseen: float) -> None:
         """Expect displacements `seen` [m] above the critic's in images, and `unseen` [m] above
@@ -106,7 +106,7 @@ class Adaptive:
         fresh = self._features.tell(observation)
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
         judgement = self._judge(inputs, fresh)
-        self.blind = observation.time - self._features.newest > BLIND
+        self.blind = observation.time - self._features.newest > BLIND_TIME
         self._fold = self._fold._replace(
             rise=self._smooth_rise(judgement, observation.time), time=observation.time
         )
@@ -130,7 +130,7 @@ class Adaptive:
         rise = np.where(self.blind, UNKNOWING * self._length, rise)
         rise = np.clip(rise, 0.0, self._steering.highest)
         since = np.clip(np.nan_to_num(time - self._fold.time, nan=math.inf), 0.0, None)
-        followed = 1.0 - np.exp(-since / SMOOTH)
+        followed = 1.0 - np.exp(-since / SMOOTHING_TIME)
         return np.asarray(self.rise + followed * (rise - self.rise))
 
 
@@ -144,7 +144,7 @@ def _begun(length: float, count: int, memory: int) -> Fold:
 
 
 def _check(length: float, speed: float) -> None:
-    low, high = LENGTHS
+    low, high = LENGTH_RANGE
     if not low <= length <= high:
         raise ConfigurationError(
             f"adaptive: the strip is {length:g} m long, the policy knows {low:g} to {high:g} m; "

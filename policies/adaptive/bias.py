@@ -16,8 +16,8 @@ from drivers.types import Array
 from policies.adaptive.critic import Belief
 
 UNTRAINED = Path(__file__).with_name("untrained.yaml")
-LENGTH = math.log(0.02)  # ln of m, about which the fit is made
-THICKNESS = 1e-3  # m, likewise
+REFERENCE_LOG_LENGTH = math.log(0.02)  # ln of m, about which the fit is made
+REFERENCE_THICKNESS = 1e-3  # m, likewise
 
 
 class Untrained(Settings):
@@ -59,7 +59,7 @@ class Bias:
 
     def of(self, belief: Belief, thickness: float | None) -> Array:
         """Bias (n,) [m] for n folds of this `belief`; `thickness` [m] is None where not known."""
-        beyond = np.array(0.0 if thickness is None else thickness - THICKNESS)
+        beyond = np.array(0.0 if thickness is None else thickness - REFERENCE_THICKNESS)
         terms = bias_terms(belief.log_bending_length[:, 0], beyond)
         return np.asarray(terms @ np.array([self.always, self.of_length, self.of_thickness]))
 
@@ -73,5 +73,5 @@ def bias_terms(log_length: Array, beyond: Array) -> Array:
     """Terms (n, 3) of the bias, by ln of the bending length (n,) and the thickness beyond 1 mm
     (n,) [m].
     """
-    length, beyond = np.broadcast_arrays(log_length - LENGTH, beyond)
+    length, beyond = np.broadcast_arrays(log_length - REFERENCE_LOG_LENGTH, beyond)
     return np.stack([np.ones_like(length), length, beyond], axis=1)

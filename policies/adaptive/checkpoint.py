@@ -13,14 +13,14 @@ from drivers.errors import ConfigurationError
 from drivers.files import read_bytes, replace_file, writing
 from drivers.types import Array
 from policies.adaptive.bias import untrained_spread
-from policies.adaptive.critic import NAMES, OUTPUTS, Critic
+from policies.adaptive.critic import ARRAY_NAMES, OUTPUTS, Critic
 from policies.adaptive.features import COUNT
 from policies.adaptive.transfer import Transfer
 
 COMMITTED = FilePath(__file__).parents[1] / "weights" / "adaptive.npz"
 THROUGH_IMAGES = "through_images"  # of the origin: the transfer, and how it came about
 ABOUT = "about"  # JSON: schema, policy, how the weights came about
-LARGEST = 50_000_000  # bytes of a file that is opened at all
+LARGEST_FILE = 50_000_000  # bytes of a file that is opened at all
 SCHEMA = 1
 
 
@@ -70,7 +70,7 @@ def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:
 
 def _arrays(path: FilePath) -> dict[str, Any]:
     try:
-        content = read_bytes(path, LARGEST)
+        content = read_bytes(path, LARGEST_FILE)
     except ConfigurationError as error:
         raise ConfigurationError(f"{error}; name another checkpoint or train one") from None
     try:
@@ -97,10 +97,10 @@ def _about(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
 def _weights(path: FilePath) -> dict[str, Array]:
     arrays = _arrays(path)
     _about(arrays, path)
-    missing = [name for name in NAMES if name not in arrays]
+    missing = [name for name in ARRAY_NAMES if name not in arrays]
     if missing:
         raise _broken(path, f"lacks {', '.join(missing)}")
-    weights = {name: np.asarray(arrays[name]) for name in NAMES}
+    weights = {name: np.asarray(arrays[name]) for name in ARRAY_NAMES}
     expected = _shapes(weights)
     for name, array in weights.items():
         if array.dtype.kind != "f" or array.shape != expected[name]:

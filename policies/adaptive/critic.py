@@ -8,14 +8,14 @@ import numpy as np
 from drivers.types import Array
 from policies.prediction import Estimate
 
-STEEPEST, FLATTEST = 2.0, 0.1  # of dd/dr that are believed
+LARGEST_SLOPE, SMALLEST_SLOPE = 2.0, 0.1  # of dd/dr that are believed
 DISPLACEMENT, SLOPE, SPREAD = range(3)
 STRIP = 3  # first of the outputs about the strip: (mean, log sigma) each
 OUTPUTS = STRIP + 6
-FAR = 8.0  # spreads from the mean beyond which inputs are not believed
+INPUT_LIMIT = 8.0  # spreads from the mean beyond which inputs are not believed
 UNIT = 0.01  # m, of displacement in the outputs
-ROUGH = 10.0  # 1/m, yarn friction that makes one unit of its output
-NAMES = (
+YIELD_UNIT = 10.0  # 1/m, yarn friction that makes one unit of its output
+ARRAY_NAMES = (
     *("mean", "whiten", "recall", "recall_bias", "first", "first_bias"),
     *("second", "second_bias", "last", "last_bias", "stretch"),
 )
@@ -23,7 +23,7 @@ NAMES = (
 
 class Belief(NamedTuple):
     """The strip as far as n folds show it; `log_bending_length`, `log_retardation_time` [m, s] and
-    `friction`, ln(1 + yield curvature / ROUGH), each mean and sigma: arrays (n, 2).
+    `friction`, ln(1 + yield curvature / YIELD_UNIT), each mean and sigma: arrays (n, 2).
     """
 
     log_bending_length: Array
@@ -36,7 +36,7 @@ class Belief(NamedTuple):
         ends = [
             np.exp(mean + np.array([0.0, -sigma, sigma])) for mean, sigma in (b[0] for b in logs)
         ]
-        ends[2] = ROUGH * np.maximum(ends[2] - 1.0, 0.0)
+        ends[2] = YIELD_UNIT * np.maximum(ends[2] - 1.0, 0.0)
         names = ("bending_length", "retardation_time", "yield_curvature")
         return {name: Estimate(*map(float, each)) for name, each in zip(names, ends, strict=True)}
 
@@ -74,11 +74,11 @@ class Critic:
     """A network of two hidden layers over whitened inputs and a running mean of what it recalls.
 
     `recalled` inputs (n, inputs) become (n, memory) units, whose mean over a fold's images is the
-    fold's memory; `judge` reads inputs and memory. `weights` are the arrays called NAMES.
+    fold's memory; `judge` reads inputs and memory. `weights` are the arrays called ARRAY_NAMES.
     """
 
     def __init__(self, weights: dict[str, Array]) -> None:
-        self.weights = {name: np.asarray(weights[name], dtype=np.float64) for name in NAMES}
+        self.weights = {name: np.asarray(weights[name], dtype=np.float64) for name in ARRAY_NAMES}
 
     @property
     def memory(self) -> int:
@@ -86,8 +86,10 @@ class Critic:
         return int(self.weights["recall"].shape[1])
 
     def whiten(self, inputs: Array) -> Array:
-        """Inputs (n, inputs) with unit spread and no correlation, within `FAR` of their mean."""
-        return np.clip((inputs - self.weights["mean"]) @ self.weights["whiten"], -FAR, FAR)
+        """Inputs (n, inputs) with unit spread uncorrelated, within `INPUT_LIMIT` of their mean."""
+        return np.clip(
+            (inputs - self.weights["mean"]) @ self.weights["whiten"], -INPUT_LIMIT, INPUT_LIMIT
+        )
 
     def memorise(self, whitened: Array) -> Array:
         """What of whitened inputs (n, k) goes into the memory (n, memory)."""
@@ -105,7 +107,7 @@ class Critic:
         strip = np.stack([out[:, STRIP::2], spread[:, 1:]], axis=2)
         return Judgement(
             displacement=UNIT * out[:, DISPLACEMENT],
-            slope=np.clip(out[:, SLOPE], FLATTEST, STEEPEST),
+            slope=np.clip(out[:, SLOPE], SMALLEST_SLOPE, LARGEST_SLOPE),
             sigma=UNIT * spread[:, 0],
             belief=Belief(strip[:, 0], strip[:, 1], strip[:, 2]),
         )

@@ -9,11 +9,11 @@ from drivers.strip.effects.effect import Span
 from drivers.strip.file import StripFile
 from policies.domain import strip_at
 
-LENGTH = 0.6  # m
-THICKNESS = (0.0003, 0.002)  # m, log-uniform
-DENSITY = (0.1, 0.5)  # kg/m^2, log-uniform: light shirting to heavy denim
-RUBBING = 0.43  # share of strips with yarn friction
-FRICTION = "bending_hysteresis"
+STRIP_LENGTH = 0.6  # m
+THICKNESS_RANGE = (0.0003, 0.002)  # m, log-uniform
+DENSITY_RANGE = (0.1, 0.5)  # kg/m^2, log-uniform: light shirting to heavy denim
+FRICTION_SHARE = 0.43  # share of strips with yarn friction
+FRICTION_EFFECT = "bending_hysteresis"
 OTHER = 0.25  # share of strips with one effect besides
 
 
@@ -37,18 +37,18 @@ over textiles are in their own files.
 
 def friction(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
     """Yarn friction, its yield curvature log-uniform over [`low`, `high`] [1/m]."""
-    ratio = registry()[FRICTION].textile["stiffness_ratio"]
+    ratio = registry()[FRICTION_EFFECT].textile["stiffness_ratio"]
     curvature = _log(rng, low, high)
-    return {"yield_curvature": curvature, "stiffness_ratio": ratio.draw(rng, LENGTH)}
+    return {"yield_curvature": curvature, "stiffness_ratio": ratio.draw(rng, STRIP_LENGTH)}
 
 
-def effect(name: str, rng: np.random.Generator, length: float = LENGTH) -> dict[str, float]:
+def effect(name: str, rng: np.random.Generator, length: float = STRIP_LENGTH) -> dict[str, float]:
     """The effect called `name` at a size drawn at random, on a strip of `length` [m]."""
     return {key: span.draw(rng, length) for key, span in registry()[name].textile.items()}
 
 
 def plain(
-    rng: np.random.Generator, length: float = LENGTH, **effects: Mapping[str, float]
+    rng: np.random.Generator, length: float = STRIP_LENGTH, **effects: Mapping[str, float]
 ) -> StripFile:
     """A strip of the paper's range of `length` [m], textile weight, with these effects."""
     range_ = strip_at(rng.uniform(), rng.uniform())
@@ -56,20 +56,20 @@ def plain(
         name="unknown",
         length=length,
         width=0.05,
-        areal_density=_log(rng, *DENSITY),
+        areal_density=_log(rng, *DENSITY_RANGE),
         bending_length=range_.bending_length,
         retardation_time=range_.retardation_time,
-        thickness=_log(rng, *THICKNESS),
+        thickness=_log(rng, *THICKNESS_RANGE),
         effects={name: dict(values) for name, values in effects.items()},
     )
 
 
-def unknown(rng: np.random.Generator, length: float = LENGTH) -> StripFile:
+def unknown(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
     """A strip as it may come: friction on many, another effect on some."""
     effects: dict[str, Mapping[str, float]] = {}
-    if rng.uniform() < RUBBING:
-        curvature = registry()[FRICTION].textile["yield_curvature"]
-        effects[FRICTION] = friction(rng, curvature.low, curvature.high)
+    if rng.uniform() < FRICTION_SHARE:
+        curvature = registry()[FRICTION_EFFECT].textile["yield_curvature"]
+        effects[FRICTION_EFFECT] = friction(rng, curvature.low, curvature.high)
     if rng.uniform() < OTHER:
         weights = np.array([*EFFECTS.values()])
         name = str(rng.choice(list(EFFECTS), p=weights / weights.sum()))
@@ -78,4 +78,4 @@ def unknown(rng: np.random.Generator, length: float = LENGTH) -> StripFile:
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:
-    return Span(low, high, log=True).draw(rng, LENGTH)
+    return Span(low, high, log=True).draw(rng, STRIP_LENGTH)

@@ -10,9 +10,9 @@ from policies.profile import POINTS
 
 CHANNELS = 2 + 2 * POINTS  # desk contact, tip x, the profile's points
 RATE = 0.1  # s, by which rates become comparable with values
-STATE = 9
-USUAL = 0.6  # m, length of most strips
-COUNT = STATE + 2 * CHANNELS
+STATE_SIZE = 9
+REFERENCE_LENGTH = 0.6  # m, length of most strips
+COUNT = STATE_SIZE + 2 * CHANNELS
 CONFIDENT = 0.5  # in a profile, from which on it is believed
 
 
@@ -45,6 +45,6 @@ class Features:
         x, z, r = seen.x / self._length, seen.z / self._length, rise / self._length
         age = np.clip(seen.time - self.newest, 0.0, 0.5)
         noise = np.stack([trend.spread[:, 0], trend.spread[:, 2:].mean(axis=1)], axis=1)
-        length = np.full(len(x), self._length / USUAL)
+        length = np.full(len(x), self._length / REFERENCE_LENGTH)
         state = np.stack([x, z, r, z - x - r, descending, age, length], axis=1)
         return np.concatenate([state, 100.0 * noise, trend.value, RATE * trend.rate], axis=1)

@@ -11,9 +11,9 @@ from policies.policy import Decision
 LOOK_AHEAD = 0.01  # m over which a cross-track error is steered out
 LEAD = 0.04  # s of preview: half the time in which a gripper turns a corner
 HIGHEST = 1 / 6  # of the length, largest rise
-FLOOR = 0.02  # m of height, under which the gripper goes level
+LEVELLING_HEIGHT = 0.02  # m of height, under which the gripper goes level
 PAST = -0.15  # of the length, beyond which there is nothing left to fold
-UP, DOWN, LEVEL = 0.75 * math.pi, 1.25 * math.pi, math.pi
+UP_DIRECTION, DOWN_DIRECTION, LEVEL_DIRECTION = 0.75 * math.pi, 1.25 * math.pi, math.pi
 
 
 class Steering:
@@ -34,9 +34,9 @@ class Steering:
         above = (z - x - rise) / math.sqrt(2.0)
         self.descending = self.descending | (above > -self._speed * LEAD)
         turn = np.arctan2(above, LOOK_AHEAD)
-        down = DOWN + np.clip(turn, -math.pi / 4, math.pi / 4)
-        direction = np.where(self.descending, down, UP)
-        direction = np.where(self.descending & (z < FLOOR), LEVEL, direction)
+        down = DOWN_DIRECTION + np.clip(turn, -math.pi / 4, math.pi / 4)
+        direction = np.where(self.descending, down, UP_DIRECTION)
+        direction = np.where(self.descending & (z < LEVELLING_HEIGHT), LEVEL_DIRECTION, direction)
         done = x < PAST * self._length
         speed = np.where(done, 0.0, self._speed)
         return Decision(direction, speed, np.zeros(len(x)), done)

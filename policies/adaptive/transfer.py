@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from policies.adaptive.bias import Bias
 
-LARGEST = 100.0  # of any number: none is near it
+LARGEST_NUMBER = 100.0  # of any number: none is near it
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +31,6 @@ class Transfer:
             found = TypeAdapter(cls).validate_python(facts)
         except ValidationError as error:
             raise ValueError(str(error.errors()[0]["msg"])) from None
-        if not all(abs(number) < LARGEST for number in asdict(found.bias).values()):
-            raise ValueError(f"needs all numbers below {LARGEST:g}")
+        if not all(abs(number) < LARGEST_NUMBER for number in asdict(found.bias).values()):
+            raise ValueError(f"needs all numbers below {LARGEST_NUMBER:g}")
         return found

@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from drivers.types import Array
 
-SPAN = 0.12  # s of images that count
-FRAMES = 12  # kept, of cameras up to 100 Hz
-SLOW = 1.6e-5  # s^2, noise over the rates that occur, squared: what a single image says of a rate
-WILD = 1.5e-3  # over the length: deviations from the line that begin to count less
+WINDOW_TIME = 0.12  # s of images that count
+FRAME_COUNT = 12  # kept, of cameras up to 100 Hz
+# s^2, noise over the rates that occur, squared: what a single image says of a rate
+RATE_NOISE = 1.6e-5
+OUTLIER_DEVIATION = 1.5e-3  # over the length: deviations from the line that begin to count less
 PASSES = 2  # of reweighting
 
 
@@ -29,8 +30,8 @@ class Window:
 
     def __init__(self, count: int, channels: int) -> None:
         """Of `count` strips with so many `channels`."""
-        self._stamps: Array = np.full((count, FRAMES), -np.inf)
-        self._values: Array = np.zeros((count, FRAMES, channels))
+        self._stamps: Array = np.full((count, FRAME_COUNT), -np.inf)
+        self._values: Array = np.zeros((count, FRAME_COUNT, channels))
 
     @property
     def newest(self) -> Array:
@@ -47,17 +48,17 @@ class Window:
         return new
 
     def trend(self) -> Trend:
-        """A line through the images of the last `SPAN`, wild ones reweighted (Cauchy)."""
+        """A line through the images of the last `WINDOW_TIME`, wild ones reweighted (Cauchy)."""
         with np.errstate(invalid="ignore"):
             ago = self._stamps - self.newest[:, None]
-        inside = np.nan_to_num(ago, nan=-np.inf) >= -SPAN
+        inside = np.nan_to_num(ago, nan=-np.inf) >= -WINDOW_TIME
         t = np.where(inside, ago, 0.0)[..., None]
         inside = inside[..., None]
         weight = np.broadcast_to(inside, self._values.shape).astype(np.float64)
         for _ in range(PASSES):
             value, rate = _line(t, self._values, weight)
             off = self._values - value[:, None] - rate[:, None] * t
-            weight = inside / (1.0 + (off / WILD) ** 2)
+            weight = inside / (1.0 + (off / OUTLIER_DEVIATION) ** 2)
         value, rate = _line(t, self._values, weight)
         off = np.where(inside, self._values - value[:, None] - rate[:, None] * t, 0.0)
         spread = np.sqrt((off**2).sum(axis=1) / np.maximum(inside.sum(axis=1), 1))
@@ -67,7 +68,7 @@ class Window:
 def _line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
     """Weighted least squares over the frames; rates are held back by what a single image says."""
     s0 = weight.sum(axis=1) + 1e-12
-    s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + SLOW
+    s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + RATE_NOISE
     y0, y1 = (weight * values).sum(axis=1), (weight * values * t).sum(axis=1)
     rate = (s0 * y1 - s1 * y0) / (s0 * s2 - s1 * s1)
     return (y0 - s1 * rate) / s0, rate

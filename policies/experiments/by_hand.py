@@ -8,26 +8,27 @@ from policies.experiments.motion import Motion
 from policies.path import Path
 
 STEP = 0.001  # s
-SPEED = (0.06, 0.15)  # m/s
+SPEED_RANGE = (0.06, 0.15)  # m/s
 HASTE = 0.3  # by how much the speed wavers, one sigma of its logarithm
-STOPS, PAUSE = 2, (0.3, 1.5)  # rests on the way, at most, and how long one lasts [s]
-RETURNS, BACK = 0.5, (0.03, 0.10)  # how often one who stops goes back first, and how far
+MOST_STOPS, PAUSE_RANGE = 2, (0.3, 1.5)  # rests on the way, at most, and how long one lasts [s]
+RETURN_SHARE = 0.5  # how often one who stops goes back first
+RETURN_RANGE = (0.03, 0.10)  # and how far
 WAVER = (0.1, 0.6)  # Hz, of speed
 STARTING = 0.5  # s in which a hand comes up to speed, and to rest
 WAVES = 6
-HAND = 2  # of the generators of a seed, of how a person moves
-PLACES = 2001  # of a path as a polyline
+HAND_STREAM = 2  # of the generators of a seed, of how a person moves
+PATH_SAMPLES = 2001  # of a path as a polyline
 
 
 def generator(seed: int, number: int) -> np.random.Generator:
     """All chance of motion `number` by the hand of `seed`."""
-    return np.random.default_rng([seed, HAND, number])
+    return np.random.default_rng([seed, HAND_STREAM, number])
 
 
 def by_hand(length: float, seed: int, number: int) -> Motion:
     """Motion `number` by the hand of `seed` over a strip of `length` [m], without its tremor."""
     line, travel = hand_path(length, generator(seed, number))
-    whole = np.linspace(0.0, line.x[-1], PLACES)
+    whole = np.linspace(0.0, line.x[-1], PATH_SAMPLES)
     times: Array = STEP * np.arange(len(travel), dtype=float)
     return Motion(Path.through(line(whole)), times, travel, ())
 
@@ -61,13 +62,13 @@ def _line(length: float, rng: np.random.Generator) -> CubicSpline:
 
 def _travel(whole: float, rng: np.random.Generator) -> Array:
     """Distance along the way (n,) [m] every STEP, in strokes from rest to rest, pauses between."""
-    stops = [*np.sort(rng.uniform(0.2, 0.8, rng.integers(STOPS + 1))), 1.0]
-    if rng.uniform() < RETURNS and len(stops) > 1:
-        stops.insert(1, stops[0] - rng.uniform(*BACK))
-    speed, parts, here = rng.uniform(*SPEED), [np.zeros(1)], 0.0
+    stops = [*np.sort(rng.uniform(0.2, 0.8, rng.integers(MOST_STOPS + 1))), 1.0]
+    if rng.uniform() < RETURN_SHARE and len(stops) > 1:
+        stops.insert(1, stops[0] - rng.uniform(*RETURN_RANGE))
+    speed, parts, here = rng.uniform(*SPEED_RANGE), [np.zeros(1)], 0.0
     for stop in whole * np.array(stops):
         parts.append(_stroke(here, stop, speed, rng))
-        parts.append(np.full(round(rng.uniform(*PAUSE) / STEP), stop))
+        parts.append(np.full(round(rng.uniform(*PAUSE_RANGE) / STEP), stop))
         here = stop
     return np.concatenate(parts)
 

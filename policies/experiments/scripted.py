@@ -12,7 +12,7 @@ from policies.policy import Decision, Observation
 
 LEAD = 0.03  # s of preview: about the time in which a gripper takes up a new velocity
 GAIN = 4.0  # 1/s, how fast an error of place is taken out
-FASTEST = 0.19  # m/s that are ever asked for
+FASTEST_COMMAND = 0.19  # m/s that are ever asked for
 
 
 class Scripted:
@@ -51,7 +51,7 @@ class Scripted:
         place = motion.at(np.clip(now, 0.0, motion.duration))
         velocity = rate + GAIN * (place - here)
         done = now >= motion.duration
-        speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST))
+        speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST_COMMAND))
         direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)
         return Decision(direction, speed, np.zeros(len(here)), done)
 

@@ -9,8 +9,8 @@ import numpy as np
 from policies.experiments.motion import Go, Motion, Part, Rest, Shake, motion
 from policies.path import Path, circular
 
-END = 0.05  # of the length, height at which the paths end over the fixed edge
-TURN = 0.15  # of the length, radius of the arc on which a path begins
+END_HEIGHT = 0.05  # of the length, height at which the paths end over the fixed edge
+ARC_RADIUS = 0.15  # of the length, radius of the arc on which a path begins
 TAUT = 0.40  # the same, where the strip is drawn taut at first
 THIRD = 1 / 3
 
@@ -29,7 +29,7 @@ class Standard:
         return motion(self.shape(length), self.parts, speed or self.speed)
 
 
-def tent(height: float, turn: float = TURN) -> Callable[[float], Path]:
+def tent(height: float, turn: float = ARC_RADIUS) -> Callable[[float], Path]:
     """A tent-shaped path: straight up, an arc of radius `turn` to 45 degrees, an apex of `height`
     over the middle, down to the fixed edge.
 
@@ -38,7 +38,7 @@ def tent(height: float, turn: float = TURN) -> Callable[[float], Path]:
     """
     angle = np.linspace(0.0, np.pi / 4, 46)
     arc = np.stack([1.0 - turn * (1.0 - np.cos(angle)), turn * np.sin(angle)], axis=-1)
-    corners = np.concatenate([arc, [(0.5, height), (0.0, END)]])
+    corners = np.concatenate([arc, [(0.5, height), (0.0, END_HEIGHT)]])
     return lambda length: Path.through(length * corners)
 
 
@@ -67,15 +67,15 @@ STANDARD: Mapping[str, Standard] = MappingProxyType(
         ),
     }
 )  # fmt: skip
-FIRST = "normal"
+REFERENCE_RUN = "normal"
 """Folded first and, once more, last: what changed with use shows between the two."""
-TWICE = "taut-lift"
+REPEATED_RUN = "taut-lift"
 """Folded twice in between: slips and stretch show in no other motion, and what one run alone shows
 no other can bear out.
 """
 
 
 def standard_order(rng: np.random.Generator) -> list[str]:
-    """The standard runs in the order of execution: `FIRST` first and last, the others shuffled."""
-    others = [*(name for name in STANDARD if name != FIRST), TWICE]
-    return [FIRST, *(others[i] for i in rng.permutation(len(others))), FIRST]
+    """Standard runs in order of execution: `REFERENCE_RUN` first and last, the others shuffled."""
+    others = [*(name for name in STANDARD if name != REFERENCE_RUN), REPEATED_RUN]
+    return [REFERENCE_RUN, *(others[i] for i in rng.permutation(len(others))), REFERENCE_RUN]

@@ -19,7 +19,7 @@ VALIDATION = 8  # strips a side of the grid that picks among generations
 
 
 def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
-    """Scores of `candidates` (p, WEIGHTS) in `generation`: pure, callable on any machine."""
+    """Scores of `candidates` (p, WEIGHT_COUNT) in `generation`: pure, callable on any machine."""
     torch.set_num_threads(1)
     strips = sample(settings.strips, np.random.default_rng([settings.seed, generation, 0]))
     rng = np.random.default_rng([settings.seed, generation, 1])
@@ -39,7 +39,7 @@ def evaluator(settings: TrainingSettings, executor: Executor) -> Callable[[Array
 
 
 def validate(settings: TrainingSettings, weights: Array) -> float:
-    """Root mean square of d [m] of `weights` (WEIGHTS,) over a grid, with noise, in a finer rod.
+    """Root mean square of d [m] of `weights` (WEIGHT_COUNT,) on a grid, with noise, in a finer rod.
 
     The root mean square, because a policy must be good on every strip.
     """

@@ -14,9 +14,9 @@ from drivers.files import MEGABYTE, append_line, read_text, write_file, writing
 from policies.train.settings import TrainingSettings
 
 Line = dict[str, Any]
-JOURNAL = 512 * MEGABYTE  # of hundreds of thousands of generations
-ELSEWHERE = "name another output folder"
-KEYS = {"asked", "costs", "validated"}  # of a generation, from which the search goes on
+LARGEST_JOURNAL = 512 * MEGABYTE  # of hundreds of thousands of generations
+OTHER_FOLDER = "name another output folder"
+GENERATION_KEYS = {"asked", "costs", "validated"}  # of a generation, from which the search goes on
 
 
 class Journal:
@@ -51,7 +51,7 @@ class Journal:
 
     def append(self, line: Line) -> None:
         """Write `line`; it is on disk on return."""
-        with writing(self.path, ELSEWHERE):
+        with writing(self.path, OTHER_FOLDER):
             append_line(self.path, (json.dumps(line) + "\n").encode())
         self._lines.append(line)
 
@@ -75,9 +75,9 @@ class Journal:
             )
 
     def _read(self) -> str:
-        with writing(self.path, ELSEWHERE):
+        with writing(self.path, OTHER_FOLDER):
             self.path.parent.mkdir(parents=True, exist_ok=True)
-        return read_text(self.path, JOURNAL) if self.path.exists() else ""
+        return read_text(self.path, LARGEST_JOURNAL) if self.path.exists() else ""
 
     def _parse(self, text: str) -> list[Line]:
         """The whole lines; the first is the settings, the others are generations."""
@@ -88,14 +88,14 @@ class Journal:
             raise self._strange() from None
         if not all(isinstance(line, dict) for line in lines):
             raise self._strange()
-        if not all(line.keys() >= KEYS for line in lines[1:]):
+        if not all(line.keys() >= GENERATION_KEYS for line in lines[1:]):
             raise self._strange()
         if text and not lines and not text.startswith("{"):
             raise self._strange()
         return lines
 
     def _replace(self, text: str) -> None:
-        write_file(self.path, text, ELSEWHERE)
+        write_file(self.path, text, OTHER_FOLDER)
 
     def _strange(self) -> ConfigurationError:
-        return ConfigurationError(f"{self.path}: is not a training journal; {ELSEWHERE}")
+        return ConfigurationError(f"{self.path}: is not a training journal; {OTHER_FOLDER}")

@@ -50,7 +50,7 @@ def scores(
     settings: TrainingSettings,
     rng: np.random.Generator,
 ) -> Scores:
-    """Scores of `candidates` (p, WEIGHTS), each over the same strips and noise."""
+    """Scores of `candidates` (p, WEIGHT_COUNT), each over the same strips and noise."""
     folds = fold_all(engine, candidates, strips, rollout_settings(settings), rng)
     weight = np.tile([s.linear_density * s.length * GRAVITY for s in strips], len(candidates))
     length = strips[0].length
@@ -74,7 +74,7 @@ def fold_all(
     rollout: Rollout,
     rng: np.random.Generator,
 ) -> Folds:
-    """Fold every strip with each of `candidates` (p, WEIGHTS), candidates outermost."""
+    """Fold every strip with each of `candidates` (p, WEIGHT_COUNT), candidates outermost."""
     models = [describe(strip) for strip in strips] * len(candidates)
     policy = Feedback(candidates)
     return roll_out(

@@ -11,30 +11,31 @@ from threadpoolctl import ThreadpoolController
 
 from drivers.errors import ConfigurationError
 from drivers.types import Array
-from policies.network import CENTRE, HIDDEN, INPUTS, SPREAD
+from policies.network import HIDDEN_UNITS, INPUT_CENTRE, INPUT_SPREAD, INPUTS
 from policies.train.journal import Journal, Line
 from policies.train.objective import Scores
 from policies.train.settings import TrainingSettings
 
-Evaluate = Callable[[Array, int], Scores]  # of candidates (p, WEIGHTS) in a generation
-Validate = Callable[[Array], float]  # weights (WEIGHTS,) -> rms d [m] over strips kept apart
+Evaluate = Callable[[Array, int], Scores]  # of candidates (p, WEIGHT_COUNT) in a generation
+Validate = Callable[[Array], float]  # weights (WEIGHT_COUNT,) -> rms d [m] over strips kept apart
 
 
 APEX = 0.5  # of the strip's length, where the heading turns
-TURN = 0.06  # of the strip's length, over which it turns
+TURN_LENGTH = 0.06  # of the strip's length, over which it turns
 RISING, FALLING = 0.73, 1.25  # headings over pi of the two legs
 
 
 def first_weights(rng: np.random.Generator) -> Array:
-    """Weights (WEIGHTS,): one unit turns the heading at the apex, the others are zero.
+    """Weights (WEIGHT_COUNT,): one unit turns the heading at the apex, the others are zero.
 
-    y = (FALLING + RISING - 2) - (FALLING - RISING) tanh((x - APEX) / TURN), phi = pi (1 + y / 2).
+    y = (FALLING + RISING - 2) - (FALLING - RISING) tanh((x - APEX) / TURN_LENGTH),
+    phi = pi (1 + y / 2).
     """
-    inward = rng.normal(size=(HIDDEN, INPUTS))
-    bias = rng.normal(size=HIDDEN)
-    inward[0] = np.array([1.0, 0.0, 0.0]) @ np.array(SPREAD) / TURN
-    bias[0] = (CENTRE[0] - APEX) / TURN
-    outward = np.zeros(HIDDEN)
+    inward = rng.normal(size=(HIDDEN_UNITS, INPUTS))
+    bias = rng.normal(size=HIDDEN_UNITS)
+    inward[0] = np.array([1.0, 0.0, 0.0]) @ np.array(INPUT_SPREAD) / TURN_LENGTH
+    bias[0] = (INPUT_CENTRE[0] - APEX) / TURN_LENGTH
+    outward = np.zeros(HIDDEN_UNITS)
     outward[0] = -(FALLING - RISING)
     return np.concatenate([inward.ravel(), bias, outward, [FALLING + RISING - 2.0]])
 

@@ -30,7 +30,7 @@ class TrainingRun:
 
     @property
     def weights(self) -> Array:
-        """The best weights (WEIGHTS,) so far."""
+        """The best weights (WEIGHT_COUNT,) so far."""
         return self._search.weights
 
     def run(self, executor: Executor) -> Iterator[Progress]:

@@ -22,12 +22,12 @@ from cell.calibrating.homography_wizard import calibrate_homography
 from cell.calibrating.keyboard import TwinOperator
 from cell.calibrating.lens_wizard import calibrate_lens
 from cell.calibrating.wizard_panel import WizardPanel, verdict_text
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import open_cell
 from cell.orchestrator.operator import Unattended
 
-SETTINGS = Configs(BESIDE).cell()
+SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 WIDTH = 108  # characters
 HALF = 620  # px, height to which the pictures are reduced
 

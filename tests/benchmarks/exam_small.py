@@ -12,7 +12,7 @@ from rich.console import Console
 from cell.campaign.local import Local
 from cell.campaign.progress import Meter
 from cell.exam.cases.draw import cases
-from cell.exam.report.page import GOOD
+from cell.exam.report.page import GOOD_RESULTS
 from cell.exam.run import run_exam, summarise
 
 COUNT, SEED, LEAST, JOBS = 6, 0, 5, 2
@@ -25,7 +25,7 @@ def main() -> int:
         with Meter(Console(), summarise) as meter:
             entries = run_exam(drawn, Path(folder), engine=Local(JOBS), watcher=meter)
     results = [e.outcome.result if e.outcome else "failed" for e in entries]
-    good = sum(result in GOOD for result in results)
+    good = sum(result in GOOD_RESULTS for result in results)
     sys.stdout.write(f"{good} of {COUNT} right\n")
     return int(good < LEAST or "false_alarm" in results)
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from drivers.errors import Fault
-from drivers.types import STILL, ArmState, Pose, Velocity
+from drivers.types import ZERO_VELOCITY, ArmState, Pose, Velocity
 
 CONTROL = 0.01  # s
 
@@ -155,7 +155,7 @@ def test_new_order_ends_the_state_of_expiry(bench, arm) -> None:
 
 
 def test_order_to_stand_still_does_not_expire(bench, arm) -> None:
-    arm.set_velocity(STILL)
+    arm.set_velocity(ZERO_VELOCITY)
     state = wait(bench, 0.3)
     assert not state.expired
     assert not state.moving
@@ -219,5 +219,5 @@ def _commands(arm) -> list[Callable[[], object]]:
     return [
         arm.state,
         lambda: arm.move_to(Pose(0.5, 0.1, 0.0)),
-        lambda: arm.set_velocity(STILL),
+        lambda: arm.set_velocity(ZERO_VELOCITY),
     ]

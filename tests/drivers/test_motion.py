@@ -10,7 +10,7 @@ from drivers.errors import ConfigurationError, Fault
 from drivers.limits import AxisLimits, MotionLimits, Workspace
 from drivers.motion import EXPIRY, TICK, MotionProfile
 from drivers.settings import parse
-from drivers.types import STILL, Pose, Velocity
+from drivers.types import ZERO_VELOCITY, Pose, Velocity
 
 FAST = AxisLimits(velocity=0.5, acceleration=4.0, jerk=100.0)
 LIMITS = MotionLimits(x=FAST, z=FAST)
@@ -91,7 +91,7 @@ def test_move_from_rest_is_a_straight_line_that_ends_exactly_at_rest() -> None:
     share = (states[:, 0] - start) / (end - start)
     assert share == pytest.approx(np.broadcast_to(share[:, :1], share.shape), abs=1e-9)
     assert profile.pose == goal
-    assert profile.velocity == STILL
+    assert profile.velocity == ZERO_VELOCITY
     assert not profile.moving
 
 
@@ -115,7 +115,7 @@ def test_velocity_expires_after_100_ms_not_before_and_says_so() -> None:
     assert profile.expired
     assert braking[-1, 2, 0] > 0
     ticks(profile, 200)
-    assert profile.velocity == STILL
+    assert profile.velocity == ZERO_VELOCITY
     assert not profile.moving
     assert profile.expired
 
@@ -130,7 +130,7 @@ def test_refreshed_velocity_never_expires() -> None:
 def test_new_order_clears_expiry() -> None:
     profile = profile_at()
     for order in (
-        lambda: profile.set_velocity(STILL),
+        lambda: profile.set_velocity(ZERO_VELOCITY),
         lambda: profile.move_to(MIDDLE),
         profile.stop,
     ):
@@ -143,7 +143,7 @@ def test_new_order_clears_expiry() -> None:
 
 def test_standing_still_does_not_expire() -> None:
     profile = profile_at()
-    profile.set_velocity(STILL)
+    profile.set_velocity(ZERO_VELOCITY)
     ticks(profile, 300)
     assert not profile.expired
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from cell.config.places import BESIDE
+from cell.config.places import CHECKOUT_CONFIGS
 from drivers.yaml_edit import edit_text
 
 COMMENTED = """\
@@ -48,7 +48,9 @@ def test_an_entry_put_before_others_leaves_them() -> None:
     assert "# by eye" in new
 
 
-@pytest.mark.parametrize("path", sorted((BESIDE / "strips").glob("*.yaml")), ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path", sorted((CHECKOUT_CONFIGS / "strips").glob("*.yaml")), ids=lambda p: p.stem
+)
 def test_files_of_the_cell_are_written_as_they_are(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     changed = edit_text(text, yaml.safe_load(text) | {"bending_length": 0.02})
@@ -57,7 +59,7 @@ def test_files_of_the_cell_are_written_as_they_are(path: Path) -> None:
 
 
 def test_cell_file_keeps_its_comments_beside_a_new_effect() -> None:
-    text = (BESIDE / "cell.yaml").read_text(encoding="utf-8")
+    text = (CHECKOUT_CONFIGS / "cell.yaml").read_text(encoding="utf-8")
     new = edit_text(text, yaml.safe_load(text) | {"effects": {"desk_tilt": {"angle": 0.004}}})
     assert {*text.splitlines()} - {*new.splitlines()} == {"effects: {}"}
     assert yaml.safe_load(new)["effects"] == {"desk_tilt": {"angle": 0.004}}

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 import cell.folding.fold
-from cell.config.places import BESIDE
+from cell.config.places import CHECKOUT_CONFIGS
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import Request, conduct, fold
 from cell.orchestrator.outcome import Outcome
@@ -127,7 +127,13 @@ def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> 
         return SimpleNamespace(execute=lambda: DONE)
 
     monkeypatch.setattr(cell.folding.fold, "Run", blind)
-    facts = {"frames": "none", "truth": True, "viz": "off", "configs": BESIDE, "checkpoint": None}
+    facts = {
+        "frames": "none",
+        "truth": True,
+        "viz": "off",
+        "configs": CHECKOUT_CONFIGS,
+        "checkpoint": None,
+    }
     request = Request(
         strip="denim", policy="triangular", choice=DeviceSelection(), runs=tmp_path, **facts
     )

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from cell.exam.studies.circle import HIDDEN, measure
+from cell.exam.studies.circle import HIDDEN_VALUES, measure
 
 pytestmark = pytest.mark.slow
 
-YARNS, TOOL, *_ = HIDDEN
+YARNS, TOOL, *_ = HIDDEN_VALUES
 
 
 def closed(hidden: str) -> dict:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.folding.observe import ERRORS, observe
+from cell.folding.observe import SIGMA_FLOORS, observe
 from cell.record.files import CALIBRATION, OVERLAY
 from cell.record.film import Film
 from cell.record.run import Run, read_run
@@ -48,6 +48,6 @@ def test_a_film_by_another_encoder_gives_the_profiles_of_the_cell(tmp_path: Path
     assert seen.result is not None
     assert own.result is not None
     assert seen.result.displacement == pytest.approx(
-        own.result.displacement, abs=ERRORS["displacement"]
+        own.result.displacement, abs=SIGMA_FLOORS["displacement"]
     )
     assert sum(1 for _ in Film(found.folder / OVERLAY).frames()) > found.images

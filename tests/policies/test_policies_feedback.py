@@ -13,7 +13,7 @@ from drivers.strip.file import paper_strip
 from drivers.types import Array
 from policies.checkpoint import Checkpoint, Training, load_checkpoint, save_checkpoint
 from policies.feedback import COMMITTED, Feedback, load_feedback
-from policies.network import CENTRE, SPREAD, WEIGHTS, HeadingNetwork
+from policies.network import INPUT_CENTRE, INPUT_SPREAD, WEIGHT_COUNT, HeadingNetwork
 from policies.policy import Observation
 from policies.registry import make_policy
 
@@ -32,10 +32,10 @@ def checkpoint(weights: Array) -> Checkpoint:
 
 def test_network_is_one_hidden_layer_of_twenty_tanh_units() -> None:
     rng = np.random.default_rng(0)
-    weights = rng.normal(size=WEIGHTS)
+    weights = rng.normal(size=WEIGHT_COUNT)
     state = rng.uniform(size=(5, 3))
     inward, bias, outward, last = np.split(weights, [60, 80, 100])
-    seen = np.linalg.solve(np.array(SPREAD), (state - CENTRE).T).T
+    seen = np.linalg.solve(np.array(INPUT_SPREAD), (state - INPUT_CENTRE).T).T
     hidden = np.tanh(seen @ inward.reshape(20, 3).T + bias)
     expected = math.pi * (1 + 0.5 * (hidden @ outward + last))
     with torch.inference_mode():
@@ -45,7 +45,7 @@ def test_network_is_one_hidden_layer_of_twenty_tanh_units() -> None:
 
 def test_candidates_side_by_side_decide_like_each_alone() -> None:
     rng = np.random.default_rng(1)
-    weights = rng.normal(size=(3, WEIGHTS))
+    weights = rng.normal(size=(3, WEIGHT_COUNT))
     x, z, contact = rng.uniform(0.1, 0.4, size=(3, 6))
     together = Feedback(weights)
     together.reset(STRIP, 0.1, 6)
@@ -60,7 +60,7 @@ def test_candidates_side_by_side_decide_like_each_alone() -> None:
 
 def test_direction_always_has_a_part_toward_the_fixed_edge() -> None:
     rng = np.random.default_rng(2)
-    policy = Feedback(rng.normal(size=WEIGHTS) * 5)
+    policy = Feedback(rng.normal(size=WEIGHT_COUNT) * 5)
     policy.reset(STRIP, 0.1, 500)
     x, z, contact = rng.uniform([[-0.2], [0.0], [0.0]], [[0.6], [0.6], [0.6]], size=(3, 500))
     direction = policy.decide(observation(x, z, contact)).direction
@@ -70,7 +70,7 @@ def test_direction_always_has_a_part_toward_the_fixed_edge() -> None:
 
 
 def test_unseen_contact_is_replaced_by_the_last_one_seen() -> None:
-    policy = Feedback(np.random.default_rng(3).normal(size=WEIGHTS))
+    policy = Feedback(np.random.default_rng(3).normal(size=WEIGHT_COUNT))
     policy.reset(STRIP, 0.1, 1)
     x, z, gone = np.array([0.3]), np.array([0.2]), np.array([np.nan])
     blind = policy.decide(observation(x, z, gone)).direction
@@ -82,7 +82,7 @@ def test_unseen_contact_is_replaced_by_the_last_one_seen() -> None:
 
 
 def test_fold_ends_once_the_gripper_has_gone_by_the_fixed_edge() -> None:
-    policy = Feedback(np.zeros(WEIGHTS))
+    policy = Feedback(np.zeros(WEIGHT_COUNT))
     policy.reset(STRIP, 0.1, 2)
     decision = policy.decide(
         observation(np.array([-0.13, 0.1]), np.array([0.1, 0.1]), np.array([0.0, 0.1]))
@@ -92,7 +92,7 @@ def test_fold_ends_once_the_gripper_has_gone_by_the_fixed_edge() -> None:
 
 
 def test_checkpoint_comes_back_bit_for_bit(tmp_path: Path) -> None:
-    weights = np.random.default_rng(4).normal(size=WEIGHTS)
+    weights = np.random.default_rng(4).normal(size=WEIGHT_COUNT)
     save_checkpoint(tmp_path / "w.json", checkpoint(weights))
     found = np.array(load_checkpoint(tmp_path / "w.json").weights)
     np.testing.assert_array_equal(found, weights)
@@ -118,7 +118,7 @@ def test_corrupt_checkpoint_is_refused_by_name(tmp_path: Path, content: bytes) -
 
 def test_checkpoint_with_numbers_that_are_none_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "w.json"
-    save_checkpoint(path, checkpoint(np.zeros(WEIGHTS)))
+    save_checkpoint(path, checkpoint(np.zeros(WEIGHT_COUNT)))
     path.write_text(path.read_text().replace("0.0", "NaN", 1))
     with pytest.raises(ConfigurationError, match=r"weights\.0"):
         load_feedback(path)

@@ -17,7 +17,7 @@ from policies.policy import Decision, Observation
 from policies.profile import POINTS, seen_profile
 from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
-from policies.sensing import EXACT, Eye, Sensing
+from policies.sensing import EXACT_SENSING, Eye, Sensing
 
 STRIP = paper_strip(0.1, 0.01)
 ARC = np.linspace(0.0, 0.6, 13)
@@ -76,7 +76,7 @@ class Watcher:
 
 def fold(policy: object, engine: Ideal, count: int = 2, **settings: object) -> object:
     models = [describe(STRIP)] * count
-    chosen = Rollout(**{"sensing": EXACT, **settings})
+    chosen = Rollout(**{"sensing": EXACT_SENSING, **settings})
     return roll_out(policy, engine, STRIP, models, settings=chosen, rng=np.random.default_rng(0))
 
 
@@ -145,7 +145,7 @@ def test_policy_is_asked_sixty_times_a_second() -> None:
 
 def test_profile_runs_from_the_desk_contact_to_the_gripper_of_the_image() -> None:
     policy = Watcher()
-    fold(policy, Ideal(touch_at=0.05), sensing=replace(EXACT, delay=(0.05, 0.05)))
+    fold(policy, Ideal(touch_at=0.05), sensing=replace(EXACT_SENSING, delay=(0.05, 0.05)))
     seen = policy.seen[30]
     assert seen.profile.shape == (2, POINTS, 2)
     assert seen.profile[:, 0, 0] == pytest.approx(seen.contact_x)
@@ -154,7 +154,7 @@ def test_profile_runs_from_the_desk_contact_to_the_gripper_of_the_image() -> Non
 
 def test_dropped_image_leaves_the_one_before_it() -> None:
     policy = Watcher()
-    fold(policy, Ideal(touch_at=0.05), sensing=replace(EXACT, dropped=(0.5, 0.5)))
+    fold(policy, Ideal(touch_at=0.05), sensing=replace(EXACT_SENSING, dropped=(0.5, 0.5)))
     stamps = np.array([seen.stamp[0] for seen in policy.seen])
     fresh = np.diff(stamps) > 0
     assert fresh.mean() == pytest.approx(0.5, abs=0.1)

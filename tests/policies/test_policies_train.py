@@ -11,7 +11,7 @@ from drivers.errors import ConfigurationError
 from drivers.strip.file import paper_damping_minimum
 from drivers.types import Array
 from policies.domain import grid, sample, strip_at
-from policies.network import WEIGHTS, HeadingNetwork
+from policies.network import WEIGHT_COUNT, HeadingNetwork
 from policies.rollout import Folds
 from policies.train.journal import Journal
 from policies.train.objective import Scores, fold_cost, misses
@@ -154,7 +154,7 @@ def test_start_draws_a_raised_triangle() -> None:
     with torch.inference_mode():
         heading = network(states)[0].numpy() / np.pi
     assert heading == pytest.approx([0.73, 1.25], abs=0.01)
-    assert len(first_weights(np.random.default_rng(0))) == WEIGHTS
+    assert len(first_weights(np.random.default_rng(0))) == WEIGHT_COUNT
 
 
 def test_papers_range_has_its_corners_and_samples_stay_inside() -> None:

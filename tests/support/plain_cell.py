@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import Outcome
@@ -22,7 +22,7 @@ from drivers.twin.clock import Turn, TwinClock
 from drivers.types import ArmState, Frame, HandState, Pose, Velocity
 from policies.fixed_paths import Triangular
 
-LIMITS = Configs(BESIDE).cell().installation.limits
+LIMITS = Configs(CHECKOUT_CONFIGS).cell().installation.limits
 
 
 class PlainArm:
@@ -123,8 +123,8 @@ class Bench:
     reader: object = None
 
     def run(self) -> Outcome:
-        settings = Configs(BESIDE).cell()
-        strip = Configs(BESIDE).strip("denim")
+        settings = Configs(CHECKOUT_CONFIGS).cell()
+        strip = Configs(CHECKOUT_CONFIGS).strip("denim")
         context = FoldContext(settings.controller, strip, Triangular(), calibration=None)
         touch = SimpleNamespace(update=lambda measurement, gripper: None)
         here = StripReader(SimpleNamespace(look=sight_of), touch, latency=0.0)

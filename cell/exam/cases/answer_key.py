@@ -10,9 +10,9 @@ from cell.exam.case import Case
 from cell.exam.runs.from_model import MOTIONS
 from cell.record.documents import write_document
 from drivers.settings import load
-from policies.experiments.standard import FIRST, STANDARD, TWICE
+from policies.experiments.standard import REFERENCE_RUN, REPEATED_RUN, STANDARD
 
-KEYS = "keys"
+KEYS_FOLDER = "keys"
 ENGINE = ("gap", "record")
 """Folders of the package `cell` on which verdicts depend, beside the strip's model."""
 
@@ -21,7 +21,7 @@ SCORER = ("scoring/score.py", "scoring/oracle.py", "run_case.py")
 
 def seal(case: Case, folder: Path) -> Path:
     """Write the key of `case` into the exam's `folder`, for its owner's eyes only."""
-    keys = folder / KEYS
+    keys = folder / KEYS_FOLDER
     keys.mkdir(mode=0o700, parents=True, exist_ok=True)
     path = keys / f"{case.name}.yaml"
     write_document(path, case.model_dump(mode="json"))
@@ -31,12 +31,12 @@ def seal(case: Case, folder: Path) -> Path:
 
 def open_key(folder: Path, name: str) -> Case:
     """The key of the case `name`; raises ConfigurationError where it is missing or broken."""
-    return load(folder / KEYS / f"{name}.yaml", Case)
+    return load(folder / KEYS_FOLDER / f"{name}.yaml", Case)
 
 
 def case_hash(case: Case) -> str:
     """Digest of everything that a case says, and of the motions that are made of it."""
-    made = MOTIONS if case.tier == "state" else (*STANDARD, TWICE, FIRST)
+    made = MOTIONS if case.tier == "state" else (*STANDARD, REPEATED_RUN, REFERENCE_RUN)
     return hashlib.sha256((case.model_dump_json() + " ".join(made)).encode()).hexdigest()[:16]
 
 

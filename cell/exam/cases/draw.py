@@ -25,23 +25,23 @@ from policies.experiments.by_hand import by_hand
 from policies.experiments.standard import standard_order
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
-PLACED = 4  # draws of where one of them sits
+PLACE_DRAWS = 4  # draws of where one of them sits
 NEARLY = 0.9  # of the strength, that what is left of an effect beside another must have
 FOREIGN = 2  # one state-based case in so many has a plant that is not the model: a chain
-BY_HAND = 3  # one triple of levels in so many is moved by hand
-PLACES = (0.3, 0.95)  # of the length, where an effect of one place may sit
+BY_HAND_PERIOD = 3  # one triple of levels in so many is moved by hand
+PLACE_RANGE = (0.3, 0.95)  # of the length, where an effect of one place may sit
 WIDTHS = (1.0, 4.0)  # bending lengths, of an effect that has a width
-TIMES = (0.1, 2.0)  # s, of one that has a time
+TIME_RANGE = (0.1, 2.0)  # s, of one that has a time
 RATIOS = (5.0, 12.0)  # of pre-sliding over bending stiffness
 STIFFER, SLOWER = 1.15, 2.0  # factors by which a plant's base may differ from its file
-LEVELS: tuple[Strength, ...] = ("weak", "medium", "strong")
+CASE_STRENGTHS: tuple[Strength, ...] = ("weak", "medium", "strong")
 SCATTER: tuple[Scattered, ...] = ("none", "half", "full")
 SHARES: dict[Tier, dict[Kind, float]] = {
     "state": {"nothing": 0.43, "single": 0.47, "pair": 0.10},
     "images": {"nothing": 0.25, "single": 0.40, "pair": 0.15, "outside": 0.20},
 }
-UNLIKE = 2  # one in so many triples of levels in a chain has laws that only resemble
-OUTSIDE = sorted(name for name, cause in causes().items() if cause.sizes)
+UNLIKE_PERIOD = 2  # one in so many triples of levels in a chain has laws that only resemble
+CAUSE_NAMES = sorted(name for name, cause in causes().items() if cause.sizes)
 RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.answers}
 
 
@@ -89,8 +89,8 @@ def _scatter_level(number: int) -> Scattered:
     """How much runs differ in case `number` of a kind: every level at every strength, and for
     motions of either kind.
     """
-    levels, triples = len(SCATTER), number // len(LEVELS)
-    return SCATTER[(number + triples + triples // BY_HAND) % levels]
+    levels, triples = len(SCATTER), number // len(CASE_STRENGTHS)
+    return SCATTER[(number + triples + triples // BY_HAND_PERIOD) % levels]
 
 
 def _kinds(tier: Tier, count: int) -> list[Kind]:
@@ -114,7 +114,7 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
         engine="chain" if tier == "state" and i % FOREIGN == 0 else "rod",
         stiffness=float(STIFFER ** rng.uniform(-1, 1)),
         damping=float(SLOWER ** rng.uniform(-1, 1)),
-        motions="by_hand" if i // len(LEVELS) % BY_HAND == 1 else "standard",
+        motions="by_hand" if i // len(CASE_STRENGTHS) % BY_HAND_PERIOD == 1 else "standard",
     )
     hide: dict[Kind, Callable[[Case, Strength, np.random.Generator], Case]] = {
         "nothing": lambda case, _level, _rng: case,
@@ -122,7 +122,7 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
         "pair": _with_two,
         "outside": lambda case, _level, _rng: _with_foreign(case, number, seed),
     }
-    level = LEVELS[number % len(LEVELS)]
+    level = CASE_STRENGTHS[number % len(CASE_STRENGTHS)]
     for _ in range(TRIES):
         case = hide[kind](bare, level, rng)
         if tier == "state" or kind not in ("single", "pair") or refusal(case) is None:
@@ -134,12 +134,12 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
     """One effect; in a chain, that of images too, every other three by laws that only resemble
     the library's.
     """
-    turn, place = divmod(number, len(LEVELS))
+    turn, place = divmod(number, len(CASE_STRENGTHS))
     own = case.tier == "state" and case.engine == "rod"
-    if own or turn % UNLIKE == 0:
+    if own or turn % UNLIKE_PERIOD == 0:
         return _hiding(case, level, draw_effects(case, 1, level, rng))
     names = sorted(RESEMBLING)
-    first = (turn // UNLIKE * len(LEVELS) + place) % len(names)
+    first = (turn // UNLIKE_PERIOD * len(CASE_STRENGTHS) + place) % len(names)
     for name in [*names[first:], *names[:first]]:
         shown = _showing(case, registry()[name], STRENGTHS[level], rng)
         if shown is not None:
@@ -159,7 +159,7 @@ def _showing(
     """
     others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
     for strip in [case.strip, *others]:
-        for _ in range(PLACED):
+        for _ in range(PLACE_DRAWS):
             path = path_of(effect, find_configs(None).strip(strip), rng)
             share = _ruler_of(case.model_copy(update={"strip": strip})).share(path, target)
             if share is not None:
@@ -183,8 +183,8 @@ def _with_foreign(case: Case, number: int, seed: int) -> Case:
 
     An exam begins with another one by its `seed`.
     """
-    turn, place = divmod(number, len(OUTSIDE))
-    name = str(np.random.default_rng(seed).permutation(OUTSIDE)[place])
+    turn, place = divmod(number, len(CAUSE_NAMES))
+    name = str(np.random.default_rng(seed).permutation(CAUSE_NAMES)[place])
     strong: Strength = "strong" if (turn + place) % 2 else "medium"
     hidden = {name: dict(causes()[name].sizes[strong])}
     return case.model_copy(update={"causes": hidden, "strength": strong})
@@ -256,11 +256,11 @@ def path_of(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
     others: Values = {}
     for p in effect.parameters[1:]:
         if p.role == "place":
-            others[p.name] = float(strip.length * rng.uniform(*PLACES))
+            others[p.name] = float(strip.length * rng.uniform(*PLACE_RANGE))
         elif p.role == "width":
             others[p.name] = float(strip.bending_length * rng.uniform(*WIDTHS))
         elif p.role == "time":
-            others[p.name] = float(np.exp(rng.uniform(*np.log(TIMES))))
+            others[p.name] = float(np.exp(rng.uniform(*np.log(TIME_RANGE))))
         elif p.role == "ratio":
             others[p.name] = float(rng.uniform(*RATIOS))
         elif p.null is not None:

@@ -6,13 +6,13 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from cell.exam.case import Case, Kind, Tier
-from cell.exam.cases.answer_key import KEYS
+from cell.exam.cases.answer_key import KEYS_FOLDER
 from cell.exam.progress import Progress, quiet
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file, writing
 
-DRAWN = "drawn.json"
-USUAL = {"state": 300, "images": 90, "small": 6}
+DRAWN_FILE = "drawn.json"
+CASE_COUNTS = {"state": 300, "images": 90, "small": 6}
 
 
 def load_or_draw(
@@ -38,8 +38,8 @@ def load_or_draw(
         raise ConfigurationError("--repeats: is for exams from the state; leave it out")
     if kind == "outside" and tier != "images":
         raise ConfigurationError("--kind outside: is for exams through images; add --tier images")
-    path = folder / KEYS / DRAWN
-    wanted = count or USUAL[tier]
+    path = folder / KEYS_FOLDER / DRAWN_FILE
+    wanted = count or CASE_COUNTS[tier]
     asked: dict[str, object] = {"tier": tier, "count": wanted, "seed": seed}
     asked |= {"repeats": repeats} if repeats > 1 else {}
     asked |= {"kind": kind} if kind else {}

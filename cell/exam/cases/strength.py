@@ -12,7 +12,7 @@ from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import nominal
 from cell.gap.subject.strip.experiments import measured_along, planned_runs
 from cell.gap.subject.strip.runs import MeasuredRun
-from cell.gap.subject.strip.scatter import SLACK
+from cell.gap.subject.strip.scatter import SLACK_EFFECTS
 from cell.gap.subject.strip.subject import Strip
 from cell.gap.subject.subject import Request
 from cell.record.header import Sigma
@@ -70,7 +70,7 @@ class Ruler:
             replace(run, name=f"{i:02d}-{run.name}", measured=replace(run.measured, index=i))
             for i, run in enumerate(made)
         ]
-        self._subject = Strip(plant, runs, scatter=SLACK)
+        self._subject = Strip(plant, runs, scatter=SLACK_EFFECTS)
         self._estimate = nominal(self._subject, self._subject.simulate)
         self._about = projection(self._estimate)
 

@@ -9,10 +9,10 @@ from pydantic import Field
 from cell.exam.causes.air import drag_step, moving
 from cell.exam.causes.cause import Cause, Sizes
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
-from drivers.twin.chain.lumps import AIR
+from drivers.twin.chain.lumps import AIR_DENSITY
 
 LAYER = 0.10  # m over the desk, where the wind has its full speed
-PROFILE = 1 / 7  # of the wind below
+WIND_EXPONENT = 1 / 7  # of the wind below
 
 
 class Draught(Cause):
@@ -36,7 +36,9 @@ class Draught(Cause):
         if self.speed == 0:
             return None
         lumps = parts.lumps
-        size = 0.5 * AIR * self.drag * parts.model.mechanics.width * lumps.spans * lumps.scale
+        size = (
+            0.5 * AIR_DENSITY * self.drag * parts.model.mechanics.width * lumps.spans * lumps.scale
+        )
         gust = float(rng.standard_normal())
 
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, h: float) -> None:
@@ -45,7 +47,7 @@ class Draught(Cause):
             gust = kept * gust + float(np.sqrt(1.0 - kept**2)) * float(rng.standard_normal())
             middles, speed, along = moving(parts.joints, data.qpos, data.qvel)
             wind = self.speed * (1.0 + self.gusts * gust)
-            slow = np.clip(middles[:, 1] / LAYER, 0.0, 1.0) ** PROFILE
+            slow = np.clip(middles[:, 1] / LAYER, 0.0, 1.0) ** WIND_EXPONENT
             relative = speed - wind * np.stack([slow, 0.0 * slow], axis=1)
             normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
             across = (relative * normals).sum(axis=1)

@@ -9,7 +9,7 @@ from pydantic import Field
 from cell.exam.causes.air import drag_step, moving
 from cell.exam.causes.cause import Cause
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
-from drivers.twin.chain.lumps import AIR
+from drivers.twin.chain.lumps import AIR_DENSITY
 
 
 class ObliqueDrag(Cause):
@@ -33,7 +33,7 @@ class ObliqueDrag(Cause):
         if self.coefficient == 0:
             return None
         lumps = parts.lumps
-        size = 0.5 * AIR * self.coefficient * parts.model.mechanics.width
+        size = 0.5 * AIR_DENSITY * self.coefficient * parts.model.mechanics.width
         size *= lumps.scale * self.speed**2
 
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, h: float) -> None:

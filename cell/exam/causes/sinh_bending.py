@@ -9,7 +9,7 @@ from cell.exam.causes.cause import Cause
 from drivers.twin.chain.extra_forces import ForceFunction, Parts, resistance
 from drivers.types import Array
 
-STEEPEST = 6.0  # times the curvature of the law from which on it is led straight
+LINEAR_FROM = 6.0  # times the curvature of the law from which on it is led straight
 
 
 class SinhBending(Cause):
@@ -42,7 +42,7 @@ class Excess:
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
         """Moment and slope at `angle`."""
-        x = np.clip(angle / self._scale, -STEEPEST, STEEPEST)
+        x = np.clip(angle / self._scale, -LINEAR_FROM, LINEAR_FROM)
         value = np.sinh(x) if self._hard else np.tanh(x)
         slope = np.cosh(x) if self._hard else 1.0 / np.cosh(x) ** 2
         return self._stiffness * self._scale * (value - x), self._stiffness * (slope - 1.0)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from cell.exam.scoring.score import Outcome
 from cell.exam.scoring.statistics import Bin, Confusion, wilson
 
-INK, FAINT, WRONG, RIGHT = "#22272e", "#c9ced6", "#c2553b", "#2f6db3"
+INK, FAINT, WRONG, RIGHT_COLOUR = "#22272e", "#c9ced6", "#c2553b", "#2f6db3"
 EDGES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, float("inf"))
 
 
@@ -51,8 +51,8 @@ def _matrix(axis: Axes, table: Confusion) -> None:
 def _reliability(axis: Axes, bins: Sequence[Bin]) -> None:
     axis.plot([0, 1], [0, 1], color=FAINT, lw=1.0)
     for b in bins:
-        axis.plot([b.confidence] * 2, b.right.interval, color=RIGHT, lw=1.2)
-        axis.plot(b.confidence, b.right.value, "o", color=RIGHT, ms=4)
+        axis.plot([b.confidence] * 2, b.right.interval, color=RIGHT_COLOUR, lw=1.2)
+        axis.plot(b.confidence, b.right.value, "o", color=RIGHT_COLOUR, ms=4)
         axis.annotate(str(b.right.count), (b.confidence, b.right.value), fontsize=7,
                       xytext=(-12, -3), textcoords="offset points", color=INK)  # fmt: skip
     axis.set(xlim=(0, 1.02), ylim=(0, 1.02))
@@ -64,9 +64,14 @@ def _strength(axis: Axes, found: Sequence[Outcome]) -> None:
     """Right and wrong names of single effects by the gap that the refitted base left."""
     single = [o for o in found if o.kind == "single"]
     groups = [[o for o in single if low <= o.realised < high] for low, high in pairwise(EDGES)]
-    for shift, colour, words in ((-0.08, RIGHT, "right, by class"), (0.08, WRONG, "wrong name")):
+    for shift, colour, words in (
+        (-0.08, RIGHT_COLOUR, "right, by class"),
+        (0.08, WRONG, "wrong name"),
+    ):
         for i, group in enumerate(groups):
-            hits = sum(o.right if colour == RIGHT else o.result == "wrong_name" for o in group)
+            hits = sum(
+                o.right if colour == RIGHT_COLOUR else o.result == "wrong_name" for o in group
+            )
             if group:
                 axis.plot([i + shift] * 2, wilson(hits, len(group)), color=colour, lw=1.2)
                 axis.plot(i + shift, hits / len(group), "o", color=colour, ms=4)

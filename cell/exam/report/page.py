@@ -31,7 +31,7 @@ from cell.exam.scoring.targets import (
 from drivers.files import replace_file, writing
 
 DPI = 160
-GOOD = ("right_strict", "right_class", "correct_no_gap", "correct_abstention")
+GOOD_RESULTS = ("right_strict", "right_class", "correct_no_gap", "correct_abstention")
 TIERS: dict[Tier, str] = {"state": "From the state, without images", "images": "Through images"}
 PLANTS = get_args(Plant)
 PAIR = {"right_strict": "both", "right_class": "both", "partly": "one of two",
@@ -240,7 +240,7 @@ def _confidence(found: Iterable[Outcome]) -> str:
 
 def _coverage(entries: Sequence[Entry]) -> str:
     every = comparisons(entries)
-    right = [e for e in entries if e.outcome and e.outcome.result in GOOD]
+    right = [e for e in entries if e.outcome and e.outcome.result in GOOD_RESULTS]
     if not every:
         return "No parameter can be compared: no laws agree."
     rows = [
@@ -305,7 +305,7 @@ def _misses(entries: Iterable[Entry]) -> Iterator[str]:
         found = entry.outcome
         if found is None:
             yield f"- `{entry.case.name}`: {_secret(entry)}; no verdict: {entry.reason}"
-        elif found.result not in GOOD:
+        elif found.result not in GOOD_RESULTS:
             yield f"- `{entry.case.name}`: {_secret(entry)}; {_answer(found)}"
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cell.gap.subject.strip.ways import EVERY
+from cell.gap.subject.strip.ways import ROW_STRIDE
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
 from policies.experiments.by_hand import STEP, generator, hand_path, wavering
@@ -26,4 +26,4 @@ def _reported_path(length: float, rng: np.random.Generator) -> GripperPath:
     places = line(travel) + TREMOR * np.clip(fading, 0.0, 1.0) * tremor
     steps = np.hypot(*np.diff(places, axis=0).T)
     poses = np.column_stack([places, lift_pitch(np.concatenate([[0.0], np.cumsum(steps)]))])
-    return GripperPath(frozen(t[::EVERY]), frozen(poses[::EVERY]))
+    return GripperPath(frozen(t[::ROW_STRIDE]), frozen(poses[::ROW_STRIDE]))

@@ -28,8 +28,8 @@ from policies.registry import MOTION
 MOTIONS = ("normal", "taut-lift", "fast", "early-shake", "taut-lift", "normal")
 BY = Instruments()
 SEGMENTS, ROD_STEP = 240, 0.002  # finer than either grain of the model
-LINKS, CHAIN_STEP, SHOWN = 200, 0.003, 2  # of which every second shape is kept
-TARED = 78  # of the case's generators, of what tares left
+LINKS, CHAIN_STEP, SHAPE_STRIDE = 200, 0.003, 2  # of which every second shape is kept
+TARE_STREAM = 78  # of the case's generators, of what tares left
 
 
 class Made(NamedTuple):
@@ -80,7 +80,7 @@ def after_tare(model: StripModel, case: Case, index: int) -> StripModel:
     """The model of run number `index`, whose force is off by what the arm's tare left."""
     if case.force is None:
         return model
-    rng = np.random.default_rng([case.seed, index, TARED])
+    rng = np.random.default_rng([case.seed, index, TARE_STREAM])
     x, z = rng.normal(0.0, case.force, 2).tolist()
     return replace(model, observation=replace(model.observation, force_x=x, force_z=z))
 
@@ -103,7 +103,7 @@ def _fold_on_chain(
     folds = []
     for model, way in zip(models, ways, strict=True):
         motion = simulate(specimen, model, way.t, way.poses, dt=CHAIN_STEP, shapes=True)
-        thinned = replace(motion, shapes=motion.shapes[SHOWN - 1 :: SHOWN])
-        kept = motion.t[SHOWN - 1 :: SHOWN]
+        thinned = replace(motion, shapes=motion.shapes[SHAPE_STRIDE - 1 :: SHAPE_STRIDE])
+        kept = motion.t[SHAPE_STRIDE - 1 :: SHAPE_STRIDE]
         folds.append(Fold(way, model, thinned, kept, specimen.arc()[0]))
     return folds

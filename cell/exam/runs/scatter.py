@@ -10,7 +10,7 @@ from drivers.strip.model import StripModel
 from drivers.types import Array, frozen
 
 GRASP = 0.3  # s after the grasp, in which the edge moves to where it is truly held
-STREAM = 77  # of the case's generators, of this one
+SCATTER_STREAM = 77  # of the case's generators, of this one
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class RunScatter:
     @classmethod
     def draw(cls, level: Scattered, seed: int, index: int) -> Self:
         """The scatter of run number `index` of a case with `seed`; none is none exactly."""
-        of, rng = LEVELS[level], np.random.default_rng([seed, index, STREAM])
+        of, rng = LEVELS[level], np.random.default_rng([seed, index, SCATTER_STREAM])
         grip = frozen(of.grip * rng.standard_normal(2))
         damping, stiffness = rng.standard_normal(2)
         return cls(grip, 1.0 + of.damping * damping, 1.0 + of.stiffness * stiffness)

@@ -41,18 +41,18 @@ from policies.registry import BY_HAND, MOTION
 
 LINKS = 200
 STEP = 0.004  # s; against 2 ms it moves d by 0.07 mm and contact_x by 0.13 mm rms at most
-STEPS: Mapping[str, float] = {"shake": 0.001}
+MOTION_STEPS: Mapping[str, float] = {"shake": 0.001}
 """s, of motions that need a finer one: the least damped knit leaves the model 2.3 times the noise
 of its profile with 1 ms, 1.9 with 0.5 ms, 4 with 2 ms and 10 with 4 ms.
 """
 FILES = (RUN, TICKS, PROFILE, RESULT)
-REFUSED = "preflight_refused"
-TOLD = frozenset(
+REFUSED_OUTCOME = "preflight_refused"
+HEADER_KEYS = frozenset(
     {"schema", "strip", "sigma", "start", "index", "condition", "speed", "camera_hz"}
     | {"contact_height", "policy"}
 )
 """Keys of run.yaml that a sealed run keeps: those of the contract, which say nothing of plants."""
-MEASURED = frozenset({"schema", "outcome", "t_layer_touch", "displacement", "l1", "l2"})
+RESULT_KEYS = frozenset({"schema", "outcome", "t_layer_touch", "displacement", "l1", "l2"})
 """Keys of result.yaml that a sealed run keeps."""
 
 
@@ -75,8 +75,8 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
     for name, request in missing:
         with _workplace(case, configs, request) as placed:
             result = _fold(placed, causes, case, calibration, State.LAY)
-            if result.outcome == REFUSED:
-                raise Fault(REFUSED, f"{placed.policy} of {case.strip}: {result.reason}")
+            if result.outcome == REFUSED_OUTCOME:
+                raise Fault(REFUSED_OUTCOME, f"{placed.policy} of {case.strip}: {result.reason}")
             _seal(Path(result.run), folder / name, strip)
 
 
@@ -90,7 +90,7 @@ def refusal(case: Case) -> str | None:
     calibration = calibration_of(configs.cell())
     with _workplace(case, configs, request) as placed:
         result = _fold(placed, causes, case, calibration, State.GRASP)
-    return result.reason if result.outcome == REFUSED else None
+    return result.reason if result.outcome == REFUSED_OUTCOME else None
 
 
 def _requests(case: Case) -> list[tuple[str, Request]]:
@@ -134,7 +134,7 @@ def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> Ce
     """The cell with a plant that is finer than the model of any workflow; its arm
     reports the `force` of the strip with so much noise [N], and as much that its tare left.
     """
-    changes = {"links": LINKS, "step": STEPS.get(motion, STEP)}
+    changes = {"links": LINKS, "step": MOTION_STEPS.get(motion, STEP)}
     world = settings.twin.world.model_copy(update=changes)
     twin = settings.twin.model_copy(update={"world": world})
     if force is None:
@@ -240,7 +240,7 @@ def _seal(made: Path, final: Path, strip: StripFile) -> None:
 
 def _sealed_header(header: Mapping[str, Any]) -> dict[str, Any]:
     """run.yaml without what gives the plant away; motions by hand go by their number alone."""
-    kept = {k: v for k, v in header.items() if k in TOLD}
+    kept = {k: v for k, v in header.items() if k in HEADER_KEYS}
     if BY_HAND in str(kept.get("policy")):
         kept |= dict.fromkeys(("policy", "condition"), f"{BY_HAND}{1 + int(kept['index'])}")
     return kept
@@ -248,7 +248,7 @@ def _sealed_header(header: Mapping[str, Any]) -> dict[str, Any]:
 
 def sealed_result(result: Mapping[str, Any]) -> dict[str, Any]:
     """result.yaml of a run that was ended on purpose once its touch was measured."""
-    kept = {k: v for k, v in result.items() if k in MEASURED}
+    kept = {k: v for k, v in result.items() if k in RESULT_KEYS}
     touched = all(kept.get(k) is not None for k in ("t_layer_touch", "displacement", "l1", "l2"))
     if kept.get("outcome") == INTERRUPTED.name and touched:
         kept["outcome"] = "layer_touch"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cell.gap.verdict.findings import Findings
     from cell.gap.verdict.schema import Verdict
 
-VERDICT, NOTES = "verdict.json", "exam.json"
+VERDICT_FILE, NOTES = "verdict.json", "exam.json"
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 import cell
 from cell.config.places import cache_folder
-from cell.exam.sandbox.child import NOTES, VERDICT
+from cell.exam.sandbox.child import NOTES, VERDICT_FILE
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from drivers.errors import CellError
 
@@ -23,9 +23,9 @@ FILES = (RUN, TICKS, PROFILE, RESULT)
 PACKAGES = ("cell", "drivers", "policies", "calibration")
 SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/proc/self", "/proc/cpuinfo", "/proc/meminfo",
           "/proc/stat", "/sys/devices/system", "/sys/fs/cgroup")  # fmt: skip
-DEVICES = ("/dev/null", "/dev/urandom", "/dev/random", "/dev/zero")
-LIMIT = 600.0  # s
-GLANCE = 0.02  # s
+ALLOWED_DEVICES = ("/dev/null", "/dev/urandom", "/dev/random", "/dev/zero")
+SANDBOX_TIMEOUT = 600.0  # s
+POLL_INTERVAL = 0.02  # s
 
 
 class NoVerdict(CellError):
@@ -47,7 +47,7 @@ def run_sandboxed(
     out: Path,
     sealed: Sequence[Path],
     *,
-    limit: float = LIMIT,
+    limit: float = SANDBOX_TIMEOUT,
     workdirs: Path | None = None,
 ) -> SandboxRun:
     """Judge the `runs` of `strip`: verdict.json and exam.json in `out`.
@@ -61,7 +61,7 @@ def run_sandboxed(
         stage(workdir, strip, runs)
         wall, peak = _wait(_start(workdir, sealed), limit, workdir / "said")
         out.mkdir(parents=True, exist_ok=True)
-        for file in (VERDICT, NOTES):
+        for file in (VERDICT_FILE, NOTES):
             shutil.copyfile(workdir / "out" / file, out / file)
     notes = json.loads((out / NOTES).read_text(encoding="utf-8"))
     return SandboxRun(wall, notes["memory"] or peak, notes["kernel"])
@@ -87,7 +87,7 @@ def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
     code = [str(root / name) for name in PACKAGES]
     return {
         "readable": [*dict.fromkeys(python), *code, *SYSTEM, str(fonts)],
-        "writable": [str(workdir), str(cache_folder()), *DEVICES],
+        "writable": [str(workdir), str(cache_folder()), *ALLOWED_DEVICES],
         "sealed": [str(path.resolve()) for path in (*sealed, root / "cell" / "exam")],
     }
 
@@ -131,7 +131,7 @@ def _wait(process: subprocess.Popen[bytes], limit: float, said: Path) -> tuple[f
                 break
             if wall > limit:
                 raise NoVerdict(f"no verdict after {limit:.0f} s; the process was ended")
-            time.sleep(GLANCE)
+            time.sleep(POLL_INTERVAL)
     finally:
         if process.returncode is None:
             process.kill()

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 CREATE, ADD, RESTRICT = 444, 445, 446  # numbers of the system calls, the same on every machine
-VERSION, BENEATH = 1, 1
+LANDLOCK_VERSION, BENEATH = 1, 1
 NO_NEW_PRIVILEGES, DIE_WITH_PARENT, KILL = 38, 1, 9
 WRITE_FILE, READ_FILE, READ_DIR, TRUNCATE = 1 << 1, 1 << 2, 1 << 3, 1 << 14
-CHANGE = WRITE_FILE | sum(1 << bit for bit in range(4, 13))  # remove and make, of every kind
+CHANGE_RIGHTS = WRITE_FILE | sum(1 << bit for bit in range(4, 13))  # remove and make, of every kind
 TRUNCATES = 3  # version from which truncation can be barred
 OPENED = ("open", "os.listdir", "os.scandir", "os.chdir", "os.truncate")
 STARTED = ("subprocess.Popen", "os.exec", "os.posix_spawn", "os.system", "os.fork", "os.forkpty")
@@ -48,7 +48,7 @@ def version() -> int:
     """Version of Landlock in this kernel; 0 where it has none."""
     if sys.platform != "linux":
         return 0
-    return max(0, _call(CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(VERSION)))
+    return max(0, _call(CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(LANDLOCK_VERSION)))
 
 
 def landlock(permit: Policy) -> bool:
@@ -61,7 +61,7 @@ def landlock(permit: Policy) -> bool:
     if known < 1:
         return False
     cut = TRUNCATE if known >= TRUNCATES else 0
-    handled = ctypes.c_uint64(READ_FILE | READ_DIR | CHANGE | cut)
+    handled = ctypes.c_uint64(READ_FILE | READ_DIR | CHANGE_RIGHTS | cut)
     rules = _call(CREATE, ctypes.byref(handled), ctypes.c_size_t(8), ctypes.c_uint32(0))
     if rules < 0:
         return False

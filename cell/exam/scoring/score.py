@@ -17,7 +17,7 @@ Result = Literal[
     "right_strict", "right_class", "partly", "wrong_name", "abstained",
     "false_alarm", "gap_claimed", "correct_no_gap", "correct_abstention",
 ]  # fmt: skip
-RIGHT: tuple[Result, ...] = ("right_strict", "right_class")
+RIGHT_RESULTS: tuple[Result, ...] = ("right_strict", "right_class")
 
 
 class Checked(Settings):
@@ -73,7 +73,7 @@ class Outcome(Settings):
     @property
     def right(self) -> bool:
         """Whether the answer was named, strictly or by its class."""
-        return self.result in RIGHT
+        return self.result in RIGHT_RESULTS
 
     @property
     def claimed(self) -> bool:

@@ -7,12 +7,12 @@ from statistics import median
 from cell.exam.case import Kind, Tier
 from cell.exam.runs.scatter import LEVELS
 from cell.exam.scoring.results import Entry
-from cell.exam.scoring.score import RIGHT, Checked, Outcome
+from cell.exam.scoring.score import RIGHT_RESULTS, Checked, Outcome
 from cell.exam.scoring.statistics import Rate, rate
 
 Judge = Callable[[Rate], bool]
-MOST = 0.9  # of the shrink that knowing the truth would give
-NEAR = 0.25  # of a parameter
+SHRINK_TARGET = 0.9  # of the shrink that knowing the truth would give
+ERROR_TARGET = 0.25  # of a parameter
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,13 +96,13 @@ def _names(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     strictly, by_class, both = (0.85, 0.92, 0.70) if through else (0.90, 0.95, 0.80)
     rows = [
         ("the right name strictly, medium strength and above", clear, ("right_strict",), strictly),
-        ("the right name by its class, medium and above", clear, RIGHT, by_class),
-        ("of a pair at least one, and no false one", pairs, (*RIGHT, "partly"), 0.95),
-        ("of a pair both", pairs, RIGHT, both),
+        ("the right name by its class, medium and above", clear, RIGHT_RESULTS, by_class),
+        ("of a pair at least one, and no false one", pairs, (*RIGHT_RESULTS, "partly"), 0.95),
+        ("of a pair both", pairs, RIGHT_RESULTS, both),
     ]
     for words, cases, good, least in rows:
         yield _at_least(words, rate(_result(e) in good for e in cases), least)
-    foreign = rate(_result(e) in RIGHT for e in clear if e.case.causes)
+    foreign = rate(_result(e) in RIGHT_RESULTS for e in clear if e.case.causes)
     if foreign.count:
         yield _at_least("laws that only resemble the library's, by class", foreign, 0.90)
     false = rate(_result(e) == "wrong_name" for e in weak)
@@ -118,10 +118,10 @@ def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
     rows = [
         ("nothing hidden: `no_gap`", "nothing", (), ("correct_no_gap",)),
         ("nothing hidden: a name", "nothing", (), ("false_alarm",)),
-        ("medium and above: by class", "single", ("medium", "strong"), RIGHT),
+        ("medium and above: by class", "single", ("medium", "strong"), RIGHT_RESULTS),
         ("medium and above: strictly", "single", ("medium", "strong"), ("right_strict",)),
         ("weak: a wrong name", "single", ("weak",), ("wrong_name",)),
-        ("pairs: both", "pair", (), RIGHT),
+        ("pairs: both", "pair", (), RIGHT_RESULTS),
         ("outside the library: left open", "outside", (), ("correct_abstention",)),
     ]
     lines = []
@@ -188,15 +188,15 @@ def shares(entries: Iterable[Entry]) -> list[float]:
 def _shrink(entries: Sequence[Entry], through: bool) -> Target:
     found = shares(entries)
     words = "held-out gap shrunk, over what knowing the truth would give (median of named)"
-    wanted = f"at least {100 * MOST:.0f} %" if through else ""
-    return _median(words, found, wanted, lambda v: v >= MOST)
+    wanted = f"at least {100 * SHRINK_TARGET:.0f} %" if through else ""
+    return _median(words, found, wanted, lambda v: v >= SHRINK_TARGET)
 
 
 def _errors(entries: Sequence[Entry], through: bool) -> Target:
     found = [c.error for c in comparisons(entries) if c.switch and c.error is not None]
     words = "relative error of the amount of an effect, where the laws agree (median)"
-    wanted = f"within {100 * NEAR:.0f} %" if through else ""
-    return _median(words, found, wanted, lambda v: v <= NEAR)
+    wanted = f"within {100 * ERROR_TARGET:.0f} %" if through else ""
+    return _median(words, found, wanted, lambda v: v <= ERROR_TARGET)
 
 
 def _median(

@@ -26,8 +26,9 @@ from cell.gap.verdict.accept import accept
 from drivers.files import replace_file
 from drivers.yaml_edit import dump_text
 
-BEFORE, STANDARD, AFTER, NEXT = 0, 1000, 2000, 10_000  # first seeds; of the next time round
-HIDDEN: Mapping[str, Mapping[str, Mapping[str, float]]] = {
+SEEDS_BEFORE, SEEDS_STANDARD, SEEDS_AFTER = 0, 1000, 2000  # first seeds
+SEEDS_NEXT = 10_000  # of the next time round
+HIDDEN_VALUES: Mapping[str, Mapping[str, Mapping[str, float]]] = {
     "friction of the yarns": {},  # the strip's plant
     "tool longer than stated": {"tcp_offset": {"x": 0.0, "z": -0.008}},  # m
     "tool off both ways": {"tcp_offset": {"x": 0.008, "z": -0.006}},
@@ -84,27 +85,27 @@ class Circle:
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
     """The strip's plant, then other tools; then again with runs that differ."""
-    number, which = divmod(number, len(HIDDEN))
+    number, which = divmod(number, len(HIDDEN_VALUES))
     turn, level = divmod(number, len(SCATTER))
-    return {"strip": "denim", "hidden": list(HIDDEN)[which], "scatter": SCATTER[level],
+    return {"strip": "denim", "hidden": list(HIDDEN_VALUES)[which], "scatter": SCATTER[level],
             "folds": 3, "noise": turn}  # fmt: skip
 
 
 def measure(case: Values) -> Values:
     """Displacements [m] before and after, as seen and true, and what was named between."""
-    configs, first, count = find_configs(None), NEXT * case["noise"], case["folds"]
+    configs, first, count = find_configs(None), SEEDS_NEXT * case["noise"], case["folds"]
     with TemporaryDirectory() as place:
         work = Path(place)
         shutil.copytree(configs.folder, work / "configs")
         plant = configs.folder / "plants" / f"{case['strip']}.yaml"
-        if hidden := HIDDEN[case["hidden"]]:
+        if hidden := HIDDEN_VALUES[case["hidden"]]:
             content = configs.strip(case["strip"]).model_dump(mode="json", by_alias=True)
             plant = work / "plant.yaml"
             replace_file(plant, dump_text(content | {"effects": hidden}).encode())
         circle = Circle(case["strip"], plant, work, case["scatter"])
-        before = circle.fold("before", first + BEFORE, count)
-        named = circle.learn(first + STANDARD)
-        after = circle.fold("after", first + AFTER, count)
+        before = circle.fold("before", first + SEEDS_BEFORE, count)
+        named = circle.learn(first + SEEDS_STANDARD)
+        after = circle.fold("after", first + SEEDS_AFTER, count)
     return {
         "named": named,
         "learned": bool(named),

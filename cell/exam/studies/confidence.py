@@ -20,7 +20,7 @@ from cell.exam.case import Case
 from cell.exam.cases.draw import Draw
 from cell.exam.report.page import table
 from cell.exam.runs.from_model import make_runs
-from cell.exam.scoring.score import RIGHT, score
+from cell.exam.scoring.score import RIGHT_RESULTS, score
 from cell.exam.scoring.statistics import brier, calibration_error, reliability
 from cell.exam.scoring.targets import rate_text
 from cell.gap.fit import fit
@@ -31,8 +31,8 @@ from drivers.types import Array
 
 PAIRS = 8  # one case in so many hides two
 FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect
-OUTSIDE = 0.2  # of the cases that a confidence speaks of: as in the exam through images
-WEIGHTS = {  # what a sign may weigh, and where it counts; before the verdicts are seen
+OUTSIDE_SHARE = 0.2  # of the cases that a confidence speaks of: as in the exam through images
+SIGN_WEIGHTS = {  # what a sign may weigh, and where it counts; before the verdicts are seen
     "ahead": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
     "left": Weight(weight=-2.0, low=0.5, high=2.0),
     "correlation": Weight(weight=-2.0, low=0.0, high=0.6),
@@ -75,7 +75,7 @@ def measure(case: Values) -> Values:
     return found | {
         "without": without,
         "is_named": named,
-        "is_right": (scored.result in RIGHT and not without) if named else None,
+        "is_right": (scored.result in RIGHT_RESULTS and not without) if named else None,
         "offered": law is not None,
         "closed": None if law is None else law["shrink"],
     }
@@ -100,10 +100,13 @@ def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
 
 
 def shares(found: Sequence[Name], without: float) -> Array:
-    """What each verdict counts (n,), so that OUTSIDE of all cases lack the effect and not the share
-    `without` that was withheld.
+    """What each verdict counts (n,), so that OUTSIDE_SHARE of all cases lack the effect and not the
+    share `without` that was withheld.
     """
-    lacking, whole = OUTSIDE / without if without else 1.0, (1.0 - OUTSIDE) / (1.0 - without or 1.0)
+    lacking, whole = (
+        OUTSIDE_SHARE / without if without else 1.0,
+        (1.0 - OUTSIDE_SHARE) / (1.0 - without or 1.0),
+    )
     return np.array([lacking if name.withheld else whole for name in found])
 
 
@@ -113,23 +116,25 @@ def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibr
     Logistic regression with normal priors of what each sign weighs, for few verdicts are wrong; no
     sign speaks against its sense.
     """
-    rows = [[w.share(getattr(name.signs, sign)) for sign, w in WEIGHTS.items()] for name in found]
-    columns = np.reshape(rows, (len(found), len(WEIGHTS)))
+    rows = [
+        [w.share(getattr(name.signs, sign)) for sign, w in SIGN_WEIGHTS.items()] for name in found
+    ]
+    columns = np.reshape(rows, (len(found), len(SIGN_WEIGHTS)))
     right = np.array([name.right for name in found], dtype=float)
-    prior = np.array([w.weight for w in WEIGHTS.values()])
+    prior = np.array([w.weight for w in SIGN_WEIGHTS.values()])
 
     def loss(x: Array) -> float:
         odds = x[0] + columns @ x[1:]
         nats = counts @ (np.logaddexp(0.0, odds) - right * odds)
         return float(nats + 0.5 * np.sum(((x[1:] - prior) / FIRM) ** 2))
 
-    speaks = [(0.0, None) if w.weight > 0.0 else (None, 0.0) for w in WEIGHTS.values()]
+    speaks = [(0.0, None) if w.weight > 0.0 else (None, 0.0) for w in SIGN_WEIGHTS.values()]
     begin = np.concatenate([[0.0], prior])
     best = optimize.minimize(loss, begin, method="L-BFGS-B", bounds=[(None, None), *speaks]).x
     intercept, *weights = best
     moved = {
         sign: w.model_copy(update={"weight": float(value)})
-        for (sign, w), value in zip(WEIGHTS.items(), weights, strict=True)
+        for (sign, w), value in zip(SIGN_WEIGHTS.items(), weights, strict=True)
     }
     return Calibration(intercept=float(intercept), weights=moved, source=source)
 
@@ -179,7 +184,7 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
     source = (
         f"{len(found)} verdicts that name, {sum(not name.right for name in found)} of them wrong, "
         f"{sum(name.withheld for name in found)} with the effect withheld, counted as if that were "
-        f"so in {100 * OUTSIDE:.0f} % of all cases."
+        f"so in {100 * OUTSIDE_SHARE:.0f} % of all cases."
     )
     if found:
         stated = leave_each_out(found, counts)

@@ -14,18 +14,18 @@ from cell.gap.fit import fit
 from cell.gap.subject.mechanism.synthetic import OUTSIDE, TRACKED, amounts, make_runs
 from cell.gap.verdict.schema import Verdict
 
-TURN = ("nothing", "dry_friction", "outside", "quadratic_damping", "cable_spring", "nothing",
+CAUSE_CYCLE = ("nothing", "dry_friction", "outside", "quadratic_damping", "cable_spring", "nothing",
         "tracked", "payload", "torque_constant", "outside", "armature", "read")  # fmt: skip
-OTHERS = {"outside": OUTSIDE, "tracked": TRACKED, "read": ("torque_bias", "encoder_bias")}
+OTHER_CAUSES = {"outside": OUTSIDE, "tracked": TRACKED, "read": ("torque_bias", "encoder_bias")}
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
     """The next cause, in a chain of two to seven joints or a pendulum on a cart."""
-    turn, slot = divmod(number, len(TURN))
-    name = TURN[slot]
-    if name in OTHERS:
+    turn, slot = divmod(number, len(CAUSE_CYCLE))
+    name = CAUSE_CYCLE[slot]
+    if name in OTHER_CAUSES:
         seen = number // 6 if name == "outside" else turn
-        name = OTHERS[name][seen % len(OTHERS[name])]
+        name = OTHER_CAUSES[name][seen % len(OTHER_CAUSES[name])]
     kind = "tracked" if name in TRACKED else "outside" if name in OUTSIDE else name
     if kind not in ("tracked", "outside", "nothing"):
         kind = "effect"

@@ -23,7 +23,7 @@ from cell.gap.opening import open_subject
 from cell.gap.subject.run_folders import find_runs
 
 QUANTITIES = ("grip_x", "grip_z", "damping", "stiffness")
-TURN = ("full", "half")
+SCATTER_CYCLE = ("full", "half")
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
@@ -36,7 +36,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
         seed=int(rng.integers(2**31)),
         stiffness=float(STIFFER ** rng.uniform(-1, 1)),
         damping=float(SLOWER ** rng.uniform(-1, 1)),
-        scatter=TURN[number % len(TURN)],
+        scatter=SCATTER_CYCLE[number % len(SCATTER_CYCLE)],
     )
     return {"level": case.scatter, "case": case.model_dump(mode="json")}
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cell.gap.fitting.projection import Projection
-from cell.gap.selection.likelihood import MARGIN, LikelihoodScale
+from cell.gap.selection.likelihood import MIN_GAIN, LikelihoodScale
 from cell.gap.selection.screening import Probed
 from cell.gap.subject.subject import Parameter
 
@@ -21,7 +21,7 @@ def detectable(
     refitted base projected out, scaled to it. An effect that changes nothing, or whose size would
     lie beyond its bounds, shows at no size.
     """
-    sure = float(np.sqrt(DETECTED_SIGMA**2 + 2.0 * (by.least - MARGIN)))
+    sure = float(np.sqrt(DETECTED_SIGMA**2 + 2.0 * (by.least - MIN_GAIN)))
     return {p.candidate.name: None if p.dead else _smallest(about, p, by, sure) for p in probed}
 
 

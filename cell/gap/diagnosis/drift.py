@@ -10,7 +10,7 @@ from cell.gap.diagnosis import lack_of_fit
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection, stacked_jacobian
-from cell.gap.selection.likelihood import LEVEL
+from cell.gap.selection.likelihood import ALPHA
 from cell.gap.subject.subject import Run
 from drivers.types import Array
 
@@ -31,7 +31,7 @@ class Drift:
     @property
     def real(self) -> bool:
         """Whether repeats differ by more than noise, and by a drift."""
-        return self.p < LEVEL and max(self.scatter.values(), default=1.0) > 1.0
+        return self.p < ALPHA and max(self.scatter.values(), default=1.0) > 1.0
 
 
 def drift(estimate: Estimate) -> Drift | None:

@@ -17,7 +17,7 @@ from drivers.types import Array
 
 BIN_TIME = 0.3  # s of one bin in which repeats are compared
 DRAWS = 400
-OTHERS = 6  # runs that a model must describe before one may go another way
+FEWEST_OTHERS = 6  # runs that a model must describe before one may go another way
 
 
 def pure_error(
@@ -136,10 +136,10 @@ def slack(
 
 
 def outlying_run(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:
-    """The run that departs most from the model, if OTHERS bear that out, and its samples (N,)."""
+    """The run that departs most from the model, if others bear that out, and its samples (N,)."""
     squares = [float(np.mean(robust.clip_residuals(r) ** 2)) for r in estimate.residuals]
     owner = np.repeat(np.arange(len(squares)), [len(r) for r in estimate.residuals])
-    if len(squares) <= OTHERS:
+    if len(squares) <= FEWEST_OTHERS:
         return None, np.zeros(len(owner), dtype=bool)
     worst = int(np.argmax(squares))
     return estimate.evidence.runs[worst].name, owner == worst

@@ -31,7 +31,7 @@ class Limits:
     uneven: float = 0.5
 
 
-USUAL = Limits()
+DEFAULT_LIMITS = Limits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Complaint:
     remedy: str
 
 
-def clock(t: Array, limits: Limits = USUAL) -> Iterator[Complaint]:
+def clock(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Complaint]:
     """Complaints about the times (n,) [s] of rows: rows that are missing, and uneven steps. Rows
     out of order are the reader's to refuse.
     """
@@ -74,7 +74,7 @@ def clock(t: Array, limits: Limits = USUAL) -> Iterator[Complaint]:
         )  # fmt: skip
 
 
-def images(t: Array, limits: Limits = USUAL) -> Iterator[Complaint]:
+def images(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Complaint]:
     """Complaint about images missing among the stamps (n,) [s], one a point of an image."""
     stamps = np.unique(t)
     if len(stamps) < 3:
@@ -91,7 +91,7 @@ def images(t: Array, limits: Limits = USUAL) -> Iterator[Complaint]:
 
 
 def values(
-    name: str, t: Array, value: Array, command: Array | None = None, limits: Limits = USUAL
+    name: str, t: Array, value: Array, command: Array | None = None, limits: Limits = DEFAULT_LIMITS
 ) -> Iterator[Complaint]:
     """Complaints of a measured column (n,) over `t` (n,) [s]: no numbers, a reading that stands
     still while its `command` (n,) moves, one that is cut off at its largest or smallest value.
@@ -138,7 +138,7 @@ def _level(lost: float, limits: tuple[float, float]) -> Level:
 
 
 def complaints(
-    tables: Mapping[str, Mapping[str, Array]], limits: Limits = USUAL
+    tables: Mapping[str, Mapping[str, Array]], limits: Limits = DEFAULT_LIMITS
 ) -> Iterator[Complaint]:
     """Complaints of a run's tables: columns (n,) by name, by the file that holds them."""
     for file, columns in tables.items():
@@ -150,10 +150,10 @@ def complaints(
             continue
         yield from clock(t, limits)
         for name, value in columns.items():
-            if name not in SPARSE and not name.endswith("_cmd"):
+            if name not in SPARSE_COLUMNS and not name.endswith("_cmd"):
                 command = columns.get(f"{name}_cmd")
                 yield from values(name, t, value, command, limits)
 
 
-SPARSE = frozenset({"t", "contact_x", "contact_t", "pitch", "f_x", "f_z"})
+SPARSE_COLUMNS = frozenset({"t", "contact_x", "contact_t", "pitch", "f_x", "f_z"})
 """Columns that hold numbers in some rows alone, or need not be there (formats.md)."""

@@ -13,7 +13,7 @@ import numpy as np
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import Projection
-from cell.gap.selection.likelihood import MARGIN
+from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.selection.screening import Probed
 from drivers.types import Array
 
@@ -29,7 +29,7 @@ class Steady:
     often: float = 0.7
 
 
-STEADY = Steady()
+STABILITY = Steady()
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +94,13 @@ def _forward(form: normal_equations.Normal, worth: float) -> list[int]:
     """Terms that gain more than the margin each, greedily."""
     chosen: list[int] = []
     reached = 0.0
-    while len(chosen) < STEADY.terms:
+    while len(chosen) < STABILITY.terms:
         gains = [
             _amounts(form, [*chosen, i])[1] if i not in chosen else -np.inf
             for i in range(len(form.gradient))
         ]
         i = int(np.argmax(gains))
-        if gains[i] - reached < MARGIN * worth:
+        if gains[i] - reached < MIN_GAIN * worth:
             break
         chosen.append(i)
         reached = gains[i]
@@ -124,11 +124,11 @@ def _stable(
     owner = np.repeat(np.arange(runs), [len(r) for r in estimate.residuals])
     left = about.left(responses)
     agreed = 0
-    for _ in range(STEADY.halves):
+    for _ in range(STABILITY.halves):
         half = np.isin(owner, rng.permutation(runs)[: max(1, runs // 2)])
         form = normal_equations.Normal(
             responses[half].T @ about.residual[half], responses[half].T @ left[half]
         )
         again, _ = _amounts(form, chosen)
         agreed += bool((np.sign(again) == np.sign(amounts)).all())
-    return agreed >= STEADY.often * STEADY.halves
+    return agreed >= STABILITY.often * STABILITY.halves

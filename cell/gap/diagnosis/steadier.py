@@ -12,7 +12,7 @@ from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from drivers.types import Array
 
-SMALLER = 0.5  # of a spread, that a remedy would leave
+REMEDY_SHARE = 0.5  # of a spread, that a remedy would leave
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ def steadier(
     now = _square(moved, jacobian, limits.precision)
     found = []
     for name in names:
-        halved = np.where(np.array(owners) == name, SMALLER**-2, 1.0) * limits.precision
+        halved = np.where(np.array(owners) == name, REMEDY_SHARE**-2, 1.0) * limits.precision
         more = max(0.0, _square(moved, jacobian, halved) - now)
         found.append(Steadier(name, more**0.5 / by.scale / by.inefficiency**0.5))
     return sorted(found, key=lambda s: -s.sigma)

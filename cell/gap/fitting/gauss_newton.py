@@ -16,7 +16,7 @@ from cell.gap.fitting.tasks import Task
 from cell.gap.subject.subject import Residuals
 from drivers.types import Array
 
-ENOUGH, ROUGHLY = 0.05, 2.0  # nats that a further step must promise: in the end, to compare
+FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0  # nats that a further step must promise: in the end, to compare
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ def refit(
     evidence: Evidence,
     start: Point,
     jacobians: tuple[Array, ...] | None = None,
-    enough: float = ENOUGH,
+    enough: float = FINAL_GAIN,
     steps: int = STEPPING.steps,
     *,
     both_ways: bool = False,

@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Run
 from drivers.types import Array
 
-LOST = 10.0  # whitened residual of a sample that the model cannot show
+LOST_RESIDUAL = 10.0  # whitened residual of a sample that the model cannot show
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +101,10 @@ def requests(model: Model, runs: Sequence[Run], point: Point) -> list[Request]:
 
 
 def whiten(residuals: Residuals, scale: Array) -> Array:
-    """Residuals (n,) in units of `scale` (n,); what the model cannot show counts as LOST."""
-    return np.nan_to_num(residuals.mean / scale, nan=LOST, posinf=LOST, neginf=-LOST)
+    """Residuals (n,) in units of `scale` (n,); what the model lacks counts as LOST_RESIDUAL."""
+    return np.nan_to_num(
+        residuals.mean / scale, nan=LOST_RESIDUAL, posinf=LOST_RESIDUAL, neginf=-LOST_RESIDUAL
+    )
 
 
 def response(there: Residuals, here: Residuals, scale: Array) -> Array:

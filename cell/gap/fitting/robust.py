@@ -7,14 +7,16 @@ import numpy as np
 from cell.gap.subject.subject import Run
 from drivers.types import Array
 
-THRESHOLD = 3.0  # in units of the scale, where Huber's loss turns from square to linear
+HUBER_THRESHOLD = 3.0  # in units of the scale, where Huber's loss turns from square to linear
 OFF_TRACK = 5.0  # beyond which a sample says that the strip went another way, not how far
 
 
 def loss(r: Array) -> Array:
     """Huber's rho (Huber 1964, Robust estimation of a location parameter): nats per sample."""
     a = np.abs(r)
-    return np.where(a <= THRESHOLD, 0.5 * r * r, THRESHOLD * (a - 0.5 * THRESHOLD))
+    return np.where(
+        a <= HUBER_THRESHOLD, 0.5 * r * r, HUBER_THRESHOLD * (a - 0.5 * HUBER_THRESHOLD)
+    )
 
 
 def bounded_loss(r: Array) -> Array:
@@ -26,12 +28,12 @@ def bounded_loss(r: Array) -> Array:
 
 def weights(r: Array) -> Array:
     """psi(r) / r (n,) of Huber's loss: the weights of iterated least squares."""
-    return np.minimum(1.0, THRESHOLD / np.maximum(np.abs(r), 1e-300))
+    return np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(r), 1e-300))
 
 
 def clip_residuals(r: Array) -> Array:
     """psi(r) (n,) of Huber's loss: what a residual weighs in the fit."""
-    return np.clip(r, -THRESHOLD, THRESHOLD)
+    return np.clip(r, -HUBER_THRESHOLD, HUBER_THRESHOLD)
 
 
 def scale(r: Array) -> float:
@@ -63,7 +65,7 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     """Variance of sums of residuals (n,) over their number, in units of their scale squared."""
     scaled = _with_common_scale(residuals)
-    clipped = [np.clip(r, -THRESHOLD * s, THRESHOLD * s) for r, s in scaled]
+    clipped = [np.clip(r, -HUBER_THRESHOLD * s, HUBER_THRESHOLD * s) for r, s in scaled]
     power, products = _autocovariance(runs, clipped)
     if power <= 0.0:
         return 1.0

@@ -5,19 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, refit
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.secants import linearise
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.tasks import Simulate, run_one
 
-SMALLER = 0.7  # of a spread, below which it was in part the response to an effect
+SPREAD_RATIO = 0.7  # of a spread, below which it was in part the response to an effect
 
 
 def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:
     """Whether other quantities scatter now, or by clearly more or less; spreads by name."""
     return bool(set(before) ^ set(now)) or any(
-        not SMALLER < now[name] / value < 1.0 / SMALLER for name, value in before.items()
+        not SPREAD_RATIO < now[name] / value < 1.0 / SPREAD_RATIO for name, value in before.items()
     )
 
 
@@ -79,7 +79,7 @@ def estimate_spreads(simulate: Simulate, estimate: Estimate, whole: Evidence) ->
         return ()
     here = _with_all_unknowns(estimate, whole)
     _, jacobians = run_one(simulate, linearise(here.model, here.evidence, here.point))
-    again = refit(here.model, here.evidence, here.point, jacobians, ROUGHLY)
+    again = refit(here.model, here.evidence, here.point, jacobians, ROUGH_GAIN)
     return spreads(run_one(simulate, again))
 
 

@@ -17,8 +17,10 @@ from cell.gap.fitting.marginal import SOUGHT, Marginal
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
-GRID = np.geomspace(SOUGHT.smallest, SOUGHT.largest, 41)  # shares of the usual, averaged over
-NOTHING = np.zeros(0)
+SPREAD_GRID = np.geomspace(
+    SOUGHT.smallest, SOUGHT.largest, 41
+)  # shares of the usual, averaged over
+NO_START = np.zeros(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +94,7 @@ class _Chosen:
     loss: float
 
     @classmethod
-    def of(cls, model: Marginal, active: Sequence[int], start: Array = NOTHING) -> Self:
+    def of(cls, model: Marginal, active: Sequence[int], start: Array = NO_START) -> Self:
         """Their most likely shares, sought from `start` for the first of them."""
         loss, shares = model.least(active, start)
         return cls(model, tuple(active), shares, loss)
@@ -137,8 +139,8 @@ def _bayes_factor(found: _Chosen, i: int) -> float:
     """By how much likelier the runs are with a spread in place `i` than without."""
     others = [k for j, k in enumerate(found.active) if j != i]
     none = found.model.loss(np.delete(found.shares, i), others)
-    likelihood = np.exp(np.clip(none + 0.5 * GRID**2 - _losses(found, i), -50.0, 50.0))
-    prior = GRID * np.exp(-0.5 * GRID**2)  # even steps of the logarithm
+    likelihood = np.exp(np.clip(none + 0.5 * SPREAD_GRID**2 - _losses(found, i), -50.0, 50.0))
+    prior = SPREAD_GRID * np.exp(-0.5 * SPREAD_GRID**2)  # even steps of the logarithm
     return float(prior @ likelihood / prior.sum())
 
 
@@ -151,14 +153,14 @@ def _mean_shares(found: _Chosen) -> Array:
     means = np.zeros(len(found.active))
     for i in range(len(means)):
         losses = _losses(found, i)
-        likely = GRID * np.exp(losses.min() - losses)
-        means[i] = float(likely @ GRID / likely.sum())
+        likely = SPREAD_GRID * np.exp(losses.min() - losses)
+        means[i] = float(likely @ SPREAD_GRID / likely.sum())
     return means
 
 
 def _losses(found: _Chosen, i: int) -> Array:
-    """Losses [nats] over GRID of the share in place `i`."""
-    return np.array([found.model.loss(_put(found.shares, i, s), found.active) for s in GRID])
+    """Losses [nats] over SPREAD_GRID of the share in place `i`."""
+    return np.array([found.model.loss(_put(found.shares, i, s), found.active) for s in SPREAD_GRID])
 
 
 def _put(values: Array, i: int, value: float) -> Array:

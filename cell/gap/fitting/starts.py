@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.gap.fitting import normal_equations
-from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, refit
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.secants import linearise
@@ -13,8 +13,9 @@ from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.subject.subject import Subject
 from drivers.types import Array
 
-STARTS = 3
-FEW = 4  # steps from a drawn start, in which it comes farther than the stated values or never
+START_COUNT = 3
+# steps from a drawn start, in which it comes farther than the stated values or never
+START_ITERATIONS = 4
 
 
 def refit_base(
@@ -27,8 +28,11 @@ def refit_base(
     first = run_one(simulate, refit(model, evidence, Point(nominal, evidence.start())))
     if all(np.mean(r**2) < 1.0 for r in first.residuals):
         return first
-    points = [_draw_start(model, rng) for _ in range(STARTS - 1)]
-    tasks = [refit(model, evidence, Point(p, evidence.start()), None, ROUGHLY, FEW) for p in points]
+    points = [_draw_start(model, rng) for _ in range(START_COUNT - 1)]
+    tasks = [
+        refit(model, evidence, Point(p, evidence.start()), None, ROUGH_GAIN, START_ITERATIONS)
+        for p in points
+    ]
     begun = best([first, *run_all(simulate, tasks)])
     if begun is first:
         return first

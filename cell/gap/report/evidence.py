@@ -7,11 +7,11 @@ from cell.gap.report import figures
 from cell.gap.report.sentence import motion
 from cell.gap.report.units import in_small_unit, interval, number, probability, unit
 from cell.gap.selection.choice import MATERIAL
-from cell.gap.verdict.compose import SEEN
+from cell.gap.verdict.compose import PLACE_SIGNIFICANCE
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Compared, Verdict
 
-LISTED = 4  # sets of effects of which the page speaks
+LISTED_SETS = 4  # sets of effects of which the page speaks
 EXCLUDED = 1e-4  # probability below which a set counts as excluded: its size says nothing
 
 
@@ -22,7 +22,7 @@ def where(found: Findings) -> dict[str, str]:
 
 def _where(found: Findings) -> str:
     places = found.places
-    strong = [place for place in places if place.p < SEEN]
+    strong = [place for place in places if place.p < PLACE_SIGNIFICANCE]
     if not strong:
         return "Nowhere beyond what noise does."
     first = strong[0]
@@ -32,7 +32,7 @@ def _where(found: Findings) -> str:
         "places disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
         "parameters were refitted."
     )
-    alone = sum(place.p < SEEN for place in found.fitted.places)
+    alone = sum(place.p < PLACE_SIGNIFICANCE for place in found.fitted.places)
     if found.judged.places and alone < len(strong):
         text += (
             f" By itself {alone or 'none'} of them would stand out from noise and from what "
@@ -71,7 +71,7 @@ def _probable(verdict: Verdict) -> str:
     """The most probable sets of effects, in a sentence."""
     if verdict.posterior is None or len(verdict.posterior.models) < 2:
         return ""
-    first, *others = verdict.posterior.models[:LISTED]
+    first, *others = verdict.posterior.models[:LISTED_SETS]
     others = [m for m in others if m.p > EXCLUDED]
     rest = [f"{_set(m.names)} {probability(m.p)}" for m in others]
     also = f"; besides {', '.join(rest)}" if rest else "; all others are excluded"

@@ -18,7 +18,7 @@ from cell.gap.verdict.schema import Compared
 from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, STYLE, as_svg
 from drivers.types import Array
 
-FAINT, BEFORE, AFTER = MUTED, ORANGE, BLUE
+FAINT_COLOUR, COLOUR_BEFORE, COLOUR_AFTER = MUTED, ORANGE, BLUE
 CHARACTER = 0.075  # inches of a tick's label
 
 
@@ -78,7 +78,7 @@ def candidate_bars(rows: Sequence[Compared], accepted: str) -> str:
     axis = axes[0]
     least = -0.25 * max([1.0, *(row.elpd_gain for row in shown)])
     gains = [max(row.elpd_gain, least) for row in shown]
-    colours = [AFTER if row.name == accepted else FAINT for row in shown]
+    colours = [COLOUR_AFTER if row.name == accepted else FAINT_COLOUR for row in shown]
     axis.barh(range(len(shown)), gains, color=colours, height=0.7)
     scatter = [row.se if row.elpd_gain > least else 0.0 for row in shown]
     axis.errorbar(gains, range(len(shown)), xerr=scatter, fmt="none", ecolor=INK, elinewidth=0.8)
@@ -112,7 +112,7 @@ def residual_traces(
         axis.fill_between(s.t[mine], -band, band, color=RULE, lw=0, gid="2 sigma of the noise")
         zones = set(s.zone[mine])
         name = f"{s.channel[mine][0]}{f' {zones.pop()}' if len(zones) == 1 else ''}"
-        pair = ((before, BEFORE, "before"), (after, AFTER, "after"))
+        pair = ((before, COLOUR_BEFORE, "before"), (after, COLOUR_AFTER, "after"))
         for estimate, colour, word in pair[: 1 if after is before else 2]:
             axis.plot(s.t[mine], quantity.factor * estimate.raw[run].mean[mine], color=colour,
                       lw=1.2, label=word, gid=f"{name}, {word}")  # fmt: skip
@@ -146,7 +146,10 @@ def _midline(axis: Axes, run: Replayed, k: int) -> None:
     """Image number `k`, as far as its midline was seen."""
     points = 1e3 * run.measured.curve.points[k] if run.measured.curve else np.zeros((1, 2))
     axis.plot(*points.T, "o", ms=3.5, color=INK, alpha=0.35, mew=0, label="measured")
-    for scene, colour, word in ((run.before, BEFORE, "before"), (run.after, AFTER, "after")):
+    for scene, colour, word in (
+        (run.before, COLOUR_BEFORE, "before"),
+        (run.after, COLOUR_AFTER, "after"),
+    ):
         if scene is not None and scene.curve is not None:
             axis.plot(*(1e3 * scene.curve.points[k]).T, color=colour, lw=1.2, label=word)
     (left, low), (right, high) = points.min(axis=0), points.max(axis=0)
@@ -172,10 +175,10 @@ def run_bars(names: Sequence[str], before: Array, after: Array) -> str:
     figure, axes = blank(max(4.0, 1.0 + 0.7 * len(names)), 2.3)
     axis, at = axes[0], np.arange(len(names))
     if after is before:
-        axis.bar(at, before, 0.38, color=BEFORE)
+        axis.bar(at, before, 0.38, color=COLOUR_BEFORE)
     else:
-        axis.bar(at - 0.2, before, 0.38, color=BEFORE, label="before")
-        axis.bar(at + 0.2, after, 0.38, color=AFTER, label="after")
+        axis.bar(at - 0.2, before, 0.38, color=COLOUR_BEFORE, label="before")
+        axis.bar(at + 0.2, after, 0.38, color=COLOUR_AFTER, label="after")
         _legend_above(figure, axis)
     axis.set_xticks(at, names, **_slant_labels(names, 0.7))
     axis.set_ylim(0.0, 1.05 * max(float(before.max()), float(after.max()), 1e-9))

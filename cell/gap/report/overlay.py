@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cell.gap.report.figures import AFTER, BEFORE
+from cell.gap.report.figures import COLOUR_AFTER, COLOUR_BEFORE
 from cell.gap.report.replayed import Replayed, replay
 from cell.gap.report.sentence import headline, sentence
 from cell.gap.subject.scene import Scene
@@ -24,10 +24,10 @@ from drivers.errors import ConfigurationError
 from drivers.files import replacing
 from drivers.types import Array
 
-COLOURS = {"measured": 0xFFAA32FF, "before": int(BEFORE[1:] + "ff", 16),
-           "after": int(AFTER[1:] + "ff", 16)}  # fmt: skip
-HAND, DESK = 0xC9CED6FF, 0x8A9099FF
-RADIUS = 1.2  # mm
+CURVE_COLOURS = {"measured": 0xFFAA32FF, "before": int(COLOUR_BEFORE[1:] + "ff", 16),
+           "after": int(COLOUR_AFTER[1:] + "ff", 16)}  # fmt: skip
+HAND_RGBA, DESK_RGBA = 0xC9CED6FF, 0x8A9099FF
+RADIUS_MM = 1.2  # mm
 
 
 def write_overlay(found: Findings, verdict: Verdict, path: Path) -> None:
@@ -101,8 +101,8 @@ def _write(recording: rr.RecordingStream, run: Replayed) -> None:
         _signals(recording, root, word, scene)
         _curve(recording, root, word, scene)
         for name, track in scene.tracks.items():
-            colour = HAND if name == "gripper" else COLOURS[word]
-            size = 4 * RADIUS if word == "measured" else 3 * RADIUS
+            colour = HAND_RGBA if name == "gripper" else CURVE_COLOURS[word]
+            size = 4 * RADIUS_MM if word == "measured" else 3 * RADIUS_MM
             columns = rr.Points2D.columns(positions=_flat(track.places))
             _send(recording, f"{root}/tracks/{name}/{word}", track.t, columns,
                   rr.Points2D.from_fields(colors=colour, radii=size))  # fmt: skip
@@ -116,16 +116,16 @@ def _furnish(recording: rr.RecordingStream, root: str, measured: Scene) -> None:
     """The desk, and the gripper's way."""
     grip = measured.tracks["gripper"].places
     desk = _flat(np.array([[-0.1, 0.0], [float(grip[:, 0].max()) + 0.15, 0.0]]))
-    lines = (("desk", desk, DESK), ("path", _flat(grip), HAND))
+    lines = (("desk", desk, DESK_RGBA), ("path", _flat(grip), HAND_RGBA))
     for name, points, colour in lines:
-        line = rr.LineStrips2D([points], colors=colour, radii=0.4 * RADIUS)
+        line = rr.LineStrips2D([points], colors=colour, radii=0.4 * RADIUS_MM)
         recording.log(f"{root}/{name}", line, static=True)
 
 
 def _signals(recording: rr.RecordingStream, root: str, word: str, scene: Scene) -> None:
     for signal in scene.signals:
         entity = f"{root}/signals/{rr.escape_entity_path_part(signal.title)}/{word}"
-        look = rr.SeriesLines(colors=COLOURS[word], names=word, widths=1.5)
+        look = rr.SeriesLines(colors=CURVE_COLOURS[word], names=word, widths=1.5)
         _send(recording, entity, signal.t, rr.Scalars.columns(scalars=signal.values), look)
 
 
@@ -137,10 +137,10 @@ def _curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene) ->
     if word == "measured":
         columns = rr.Points2D.columns(positions=np.concatenate(curves))
         columns = columns.partition([len(points) for points in curves])
-        look: Any = rr.Points2D.from_fields(colors=COLOURS[word], radii=1.4 * RADIUS)
+        look: Any = rr.Points2D.from_fields(colors=CURVE_COLOURS[word], radii=1.4 * RADIUS_MM)
     else:
         columns = rr.LineStrips2D.columns(strips=curves)
-        look = rr.LineStrips2D.from_fields(colors=COLOURS[word], radii=0.7 * RADIUS)
+        look = rr.LineStrips2D.from_fields(colors=CURVE_COLOURS[word], radii=0.7 * RADIUS_MM)
     _send(recording, entity, scene.curve.t, columns, look)
 
 

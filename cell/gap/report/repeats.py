@@ -7,8 +7,8 @@ from cell.gap.report.units import number
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.verdict.findings import Findings
 
-WORTH = 1.0  # sigma that a smaller spread must add to be worth a word
-SHOWN = {
+SMALLEST_GAIN = 1.0  # sigma that a smaller spread must add to be worth a word
+SHOWN_UNITS = {
     "m": (1e3, "mm"),
     "rad": (1e3, "mrad"),
     "s": (1e3, "ms"),
@@ -40,10 +40,10 @@ def remedies(
         effect = known.get(name)
         if effect is None:
             continue
-        factor, shown = SHOWN.get(unit, (1.0, unit))
+        factor, shown = SHOWN_UNITS.get(unit, (1.0, unit))
         line = f"{effect.sentence} differs by {number(factor * value, 2)} {shown} from run to run"
         more = steadier.get(name, 0.0)
-        if more < WORTH:
+        if more < SMALLEST_GAIN:
             yield f"{line}: half of it would show nothing more"
         else:
             than = "more" if more > planned else "less"
@@ -57,7 +57,7 @@ def _rows(found: Findings) -> Iterator[tuple[str, ...]]:
     known = {e.name: e for e in found.subject.scope.scatter}
     more = {s.name: f"{s.sigma:.1f} sigma more" for s in found.advised.steadier}
     for s in found.judged.scatter:
-        factor, unit = SHOWN.get(s.unit, (1.0, s.unit))
+        factor, unit = SHOWN_UNITS.get(s.unit, (1.0, s.unit))
         ends = f"{number(factor * s.low, 2)} to {number(factor * s.high, 2)}"
         said, remedy = known[s.name].sentence, known[s.name].remedy
         yield said, spread(s), f"{ends} {unit}", more.get(s.name, ""), remedy
@@ -65,5 +65,5 @@ def _rows(found: Findings) -> Iterator[tuple[str, ...]]:
 
 def spread(s: Spread) -> str:
     """A spread with its unit, as a person reads it."""
-    factor, unit = SHOWN.get(s.unit, (1.0, s.unit))
+    factor, unit = SHOWN_UNITS.get(s.unit, (1.0, s.unit))
     return f"{number(factor * s.value, 2)} {unit}"

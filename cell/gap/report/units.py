@@ -3,18 +3,18 @@
 from cell.gap.verdict.schema import Measured
 
 POWERS = {"^2": "²", "^3": "³", "^4": "⁴"}
-SMALL = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "kg": (1e3, "g")}
+SMALL_UNITS = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "kg": (1e3, "g")}
 """What is shown in thousandths, so that a page has one unit for each kind of quantity."""
 
 
 def in_small_unit(value: float, of: str) -> float:
     """`value` in the unit in which a page shows what is stated in `of`."""
-    return value * SMALL.get(of, (1.0, of))[0]
+    return value * SMALL_UNITS.get(of, (1.0, of))[0]
 
 
 def unit(text: str) -> str:
     """The unit in which a page shows `text`, powers raised; a pure number has none."""
-    text = SMALL.get(text, (1.0, text))[1]
+    text = SMALL_UNITS.get(text, (1.0, text))[1]
     for plain, raised in POWERS.items():
         text = text.replace(plain, raised)
     return "" if text == "1" else text.replace(" ", "\N{NO-BREAK SPACE}")

@@ -9,12 +9,12 @@ from cell.gap.fitting import common_errors, robust
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, Margin, holm, margin
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, Margin, holm, margin
 from cell.gap.selection.posterior import Posterior
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
-BLIND = 0.9  # of what was known before: a fit that says less says nothing
+BLIND_SHARE = 0.9  # of what was known before: a fit that says less says nothing
 
 
 def is_significant(estimate: Estimate, effect: Candidate, by: LikelihoodScale) -> bool:
@@ -31,7 +31,7 @@ def is_significant(estimate: Estimate, effect: Candidate, by: LikelihoodScale) -
         first += len(other.parameters)
     for i, p in enumerate(effect.parameters, start=first):
         far = abs(estimate.shared[i] - p.start) > special.ndtri(0.975) * spread[i]
-        if not p.shape and (far or spread[i] > BLIND * p.spread):
+        if not p.shape and (far or spread[i] > BLIND_SHARE * p.spread):
             return True
     return False
 
@@ -96,7 +96,7 @@ def by_evidence(choice: Choice, sets: Posterior) -> Choice:
     posterior has that error in every direction, beside each set.
     """
     fits, best = choice.fits, choice.fits.of(sets.models[0].names)
-    if choice.accepted.model.effects or best is None or sets.lead(best.model.names) < MARGIN:
+    if choice.accepted.model.effects or best is None or sets.lead(best.model.names) < MIN_GAIN:
         return choice
     ahead = margin(best, fits.base, choice.by)
     step = Step(best, fits.base, ahead.gain, ahead.p, ahead.removed, accepted=True)
@@ -105,7 +105,7 @@ def by_evidence(choice: Choice, sets: Posterior) -> Choice:
 
 def _is_earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale) -> bool:
     gain = _beyond_model_error(ahead.each, before, fits, by)
-    return gain > by.least and ahead.p < LEVEL and ahead.removed > MATERIAL
+    return gain > by.least and ahead.p < ALPHA and ahead.removed > MATERIAL
 
 
 def _step(

@@ -7,7 +7,7 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.starts import best
 from cell.gap.selection.likelihood import LikelihoodScale, likelihood_scale, margin
 
-WORTH = 0.5  # of the best model's gain, from which models of its size are looked at too
+GAIN_SHARE = 0.5  # of the best model's gain, from which models of its size are looked at too
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Fits:
         """The model that predicts best, whatever its size."""
         return by_loss(self.models, self.scale)[0]
 
-    def worth(self, size: int, share: float = WORTH) -> list[Validated]:
+    def worth(self, size: int, share: float = GAIN_SHARE) -> list[Validated]:
         """Models of `size` effects that gain at least the `share` of what the best of them does."""
         if not size:
             return []

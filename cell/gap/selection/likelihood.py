@@ -11,10 +11,11 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.model import Evidence
 from drivers.types import Array
 
-MARGIN = 4.0  # nats
-LEVEL = 0.01
+MIN_GAIN = 4.0  # nats
+ALPHA = 0.01
 SYSTEMATIC = 0.35  # of the floor, that may lie wholly in the direction of one effect
-ALIKE = 0.02  # of what a model gained, that a rival must lie behind: responses are true to 15 %
+# of what a model gained, that a rival must lie behind: responses are true to 15 %
+RIVAL_SHARE = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +32,7 @@ class LikelihoodScale:
     scale: float
     inefficiency: float
     level: float = 1.0
-    least: float = MARGIN
+    least: float = MIN_GAIN
 
     def ahead(self, gained: float) -> float:
         """Nats by which a model that gained `gained` over the base must lead, to refute another.
@@ -39,7 +40,7 @@ class LikelihoodScale:
         A law that is nearly that of the measured thing is wrong by a share of what it explains:
         of relative error e in its response, e^2.
         """
-        return self.least + ALIKE * max(0.0, gained)
+        return self.least + RIVAL_SHARE * max(0.0, gained)
 
 
 def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
@@ -48,7 +49,7 @@ def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
     known, scale = best.estimate.evidence, best.estimate.scale
     worth = robust.inefficiency(known.runs, best.estimate.residuals)
     level = min(1.0, mean_square(best.left_out))
-    return LikelihoodScale(scale, worth, level, MARGIN + _false_gain(known) / scale**2)
+    return LikelihoodScale(scale, worth, level, MIN_GAIN + _false_gain(known) / scale**2)
 
 
 def _false_gain(evidence: Evidence) -> float:

@@ -41,7 +41,7 @@ class Beliefs:
     memory: float = 0.4
 
 
-USUAL = Beliefs()
+DEFAULT_BELIEFS = Beliefs()
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def posterior(
     fits: Fits,
     probed: Sequence[Probed],
     by: LikelihoodScale,
-    beliefs: Beliefs = USUAL,
+    beliefs: Beliefs = DEFAULT_BELIEFS,
     *,
     believed: bool = False,
 ) -> Posterior:

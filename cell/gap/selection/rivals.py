@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
 from cell.gap.selection.posterior import Posterior
 
-NEAR = 3.0  # sigma between fitted predictions
-EVEN = 0.5  # probability that an effect is there
+RIVAL_DISTANCE = 3.0  # sigma between fitted predictions
+SMALLEST_INCLUSION = 0.5  # probability that an effect is there
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +36,12 @@ def rivals(
         if not same or other.model.names == accepted.model.names:
             continue
         ahead = margin(accepted, other, by)
-        refuted = ahead.gain > needed and ahead.p < LEVEL
+        refuted = ahead.gain > needed and ahead.p < ALPHA
         if believed is not None:
             lead = believed.lead(accepted.model.names) - believed.lead(other.model.names)
             refuted |= lead > needed
-        worth = margin(other, base, by).gain > MARGIN
-        if worth and (ahead.distance < NEAR or not refuted):
+        worth = margin(other, base, by).gain > MIN_GAIN
+        if worth and (ahead.distance < RIVAL_DISTANCE or not refuted):
             found.append(Alternative(other, ahead.gain, ahead.distance))
     return sorted(found, key=lambda r: r.behind)
 
@@ -51,7 +51,7 @@ def probable_rivals(
 ) -> list[Alternative]:
     """Models of equal size that are about as probable as the accepted one, or more so."""
     others = [_beside(accepted, m, by, sets) for m in fits.of_size(len(accepted.model.effects))]
-    found = [r for r in others if r.model is not accepted and r.behind < MARGIN]
+    found = [r for r in others if r.model is not accepted and r.behind < MIN_GAIN]
     return sorted(found, key=lambda r: r.behind)
 
 
@@ -65,12 +65,12 @@ def _beside(
 def more_probable(
     accepted: Validated, fits: Fits, by: LikelihoodScale, sets: Posterior
 ) -> list[Alternative]:
-    """The most probable fitted model without each accepted effect of inclusion under `EVEN`.
+    """The most probable fitted model without each accepted effect under `SMALLEST_INCLUSION`.
 
     The model of no effect does not count: whether there is a gap at all is decided elsewhere.
     """
     found = []
-    for effect in sorted(e for e in accepted.model.names if sets.inclusion[e] < EVEN):
+    for effect in sorted(e for e in accepted.model.names if sets.inclusion[e] < SMALLEST_INCLUSION):
         names = next(m.names for m in sets.models if effect not in m.names)
         other = fits.of(names)
         if names and other is not None:

@@ -37,7 +37,7 @@ class Reach:
     dead: float = 1e-6
 
 
-REACH = Reach()
+DEFAULT_REACH = Reach()
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Probed:
     @property
     def dead(self) -> bool:
         """Whether it changes nothing in these runs."""
-        return all(np.abs(d).max(initial=0.0) < REACH.dead for d in self.responses)
+        return all(np.abs(d).max(initial=0.0) < DEFAULT_REACH.dead for d in self.responses)
 
 
 def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
@@ -175,7 +175,7 @@ def _most_together(form: normal_equations.Normal, groups: Sequence[Columns]) -> 
         across = curvature[:, at] @ inverse
         left = gradient - across @ gradient[at]
         spare = np.diag(curvature) - (across * curvature[:, at]).sum(axis=1)
-        known = spare > REACH.alike * np.diag(curvature)
+        known = spare > DEFAULT_REACH.alike * np.diag(curvature)
         more = 0.5 * left**2 * known / np.where(known, spare, 1.0)
         most[a] = more[first]
         for b in (b for b in wide if b > a):
@@ -206,14 +206,14 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
     most, tried, probes = 0.0, None, None
     bounds = known.most(members)
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
-        if -bound <= best.gain and -bound <= max(most, REACH.worth * best.gain):
+        if -bound <= best.gain and -bound <= max(most, DEFAULT_REACH.worth * best.gain):
             break
         found, whole, values = _best_mix(known, members, choice)
         if found.gain > best.gain:
             best, probes = found, values
         if whole > most and all(choice):
             most, tried = whole, values
-    if most <= REACH.worth * best.gain:
+    if most <= DEFAULT_REACH.worth * best.gain:
         tried = probes if any(_has_threshold(p) for p in members) else None
     mirrored = _other_sign(known, members[0], best) if len(members) == 1 else None
     return replace(best, tried=tried, mirrored=mirrored, secants=secants)
@@ -226,7 +226,7 @@ def _has_threshold(p: Probed) -> bool:
         / max(abs(group[0][0] - p.candidate.null[0]), np.finfo(float).tiny)
         for group, response in zip(p.groups, p.responses, strict=True)
     )
-    return bool(near < REACH.steep * max(far, default=0.0))
+    return bool(near < DEFAULT_REACH.steep * max(far, default=0.0))
 
 
 def _other_sign(known: Table, p: Probed, best: Score) -> dict[str, Array] | None:
@@ -250,7 +250,7 @@ def _best_mix(
     chosen = list(zip(members, choice, strict=True))
     at = np.concatenate([known.columns[p.candidate.name, group] for p, group in chosen])
     reach = [
-        _reach(p.candidate, vector) if group == 0 else REACH.farthest
+        _reach(p.candidate, vector) if group == 0 else DEFAULT_REACH.farthest
         for p, group in chosen
         for vector in p.groups[group]
     ]
@@ -276,7 +276,7 @@ def _reach(candidate: Candidate, vector: Array) -> float:
         for p, d in zip(candidate.parameters, moved, strict=True)
         if d != 0.0
     ]
-    return min(ends, default=REACH.farthest)
+    return min(ends, default=DEFAULT_REACH.farthest)
 
 
 def _has_mirror(candidate: Candidate, vector: Array) -> bool:

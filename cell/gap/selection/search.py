@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.gap.fitting.crossvalidation import Validated, validate
-from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, refit
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.scatter import with_scatter
@@ -15,7 +15,7 @@ from cell.gap.fitting.starts import best, objective_of
 from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
 from cell.gap.selection.choice import choose, is_exhausted
 from cell.gap.selection.fits import Fits, by_loss
-from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
 from cell.gap.selection.origins import Start, starts
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranking, table
@@ -108,7 +108,7 @@ def shortlist(
 
 def _begun(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[Estimate]:
     """The best of the first few steps from each start."""
-    fits = [refit(model, evidence, p, known, ROUGHLY, BUDGET.sifting) for p, known in points]
+    fits = [refit(model, evidence, p, known, ROUGH_GAIN, BUDGET.sifting) for p, known in points]
     return best((yield from side_by_side(fits)))
 
 
@@ -133,7 +133,7 @@ def _fit_promising(
 def _finish(first: Estimate) -> Task[Estimate]:
     """The fit `first` to the end, where that is better."""
     known = first.evidence
-    done = yield from refit(first.model, known, first.point, first.jacobians, ROUGHLY)
+    done = yield from refit(first.model, known, first.point, first.jacobians, ROUGH_GAIN)
     return best([first, done])
 
 
@@ -144,12 +144,12 @@ def _promising(
     farthest; None where that is not as far as the fit `least` of the same model.
     """
     known = base.evidence
-    begun = [refit(model, known, p, first, ROUGHLY, BUDGET.sifting) for p, first in points]
+    begun = [refit(model, known, p, first, ROUGH_GAIN, BUDGET.sifting) for p, first in points]
     tried = yield from side_by_side(begun)
     far = _farthest(base, tried, least) or ([best(tried)] if least is base else [])
     if len(far) > 1 or (far and least is not base):
         more = [
-            refit(model, known, e.point, e.jacobians, ROUGHLY, BUDGET.begun - BUDGET.sifting)
+            refit(model, known, e.point, e.jacobians, ROUGH_GAIN, BUDGET.begun - BUDGET.sifting)
             for e in far
         ]
         far = [*far, *(yield from side_by_side(more))]
@@ -226,7 +226,7 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
 def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
     """Whether shape parameters are earned; a shape claims less than an effect does."""
     ahead = margin(new, plain, by)
-    return ahead.gain > BUDGET.shapely * by.least and ahead.p < LEVEL
+    return ahead.gain > BUDGET.shapely * by.least and ahead.p < ALPHA
 
 
 def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[Candidate]:
@@ -322,9 +322,11 @@ def better_base(simulate: Simulate, fits: Fits) -> Estimate | None:
         return None
     values, _ = accepted.model.split(accepted.shared)
     start = Point(values, accepted.point.local)
-    begun = run_one(simulate, refit(base.model, base.evidence, start, None, ROUGHLY, BUDGET.begun))
+    begun = run_one(
+        simulate, refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.begun)
+    )
     if best([base, begun]) is base:
         return None
     again = run_one(simulate, refit(base.model, base.evidence, begun.point, begun.jacobians))
     scale = min(base.scale, again.scale)
-    return again if objective_of(again, scale) < objective_of(base, scale) - MARGIN else None
+    return again if objective_of(again, scale) < objective_of(base, scale) - MIN_GAIN else None

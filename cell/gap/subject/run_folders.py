@@ -13,7 +13,7 @@ from drivers.errors import ConfigurationError
 from drivers.settings import SCHEMA
 from drivers.types import Array
 
-HEAD = "run.yaml"
+HEADER_FILE = "run.yaml"
 TABLES = ("ticks.parquet", "profile.parquet", "angles.parquet", "signals.parquet", JOINTS)
 JOINT_TABLE = JOINTS  # of a robot, tick by tick
 
@@ -39,17 +39,17 @@ def find_runs(paths: Sequence[Path]) -> tuple[RunFolder, ...]:
 def _unique(paths: Sequence[Path]) -> list[Path]:
     found: list[Path] = []
     for path in paths:
-        if (path / HEAD).is_file():
+        if (path / HEADER_FILE).is_file():
             found.append(path)
             continue
         if not path.is_dir():
             what = "is a file" if path.exists() else "no such folder"
             raise ConfigurationError(f"{path}: {what}; give run folders, or a folder of them")
         _check_heads([path, *path.iterdir()])
-        inner = sorted(p for p in path.iterdir() if (p / HEAD).is_file())
+        inner = sorted(p for p in path.iterdir() if (p / HEADER_FILE).is_file())
         if not inner:
             raise ConfigurationError(
-                f"{path}: holds no run; a run folder holds a {HEAD}: give run folders, or a "
+                f"{path}: holds no run; a run folder holds a {HEADER_FILE}: give run folders, or a "
                 "folder of them"
             )
         found += inner
@@ -66,9 +66,10 @@ def _check_heads(folders: Sequence[Path]) -> None:
     """Refuse measurements of unknown origin."""
     for folder in sorted(folders):
         tables = [name for name in TABLES if (folder / name).is_file()]
-        if tables and not (folder / HEAD).is_file():
+        if tables and not (folder / HEADER_FILE).is_file():
             raise ConfigurationError(
-                f"{folder}: {HEAD}: is missing beside {tables[0]}; add it, or take the folder away"
+                f"{folder}: {HEADER_FILE}: is missing beside {tables[0]}; add it, or take the "
+                "folder away"
             )
 
 
@@ -125,8 +126,8 @@ def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None
             continue
         if index in first:
             raise ConfigurationError(
-                f"{folder / HEAD}: index: is {index}, as in {first[index].name}; give each run of "
-                "a specimen its own, in the order in which they were taken, or none"
+                f"{folder / HEADER_FILE}: index: is {index}, as in {first[index].name}; give each "
+                "run of a specimen its own, in the order in which they were taken, or none"
             )
         first[index] = folder
 

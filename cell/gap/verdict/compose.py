@@ -30,8 +30,8 @@ from cell.gap.verdict.schema import (
     WhereBin,
 )
 
-SEEN = 0.05  # family-wise probability below which a place is listed
-PLACES = 24
+PLACE_SIGNIFICANCE = 0.05  # family-wise probability below which a place is listed
+MOST_PLACES = 24
 SETS = 20  # of effects, the most probable, that are listed
 TELLING = 1.0  # sigma below which an experiment is not worth its minutes
 
@@ -116,7 +116,7 @@ def _base(found: Findings) -> dict[str, Interval]:
 
 
 def _where(found: Findings) -> list[WhereBin]:
-    seen = [place for place in found.places if place.p < SEEN][:PLACES]
+    seen = [place for place in found.places if place.p < PLACE_SIGNIFICANCE][:MOST_PLACES]
     return [
         WhereBin(channel=w.channel, phase=w.phase, zone=w.zone, condition=w.condition, z=w.z, p=w.p)
         for w in seen

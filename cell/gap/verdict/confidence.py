@@ -17,7 +17,7 @@ from scipy import special
 from cell.gap.verdict.schema import Gap, Probable
 from drivers.settings import Settings, load
 
-CALIBRATION = Path(__file__).with_name("confidence.yaml")
+CONFIDENCE_FILE = Path(__file__).with_name("confidence.yaml")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class Calibration(Settings):
 @cache
 def calibration() -> Calibration:
     """The calibration of this version."""
-    return load(CALIBRATION, Calibration)
+    return load(CONFIDENCE_FILE, Calibration)
 
 
 def confidence(sets: Probable, gap: Gap) -> float:

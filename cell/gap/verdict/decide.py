@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.selection.likelihood import LEVEL, clip_wild, margin, remaining_gap, share_removed
+from cell.gap.selection.likelihood import ALPHA, clip_wild, margin, remaining_gap, share_removed
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind, Unexplained
@@ -42,7 +42,7 @@ def kind(found: Findings) -> Kind:
     if not found.accepted.model.effects:
         return "unexplained" if gap_is_there(found) else "no_gap"
     changes = judged.drifts or judged.repeats_differ or drifting(found)
-    if judged.leftover.p < LEVEL or changes or not _mostly(found) or unseen_remains(found):
+    if judged.leftover.p < ALPHA or changes or not _mostly(found) or unseen_remains(found):
         return "unexplained"
     if is_proxy(found):
         return "unexplained"
@@ -56,7 +56,7 @@ def gap_is_there(found: Findings) -> bool:
     """
     if not found.fitted.gap:
         return False
-    return any(place.p < LEVEL for place in found.fitted.places) or unseen_gap(found) > BARS.half
+    return any(place.p < ALPHA for place in found.fitted.places) or unseen_gap(found) > BARS.half
 
 
 def is_proxy(found: Findings) -> bool:

@@ -16,7 +16,7 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.starts import Undetermined
 from cell.gap.selection.choice import Choice
-from cell.gap.selection.likelihood import LEVEL, LikelihoodScale
+from cell.gap.selection.likelihood import ALPHA, LikelihoodScale
 from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.rivals import Alternative
 from cell.gap.selection.score import Score
@@ -54,7 +54,7 @@ class Fitted:
     @property
     def gap(self) -> bool:
         """Whether the base leaves more than noise, anywhere, overall or from run to run."""
-        seen = self.misfit.p < LEVEL or any(place.p < LEVEL for place in self.places)
+        seen = self.misfit.p < ALPHA or any(place.p < ALPHA for place in self.places)
         return seen or self.drifts or self.repeats_differ
 
     @property
@@ -112,7 +112,7 @@ class Judged:
     @property
     def remains(self) -> bool:
         """Whether the accepted model leaves more than noise."""
-        return self.misfit.p < LEVEL
+        return self.misfit.p < ALPHA
 
     @property
     def drifts(self) -> bool:

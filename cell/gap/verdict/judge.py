@@ -20,7 +20,7 @@ from cell.gap.fitting.starts import refine, refit_fine
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection.choice import Choice, by_evidence, choose
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import LEVEL
+from cell.gap.selection.likelihood import ALPHA
 from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.rivals import Alternative, classes, more_probable, probable_rivals, rivals
 from cell.gap.selection.screening import probe
@@ -158,11 +158,11 @@ def _leftover(
 ) -> tuple[lack_of_fit.Misfit, str | None]:
     """Lack of fit of all runs; where effects fit all runs but one, of the others, and that one."""
     whole = lack_of_fit.lack_of_fit(estimate, noise, allowed)
-    if whole.p >= LEVEL or not estimate.model.effects:
+    if whole.p >= ALPHA or not estimate.model.effects:
         return whole, None
     name, samples = lack_of_fit.outlying_run(estimate)
     others = lack_of_fit.lack_of_fit(estimate, noise, np.where(samples, np.inf, allowed))
-    return (others, name) if others.p >= LEVEL else (whole, None)
+    return (others, name) if others.p >= ALPHA else (whole, None)
 
 
 def show(

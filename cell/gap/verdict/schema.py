@@ -9,7 +9,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE
 from drivers.settings import parse, read_json
 
-VERDICT = 8 * MEGABYTE
+LARGEST_VERDICT = 8 * MEGABYTE
 Kind = Literal["named", "ambiguous", "no_gap", "unexplained"]
 
 
@@ -155,4 +155,4 @@ def read_verdict(path: Path) -> Verdict:
         raise ConfigurationError(
             f"{path.parent}: no such folder; name the one that `cell gap fit --out` wrote"
         )
-    return parse(read_json(path, VERDICT), Verdict, str(path))
+    return parse(read_json(path, LARGEST_VERDICT), Verdict, str(path))

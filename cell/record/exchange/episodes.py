@@ -20,7 +20,9 @@ from drivers.types import Array
 INFO = "meta/info.json"
 EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-EPISODE, POINTS, TOUCH = "episode", "points", "touch"  # its tables, as a mapping names them
+EPISODE = "episode"  # its tables, as a mapping names them
+POINTS_TABLE = "points"
+TOUCH = "touch"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +42,11 @@ class Episode:
         """The frames, the points or the touch; ConfigurationError for anything else."""
         if file == EPISODE:
             return self._flat()
-        if file == POINTS and "observation.profile_stamp" in self.frames.column_names:
+        if file == POINTS_TABLE and "observation.profile_stamp" in self.frames.column_names:
             return self._points()
         if file == TOUCH:
             return pa.table({name: [value] for name, value in self.result.items()})
-        known = (EPISODE, POINTS, TOUCH)
+        known = (EPISODE, POINTS_TABLE, TOUCH)
         raise ConfigurationError(
             f"{self.path}: file {file!r} is not there{suggestion(file, known)}; "
             f"allowed: {', '.join(known)}"

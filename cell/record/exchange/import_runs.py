@@ -21,8 +21,8 @@ from drivers.files import replace_file, writing
 from drivers.settings import load, parse, parse_yaml
 from drivers.types import Array
 
-NEEDED = ("t", "x", "z")
-SPARSE = 0.2  # s between rows of the gripper; slower ones are in another unit than stated
+NEEDED_COLUMNS = ("t", "x", "z")
+LONGEST_INTERVAL = 0.2  # s between rows of the gripper; slower ones are in another unit than stated
 SOON = 1.0  # s after the last row, within which a touch read off a stopwatch may lie
 
 
@@ -94,7 +94,7 @@ def _own_mapping(source: Source) -> Mapping:
 
 
 def _with_needed(mapping: Mapping, origin: str) -> Mapping:
-    missing = [name for name in NEEDED if name not in mapping.ticks.columns]
+    missing = [name for name in NEEDED_COLUMNS if name not in mapping.ticks.columns]
     if missing:
         raise ConfigurationError(f"{origin}: ticks.columns.{missing[0]}: is missing; add it")
     return mapping
@@ -129,10 +129,10 @@ def _check_ticks(ticks: dict[str, Array], path: Path) -> None:
     t = Ticks.of(pa.table(ticks), str(path)).t
     if len(t) < 2:
         raise ConfigurationError(f"{path}: holds {len(t)} rows of numbers, must hold two at least")
-    if (apart := float(np.median(np.diff(t)))) > SPARSE:
+    if (apart := float(np.median(np.diff(t)))) > LONGEST_INTERVAL:
         raise ConfigurationError(
-            f"{path}: t: rows are {apart:g} s apart, must be at most {SPARSE:g} s; is `unit: ms` "
-            "what the mapping should state?"
+            f"{path}: t: rows are {apart:g} s apart, must be at most {LONGEST_INTERVAL:g} s; is "
+            "`unit: ms` what the mapping should state?"
         )
 
 

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import yaml
 
 from cell.record.documents import plain
-from cell.record.exchange.episodes import DATA, EPISODE, EPISODES, INFO, POINTS, TOUCH
+from cell.record.exchange.episodes import DATA, EPISODE, EPISODES, INFO, POINTS_TABLE, TOUCH
 from cell.record.exchange.mapping import MAPPING
 from cell.record.exchange.outgoing import Outgoing, mapping_of
 from cell.record.files import RESULT, RUN
@@ -28,8 +28,10 @@ from drivers.types import Array
 TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
 VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 CHUNK = 1000  # files of a folder
-VERSION = "v3.0"
-STATE, ACTION, FORCE = ("x", "z", "pitch"), ("x_cmd", "z_cmd"), ("f_x", "f_z")
+FORMAT_VERSION = "v3.0"
+STATE = ("x", "z", "pitch")
+ACTION = ("x_cmd", "z_cmd")
+FORCE = ("f_x", "f_z")
 COUNTED = ("frame_index", "episode_index", "index", "task_index")
 Features = dict[str, dict[str, Any]]
 
@@ -62,7 +64,7 @@ def _name(table: str, column: str) -> tuple[str, str]:
         stamp = "observation.contact_stamp"
         return EPISODE, stamp if column == "t" else "observation.contact"
     if table != "ticks":
-        return {"profile": POINTS, "result": TOUCH}[table], column
+        return {"profile": POINTS_TABLE, "result": TOUCH}[table], column
     for feature, names in _vectors().items():
         if column in names:
             return EPISODE, f"{feature}.{column}"
@@ -230,7 +232,7 @@ def _stats(each: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def _info(parts: Sequence[Outgoing], features: Features, frames: int) -> dict[str, Any]:
     drivers = parts[0].run.header.drivers
     return {
-        "codebase_version": VERSION,
+        "codebase_version": FORMAT_VERSION,
         "robot_type": "unknown" if drivers is None or not drivers.arm else drivers.arm,
         "total_episodes": len(parts),
         "total_frames": frames,

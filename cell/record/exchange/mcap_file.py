@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from mcap.writer import Writer
 
 LARGEST_FILE = 1024 * MEGABYTE
-SECOND = 1_000_000_000  # ns
-BEFORE = 3600 * SECOND  # of log time at t = 0: an image from before has a time too
+NANOSECONDS = 1_000_000_000  # ns
+ATTACHMENT_TIME = 3600 * NANOSECONDS  # of log time at t = 0: an image from before has a time too
 ATTACHED = (RUN, RESULT, CALIBRATION)
 Row = dict[str, Any]
 
@@ -49,10 +49,14 @@ def _write(part: Outgoing, path: Path) -> Path:
         for name in ATTACHED:
             if (part.run.folder / name).is_file():
                 content = read_bytes(part.run.folder / name, MEGABYTE)
-                writer.add_attachment(BEFORE, BEFORE, name, "application/yaml", content)
+                writer.add_attachment(
+                    ATTACHMENT_TIME, ATTACHMENT_TIME, name, "application/yaml", content
+                )
         names = mapping_of([part], lambda table, column: (f"/{table}", column))
         text = yaml.safe_dump(plain(names), sort_keys=False)
-        writer.add_attachment(BEFORE, BEFORE, MAPPING, "application/yaml", text.encode())
+        writer.add_attachment(
+            ATTACHMENT_TIME, ATTACHMENT_TIME, MAPPING, "application/yaml", text.encode()
+        )
         _write_numbers(writer, part)
         _write_pictures(writer, part)
         writer.finish()
@@ -90,9 +94,9 @@ def _write_pictures(writer: "Writer", part: Outgoing) -> None:
             distortion_model="plumb_bob", K=np.ravel(lens.matrix).tolist(),
             D=np.ravel(lens.distortion).tolist(),
         )  # fmt: skip
-        about.timestamp.FromNanoseconds(BEFORE)
+        about.timestamp.FromNanoseconds(ATTACHMENT_TIME)
         place = channel("/camera/calibration", CameraCalibration)
-        writer.add_message(place, BEFORE, about.SerializeToString(), BEFORE)
+        writer.add_message(place, ATTACHMENT_TIME, about.SerializeToString(), ATTACHMENT_TIME)
     place = channel("/camera/image", CompressedImage)
     for frame in part.run.frames():
         at = _log_time(frame.stamp)
@@ -102,7 +106,7 @@ def _write_pictures(writer: "Writer", part: Outgoing) -> None:
 
 
 def _log_time(t: float) -> int:
-    return max(BEFORE + round(t * SECOND), 0)
+    return max(ATTACHMENT_TIME + round(t * NANOSECONDS), 0)
 
 
 class McapFile:

@@ -12,8 +12,8 @@ from cell.record.run import Run
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-TICKS = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")
-TOUCH = ("t_layer_touch", "l1", "l2", "displacement")
+TICK_COLUMNS = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")
+TOUCH_FIELDS = ("t_layer_touch", "l1", "l2", "displacement")
 Name = Callable[[str, str], tuple[str, str]]
 """File and column of a table's column in a format."""
 
@@ -31,7 +31,7 @@ class Outgoing:
     @classmethod
     def of(cls, run: Run) -> Self:
         """The tables of `run`; a column that holds nothing is left out."""
-        ticks = {name: np.asarray(getattr(run.ticks, name)) for name in TICKS}
+        ticks = {name: np.asarray(getattr(run.ticks, name)) for name in TICK_COLUMNS}
         found = {"ticks": {name: v for name, v in ticks.items() if np.isfinite(v).any()}}
         seen = np.isfinite(run.ticks.contact_x)
         stamps = np.where(np.isfinite(run.ticks.contact_t), run.ticks.contact_t, run.ticks.t)
@@ -107,5 +107,5 @@ def _place(run: Run, place: int) -> dict[str, object]:
 def _touch(result: Result | None) -> dict[str, float] | None:
     if result is None:
         return None
-    values = {name: getattr(result, name) for name in TOUCH}
+    values = {name: getattr(result, name) for name in TOUCH_FIELDS}
     return None if None in values.values() else values

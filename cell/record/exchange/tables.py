@@ -19,7 +19,8 @@ from drivers.files import MEGABYTE, read_bytes, read_text
 from drivers.types import Array, frozen
 
 LARGEST_TABLE = 64 * MEGABYTE
-NUMBERS = (pa.types.is_floating, pa.types.is_integer, pa.types.is_null)  # null: every cell is empty
+# null: every cell is empty
+NUMBER_TYPES = (pa.types.is_floating, pa.types.is_integer, pa.types.is_null)
 FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
 
 
@@ -134,7 +135,7 @@ def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
             f"{suggestion(column.column, names)}; columns: {', '.join(names)}"
         )
     raw = content[column.column]
-    if not any(holds(raw.type) for holds in NUMBERS):
+    if not any(holds(raw.type) for holds in NUMBER_TYPES):
         words = ((row, word) for row, word in enumerate(raw.to_pylist(), 1) if not _is_number(word))
         where = next((f" ({word!r} in row {row})" for row, word in words), "")
         raise ConfigurationError(

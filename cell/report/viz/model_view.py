@@ -11,8 +11,8 @@ from drivers.types import Array
 STEP = 0.005  # s
 SEGMENTS = 60
 LONGEST_START, LONGEST_GAP = 10.0, 1.0  # s without a measured gripper, where the model ends
-LIFTED = 0.02  # m, above which a strip's first pose is one that hangs
-LOST = np.empty((0, 2))
+LIFTED_HEIGHT = 0.02  # m, above which a strip's first pose is one that hangs
+NO_SHAPE = np.empty((0, 2))
 
 
 class Shadow:
@@ -37,9 +37,9 @@ class Shadow:
         longest = LONGEST_START if self._last is None else LONGEST_GAP
         self._lost = self._lost or t > self._steps * STEP + longest
         if self._lost:
-            return LOST
+            return NO_SHAPE
         try:
-            if self._last is None and pose[1] > LIFTED:
+            if self._last is None and pose[1] > LIFTED_HEIGHT:
                 self._rod.reset([self._model], pose[None])
             before, was = self._last or (t, pose)
             self._last = (t, pose)
@@ -49,5 +49,5 @@ class Shadow:
                 self._rod.step((was + np.clip(share, 0.0, 1.0) * (pose - was))[None], STEP)
         except Fault:
             self._lost = True
-            return LOST
+            return NO_SHAPE
         return np.asarray(self._rod.shapes()[0])

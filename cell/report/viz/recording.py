@@ -19,11 +19,11 @@ from cell.record.files import EVENTS, FILM, REBUILT, RECORDING, RESULT, RUN, is_
 from cell.record.frames import read_index
 from cell.record.json_lines import read_json_lines
 from cell.record.origin import origin_of
-from cell.record.outlook import NAMES
+from cell.record.outlook import COLUMN_NAMES
 from cell.record.salvage import Salvage
-from cell.report.verdict import LINE, verdict_of
+from cell.report.verdict import LINE_BREAK, verdict_of
 from cell.report.viz.layout import blueprint
-from cell.report.viz.model_view import LOST, Shadow
+from cell.report.viz.model_view import NO_SHAPE, Shadow
 from cell.report.viz.playback import LogLine, TickView, moments_of
 from cell.report.viz.saving import saving
 from drivers.errors import ConfigurationError
@@ -32,19 +32,24 @@ from drivers.settings import parse
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image
 
-ROWS = 20  # ticks that are sent together
+BATCH_TICKS = 20  # ticks that are sent together
 TICKS_BETWEEN_POSES = 4  # ticks between two poses of gripper and model
 VIEWER_MEMORY, SERVER_MEMORY = "2GB", "256MB"
-SEEN, MODEL, HAND, CONTACT, TIP = 0xFFAA32FF, 0x4F8BD6FF, 0xC9CED6FF, 0x2882FFFF, 0x6ED25AFF
+SEEN_RGBA = 0xFFAA32FF
+MODEL_RGBA = 0x4F8BD6FF
+HAND_RGBA = 0xC9CED6FF
+CONTACT_RGBA = 0x2882FFFF
+TIP_RGBA = 0x6ED25AFF
 MM = 1e3  # per m: lengths are shown in mm
-UP = np.array([MM, -MM])  # of a flat view, whose second axis points down
-HAND_SIGNALS = {"along/gripper_x": HAND, "above/gripper_z": HAND}
-SEEN_SIGNALS = {"along/contact_x": CONTACT, "along/tip_x": TIP, "above/tip_z": TIP}
-SEEN_SIGNALS |= {"above/gap": SEEN}
-OUTLOOK_SIGNALS = {f"outlook/{name}": MODEL for name in NAMES}
-OUTLOOK_SIGNALS["outlook/displacement"] = SEEN
-SCALE = {name: 1.0 if "yield_curvature" in name else MM for name in OUTLOOK_SIGNALS}  # mm, ms, 1/m
-STATES = {
+TO_VIEW = np.array([MM, -MM])  # of a flat view, whose second axis points down
+HAND_SIGNALS = {"along/gripper_x": HAND_RGBA, "above/gripper_z": HAND_RGBA}
+SEEN_SIGNALS = {"along/contact_x": CONTACT_RGBA, "along/tip_x": TIP_RGBA, "above/tip_z": TIP_RGBA}
+SEEN_SIGNALS |= {"above/gap": SEEN_RGBA}
+OUTLOOK_SIGNALS = {f"outlook/{name}": MODEL_RGBA for name in COLUMN_NAMES}
+OUTLOOK_SIGNALS["outlook/displacement"] = SEEN_RGBA
+# mm, ms, 1/m
+SIGNAL_SCALES = {name: 1.0 if "yield_curvature" in name else MM for name in OUTLOOK_SIGNALS}
+STATE_COLOURS = {
     "PREFLIGHT": 0xB8BEC8FF,
     "CALIBRATE": 0xB8BEC8FF,
     "GRASP": 0x9FAFC8FF,
@@ -190,7 +195,9 @@ class Screen:
         if not (folder / RESULT).is_file():
             return
         said = verdict_of(Salvage.of(folder), None)
-        number = [f"**{said.figure}** ({said.error.replace(LINE, ', ')})"] if said.figure else []
+        number = (
+            [f"**{said.figure}** ({said.error.replace(LINE_BREAK, ', ')})"] if said.figure else []
+        )
         text = "\n\n".join([f"# {said.headline}", *number, *said.sentences])
         words = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
         self._to.log("verdict", words, static=True)
@@ -222,13 +229,15 @@ class Screen:
         times = rr.TimeColumn("t", duration=[row[0] for row in rows])
         ticks = rr.TimeColumn("tick", sequence=[row[1] for row in rows])
         for name, values in zip(names, np.array([row[2] for row in rows]).T, strict=True):
-            columns = rr.Scalars.columns(scalars=SCALE.get(name, MM) * values)
+            columns = rr.Scalars.columns(scalars=SIGNAL_SCALES.get(name, MM) * values)
             self._to.send_columns(f"signals/{name}", [times, ticks], columns)
 
     def _furnish(self, length: float) -> None:
         desk = [MM * np.array([(-0.1, 0.0), (length + 0.15, 0.0)])]
         self._to.log("desk", rr.LineStrips2D(desk, colors=0x8A9099FF, radii=1.0), static=True)
-        lanes = rr.StateConfiguration(values=list(STATES), colors=list(STATES.values()))
+        lanes = rr.StateConfiguration(
+            values=list(STATE_COLOURS), colors=list(STATE_COLOURS.values())
+        )
         self._to.log("cell/state", lanes, static=True)
         for name, colour in (HAND_SIGNALS | SEEN_SIGNALS | OUTLOOK_SIGNALS).items():
             label = name.partition("/")[2].replace("_", " ")
@@ -247,7 +256,7 @@ class Screen:
         self._seen.append(
             (moment.t, moment.tick, [measurement.contact_x, *measurement.tip, measurement.gap])
         )
-        self._to.log("strip/measured", _curve(measurement.profile, SEEN, 2.0))
+        self._to.log("strip/measured", _curve(measurement.profile, SEEN_RGBA, 2.0))
 
     def _picture(self, image: Image, measurement: StripMeasurement | None) -> None:
         """An image, and the measurement from it."""
@@ -259,30 +268,34 @@ class Screen:
 
     def _overlay(self, measurement: StripMeasurement, calibration: Calibration) -> None:
         pixels = calibration.to_image(measurement.profile)
-        self._to.log("camera/overlay/profile", rr.LineStrips2D([pixels], colors=SEEN, radii=1.5))
+        self._to.log(
+            "camera/overlay/profile", rr.LineStrips2D([pixels], colors=SEEN_RGBA, radii=1.5)
+        )
         marks = np.array([(measurement.contact_x, 0.0), measurement.tip])
         seen = np.isfinite(marks).all(axis=1)
-        colours = np.array([CONTACT, TIP], dtype=np.uint32)[seen]
+        colours = np.array([CONTACT_RGBA, TIP_RGBA], dtype=np.uint32)[seen]
         points = rr.Points2D(calibration.to_image(marks[seen]), colors=colours, radii=6)
         self._to.log("camera/overlay/marks", points)
 
     def _motion(self, moment: TickView) -> None:
         x, z = float(moment.pose[0]), float(moment.pose[1])
         self._rows.append((moment.t, moment.tick, [x, z]))
-        shape = LOST if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
+        shape = NO_SHAPE if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
         if moment.tick % TICKS_BETWEEN_POSES == 0:
-            self._track.append(UP * (x, z))
-            self._to.log("gripper", rr.Points2D([UP * (x, z)], colors=HAND, radii=6.0))
-            self._to.log("strip/twin", _curve(shape, MODEL, 1.2))
-        if len(self._rows) >= ROWS:
-            track = rr.LineStrips2D([self._track], colors=HAND, radii=0.8)
+            self._track.append(TO_VIEW * (x, z))
+            self._to.log("gripper", rr.Points2D([TO_VIEW * (x, z)], colors=HAND_RGBA, radii=6.0))
+            self._to.log("strip/twin", _curve(shape, MODEL_RGBA, 1.2))
+        if len(self._rows) >= BATCH_TICKS:
+            track = rr.LineStrips2D([self._track], colors=HAND_RGBA, radii=0.8)
             self._to.log("gripper/path", track)
             self.finish()
 
 
 def _curve(points: Array, colour: int, radius: float) -> Any:
     """Points (n, 2) [m] as a line of a flat view, `radius` [mm]."""
-    return rr.LineStrips2D([UP * points] if len(points) > 1 else [], colors=colour, radii=radius)
+    return rr.LineStrips2D(
+        [TO_VIEW * points] if len(points) > 1 else [], colors=colour, radii=radius
+    )
 
 
 def jpeg(image: Image) -> Any:

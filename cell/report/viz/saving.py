@@ -12,7 +12,7 @@ import rerun as rr
 
 from drivers.files import own_stream, write_all
 
-MOST = 1 << 20  # bytes that are passed on at once
+CHUNK_SIZE = 1 << 20  # bytes that are passed on at once
 
 
 @contextmanager
@@ -45,7 +45,7 @@ def saving(recording: rr.RecordingStream, path: Path, *others: Any) -> Iterator[
 
 def _pass_on(pipe: int, file: FileIO, failures: list[OSError]) -> None:
     """Write what comes through `pipe` into `file`; after a failure it is only taken."""
-    while content := os.read(pipe, MOST):
+    while content := os.read(pipe, CHUNK_SIZE):
         try:
             if not failures:
                 write_all(file, content)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Mode = Literal["save", "live"]
 WAITING, IMAGES_WAITING = 1024, 16  # with 2.8 MB an image, at most 45 MB wait
 IMAGE_PERIOD = 0.1  # s
-PATIENCE = 30.0  # s, for what still waits when the run is over
+CLOSING_TIMEOUT = 30.0  # s, for what still waits when the run is over
 
 
 class Viz:
@@ -93,7 +93,7 @@ class Viz:
             self._origin = time
         self._put(LogLine(time, log_text(kind, facts), kind == "fault", time - self._origin))
 
-    def close(self, timeout: float = PATIENCE) -> None:
+    def close(self, timeout: float = CLOSING_TIMEOUT) -> None:
         """Let the thread finish its work, for at most `timeout` [s]; allowed twice."""
         self._over.set()
         self._news.set()

@@ -13,7 +13,10 @@ from calibration.wizard.news import News, TouchNews, ViewNews
 from cell.report.viz.recording import jpeg, watched_recording
 
 WIZARD_RECORDING = "wizard.rrd"
-CORNERS, FITTED, HELD_OUT, WANTED = 0x6ED25AFF, 0x6ED25AFF, 0x2882FFFF, 0xFFAA32FF
+CORNERS_RGBA = 0x6ED25AFF
+FITTED_RGBA = 0x6ED25AFF
+HELD_OUT_RGBA = 0x2882FFFF
+WANTED_RGBA = 0xFFAA32FF
 
 
 @contextmanager
@@ -64,7 +67,9 @@ class WizardScreen:
             closed = [np.vstack([corners, corners[:1]]) for corners in ghost]
             self._to.log(
                 "camera/image/wanted",
-                rr.LineStrips2D(closed, colors=WANTED, radii=3, labels=["wanted"] * len(closed)),
+                rr.LineStrips2D(
+                    closed, colors=WANTED_RGBA, radii=3, labels=["wanted"] * len(closed)
+                ),
             )
         if news.result is None:
             return
@@ -73,7 +78,7 @@ class WizardScreen:
                 "wizard/log", rr.TextLog(f"image {news.result.number}: {news.result.refused}")
             )
         if news.result.seen is not None:
-            points = rr.Points2D(news.result.seen.image, colors=CORNERS, radii=3)
+            points = rr.Points2D(news.result.seen.image, colors=CORNERS_RGBA, radii=3)
             self._to.log("camera/image/corners", points)
 
     def _touches(self, news: TouchNews) -> None:
@@ -84,7 +89,7 @@ class WizardScreen:
         self._say(wanted, news.why, [str(news.stage), done])
         if news.touches:
             pixels = np.array([point.pixel for point in news.touches])
-            shades = [HELD_OUT if point.held_out else FITTED for point in news.touches]
+            shades = [HELD_OUT_RGBA if point.held_out else FITTED_RGBA for point in news.touches]
             colours = np.array(shades, dtype=np.uint32)
             names = [str(point.number) for point in news.touches]
             marks = rr.Points2D(pixels, colors=colours, labels=names, radii=5)

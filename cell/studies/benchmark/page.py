@@ -30,7 +30,7 @@ from cell.studies.benchmark.figures.motion import (
     policy_figure,
 )
 from cell.studies.benchmark.figures.photograph import photograph
-from cell.studies.benchmark.figures.style import WIDTH, smooth, stiffness_colours
+from cell.studies.benchmark.figures.style import PAGE_WIDTH, smooth, stiffness_colours
 from cell.studies.benchmark.numbers import newtons, numeral
 from cell.studies.benchmark.results import Laid, Refused, Results
 from cell.studies.benchmark.summary import Row, misses_text, rows
@@ -47,7 +47,7 @@ def folded_figure(results: Results) -> str:
     laid = [r for r in results.results if isinstance(r, Laid)]
     if not laid:
         return ""
-    with canvas(WIDTH, 2.3) as figure:
+    with canvas(PAGE_WIDTH, 2.3) as figure:
         left, right = figure.subplots(1, 2, width_ratios=[1.7, 1])
         shades = stiffness_colours(len(laid))
         for fold, shade in zip(laid, shades, strict=True):

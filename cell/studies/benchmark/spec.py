@@ -10,7 +10,7 @@ from drivers.settings import Settings
 from policies.registry import policy_names
 
 FAVOURITE = "denim"
-FEW = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and slow
+QUICK_FABRICS = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and slow
 
 
 class Size(Settings):
@@ -58,7 +58,7 @@ class BenchmarkSpec(Settings):
         Raises ConfigurationError for an unknown name.
         """
         known = configs.strip_names()
-        usual = tuple(name for name in FEW if name in known) if quick else known
+        usual = tuple(name for name in QUICK_FABRICS if name in known) if quick else known
         return cls(
             policies=_each(policies or policy_names(), policy_names(), "policies"),
             strips=_each(strips or usual or known, known, "strips"),

@@ -9,7 +9,7 @@ from cell.studies.benchmark.numbers import numeral
 from cell.studies.benchmark.results import EffectFolds, ImageFold, RangeFolds, Results
 from drivers.types import Array
 
-NONE = float("nan")
+NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,15 +26,15 @@ class StripNumbers:
     worst: float
     worst_strip: str
     misread: float
-    offset: float = NONE
-    worst_offset: float = NONE
+    offset: float = NAN
+    worst_offset: float = NAN
 
     @classmethod
     def of_folds(cls, folds: tuple[ImageFold, ...], asked: int) -> "StripNumbers":
         """The statistics of `folds`, out of `asked` strips."""
         touched = [(f, f.displacement) for f in folds if f.displacement is not None]
         if not touched:
-            return cls(0, asked, NONE, NONE, NONE, NONE, "", NONE)
+            return cls(0, asked, NAN, NAN, NAN, NAN, "", NAN)
         d = np.array([value for _, value in touched])
         errors = [abs(v - f.displacement_true) for f, v in touched if f.displacement_true]
         worst = int(np.argmax(np.abs(d)))
@@ -47,9 +47,9 @@ class StripNumbers:
             high=float(d.max()),
             worst=float(abs(d[worst])),
             worst_strip=touched[worst][0].strip,
-            misread=max(errors, default=NONE),
-            offset=float(np.mean(apart)) if apart else NONE,
-            worst_offset=max(apart, default=NONE),
+            misread=max(errors, default=NAN),
+            offset=float(np.mean(apart)) if apart else NAN,
+            worst_offset=max(apart, default=NAN),
         )
 
 
@@ -68,7 +68,7 @@ class RangeNumbers:
         """The statistics of `folds`."""
         d = np.abs(folds.d[np.isfinite(folds.d)]) if folds is not None else np.zeros(0)
         if folds is None or d.size == 0:
-            return cls(NONE, NONE, NONE, 0, NONE)
+            return cls(NAN, NAN, NAN, 0, NAN)
         missing = int(np.count_nonzero(~np.isfinite(folds.d)))
         spread = float(np.quantile(d, 0.95))
         return cls(float(d.mean()), spread, float(d.max()), missing, float(np.mean(folds.force)))
@@ -94,7 +94,7 @@ def rows(results: Results) -> tuple[Row, ...]:
 def spread(folds: tuple[ImageFold, ...]) -> float:
     """Largest difference among the displacements of repeated `folds` [m]."""
     d: Array = np.array([f.displacement for f in folds if f.displacement is not None])
-    return float(np.ptp(d)) if d.size > 1 else NONE
+    return float(np.ptp(d)) if d.size > 1 else NAN
 
 
 def misses_text(folds: EffectFolds) -> str:

@@ -8,7 +8,7 @@ from cell.studies.kit.rollouts import Kept, rough, sensing_of, stepper, stretchy
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from policies.adaptive.checkpoint import load_critic
-from policies.adaptive.fabrics import EFFECTS, LENGTH, effect, plain
+from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, plain
 from policies.adaptive.train.piece import truth
 from policies.fixed_paths import Shifted
 from policies.policy import Policy
@@ -28,7 +28,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     if name in STRANGE:
         strip = STRANGE[name](rng)
     else:
-        strip = plain(rng, LENGTH, **({name: effect(name, rng)} if name in EFFECTS else {}))
+        strip = plain(rng, STRIP_LENGTH, **({name: effect(name, rng)} if name in EFFECTS else {}))
     content = strip.model_dump(mode="json", by_alias=True)
     engine = "chain" if times >= 20 else "rod"
     return {"engine": engine, "condition": name, "strip": content, "noise": number}

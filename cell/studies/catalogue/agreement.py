@@ -20,13 +20,13 @@ from drivers.strip.file import StripFile
 from drivers.twin.chain.engine import Chain
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 from policies.adaptive.checkpoint import load_critic
-from policies.adaptive.fabrics import LENGTH, effect, plain, unknown
+from policies.adaptive.fabrics import STRIP_LENGTH, effect, plain, unknown
 from policies.rollout import Rollout, roll_out
 
 LINKS = 80
-SHARE = 0.99  # of the folds that behave like the model are not flagged, by each limit
-USUAL = ("as they come", "friction 20-60", "seam", "3 mm noise", "latency +-10 ms")
-LAWS = {
+UNFLAGGED_SHARE = 0.99  # of the folds that behave like the model are not flagged, by each limit
+TRAINED_CONDITIONS = ("as they come", "friction 20-60", "seam", "3 mm noise", "latency +-10 ms")
+STRANGE_LAWS = {
     "draught 0.35 m/s": ("draught", {"speed": 0.35}),
     "draught 0.55 m/s": ("draught", {"speed": 0.55}),
     "Dahl friction 60": ("dahl", {"yield_curvature": 60.0}),
@@ -40,14 +40,14 @@ def add_seam(rng: np.random.Generator) -> StripFile:
     return plain(rng, seam=effect("seam", rng))
 
 
-DRAWN: dict[str, Callable[[np.random.Generator], StripFile]] = {
+STRIP_DRAWS: dict[str, Callable[[np.random.Generator], StripFile]] = {
     "friction 20-60": rough(20.0, 60.0),
     "friction 90": rough(90.0, 90.1),
     "stretch 3 N": stretchy,
     "seam": add_seam,
-    **dict.fromkeys(LAWS, plain),
+    **dict.fromkeys(STRANGE_LAWS, plain),
 }
-CONDITIONS = (*USUAL, "friction 90", "stretch 3 N", *LAWS)
+CONDITIONS = (*TRAINED_CONDITIONS, "friction 90", "stretch 3 N", *STRANGE_LAWS)
 
 
 class Law:
@@ -67,16 +67,16 @@ class Law:
 def draw(number: int, rng: np.random.Generator) -> Values:
     """A strip in the next condition."""
     name = CONDITIONS[number % len(CONDITIONS)]
-    strip = DRAWN.get(name, unknown)(rng)
+    strip = STRIP_DRAWS.get(name, unknown)(rng)
     content = strip.model_dump(mode="json", by_alias=True)
-    kind = "as trained" if name in USUAL else "outside"
+    kind = "as trained" if name in TRAINED_CONDITIONS else "outside"
     return {"kind": kind, "condition": name, "strip": content, "noise": number}
 
 
 def measure(case: Values) -> Values:
     """Whether the fold was flagged, the rod's residual and d [m]."""
     strip = StripFile.model_validate(case["strip"])
-    law = LAWS.get(case["condition"])
+    law = STRANGE_LAWS.get(case["condition"])
     engine, policy = Traced(Chain(LINKS, () if law is None else (Law(*law),))), Kept(load_critic())
     settings = Rollout(sensing=sensing_of(case["condition"]))
     rng = np.random.default_rng([case["noise"], 1])
@@ -90,7 +90,7 @@ def measure(case: Values) -> Values:
     curves = np.array([seen.profile[0] for seen, _ in rows])
     path = np.array(engine.poses)[:, 0]
     fold = MeasuredFold.until(touch.time, np.array(engine.times), path, stamps[new], curves[new])
-    agreed = agreement(unknown_strip(str(LENGTH)), rows[-1][1], fold)
+    agreed = agreement(unknown_strip(str(STRIP_LENGTH)), rows[-1][1], fold)
     if agreed is None:
         return {"d": d, "flagged": None, "residual": None}
     return {"d": d, "flagged": not agreed.like_model, "residual": agreed.residual,
@@ -98,12 +98,12 @@ def measure(case: Values) -> Values:
 
 
 def limits(outcomes: Sequence[Outcome]) -> Values:
-    """What `SHARE` of the folds stay below that strips as they come make."""
+    """What `UNFLAGGED_SHARE` of the folds stay below that strips as they come make."""
     rows = [o.values for o in outcomes if o.case.values["kind"] == "as trained"]
     rows = [row for row in rows if row["residual"] is not None]
-    found = {name: float(np.quantile([row[name] for row in rows], SHARE))
+    found = {name: float(np.quantile([row[name] for row in rows], UNFLAGGED_SHARE))
              for name in ("residual", "yield_curvature")}  # fmt: skip
-    return {"schema": 1, **found, "share": SHARE, "folds": len(rows)}
+    return {"schema": 1, **found, "share": UNFLAGGED_SHARE, "folds": len(rows)}
 
 
 STUDY = Study(

@@ -33,7 +33,7 @@ from policies.adaptive.checkpoint import load_critic
 from policies.adaptive.fabrics import plain
 from policies.path import triangular
 from policies.rollout import Rollout, roll_out
-from policies.sensing import IMAGES
+from policies.sensing import IMAGE_SENSING
 
 IMAGES_BETWEEN = 6  # images of a fold
 
@@ -69,7 +69,7 @@ def decision(seed: int, _look: str) -> Mapping[str, list[float]]:
     """Milliseconds of each decision of `adaptive` in a fold from noisy states."""
     rng, kept = np.random.default_rng(seed), Kept(load_critic())
     strip = plain(rng)
-    sensed = Rollout(sensing=IMAGES)
+    sensed = Rollout(sensing=IMAGE_SENSING)
     roll_out(kept, stepper("rod"), strip, [describe(strip)], settings=sensed, rng=rng)
     policy, costs = Adaptive(load_critic()), []
     policy.reset(unknown_strip("0.6"), 0.1, 1)
@@ -95,7 +95,7 @@ def whole(seed: int, _look: str) -> Mapping[str, list[float]]:
     return {"turn": turns.tolist(), "fold": [result.wall / result.duration]}
 
 
-PARTS: dict[str, Callable[[int, str], Mapping[str, list[float]]]] = {
+COST_PARTS: dict[str, Callable[[int, str], Mapping[str, list[float]]]] = {
     "image and reading": image_and_reading,
     "decision": decision,
     "fold": whole,
@@ -104,14 +104,14 @@ PARTS: dict[str, Callable[[int, str], Mapping[str, list[float]]]] = {
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
     """The next part, images in the next look."""
-    seed, part = divmod(number, len(PARTS))
+    seed, part = divmod(number, len(COST_PARTS))
     look = list(looks())[seed % len(looks())] if part == 0 else next(iter(looks()))
-    return {"part": list(PARTS)[part], "look": look, "noise": seed}
+    return {"part": list(COST_PARTS)[part], "look": look, "noise": seed}
 
 
 def measure(case: Values) -> Values:
     """Its costs, a list a name."""
-    return PARTS[case["part"]](case["noise"], case["look"])
+    return COST_PARTS[case["part"]](case["noise"], case["look"])
 
 
 STUDY = Study(

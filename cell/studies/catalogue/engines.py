@@ -23,13 +23,13 @@ from drivers.types import Array
 from policies.path import Path, circular, triangular
 
 DT, SPEED = 0.005, 0.1  # s, m/s
-STIFFNESS, DAMPING = (0.0775, 0.02, 0.3), (7.0, 1.0, 50.0)  # N m/rad; of the least
+STIFFNESS_LEVELS, DAMPING_LEVELS = (0.0775, 0.02, 0.3), (7.0, 1.0, 50.0)  # N m/rad; of the least
 PATHS = {"triangular": triangular, "circular": circular}
-FOLDS = [(k, b, path) for k in STIFFNESS for b in DAMPING for path in PATHS]
+FOLD_CASES = [(k, b, path) for k in STIFFNESS_LEVELS for b in DAMPING_LEVELS for path in PATHS]
 REFERENCE = (400, 0.00125)  # segments, step [s]
-BESIDE = 32  # folds in a batch
+BATCH_SIZE = 32  # folds in a batch
 SUBJECTS: dict[str, Callable[[], Stepper]] = {
-    f"rod, 100 segments, {BESIDE} side by side": lambda: Rod(100),
+    f"rod, 100 segments, {BATCH_SIZE} side by side": lambda: Rod(100),
     "rod, 100 segments": lambda: Rod(100),
     "rod, 50 segments": lambda: Rod(50),
     "rod, 200 segments": lambda: Rod(200),
@@ -42,7 +42,7 @@ SUBJECTS: dict[str, Callable[[], Stepper]] = {
 def draw(number: int, _rng: np.random.Generator) -> Values:
     """Every engine on every fold, from the middle of the paper's range to its corners."""
     fold, subject = divmod(number, len(SUBJECTS))
-    k, b, path = FOLDS[fold % len(FOLDS)]
+    k, b, path = FOLD_CASES[fold % len(FOLD_CASES)]
     return {"engine": list(SUBJECTS)[subject], "stiffness": k, "damping": b, "path": path}
 
 
@@ -53,7 +53,7 @@ def measure(case: Values) -> Values:
     path, engine = PATHS[case["path"]](0.6), SUBJECTS[case["engine"]]()
     exact, _ = batch(Rod(REFERENCE[0]), model, steady(path, REFERENCE[1]), REFERENCE[1])
     if isinstance(engine, Rod):
-        count = BESIDE if "side by side" in case["engine"] else 1
+        count = BATCH_SIZE if "side by side" in case["engine"] else 1
         d, cost = batch(engine, model, steady(path, DT), DT, count)
     else:
         d, cost = stepwise(engine, model, path)
@@ -107,7 +107,7 @@ STUDY = Study(
         Quantity("error", Statistic.WORST_SIZE, label="worst |error of d|"),
         Quantity("finite", Statistic.SHARE, "%", 100.0, label="finite", digits=0),
     ),
-    usual=len(SUBJECTS) * len(FOLDS),
+    usual=len(SUBJECTS) * len(FOLD_CASES),
     quick=1,
     seconds=10.0,
 )

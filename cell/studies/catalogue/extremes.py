@@ -19,7 +19,7 @@ from cell.studies.kit.folds import fold_strip
 from drivers.errors import CellError
 from policies.registry import policy_names
 
-FOLDED, SEEN = 0.025, 0.010  # m
+DISPLACEMENT_LIMIT, ERROR_LIMIT = 0.025, 0.010  # m
 STRIPS: dict[str, dict[str, float]] = {
     "short": {"length": 0.1},
     "long": {"length": 2.0},
@@ -61,8 +61,8 @@ def judge_fold(result: FoldResult) -> Values:
     if not touched:
         untrue = result.exit_code == 0
         return {"ended": result.outcome, "untrue": untrue, "far": False, "folded": False}
-    untrue = seen is None or true is None or abs(seen - true) > SEEN
-    far = not untrue and true is not None and abs(true) > FOLDED
+    untrue = seen is None or true is None or abs(seen - true) > ERROR_LIMIT
+    far = not untrue and true is not None and abs(true) > DISPLACEMENT_LIMIT
     return {"ended": "folded", "untrue": untrue, "far": far, "folded": not (untrue or far)}
 
 

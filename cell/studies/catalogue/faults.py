@@ -8,19 +8,19 @@ import numpy as np
 
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Ledger, Outcome, Study, Values
-from cell.folding.blow import STATES, Blow, strike
+from cell.folding.blow import FAULT_STATES, Blow, strike
 from cell.folding.faults import FAULTS
 from cell.studies.kit.folds import cached_calibration
 
 SEEDS = 3
-GOOD = ("stopped", "harmless")
+ACCEPTABLE_VERDICTS = ("stopped", "harmless")
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
     """Every fault in a state, then in the next state, then all of it with the next noise."""
     number, fault = divmod(number, len(FAULTS))
-    seed, state = divmod(number, len(STATES))
-    return {"fault": list(FAULTS)[fault], "state": STATES[state], "noise": seed}
+    seed, state = divmod(number, len(FAULT_STATES))
+    return {"fault": list(FAULTS)[fault], "state": FAULT_STATES[state], "noise": seed}
 
 
 def measure(case: Values) -> Values:
@@ -31,18 +31,20 @@ def measure(case: Values) -> Values:
         for key in ("outcome", "message"):
             came[key] = str(came[key]).replace(place, "RUNS")
     struck = came["verdict"] != "not struck"
-    return came | {"noticed": came["verdict"] in GOOD if struck else None}
+    return came | {"noticed": came["verdict"] in ACCEPTABLE_VERDICTS if struck else None}
 
 
 def page(outcomes: Sequence[Outcome]) -> str:
     """The runbook's table: a row a fault, with its worst case; then a row a monitor."""
-    lines = [HEAD, "| fault | verdicts | noticed by | exit | stop | rest | way | message |"]
+    lines = [PAGE_HEAD, "| fault | verdicts | noticed by | exit | stop | rest | way | message |"]
     lines.append("|---|---|---|---|---|---|---|---|")
     for fault in FAULTS:
         cases = [o for o in outcomes if o.case.values["fault"] == fault]
         lines += [_row(fault, cases)] if cases else []
     missing = [
-        state for state in STATES if not any(o.case.values["state"] == state for o in outcomes)
+        state
+        for state in FAULT_STATES
+        if not any(o.case.values["state"] == state for o in outcomes)
     ]
     if missing:
         lines += ["", f"{len(outcomes)} cases; not measured yet: {', '.join(missing)}."]
@@ -108,7 +110,7 @@ REMEDIES = (
     ("interrupted", "nothing: it was asked for"),
     ("", "keep the record, and say what happened"),
 )
-HEAD = """# Faults, and who notices them
+PAGE_HEAD = """# Faults, and who notices them
 `cell study faults` writes this page; nothing of it was tried on hardware. After a stop: see that
 the arm stands and that nobody moves it, read the message, then do what the second table says.
 
@@ -136,7 +138,7 @@ STUDY = Study(
         Quantity("rest", Statistic.WORST_SIZE, "s", 1.0, label="worst to rest"),
         Quantity("distance", Statistic.WORST_SIZE, label="worst way"),
     ),
-    usual=SEEDS * len(STATES) * len(FAULTS),
+    usual=SEEDS * len(FAULT_STATES) * len(FAULTS),
     quick=1,
     seconds=6.0,
     limit=600.0,

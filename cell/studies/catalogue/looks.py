@@ -13,7 +13,7 @@ from cell.config.places import find_configs
 from cell.studies.kit.folds import cached_calibration, facts, fold_strip
 from drivers.twin.renderer.looks import looks
 
-ALLOWED = 6.0  # mm of displacement
+ALLOWED_MM = 6.0  # mm of displacement
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
@@ -59,7 +59,7 @@ STUDY = Study(
     measure=measure,
     by=("look",),
     quantities=(
-        Quantity("true", Statistic.WORST_SIZE, label="worst |d|", bar=ALLOWED),
+        Quantity("true", Statistic.WORST_SIZE, label="worst |d|", bar=ALLOWED_MM),
         Quantity("misread", Statistic.WORST_SIZE, label="worst |seen - true|"),
         Quantity("admitted", Statistic.SHARE, "%", 100.0, label="admitted", digits=0),
         Quantity("stopped", Statistic.COUNT, "", 1.0, bar=0.0, label="stopped", digits=0),

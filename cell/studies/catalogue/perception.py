@@ -17,11 +17,11 @@ from cell.config.places import find_configs
 from cell.studies.kit.sights import Sight, fold_of, sights
 from drivers.strip.shape import fold_tip
 from drivers.types import Array
-from policies.experiments.standard import FIRST, STANDARD
+from policies.experiments.standard import REFERENCE_RUN, STANDARD
 from policies.path import triangular
 from policies.profile import profiles, seen_profile
 
-SPEED, EVERY = 0.1, 3  # m/s; images
+SPEED, IMAGE_STRIDE = 0.1, 3  # m/s; images
 OUTLIER = 5.0  # robust standard deviations from which an error is an outlier
 
 
@@ -34,12 +34,12 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 def measure(case: Values) -> Values:
     """Errors of each image of a fold, seen minus true [m, s]."""
     strip = find_configs(None).strip(case["strip"])
-    path = (STANDARD[FIRST].shape if case["standard"] else triangular)(strip.length)
+    path = (STANDARD[REFERENCE_RUN].shape if case["standard"] else triangular)(strip.length)
     fold = fold_of(case["strip"], path, SPEED, 80)
     errors: dict[str, list[float]] = {name: [] for name in ("contact", "tip_x", "tip_z", "curve")}
     errors["profile"], curves, unseen, late, images = [], [], 0, [], 0
     halves: dict[str, list[float]] = defaultdict(list)
-    for sight in sights(fold, EVERY):
+    for sight in sights(fold, IMAGE_STRIDE):
         images += 1
         if sight.touch is not None and fold.touch is not None:
             late = [sight.touch.time - fold.touch.time,

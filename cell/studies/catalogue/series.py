@@ -18,11 +18,11 @@ from cell.record.run import read_run
 from cell.studies.kit.folds import changed_since, fold_unknown
 from cell.studies.kit.predicted import compare
 from drivers.strip.file import StripFile
-from policies.adaptive.fabrics import LENGTH, friction, plain
+from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain
 from policies.adaptive.train.piece import truth
 
-RIGHT = "right"
-WRONG: Mapping[str, Mapping[str, Mapping[str, float]]] = {
+RIGHT_CELL = "right"
+WRONG_CELLS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
     "tool 3 mm off": {"tcp_offset": {"x": 0.003, "z": 0.0}},
     "desk 1 mm low": {"desk_height": {"height": -0.001}},
     "images 20 ms old": {"camera_latency": {"time": 0.02}},
@@ -33,24 +33,24 @@ WRONG: Mapping[str, Mapping[str, Mapping[str, float]]] = {
     "stated 0.5 mm thicker": {},
 }
 THICKER = {"stated 0.5 mm thicker": 5e-4}  # m
-SHORT, LONG, CHANGED = "two folds", "three folds", "wrong from fold 4 on"
-FOLDS = {SHORT: 2, LONG: 3, CHANGED: 5}
+SHORT_SERIES, LONG_SERIES, CHANGED_SERIES = "two folds", "three folds", "wrong from fold 4 on"
+SERIES_FOLDS = {SHORT_SERIES: 2, LONG_SERIES: 3, CHANGED_SERIES: 5}
 CONDITIONS = (
-    (RIGHT, SHORT),
-    *((cell, LONG) for cell in (RIGHT, *WRONG)),
-    *((cell, CHANGED) for cell in ("tool 3 mm off", "images 20 ms old")),
+    (RIGHT_CELL, SHORT_SERIES),
+    *((cell, LONG_SERIES) for cell in (RIGHT_CELL, *WRONG_CELLS)),
+    *((cell, CHANGED_SERIES) for cell in ("tool 3 mm off", "images 20 ms old")),
 )
-BEFORE = 3  # folds of a right cell before it changes
-MARK = 5e-4  # m, to which a ruler is read
-FRICTION = (20.0, 60.0)  # 1/m, of every second strip
+FOLDS_BEFORE = 3  # folds of a right cell before it changes
+RULER_MARK = 5e-4  # m, to which a ruler is read
+FRICTION_RANGE = (20.0, 60.0)  # 1/m, of every second strip
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
     """A strip in the next cell; in every second round of cells its yarns rub."""
     turn, which = divmod(number, len(CONDITIONS))
     cell, series = CONDITIONS[which]
-    rubs = {"bending_hysteresis": friction(rng, *FRICTION)} if (turn + which) % 2 else {}
-    content = plain(rng, LENGTH, **rubs).model_dump(mode="json", by_alias=True)
+    rubs = {"bending_hysteresis": friction(rng, *FRICTION_RANGE)} if (turn + which) % 2 else {}
+    content = plain(rng, STRIP_LENGTH, **rubs).model_dump(mode="json", by_alias=True)
     return {"cell": cell, "series": series, "strip": content, "noise": number}
 
 
@@ -61,14 +61,14 @@ def measure(case: Values) -> Values:
     with TemporaryDirectory() as name:
         place, runs = Path(name), []
         memory = place / "memory"
-        for number in range(FOLDS[series]):
+        for number in range(SERIES_FOLDS[series]):
             result = _fold(case, number, place, memory)
             runs.append(Path(result.run).name)
             found |= {f"{key}_{number + 1}": value for key, value in _facts(case, result).items()}
-            if series == LONG and cell != RIGHT and number == 0:
+            if series == LONG_SERIES and cell != RIGHT_CELL and number == 0:
                 _measure_by_ruler(result, memory)
         since = changed_since(StripFile.model_validate(case["strip"]), memory)
-    noticed = since in runs[BEFORE:] if series == CHANGED else None
+    noticed = since in runs[FOLDS_BEFORE:] if series == CHANGED_SERIES else None
     return {**found, "worse": _worse(found), "noticed": noticed,
             "alarm": since is not None and not noticed}  # fmt: skip
 
@@ -76,8 +76,10 @@ def measure(case: Values) -> Values:
 def _fold(case: Values, number: int, place: Path, memory: Path) -> FoldResult:
     """Fold `number` of the series, by a cell that learns in `memory`."""
     strip = StripFile.model_validate(case["strip"])
-    wrong = case["cell"] != RIGHT and not (case["series"] == CHANGED and number < BEFORE)
-    effects = {**strip.effects, **(WRONG[case["cell"]] if wrong else {})}
+    wrong = case["cell"] != RIGHT_CELL and not (
+        case["series"] == CHANGED_SERIES and number < FOLDS_BEFORE
+    )
+    effects = {**strip.effects, **(WRONG_CELLS[case["cell"]] if wrong else {})}
     thicker = THICKER.get(case["cell"], 0.0) if wrong else 0.0
     plant, seed = strip.model_copy(update={"effects": effects}), 10 * case["noise"] + number
     return fold_unknown(plant, seed, place, memory=memory, thicker=thicker)
@@ -104,13 +106,15 @@ def _facts(case: Values, result: FoldResult) -> Values:
 def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
     """Add the offset of the laid edges by a ruler, where the camera saw them too."""
     if result.edge_offset is not None and result.edge_offset_true is not None:
-        edges = MARK * round(result.edge_offset_true / MARK)
+        edges = RULER_MARK * round(result.edge_offset_true / RULER_MARK)
         learn_from_ruler(Path(result.run), edges, find_configs(None).cell().name, memory)
 
 
 def _worse(found: Mapping[str, object]) -> float | None:
     """Mean |d| of the folds that learned beyond that of the first [m]; None without one."""
-    first, *others = (found.get(f"true_{number + 1}") for number in range(max(FOLDS.values())))
+    first, *others = (
+        found.get(f"true_{number + 1}") for number in range(max(SERIES_FOLDS.values()))
+    )
     learned = [abs(one) for one in others if isinstance(one, float)]
     return float(np.mean(learned)) - abs(first) if learned and isinstance(first, float) else None
 

@@ -15,19 +15,19 @@ from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.record.run import read_run
 from cell.studies.kit.folds import fold_unknown
 from cell.studies.kit.poor_images import dropping
-from cell.studies.kit.predicted import CERTAIN, QUANTITIES, compare
+from cell.studies.kit.predicted import QUANTITIES, SIGMAS_95, compare
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.bias import untrained_spread
-from policies.adaptive.fabrics import EFFECTS, LENGTH, effect, friction, plain
+from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, friction, plain
 from policies.adaptive.train.piece import truth
-from policies.adaptive.train.transfer import WITHIN
+from policies.adaptive.train.transfer import COVERAGE
 
-FRICTION = (20.0, 60.0)  # 1/m
-TOLERANCE = 1e-3  # m
-PAIRS = ("friction+seam", "seam+stretch", "friction+hem_mass")
+FRICTION_RANGE = (20.0, 60.0)  # 1/m
+DISPLACEMENT_SCALE = 1e-3  # m
+EFFECT_PAIRS = ("friction+seam", "seam+stretch", "friction+hem_mass")
 CONDITIONS = (
-    *(("calipers", hidden) for hidden in ("nothing", "friction", *EFFECTS, *PAIRS)),
+    *(("calipers", hidden) for hidden in ("nothing", "friction", *EFFECTS, *EFFECT_PAIRS)),
     *((known, hidden) for known in ("length alone", "half dropped") for hidden in
       ("nothing", "friction")),
 )  # fmt: skip
@@ -39,10 +39,12 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     parts = [part for part in hidden.split("+") if part != "nothing"]
     named = {"friction": "bending_hysteresis"}
     effects = {
-        named.get(part, part): friction(rng, *FRICTION) if part == "friction" else effect(part, rng)
+        named.get(part, part): friction(rng, *FRICTION_RANGE)
+        if part == "friction"
+        else effect(part, rng)
         for part in parts
     }
-    strip = plain(rng, LENGTH, **effects)
+    strip = plain(rng, STRIP_LENGTH, **effects)
     content = strip.model_dump(mode="json", by_alias=True)
     return {"known": known, "hidden": hidden, "strip": content, "noise": number}
 
@@ -97,18 +99,18 @@ def untrained_sigma(outcomes: Sequence[Outcome]) -> Values:
     surprise = np.array([values["surprise"] for values in known])
     used = [values.get("untrained", 0.0) for values in known]
     trained = np.square([values["sigma"] for values in known]) - np.square(used)
-    added = float(np.quantile(np.sqrt(np.maximum(surprise**2 - trained, 0.0)), WITHIN))
+    added = float(np.quantile(np.sqrt(np.maximum(surprise**2 - trained, 0.0)), COVERAGE))
     ratio = np.abs(surprise) / np.sqrt(trained + added**2)
-    within = [float(np.mean(ratio < sigmas)) for sigmas in (1.0, CERTAIN)]
+    within = [float(np.mean(ratio < sigmas)) for sigmas in (1.0, SIGMAS_95)]
     return {"schema": 1, "added": added, "within_1": within[0], "within_2": within[1],
             "folds": len(known)}  # fmt: skip
 
 
 def _robust(terms: Array, values: Array) -> Array:
-    """Least squares of `values` (n,) [m] by `terms` (n, k), with Cauchy's loss beyond TOLERANCE."""
+    """Fit `values` (n,) [m] by `terms` (n, k), Cauchy's loss beyond DISPLACEMENT_SCALE."""
     found = np.linalg.lstsq(terms, values, rcond=None)[0]
     fit = least_squares(
-        lambda x: (terms @ x - values) / TOLERANCE, found, loss="cauchy", x_scale="jac"
+        lambda x: (terms @ x - values) / DISPLACEMENT_SCALE, found, loss="cauchy", x_scale="jac"
     )
     return np.asarray(fit.x)
 

@@ -25,9 +25,9 @@ from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Frame, Pose
 
-WILD, ARM_NOISE = 0.10, 1e-4  # share of touches; m
+OUTLIER_SHARE, ARM_NOISE = 0.10, 1e-4  # share of touches; m
 BOARD, TOUCHES = BoardSettings(), TouchSettings()
-MARGIN = 40  # px from the image's edge to the work area's corners
+EDGE_MARGIN = 40  # px from the image's edge to the work area's corners
 BARE = StripLook((40, 60, 110), 0.001, 0.05)
 
 
@@ -50,8 +50,8 @@ def draw(number: int, rng: np.random.Generator) -> Values:
             gain=rng.uniform(0.85, 1.1),
         )
         seen = Optics.of(camera).plane(_area(2))
-        high = (camera.width - MARGIN, camera.height - MARGIN)
-        if ((seen > MARGIN) & (seen < high)).all():
+        high = (camera.width - EDGE_MARGIN, camera.height - EDGE_MARGIN)
+        if ((seen > EDGE_MARGIN) & (seen < high)).all():
             return {"camera": camera.model_dump(mode="json"), "noise": number}
 
 
@@ -105,13 +105,13 @@ def _touch_points(
     """The map by the wizard, through rendered touches, and how many first touches were wild."""
     renderer, sequence = Renderer(camera, BARE, int(rng.integers(1 << 30))), 0
     points, off = TouchedPoints(lens, TOUCHES), np.zeros(2)
-    count = round(WILD * len(points.plan))
+    count = round(OUTLIER_SHARE * len(points.plan))
     first = set(rng.choice(len(points.plan), count, replace=False).tolist())
     stage: tuple[int | None, bool] = (None, False)
     while (pose := points.ask()) is not None:
         if (points.number, points.again) != stage:
             stage = (points.number, points.again)
-            slips = rng.random() < WILD if points.again else points.number in first
+            slips = rng.random() < OUTLIER_SHARE if points.again else points.number in first
             angle = rng.uniform(0, 2 * np.pi)
             off = slips * rng.uniform(0.004, 0.04) * np.array([np.cos(angle), np.sin(angle)])
         seen = replace(pose, x=pose.x + off[0], z=max(pose.z + off[1], 0.01))

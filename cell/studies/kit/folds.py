@@ -20,7 +20,7 @@ from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
 from drivers.strip.file import StripFile
 
-SPECIMEN = "studied"
+SPECIMEN_NAME = "studied"
 
 
 @cache
@@ -65,7 +65,7 @@ def _learning(
     """The request of a fold, corrected by what is learned in `memory`, if any."""
     request = Request(
         strip, policy, checkpoint, choice, folder / "runs", configs, "none", truth=True, viz="off",
-        specimen=SPECIMEN, memory=memory,
+        specimen=SPECIMEN_NAME, memory=memory,
     )  # fmt: skip
     return with_correction(request, "off" if memory is None else "on")
 

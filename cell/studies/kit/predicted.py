@@ -9,9 +9,9 @@ from cell.campaign.statistic import Quantity, Statistic
 from cell.folding.result import FoldResult
 from cell.record.run import read_run
 from cell.studies.kit.folds import facts
-from policies.adaptive.critic import ROUGH
+from policies.adaptive.critic import YIELD_UNIT
 
-CERTAIN = 1.96  # sigmas of 95 %
+SIGMAS_95 = 1.96  # sigmas of 95 %
 
 QUANTITIES = (
     Quantity("true", Statistic.MEAN_SIZE, label="mean |d|"),
@@ -46,8 +46,8 @@ def compare(result: FoldResult) -> Mapping[str, Any]:
         "sigma": predicted.sigma,
         "surprise": surprise,
         "within_1": ratio < 1.0,
-        "within_2": ratio < CERTAIN,
+        "within_2": ratio < SIGMAS_95,
         "believed_length": math.log(predicted.bending_length.value),
         "believed_time": math.log(predicted.retardation_time.value),
-        "believed_friction": math.log1p(predicted.yield_curvature.value / ROUGH),
+        "believed_friction": math.log1p(predicted.yield_curvature.value / YIELD_UNIT),
     }

@@ -13,13 +13,13 @@ from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
-from policies.adaptive.fabrics import LENGTH, friction, plain
+from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
-from policies.sensing import IMAGES, Sensing
+from policies.sensing import IMAGE_SENSING, Sensing
 
 LINKS, SEGMENTS = 80, 100
-LOUD = replace(IMAGES, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)
+LOUD = replace(IMAGE_SENSING, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)
 Draw = Callable[[np.random.Generator], StripFile]
 
 
@@ -54,7 +54,7 @@ class Traced:
     def reset(self, models: Sequence[StripModel]) -> None:
         """Begin anew."""
         self._engine.reset(models)
-        self.times, self.poses = [0.0], [np.tile((LENGTH, 0.0, 0.0), (len(models), 1))]
+        self.times, self.poses = [0.0], [np.tile((STRIP_LENGTH, 0.0, 0.0), (len(models), 1))]
 
     def step(self, poses: Array, dt: float) -> Observables:
         """Step to `poses` (n, 3) in `dt` [s]."""
@@ -88,8 +88,8 @@ def stretchy(rng: np.random.Generator) -> StripFile:
 
 def sensing_of(name: str) -> Sensing:
     """How states are sensed in the condition called `name`: as through images where not named."""
-    late = {f"latency +-{ms} ms": replace(IMAGES, delay_error=1e-3 * ms) for ms in (10, 30)}
-    half = replace(IMAGES, dropped=(0.5, 0.5))
+    late = {f"latency +-{ms} ms": replace(IMAGE_SENSING, delay_error=1e-3 * ms) for ms in (10, 30)}
+    half = replace(IMAGE_SENSING, dropped=(0.5, 0.5))
     known: Mapping[str, Any] = {"3 mm noise": LOUD, "half dropped": half, **late}
-    found: Sensing = known.get(name, IMAGES)
+    found: Sensing = known.get(name, IMAGE_SENSING)
     return found

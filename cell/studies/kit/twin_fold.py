@@ -18,9 +18,9 @@ from drivers.types import Array, Frame, Pose
 from policies.path import Path
 
 STEP = 0.005  # s of the plant
-AFTER = 0.25  # s that a fold goes on after the touch
+TIME_AFTER_TOUCH = 0.25  # s that a fold goes on after the touch
 CONTACT_HEIGHT = 0.001
-BESIDE, CLEAR = 0.05, 0.25  # m: where the hand waits while a strip is judged
+HAND_ASIDE, HAND_HEIGHT = 0.05, 0.25  # m: where the hand waits while a strip is judged
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,12 @@ class TwinFold:
 
 
 def simulate_fold(strip: StripFile, path: Path, speed: float, *, links: int = 60) -> TwinFold:
-    """The strip along `path` at `speed` [m/s] until AFTER the touch, or the end."""
+    """The strip along `path` at `speed` [m/s] until TIME_AFTER_TOUCH the touch, or the end."""
     chain = Chain(links)
     chain.reset([describe(strip)])
     t, poses, shapes = [0.0], [path.poses(0.0)], [chain.shapes()[0].copy()]
     touch: Touch | None = None
-    while t[-1] * speed < path.length and (touch is None or t[-1] < touch.time + AFTER):
+    while t[-1] * speed < path.length and (touch is None or t[-1] < touch.time + TIME_AFTER_TOUCH):
         t.append(t[-1] + STEP)
         poses.append(path.poses(min(t[-1] * speed, path.length)))
         touch = chain.step(poses[-1][None], STEP).touch[0]
@@ -80,7 +80,7 @@ class FoldCamera:
         """The strip flat and still before the grasp, the hand where it waits in the cell."""
         arc = np.linspace(0, strip.length, 61)
         points = np.column_stack([arc, np.zeros_like(arc)])
-        away = Pose(strip.length + BESIDE, CLEAR, 0.0)
+        away = Pose(strip.length + HAND_ASIDE, HAND_HEIGHT, 0.0)
         scene = Scene(0.0, points, arc, away, 0.04, holds_strip=False)
         return Frame(0.0, 0.02, "test", sequence, self.renderer.render([scene], sequence))
 

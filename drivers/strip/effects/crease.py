@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from drivers.strip.crease import add_crease
-from drivers.strip.effects.effect import PLACE, Effect, Parameter, Span, Stage
+from drivers.strip.effects.effect import PLACE_SPAN, Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
 
@@ -22,6 +22,6 @@ EFFECT = Effect(
     ),
     apply=_apply,
     typical=lambda _: (-0.3, 0.3),
-    textile={"angle": Span(-0.3, 0.3), "position": PLACE},
+    textile={"angle": Span(-0.3, 0.3), "position": PLACE_SPAN},
     revealed_by="slow folds of other heights: a bend stays at one place of the strip",
 )

@@ -12,7 +12,7 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 
 Role = Literal["amount", "place", "width", "time", "ratio", "shape"]
-UNKNOWN = (0.01, 0.1)  # of its range, for an effect that states no typical sizes
+UNKNOWN_SIZES = (0.01, 0.1)  # of its range, for an effect that states no typical sizes
 
 
 class Stage(IntEnum):
@@ -41,7 +41,7 @@ class Span:
         return value * length if self.of_length else value
 
 
-PLACE = Span(0.15, 0.95, of_length=True)  # along a strip, away from its fixed end
+PLACE_SPAN = Span(0.15, 0.95, of_length=True)  # along a strip, away from its fixed end
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class Effect:
     def sizes(self, strip: StripFile) -> tuple[float, ...]:
         """Values of the switch to screen `strip` at, within the switch's range."""
         switch = self.parameters[0]
-        span = UNKNOWN if switch.null is not None else UNKNOWN[::-1]
+        span = UNKNOWN_SIZES if switch.null is not None else UNKNOWN_SIZES[::-1]
         given = (share * switch.high for share in span)
         found = self.typical(strip) if self.typical is not None else tuple(given)
         return tuple(float(np.clip(value, switch.low, switch.high)) for value in found)

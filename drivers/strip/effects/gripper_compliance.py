@@ -6,7 +6,7 @@ from dataclasses import replace
 from drivers.strip.effects.effect import Effect, Parameter, Stage
 from drivers.strip.model import StripModel
 
-SHARP = 50.0  # 1/m, a sharp bend of a fold
+SHARP_CURVATURE = 50.0  # 1/m, a sharp bend of a fold
 
 
 def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
@@ -21,6 +21,6 @@ EFFECT = Effect(
     stage=Stage.BOUNDARY,
     parameters=(Parameter("compliance", "rad/(N m)", low=0.0, high=1e4),),
     apply=_apply,
-    typical=lambda strip: tuple(turn / (strip.rigidity * SHARP) for turn in (0.01, 0.1)),
+    typical=lambda strip: tuple(turn / (strip.rigidity * SHARP_CURVATURE) for turn in (0.01, 0.1)),
     revealed_by="a stiff strip folded beside a soft one",
 )

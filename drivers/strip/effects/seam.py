@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.strip.effects.effect import PLACE, Effect, Parameter, Span, Stage
+from drivers.strip.effects.effect import PLACE_SPAN, Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
 
@@ -29,6 +29,6 @@ EFFECT = Effect(
     ),
     apply=_apply,
     typical=lambda _: (1.8,),
-    textile={"position": PLACE, "factor": Span(1.5, 5.0), "width": Span(0.01, 0.01)},
+    textile={"position": PLACE_SPAN, "factor": Span(1.5, 5.0), "width": Span(0.01, 0.01)},
     revealed_by="slow folds of other heights: the shape changes where the seam passes the bend",
 )

@@ -14,7 +14,7 @@ from drivers.strip.rod.lumping import lattice, nature, needs_terms
 from drivers.types import Array
 
 T = TypeVar("T", bound=np.generic)
-WORTH = 0.75  # share of the busy blocks that must suffice before a batch is closed up
+CLOSING_SHARE = 0.75  # share of the busy blocks that must suffice before a batch is closed up
 
 
 def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
@@ -32,7 +32,7 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
         nature=at.pack(natures, lanes),
         state=at.pack(_flat(natures, rich=rich), lanes),
         work=at.scratch(rows, at.RICH_WORK if rich else at.WORK, lanes),
-        band=at.scratch(2 * rows + 4, at.COLUMNS, lanes),
+        band=at.scratch(2 * rows + 4, at.COLUMN_COUNT, lanes),
         strips=np.arange(slots).reshape(-1, lanes),
         alive=at.pack(living[:, None, None], lanes),
         known=np.stack([_limits(model) for model in models]),
@@ -48,7 +48,7 @@ def closed_up(batch: Batch) -> Batch:
     lanes = batch.strips.shape[1]
     alive = at.unpack(batch.alive, lanes)[:, 0, 0] > 0
     busy = int(alive.reshape(-1, lanes).any(axis=1).sum())
-    if busy == 0 or -(-int(alive.sum()) // lanes) > WORTH * busy:
+    if busy == 0 or -(-int(alive.sum()) // lanes) > CLOSING_SHARE * busy:
         return batch
     order = np.argsort(~alive, kind="stable")
 
@@ -100,7 +100,7 @@ def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:
 
 def _flat(natures: Array, *, rich: bool) -> Array:
     spans = natures[:, :, at.SPAN]
-    states = np.zeros((*natures.shape[:2], at.RICH_STATE if rich else at.STATE))
+    states = np.zeros((*natures.shape[:2], at.RICH_STATE if rich else at.STATE_SIZE))
     states[:, 1:, at.X] = np.cumsum(spans[:, :-1], axis=1)
     states[:, :, at.X] -= spans[:, :1]
     states[:, :, at.X1] = states[:, :, at.X]
@@ -112,7 +112,7 @@ def _flat(natures: Array, *, rich: bool) -> Array:
 
 
 def _limits(model: StripModel) -> Array:
-    known = np.full(of.KNOWN, np.nan)
+    known = np.full(of.KNOWN_SIZE, np.nan)
     gap = model.mechanics.touch_gap
     known[of.HEIGHT] = model.observation.contact_height
     known[of.OPENING], known[of.TOUCH_GAP] = 2 * gap, gap

@@ -146,7 +146,7 @@ def internal(block: Any, rate: Any) -> None:
     before, here = direction(block.state, 0), direction(block.state, 1)
     turn(block.work, 0, before)
     left = bend(block, 1, before, here, rate)
-    for r in range(at.FIRST, end + 1):
+    for r in range(at.FIRST_FREE_NODE, end + 1):
         ahead = direction(block.state, r)
         right = bend(block, r, here, ahead, rate)
         pull(block, r - 1, here, left - right)

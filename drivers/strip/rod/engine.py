@@ -13,7 +13,7 @@ from drivers.strip.rod import follow as of
 from drivers.strip.rod.batch import closed_up, end_strips, fixed_edges, laid_flat, living, midlines
 from drivers.strip.rod.follow import follow
 from drivers.strip.rod.lumping import check
-from drivers.strip.rod.newton import TOLERANCE
+from drivers.strip.rod.newton import TURN_TOLERANCE
 from drivers.strip.rod.static import fit_length, lift_path, settle
 from drivers.strip.rod.step import Pace
 from drivers.strip.shape import Touch
@@ -50,7 +50,7 @@ class Rod:
         order: int = 2,
         *,
         strict: bool = True,
-        tolerance: float = TOLERANCE,
+        tolerance: float = TURN_TOLERANCE,
     ) -> None:
         if segments < 20 or order not in (1, 2):
             raise ValueError(f"segments {segments}, order {order}; allowed: 20 or more, 1 or 2")

@@ -22,14 +22,14 @@ HEIGHT, OPENING, TOUCH_GAP, LENGTH = range(4)
 GAP, GAP_X, GAP_S = range(4, 7)
 TIME, TOUCH_X, TOUCH_S = range(7, 10)
 FAILED = 10
-KNOWN = 11
+KNOWN_SIZE = 11
 
 
 class Batch(NamedTuple):
-    """Strips in blocks: `nature`, `state` (blocks, rows, fields[, WIDTH]), shared `work`, `band`;
-    `strips`, `alive`: which strip each lane holds and whether it simulates; of each strip
-    `known` (n, KNOWN), `arc` (n, nodes), `held` (n, 3), the pose of its grip; `last` and `terms`
-    as in Block.
+    """Strips in blocks: `nature`, `state` (blocks, rows, fields[, LANE_COUNT]), shared `work`,
+    `band`; `strips`, `alive`: which strip each lane holds and whether it simulates; of each strip
+    `known` (n, KNOWN_SIZE), `arc` (n, nodes), `held` (n, 3), the pose of its grip; `last` and
+    `terms` as in Block.
     """
 
     nature: Any

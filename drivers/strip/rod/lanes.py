@@ -19,16 +19,16 @@ from numba.extending import intrinsic
 
 P = ParamSpec("P")
 
-WIDTH = 8
-VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
-INDEX = ir.VectorType(ir.IntType(32), WIDTH)
+LANE_COUNT = 8
+VECTOR = ir.VectorType(ir.DoubleType(), LANE_COUNT)
+INDEX_VECTOR = ir.VectorType(ir.IntType(32), LANE_COUNT)
 
 
 class LanesType(types.Type):  # type: ignore[misc]
-    """Numba's type of `WIDTH` doubles in one vector."""
+    """Numba's type of `LANE_COUNT` doubles in one vector."""
 
     def __init__(self) -> None:
-        super().__init__(name=f"Lanes{WIDTH}")
+        super().__init__(name=f"Lanes{LANE_COUNT}")
 
 
 Lanes = LanesType()
@@ -41,7 +41,7 @@ class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
 
 
 def _number(array: Any) -> Any:
-    """Numba type of an element of `array` (rows, fields[, WIDTH]): Lanes or float."""
+    """Numba type of an element of `array` (rows, fields[, LANE_COUNT]): Lanes or float."""
     return Lanes if array.ndim == 3 else types.float64
 
 
@@ -54,7 +54,7 @@ def _spread(builder: Any, value: Any) -> Any:
         return value
     blank = ir.Constant(VECTOR, ir.Undefined)
     first = builder.insert_element(blank, value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(first, blank, ir.Constant(INDEX, [0] * WIDTH))
+    return builder.shuffle_vector(first, blank, ir.Constant(INDEX_VECTOR, [0] * LANE_COUNT))
 
 
 def _operands(builder: Any, number: Any, args: Any) -> list[Any]:
@@ -102,7 +102,7 @@ def _native(name: str, count: int) -> Callable[..., Any]:
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         operands = _operands(builder, sig.return_type, args)
         kind = operands[0].type
-        suffix = f"v{WIDTH}f64" if kind == VECTOR else "f64"
+        suffix = f"v{LANE_COUNT}f64" if kind == VECTOR else "f64"
         function_type = ir.FunctionType(kind, [kind] * count)
         function = cgutils.get_or_insert_function(
             builder.module, function_type, f"llvm.{name}.{suffix}"
@@ -166,8 +166,8 @@ def anywhere(typing: Any, gate: Any) -> Any:
             return builder.fcmp_ordered(">", value, ir.Constant(ir.DoubleType(), 0.0))
         zeros = _spread(builder, ir.Constant(ir.DoubleType(), 0.0))
         bits = builder.fcmp_ordered(">", value, zeros)
-        mask = builder.bitcast(bits, ir.IntType(WIDTH))
-        return builder.icmp_unsigned("!=", mask, ir.Constant(ir.IntType(WIDTH), 0))
+        mask = builder.bitcast(bits, ir.IntType(LANE_COUNT))
+        return builder.icmp_unsigned("!=", mask, ir.Constant(ir.IntType(LANE_COUNT), 0))
 
     return types.boolean(gate), generate
 
@@ -178,13 +178,13 @@ def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> A
     offset = builder.add(builder.mul(place[0], shape[1]), place[1])
     if kind.ndim == 2:
         return builder.gep(view.data, [offset])
-    offset = builder.mul(offset, ir.Constant(offset.type, WIDTH))
+    offset = builder.mul(offset, ir.Constant(offset.type, LANE_COUNT))
     return builder.bitcast(builder.gep(view.data, [offset]), VECTOR.as_pointer())
 
 
 @_inline
 def load(typing: Any, array: Any, row: Any, column: Any) -> Any:
-    """Element of a contiguous `array` (rows, columns[, WIDTH]); no bounds check."""
+    """Element of a contiguous `array` (rows, columns[, LANE_COUNT]); no bounds check."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.load(_address(context, builder, sig.args[0], args[0], args[1:]), align=8)
@@ -194,7 +194,7 @@ def load(typing: Any, array: Any, row: Any, column: Any) -> Any:
 
 @_inline
 def store(typing: Any, array: Any, row: Any, column: Any, value: Any) -> Any:
-    """Write an element of a contiguous `array` (rows, columns[, WIDTH]); no bounds check."""
+    """Write an element of a contiguous `array` (rows, columns[, LANE_COUNT]); no bounds check."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         (number,) = _operands(builder, _number(sig.args[0]), args[3:])

@@ -1,23 +1,23 @@
 """Memory layout of a rod.
 
-Arrays are (rows, fields[, WIDTH]). Row r is node r - 1: row 1 the fixed edge, row N + 1 the grasped
-edge; rows 0 and N + 2 are ghosts, one element beyond the ends, that hold the tangents. Segment r
-runs from row r to row r + 1.
+Arrays are (rows, fields[, LANE_COUNT]). Row r is node r - 1: row 1 the fixed edge, row N + 1 the
+grasped edge; rows 0 and N + 2 are ghosts, one element beyond the ends, that hold the tangents.
+Segment r runs from row r to row r + 1.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from drivers.strip.rod.lanes import WIDTH
+from drivers.strip.rod.lanes import LANE_COUNT
 from drivers.types import Array
 
-FIRST = 2  # row of the first free node
+FIRST_FREE_NODE = 2  # row of the first free node
 
 # State: position, velocity, strain of bending and friction moment now, and one step before.
 X, Z, VX, VZ, EPS, FRICTION = range(6)
 X1, Z1, VX1, VZ1, EPS1, TENSION = range(6, 12)
-STATE = 12
+STATE_SIZE = 12
 # Of the ghost beyond the grip, which has no speed: the strip's pull on it [N].
 GRIP_FORCE_X, GRIP_FORCE_Z = VX, VZ
 
@@ -29,8 +29,8 @@ NATURE = 16
 # More of both for `terms`: strain of a Maxwell element now and before, how far a segment has slid
 # the pull at which its end slides, and which way it does, moment of friction that slides late;
 # coefficients.
-MAXWELL, MAXWELL1, SLID, HELD, WAY, LATE = range(STATE, STATE + 6)
-RICH_STATE = STATE + 6
+MAXWELL, MAXWELL1, SLID, HELD, WAY, LATE = range(STATE_SIZE, STATE_SIZE + 6)
+RICH_STATE = STATE_SIZE + 6
 QUADRATIC, BRANCH, FADE, GRIPPED, CLING = range(NATURE, NATURE + 5)
 DRAG, SLOW, OBLIQUE, ALONG, LATE_SLIP, LATE_STICK = range(NATURE + 5, NATURE + 11)
 RICH_NATURE = NATURE + 11
@@ -43,7 +43,7 @@ BASE_MAXWELL, DRAG_XX, DRAG_XZ, DRAG_ZZ, STUCK, STUCK_GROWTH = range(WORK, WORK 
 RICH_WORK = WORK + 6
 
 # Band: see `band`.
-COLUMNS = 7
+COLUMN_COUNT = 7
 
 
 class Block(NamedTuple):
@@ -83,7 +83,7 @@ def scratch(rows: int, fields: int, lanes: int) -> Array:
 
 def lanes_for(count: int) -> int:
     """Lanes of a block for a batch of `count` strips: one strip is faster without lanes."""
-    return 1 if count < 2 else WIDTH
+    return 1 if count < 2 else LANE_COUNT
 
 
 def _copy(values: Array) -> Array:

@@ -14,14 +14,14 @@ from drivers.types import Array
 GRADED = 0.1  # share of the segments that grow finer towards the grip
 FINEST = 1 / 8  # length of the last of them over that of an equal one
 INEXTENSIBLE = 1e6  # axial stiffness over weight: 1 ppm of strain under its own weight
-KNOWN = {
+KNOWN_FIELDS = {
     Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
     " stretch_stiffness drag adhesion",  # adhesion acts from the touch on: a rod's end
     BendingLaw: "cubic fifth yield_curvature stiffness_ratio gradual quadratic_damping relaxing"
     " relaxation_time",
     Boundary: "gravity edge_friction grip_force grip_compliance",
 }
-AIR = 1.2  # kg/m^3
+AIR_DENSITY = 1.2  # kg/m^3
 
 
 def lattice(length: float, segments: int) -> Array:
@@ -111,7 +111,7 @@ def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
     inner[:, at.BEND] -= inner[:, at.BRANCH]
     inner[:, at.FADE] = 1.0 / law.relaxation_time
     drag = mechanics.drag
-    inner[:, at.DRAG] = 0.5 * AIR * drag.coefficient * mechanics.width * reach
+    inner[:, at.DRAG] = 0.5 * AIR_DENSITY * drag.coefficient * mechanics.width * reach
     inner[:, at.SLOW : at.ALONG + 1] = drag.slow, drag.oblique, drag.along
     rows[:, at.GRIPPED] = np.inf
     rows[-3, at.GRIPPED] = boundary.grip_force
@@ -142,7 +142,7 @@ def check(models: Sequence[StripModel]) -> None:
 def _check_known(part: Mechanics | BendingLaw | Boundary) -> None:
     """Refuse fields that the rod does not support, unless they are at their null."""
     for field in fields(part):
-        if field.name in KNOWN[type(part)].split():
+        if field.name in KNOWN_FIELDS[type(part)].split():
             continue
         if getattr(part, field.name) != field.default:
             raise Unsupported("rod", field.name)

@@ -29,7 +29,7 @@ def predict(block: Any, h: float, omega: float, alive: Any) -> None:
     period = h * (1.0 + omega) / (1.0 + 2.0 * omega)
     now, old = weights(omega)
     ahead, behind = h * (1.0 + 0.5 * omega), -0.5 * omega * h
-    for r in range(at.FIRST, block.last + 1):
+    for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for axis in range(2):
             x, v = load(state, r, at.X + axis), load(state, r, at.VX + axis)
             x1, v1 = load(state, r, at.X1 + axis), load(state, r, at.VX1 + axis)
@@ -55,7 +55,7 @@ def predict_strain(block: Any, omega: float) -> None:
 def finish(block: Any, rate: float, alive: Any) -> None:
     """Update velocities, history-dependent strains and moments, and sliding ends after a step."""
     state = block.state
-    for r in range(at.FIRST, block.last + 1):
+    for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for axis in range(2):
             v = rate * (load(state, r, at.X + axis) - load(block.work, r, at.BASE_X + axis))
             store(state, r, at.VX + axis, choose(alive, v, load(state, r, at.VX + axis)))
@@ -89,10 +89,10 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
     tension = load(state, 1, at.TENSION)
     shear = fma(turn_x, pull_x, turn_z * pull_z) / fma(turn_x, turn_x, turn_z * turn_z)
     x, z = -fma(shear, turn_x, tension * ux), -fma(shear, turn_z, tension * uz)
-    for r in range(at.FIRST, end + 1):
+    for r in range(at.FIRST_FREE_NODE, end + 1):
         (weight_x, weight_z), (reaction, _) = pair(nature, r, at.LOAD_X), desk(block, r)
         x, z = x + weight_x, z + (weight_z + reaction)
-    for r in range(at.FIRST, end):
+    for r in range(at.FIRST_FREE_NODE, end):
         push = load(nature, r, at.MASS) * (1.0 / h)
         x = x - push * (load(state, r, at.VX) - load(state, r, at.VX1))
         z = z - push * (load(state, r, at.VZ) - load(state, r, at.VZ1))

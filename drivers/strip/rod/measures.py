@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from drivers.strip.rod.compiled import kernel
-from drivers.strip.shape import LYING
+from drivers.strip.shape import LYING_LENGTH
 
 
 @kernel
@@ -22,7 +22,7 @@ def desk_contact(x: Any, z: Any, tip: int, height: float) -> Any:
             k = j
             while k > 0 and z[k - 1] <= height:
                 k -= 1
-            if k == 0 or x[j] - x[k] >= LYING:
+            if k == 0 or x[j] - x[k] >= LYING_LENGTH:
                 return x[j] + (x[j + 1] - x[j]) * (height - z[j]) / (z[j + 1] - z[j])
             j = k
         j -= 1

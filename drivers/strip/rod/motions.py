@@ -12,7 +12,7 @@ from drivers.strip.rod.engine import Rod, Showing
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
-PIECE = 0.5  # s of motion in one compiled call: a batch closes up between calls
+PIECE_TIME = 0.5  # s of motion in one compiled call: a batch closes up between calls
 
 
 class GripperPath(NamedTuple):
@@ -48,7 +48,7 @@ def simulate_all(
     counts = [max(1, round((path.t[-1] - path.t[0]) / dt)) for path in paths]
     poses = np.stack([_sample(path, dt, max(counts)) for path in paths], axis=1)
     rod.reset(models, _starts(models, paths) if any(path.hanging for path in paths) else None)
-    piece = max(1, round(PIECE / dt) // max(every, 1)) * max(every, 1)
+    piece = max(1, round(PIECE_TIME / dt) // max(every, 1)) * max(every, 1)
     shown = []
     for begin in range(0, len(poses), piece):
         shown.append(rod.follow(poses[begin : begin + piece], dt, every))

@@ -3,14 +3,14 @@
 from typing import Any
 
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.band import SIDE, eliminate, eliminate_fifth, substitute
+from drivers.strip.rod.band import SIDE_ROW, eliminate, eliminate_fifth, substitute
 from drivers.strip.rod.bending import internal
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import anywhere, below, choose, fma, like, load, store
 from drivers.strip.rod.terms import air, expect, settling_turn
 
 ITERATIONS = 10
-TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments, unless asked
+TURN_TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments, unless asked
 LARGEST_TURN = 1.0  # rad^2, square of a turn in one correction that no step of ours needs
 SINK = 2e-5  # m over which the desk takes up the weight
 
@@ -98,8 +98,8 @@ def correct(block: Any, gate: Any) -> Any:
     state, work, band = block.state, block.work, block.band
     turned, wildest = like(state, 0.0), like(state, 0.0)
     x0, z0 = like(state, 0.0), like(state, 0.0)
-    for r in range(at.FIRST, state.shape[0] - 1):
-        dx, dz = load(band, 2 * r, SIDE), load(band, 2 * r + 1, SIDE)
+    for r in range(at.FIRST_FREE_NODE, state.shape[0] - 1):
+        dx, dz = load(band, 2 * r, SIDE_ROW), load(band, 2 * r + 1, SIDE_ROW)
         x, z = pair(state, r, at.X)
         store(state, r, at.X, choose(gate, x - dx, x))
         store(state, r, at.Z, choose(gate, z - dz, z))
@@ -124,15 +124,15 @@ def solve(block: Any, rate: Any, alive: Any, tolerance: Any) -> Any:
     """Newton iterations until segments turn by less than `tolerance` [rad], root mean square;
     returns the lanes that failed.
 
-    A lane with a segment that turns by more than WILD in one correction has failed: Newton's method
-    could then converge to a kinked equilibrium that is not the continuation of the motion.
+    A lane with a segment that turns by more than LARGEST_TURN in one correction failed: Newton's
+    method could then converge to a kinked equilibrium that does not continue the motion.
     """
     unsolved, failed = alive, 0.0 * alive
     for _ in range(ITERATIONS):
         internal(block, rate)
-        for r in range(at.FIRST, block.last + 1):
+        for r in range(at.FIRST_FREE_NODE, block.last + 1):
             assemble(block, r, rate)
-        substitute(block.band, 2 * at.FIRST, 2 * block.last + 1)
+        substitute(block.band, 2 * at.FIRST_FREE_NODE, 2 * block.last + 1)
         turned, wildest = correct(block, unsolved)
         sane = below(turned, LARGEST_TURN) * below(wildest, LARGEST_TURN)
         failed = choose(unsolved * (1.0 - sane), unsolved, failed)

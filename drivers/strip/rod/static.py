@@ -11,11 +11,11 @@ from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import end_strips
 from drivers.strip.rod.follow import Batch, follow
-from drivers.strip.rod.newton import TOLERANCE
+from drivers.strip.rod.newton import TURN_TOLERANCE
 from drivers.strip.rod.step import Pace
 from drivers.types import Array
 
-APPROACH = 60  # steps from lying flat to where a strip hangs
+APPROACH_STEPS = 60  # steps from lying flat to where a strip hangs
 PERIOD = 0.05  # s, Euler steps in which a strip comes to where it shall rest
 STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, those in which it comes to rest
 
@@ -26,7 +26,7 @@ def lift_path(batch: Batch, start: Array) -> Array:
     The height grows with the root of the inward distance, so that the edge stays within the strip's
     reach.
     """
-    share = np.linspace(0.0, 1.0, APPROACH + 1)[1:, None]
+    share = np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:, None]
     path = batch.held + share[:, :, None] * (start - batch.held)
     path[:, :, 1] = np.sqrt(share) * start[:, 1]
     return np.asarray(path)
@@ -43,7 +43,7 @@ def fit_length(batch: Batch, models: Sequence[StripModel]) -> None:
     _stretch(batch, goal[:, 0] / batch.held[:, 0], slack < 0)
     batch.held[slack < 0] = goal[slack < 0]
     if (slack > 0).any():
-        share = np.linspace(0.0, 1.0, APPROACH + 1)[1:, None]
+        share = np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:, None]
         path = batch.held + share[:, :, None] * (goal - batch.held)
         reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
         path[:, :, 1] = 0.7 * reach * np.sqrt(share * (1 - share))
@@ -71,7 +71,7 @@ def settle(batch: Batch, path: Array) -> None:
 
 def _euler(batch: Batch, poses: Array, dt: float) -> None:
     shown = np.zeros((len(poses), len(batch.held), of.FIELDS_SHOWN))
-    pace = Pace(dt, 0.0, 0.0, TOLERANCE)
+    pace = Pace(dt, 0.0, 0.0, TURN_TOLERANCE)
     follow(batch, poses, shown, np.empty((0, 0, 0, 2)), 1, 0.0, pace)
     failed, touched = (np.isfinite(batch.known[:, field]) for field in (of.FAILED, of.TIME))
     if failed.any():

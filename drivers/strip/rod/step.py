@@ -14,12 +14,12 @@ from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import anywhere, choose, load, pick, put, store
 from drivers.strip.rod.march import attempt
 
-PARTS = (16, 256)
+STEP_PARTS = (16, 256)
 
 
 class Grips(NamedTuple):
-    """Which strip each lane of a block holds (WIDTH,), whether it is alive, the previous grip poses
-    `held` (n, 3) and the next `poses` (n, 3).
+    """Which strip each lane of a block holds (LANE_COUNT,), whether it is alive, the previous grip
+    poses `held` (n, 3) and the next `poses` (n, 3).
     """
 
     strips: Any
@@ -69,7 +69,7 @@ def place(block: Any, grips: Any, share: float) -> None:
 def rewind(block: Any, gate: Any) -> None:
     """Undo a failed step where `gate`."""
     state = block.state
-    for r in range(at.FIRST, block.last + 1):
+    for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for field in range(at.EPS):
             now = load(state, r, at.X + field)
             store(state, r, at.X + field, choose(gate, load(state, r, at.X1 + field), now))
@@ -115,7 +115,7 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
         return gate
     rewind(block, gate)
     start = block.state.copy()
-    for parts in PARTS:
+    for parts in STEP_PARTS:
         failed = in_parts(block, grips, pace, gate, parts)
         copy(start, (0, start.shape[1]), block.state, 0, failed)
         moved = gate - failed

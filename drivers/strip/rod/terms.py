@@ -11,7 +11,7 @@ from drivers.strip.rod.friction import element
 from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
 
 HUGE = 1e300  # coefficients beyond are null at infinity
-SETTLED = 100.0  # rad/m: a correction by 1 um counts as one by 1e-4 rad
+CORRECTION_TURN = 100.0  # rad/m: a correction by 1 um counts as one by 1e-4 rad
 UNTRIED = 2.0  # way of what slides before the first iteration of a step
 UNSETTLED = 0.1  # rad^2, what counts at most
 
@@ -108,7 +108,7 @@ def settling_turn(block: Any, r: int, along: Any) -> Any:
     A strip that slides moves without turning, so turns by themselves would end Newton's method
     early.
     """
-    turn = SETTLED * along
+    turn = CORRECTION_TURN * along
     square = turn * turn
     square = choose(square - UNSETTLED, UNSETTLED, square)
     return choose(below(limit_of(block, r), HUGE), square, 0.0)
@@ -170,5 +170,5 @@ def predict_terms(block: Any, rate: Any, weights: Any) -> None:
         store(block.state, r, at.WAY, UNTRIED)
         q, q1 = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
         store(block.work, r, at.BASE_MAXWELL, fma(now, q, old * q1))
-    for r in range(at.FIRST, block.last + 1):
+    for r in range(at.FIRST_FREE_NODE, block.last + 1):
         resist(block, r, rate)

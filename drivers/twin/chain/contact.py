@@ -3,11 +3,12 @@
 import mujoco
 import numpy as np
 
-STEP = 0.005  # s, the longest step of the chain
-TIME_CONSTANT = 2 * STEP  # s, the shortest that MuJoCo allows
-SHARE = 0.9999  # of a violation's pull that a constraint exerts: sags by 1e-4 of a free fall
+LONGEST_STEP = 0.005  # s, the longest step of the chain
+TIME_CONSTANT = 2 * LONGEST_STEP  # s, the shortest that MuJoCo allows
+# of a violation's pull that a constraint exerts: sags by 1e-4 of a free fall
+CONSTRAINT_SHARE = 0.9999
 SOLREF = (TIME_CONSTANT, 1.0)
-SOLIMP = np.array([SHARE, SHARE, 0.001, 0.5, 2.0])
+SOLIMP = np.array([CONSTRAINT_SHARE, CONSTRAINT_SHARE, 0.001, 0.5, 2.0])
 
 
 def sag(acceleration: float) -> float:
@@ -17,7 +18,7 @@ def sag(acceleration: float) -> float:
     to a kink of 0.1 mm at its fixed edge, and under the push of a lift the strip would buckle there
     instead of at the grip.
     """
-    return (1.0 - SHARE) * acceleration * TIME_CONSTANT**2
+    return (1.0 - CONSTRAINT_SHARE) * acceleration * TIME_CONSTANT**2
 
 
 def solid(body: mujoco.MjsBody, contype: int, conaffinity: int) -> mujoco.MjsGeom:

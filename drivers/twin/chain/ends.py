@@ -10,7 +10,7 @@ from drivers.strip.model import StripModel
 from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.lumps import Lumps
 
-STUCK = 0.0
+NOT_SLIDING = 0.0
 GIVE = 1e-4  # m, by which an end yields before it slides
 
 
@@ -28,21 +28,21 @@ class Slide:
     limit: float
     both_ways: bool
     rest: float = 0.0
-    sliding: float = STUCK
+    sliding: float = NOT_SLIDING
 
     def judge(self, position: float, rate: float) -> None:
         """Decide between stick and slip from the joint's position and velocity."""
         pull = self.stiffness * (position - self.rest)
-        if self.sliding != STUCK:
+        if self.sliding != NOT_SLIDING:
             if self.sliding * rate <= 0:
                 self.rest = position - self.sliding * self.limit / self.stiffness
-                self.sliding = STUCK
+                self.sliding = NOT_SLIDING
         elif (abs(pull) if self.both_ways else pull) > self.limit:
             self.sliding = float(np.sign(pull))
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Hold the joint, or resist its motion, in the next step."""
-        model.jnt_stiffness[self.joint] = self.stiffness if self.sliding == STUCK else 0.0
+        model.jnt_stiffness[self.joint] = self.stiffness if self.sliding == NOT_SLIDING else 0.0
         model.qpos_spring[self.joint] = self.rest
         data.qfrc_applied[self.joint] = -self.sliding * self.limit
 

@@ -7,7 +7,7 @@ import numpy as np
 from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
 from drivers.strip.shape import desk_contact, fold_tip
-from drivers.twin.chain.contact import STEP
+from drivers.twin.chain.contact import LONGEST_STEP
 from drivers.twin.chain.extra_forces import ExtraForce
 from drivers.twin.chain.strip import ChainStrip
 from drivers.types import Array
@@ -49,7 +49,7 @@ class Chain:
         targets = np.asarray(poses, dtype=np.float64)
         if targets.shape != (len(self._strips), 3):
             raise ValueError(f"poses are {targets.shape}, expected ({len(self._strips)}, 3)")
-        parts = max(1, int(np.ceil(dt / STEP - 1e-6)))
+        parts = max(1, int(np.ceil(dt / LONGEST_STEP - 1e-6)))
         for strip, pose in zip(self._strips, targets, strict=True):
             strip.advance(pose, dt, parts)
         self._time += dt

@@ -8,11 +8,11 @@ from typing import Self
 import numpy as np
 
 from drivers.strip.model import StripModel
-from drivers.twin.chain.contact import SHARE, TIME_CONSTANT
+from drivers.twin.chain.contact import CONSTRAINT_SHARE, TIME_CONSTANT
 from drivers.types import Array
 
-DAMPING = 2 / (SHARE * TIME_CONSTANT)  # 1/s
-STIFFNESS = 1 / (SHARE * TIME_CONSTANT**2)  # 1/s^2
+HOLD_DAMPING = 2 / (CONSTRAINT_SHARE * TIME_CONSTANT)  # 1/s
+HOLD_STIFFNESS = 1 / (CONSTRAINT_SHARE * TIME_CONSTANT**2)  # 1/s^2
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +38,12 @@ class Grip:
         target) at the step's end; a tip on its commanded motion has r = -(a + b v) / k.
         """
         acceleration = (self.rate - before.rate) / h
-        return self.pose + (acceleration + DAMPING * self.rate) / STIFFNESS
+        return self.pose + (acceleration + HOLD_DAMPING * self.rate) / HOLD_STIFFNESS
 
 
-APPROACH, REST = 120, 280  # steps on the way in, and until the strip lies still
-STILLING = 0.9  # of the motion that a step leaves, meanwhile
-HEIGHT = 0.7  # of the way in over what a slack strip allows
+APPROACH_STEPS, SETTLING_STEPS = 120, 280  # steps on the way in, and until the strip lies still
+VELOCITY_DECAY = 0.9  # of the motion that a step leaves, meanwhile
+APPROACH_HEIGHT = 0.7  # of the way in over what a slack strip allows
 
 
 def approach_poses(model: StripModel) -> Array:
@@ -56,7 +56,7 @@ def approach_poses(model: StripModel) -> Array:
     slack = length - stated
     if slack == 0:
         return np.empty((0, 3))
-    share = np.concatenate([np.linspace(0.0, 1.0, APPROACH + 1)[1:], np.ones(REST)])
+    share = np.concatenate([np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:], np.ones(SETTLING_STEPS)])
     reach = np.sqrt(2 * length * max(slack, 0.0))
-    height = HEIGHT * reach * np.sqrt(share * (1 - share))
+    height = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
     return np.stack([length - slack * share, height, np.zeros_like(share)], axis=1)

@@ -11,9 +11,9 @@ from drivers.twin.chain.lumps import Lumps
 from drivers.types import Array
 
 THICK = 0.005  # m, how far one layer may fall through the other and is still pushed back
-FRICTION = 1.0  # of fabric on fabric, assumed; more than on a desk (paper, III-A)
+LAYER_FRICTION = 1.0  # of fabric on fabric, assumed; more than on a desk (paper, III-A)
 UPPER = 2  # collision class
-REACH = 0.0005  # m, how far layers that cling may part before they let go
+CLING_REACH = 0.0005  # m, how far layers that cling may part before they let go
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +60,6 @@ class Layers:
         else:
             return
         if lumps.cling[link] > 0:
-            bead.adhesion, bead.gap = lumps.cling[link], REACH
+            bead.adhesion, bead.gap = lumps.cling[link], CLING_REACH
         bead.condim = 3
-        bead.friction = [FRICTION, 0.0, 0.0]
+        bead.friction = [LAYER_FRICTION, 0.0, 0.0]

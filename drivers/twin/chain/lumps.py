@@ -10,9 +10,9 @@ from drivers.strip.lattice import graded_nodes
 from drivers.strip.model import Drag, Mechanics, StripModel
 from drivers.types import Array
 
-AIR = 1.2  # kg/m^3
+AIR_DENSITY = 1.2  # kg/m^3
 GRADED = 0.05  # share of the links that grow shorter towards the grip
-SHORTEST = 1 / 4  # length of the last of them over that of an equal one
+SHORTEST_LINK = 1 / 4  # length of the last of them over that of an equal one
 RIGID = 3e3  # axial stiffness over weight from which a strip counts as inextensible
 
 
@@ -115,7 +115,7 @@ def places(length: float, links: int) -> Array:
     For a blanket that slips in its grip, 200 equal links put the desk contact of a taut lift 29 mm
     from the rod's; these put it 9 mm away.
     """
-    return graded_nodes(length, links, GRADED, SHORTEST)
+    return graded_nodes(length, links, GRADED, SHORTEST_LINK)
 
 
 def _lag(strip: Mechanics) -> Array:
@@ -125,7 +125,7 @@ def _lag(strip: Mechanics) -> Array:
 
 def _drag(strip: Mechanics) -> float:
     """Force per length over the square of the normal speed [N s^2/m^3]."""
-    return 0.5 * AIR * strip.drag.coefficient * strip.width
+    return 0.5 * AIR_DENSITY * strip.drag.coefficient * strip.width
 
 
 def _share_of_strip(stiffness: Array, compliance: float) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.errors import Unsupported
 from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel
-from drivers.twin.chain.contact import SOLIMP, SOLREF, STEP, sag, solid
+from drivers.twin.chain.contact import LONGEST_STEP, SOLIMP, SOLREF, sag, solid
 from drivers.twin.chain.joints import HINGE, SLIDE
 from drivers.twin.chain.layers import Layers
 from drivers.twin.chain.lumps import Lumps
@@ -15,7 +15,7 @@ from drivers.twin.chain.lumps import Lumps
 GRIP_WEIGHT = 30.0  # 1/kg: a pull of 10 N stretches the grip by 7 um
 TIP_MASS = 1e-3  # of a link's mass
 DESK = 1  # collision class
-KNOWN: dict[type, str] = {
+KNOWN_FIELDS: dict[type, str] = {
     Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
     " stretch_stiffness drag adhesion",
     BendingLaw: "cubic fifth yield_curvature stiffness_ratio gradual quadratic_damping relaxing"
@@ -60,7 +60,7 @@ def compile_chain(model: StripModel, links: int, layers: Layers | None = None) -
     so with the default its grip would sag by millimetres, and more with more links.
     """
     chain = build(model, links, layers).compile()
-    turn = 1.0 / (STEP**2 * float(chain.jnt_stiffness[-1]))
+    turn = 1.0 / (LONGEST_STEP**2 * float(chain.jnt_stiffness[-1]))
     chain.body_invweight0[links + 1] = GRIP_WEIGHT, turn
     return chain
 
@@ -68,7 +68,7 @@ def compile_chain(model: StripModel, links: int, layers: Layers | None = None) -
 def _check(model: StripModel) -> None:
     for part in (model.mechanics, model.mechanics.law, model.boundary):
         for field in fields(part):
-            known = field.name in KNOWN[type(part)].split()
+            known = field.name in KNOWN_FIELDS[type(part)].split()
             if not known and getattr(part, field.name) != field.default:
                 raise Unsupported("chain", f"the description's {field.name}")
 
@@ -79,7 +79,7 @@ def _set_options(spec: mujoco.MjSpec, gravity: tuple[float, float]) -> None:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    spec.option.timestep = STEP
+    spec.option.timestep = LONGEST_STEP
     spec.option.gravity = [gravity[0], 0.0, gravity[1]]
     spec.option.disableflags = off.mjDSBL_AUTORESET | off.mjDSBL_ISLAND
 
@@ -116,7 +116,7 @@ def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: in
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[0.0, -1.0, 0.0],
         stiffness=[lumps.stiffness[node], 0.0, lumps.cubic[node]],
-        damping=[lumps.damping_at(STEP)[node], lumps.quadratic[node], 0.0],
+        damping=[lumps.damping_at(LONGEST_STEP)[node], lumps.quadratic[node], 0.0],
         springref=lumps.rest[node],
     )
     if lumps.slip[node] > 0:
@@ -137,7 +137,7 @@ def _add_mass(body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
         inertia = mass * lumps.spans[node] ** 2 / 12
     else:
         mass, centre = TIP_MASS * lumps.mass[-1], 0.0
-        inertia = STEP**2 * lumps.stiffness[-1]
+        inertia = LONGEST_STEP**2 * lumps.stiffness[-1]
     body.explicitinertial = True
     body.mass = mass
     body.ipos = [centre, 0.0, 0.0]

@@ -10,10 +10,10 @@ import numpy as np
 from drivers.errors import SimulationNotFinite
 from drivers.strip.model import StripModel
 from drivers.strip.shape import Gap, Touch, layer_gap, touch_between
-from drivers.twin.chain.contact import STEP
+from drivers.twin.chain.contact import LONGEST_STEP
 from drivers.twin.chain.ends import Ends
 from drivers.twin.chain.extra_forces import ExtraForce, ExtraForces, Parts, own_laws
-from drivers.twin.chain.grip import STILLING, Grip, approach_poses
+from drivers.twin.chain.grip import VELOCITY_DECAY, Grip, approach_poses
 from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.layers import Layers
 from drivers.twin.chain.loads import Loads
@@ -23,8 +23,9 @@ from drivers.types import Array
 
 OPENING = 2.0  # touch gaps by which the layers must have opened before they can touch
 PULL = 2e-5  # m beyond a strip's reach: some three times its weight
-WILD = np.pi  # rad that a hinge turns in a step when the chain has lost its way; 0.9 is known
-STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+# rad that a hinge turns in a step when the chain has lost its way; 0.9 is known
+LOST_TURN = np.pi
+STATE_SPEC = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 class ChainStrip:
@@ -45,7 +46,7 @@ class ChainStrip:
             (*own_laws(model), *foreign), Parts(model, self._lumps, self._joints)
         )
         self._ends = Ends.of(model, self._lumps, self._joints)
-        self._state = np.empty(mujoco.mj_stateSize(self._model, STATE))
+        self._state = np.empty(mujoco.mj_stateSize(self._model, STATE_SPEC))
         self._grip = Grip.at_rest(np.array([model.mechanics.length, 0.0, 0.0]))
         self._held = True
         self._time = 0.0
@@ -97,16 +98,16 @@ class ChainStrip:
     def _bring_in(self) -> None:
         """Move an edge that is not at its stated position there, and let the strip come to rest."""
         for pose in approach_poses(self._description):
-            grip = self._grip.to(pose, STEP)
-            self._loads.renew(self._data, STEP)
-            self._step(grip, STEP)
-            self._data.qvel[:] *= STILLING
+            grip = self._grip.to(pose, LONGEST_STEP)
+            self._loads.renew(self._data, LONGEST_STEP)
+            self._step(grip, LONGEST_STEP)
+            self._data.qvel[:] *= VELOCITY_DECAY
             self._grip = grip
         self._grip = Grip.at_rest(self._grip.pose)
 
     def _step_until_touch(self, grip: Grip, h: float) -> None:
         """A step; repeated from the same start with solid layers when they meet in it."""
-        mujoco.mj_getState(self._model, self._data, self._state, STATE)
+        mujoco.mj_getState(self._model, self._data, self._state, STATE_SPEC)
         before = (self._time, self._gap)
         self._step(grip, h)
         strip = self._description.mechanics
@@ -119,7 +120,7 @@ class ChainStrip:
             self._load(compile_chain(self._description, self._links, layers))
             self._pace(h)
             self._foreign.again(self._model)
-            mujoco.mj_setState(self._model, self._data, self._state, STATE)
+            mujoco.mj_setState(self._model, self._data, self._state, STATE_SPEC)
             self._ends.apply(self._model, self._data)
             self._step(grip, h)
 
@@ -132,7 +133,7 @@ class ChainStrip:
         self.points = self._joints.nodes(self._data.qpos)
         diverged = self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
         turn = h * np.abs(self._data.qvel[self._joints.hinges]).max()
-        if diverged or not turn < WILD:
+        if diverged or not turn < LOST_TURN:
             raise SimulationNotFinite("chain", self._time + h)
 
     def _within_reach(self, target: Array) -> Array:

@@ -11,7 +11,7 @@ from drivers.twin.renderer.optics import Optics
 from drivers.types import Array
 
 Canvas = NDArray[np.float32]
-SIDE = 0.82  # brightness of a box's sides over that of its front
+SIDE_BRIGHTNESS = 0.82  # brightness of a box's sides over that of its front
 CARTON = 0.05  # variation of a thing's brightness, a share
 CURVE = 24  # pieces that a cable's bends are drawn in
 
@@ -46,7 +46,7 @@ def _covers(
     face = np.array([(x0, z0), (x1, z0), (x1, z1), (x0, z1)])
     near, far = optics.plane(face, y0), optics.plane(face, y1)
     hull = cv2.convexHull(np.concatenate([near, far]).astype(np.float32))[:, 0]
-    return [(_fill(hull, size), SIDE), (_fill(near, size), 1.0)]
+    return [(_fill(hull, size), SIDE_BRIGHTNESS), (_fill(near, size), 1.0)]
 
 
 def _fill(outline: Array, size: tuple[int, ...]) -> NDArray[np.uint8]:

@@ -11,14 +11,15 @@ from drivers.twin.renderer.stage import fill
 from drivers.twin.scene import Scene
 from drivers.types import Array, Image
 
-FINGER = ((0.0, 0.003), (0.012, 0.005), (0.045, 0.010))  # m: along the finger, its thickness
+# m: along the finger, its thickness
+FINGER_PROFILE = ((0.0, 0.003), (0.012, 0.005), (0.045, 0.010))
 FINGER_DEPTH = 0.018  # m in y
-HAND = (0.045, 0.110, 0.080)  # m: from, to along the approach; half of it across
-WRIST = (0.110, 0.60, 0.042)  # likewise, of the arm behind it
+HAND_SIZE = (0.045, 0.110, 0.080)  # m: from, to along the approach; half of it across
+WRIST_SIZE = (0.110, 0.60, 0.042)  # likewise, of the arm behind it
 HAND_DEPTH = 0.040  # m in y
 PALE = 2.2  # brightness of the wrist over that of the hand
 PLATE, DISC = 0.014, 0.005  # m, radii of the pin's dark plate and bright disc
-BRIGHT = np.array([236.0, 240.0, 240.0])
+DISC_LEVELS = np.array([236.0, 240.0, 240.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Outline:
 def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
     """Convex outlines of hand and fingers about y = `middle` [m], far ones first, over `floor`."""
     gap = 0.0 if scene.pointer else scene.finger_width / 2
-    parts = [(_block(WRIST), HAND_DEPTH, PALE), (_block(HAND), HAND_DEPTH, 1.0)]
+    parts = [(_block(WRIST_SIZE), HAND_DEPTH, PALE), (_block(HAND_SIZE), HAND_DEPTH, 1.0)]
     parts += [(_finger(side * gap, side), FINGER_DEPTH, 1.0) for side in (-1.0, 1.0)]
     pose = scene.gripper
     along = np.array([np.cos(pose.pitch), np.sin(pose.pitch)])
@@ -60,7 +61,7 @@ def draw_pointer(image: Image, scene: Scene, optics: Optics, colour: Array) -> N
     """A dark plate with a bright disc centred on the gripper point, into `image` (h, w, 3)."""
     centre = np.array([scene.gripper.x, scene.gripper.z])
     _disc(image, centre, PLATE, optics, colour * 0.5)
-    _disc(image, centre, DISC, optics, BRIGHT)
+    _disc(image, centre, DISC, optics, DISC_LEVELS)
 
 
 def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Array) -> None:
@@ -105,7 +106,7 @@ def _block(size: tuple[float, float, float]) -> Array:
 
 
 def _finger(inner: float, side: float) -> Array:
-    along = [place for place, _ in FINGER]
-    outer = [inner + side * thickness for _, thickness in FINGER]
+    along = [place for place, _ in FINGER_PROFILE]
+    outer = [inner + side * thickness for _, thickness in FINGER_PROFILE]
     inside = [(along[-1], inner), (along[0], inner)]
     return np.array([*zip(along, outer, strict=True), *inside])

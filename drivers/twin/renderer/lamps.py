@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from drivers.twin.renderer.gripper import Outline
 from drivers.twin.renderer.looks.look import Flicker, Lamp
 from drivers.twin.renderer.optics import Optics
-from drivers.twin.renderer.stage import BACKDROP
+from drivers.twin.renderer.stage import BACKDROP_DISTANCE
 from drivers.types import Array, Image
 
 SHADOW_GRID = 4  # px: the grid on which a shadow is drawn
@@ -61,7 +61,7 @@ def arm_shadow(
 def _on_wall(points: Array, lamp: Lamp) -> Array:
     """Where rays from the lamp through `points` (n, 3) meet the wall, above the desk."""
     place = np.array(lamp.place)
-    away = (BACKDROP - place[1]) / (points[:, 1] - place[1])
+    away = (BACKDROP_DISTANCE - place[1]) / (points[:, 1] - place[1])
     met = place + away[:, None] * (points - place)
     met[:, 2] = np.maximum(met[:, 2], WALL_EDGE)
     return np.asarray(met)
@@ -73,12 +73,12 @@ def _on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
     low = points[points[:, 2] < place[2] - 0.05]
     away = (place[2] - floor) / (place[2] - low[:, 2])
     met = place + away[:, None] * (low - place)
-    met[:, 1] = np.minimum(met[:, 1], BACKDROP)
+    met[:, 1] = np.minimum(met[:, 1], BACKDROP_DISTANCE)
     return np.asarray(met)
 
 
 def _softness(lamp: Lamp, optics: Optics) -> float:
     """Sigma [px] of the shadow's border on the wall, from the lamp's size."""
-    reach = BACKDROP - lamp.place[1]
-    border = lamp.size * BACKDROP / (reach - BACKDROP)
-    return float(border * optics.focal / (BACKDROP - optics.centre[1]))
+    reach = BACKDROP_DISTANCE - lamp.place[1]
+    border = lamp.size * BACKDROP_DISTANCE / (reach - BACKDROP_DISTANCE)
+    return float(border * optics.focal / (BACKDROP_DISTANCE - optics.centre[1]))

@@ -11,16 +11,16 @@ from drivers.twin.renderer.splat import Cloud, Indices
 from drivers.types import Array
 
 GRAIN = 0.0005  # m, grid of the weave
-ROWS, COLUMNS = 2048, 128  # its size, then it repeats
+WEAVE_ROWS, WEAVE_COLUMNS = 2048, 128  # its size, then it repeats
 PITCH = 0.5  # px between points of material along the strip
 DEPTH_PITCH = 0.65  # px, across its faces
-ROUNDED = 0.001  # m of half a thickness by which the corners of a cut edge are rounded off
-PROBE = 0.001  # m, over which the lens counts as linear
-LIGHT = np.array([-0.35, 0.94])  # where the light comes from, in the plane
-SPREAD = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
+EDGE_RADIUS = 0.001  # m of half a thickness by which the corners of a cut edge are rounded off
+LENS_PROBE = 0.001  # m, over which the lens counts as linear
+LIGHT_DIRECTION = np.array([-0.35, 0.94])  # where the light comes from, in the plane
+PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
 AMBIENT = 0.62
 CUT = 1.08  # brightness of the cut edge, seen from the front
-BACK = 0.93  # brightness of the side that lies on the desk
+BACK_BRIGHTNESS = 0.93  # brightness of the side that lies on the desk
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,24 +32,26 @@ class Weave:
 
     def at(self, s: Array, y: Array) -> Array:
         """Brightness of the face at arc lengths and depths (n,) [m]."""
-        i = (s * (1 / GRAIN)).astype(np.int64) & (ROWS - 1)
-        j = (y * (1 / GRAIN)).astype(np.int64) & (COLUMNS - 1)
-        return np.asarray(self.face.reshape(-1)[i * COLUMNS + j])
+        i = (s * (1 / GRAIN)).astype(np.int64) & (WEAVE_ROWS - 1)
+        j = (y * (1 / GRAIN)).astype(np.int64) & (WEAVE_COLUMNS - 1)
+        return np.asarray(self.face.reshape(-1)[i * WEAVE_COLUMNS + j])
 
     def cut_at(self, s: Array) -> Array:
         """Brightness of the cut edge at arc lengths (n,) [m]."""
-        return np.asarray(self.cut[(s * (1 / GRAIN)).astype(np.int64) & (ROWS - 1)])
+        return np.asarray(self.cut[(s * (1 / GRAIN)).astype(np.int64) & (WEAVE_ROWS - 1)])
 
 
 def weave(depth: float, rng: np.random.Generator) -> Weave:
     """A twill of single yarns with variation `depth`, a share of brightness; 1 on average."""
-    i, j = np.arange(ROWS)[:, None], np.arange(COLUMNS)[None, :]
+    i, j = np.arange(WEAVE_ROWS)[:, None], np.arange(WEAVE_COLUMNS)[None, :]
     twill = np.sin(2 * np.pi * (i / 4 + j / 5))
-    warp = rng.normal(size=(1, COLUMNS))
-    weft = rng.normal(size=(ROWS, 1))
-    slubs = rng.normal(size=(ROWS // 4, COLUMNS // 4)).repeat(4, axis=0).repeat(4, axis=1)
+    warp = rng.normal(size=(1, WEAVE_COLUMNS))
+    weft = rng.normal(size=(WEAVE_ROWS, 1))
+    slubs = (
+        rng.normal(size=(WEAVE_ROWS // 4, WEAVE_COLUMNS // 4)).repeat(4, axis=0).repeat(4, axis=1)
+    )
     face = 1 + depth * (0.5 * twill + 0.5 * warp + 0.6 * weft + 0.7 * slubs)
-    yarns = rng.normal(size=ROWS // 2).repeat(2) + rng.normal(size=ROWS // 8).repeat(8)
+    yarns = rng.normal(size=WEAVE_ROWS // 2).repeat(2) + rng.normal(size=WEAVE_ROWS // 8).repeat(8)
     return Weave(*(np.clip(part, 0.3, 1.7) for part in (face, 1 + depth * yarns)))
 
 
@@ -70,7 +72,9 @@ class Seen:
 def project(curve: Curve, optics: Optics, look: StripLook) -> Seen:
     """`curve` through the lens, linear about each of its points."""
     near = optics.plane(curve.points)
-    by_x, by_z = ((optics.plane(curve.points + step) - near) / PROBE for step in PROBE * np.eye(2))
+    by_x, by_z = (
+        (optics.plane(curve.points + step) - near) / LENS_PROBE for step in LENS_PROBE * np.eye(2)
+    )
 
     def offsets(step: Array) -> Array:
         return np.asarray(by_x * step[:, :1] + by_z * step[:, 1:])
@@ -115,9 +119,9 @@ def near_edge(curve: Curve, picture: Seen, look: StripLook, material: Weave) -> 
 def _surface(curve: Curve, picture: Seen, optics: Optics, look: StripLook) -> Array:
     """(m, 2) [px] where the side that the camera sees starts at the near edge.
 
-    It lies half a thickness off the midline, but for ROUNDED.
+    It lies half a thickness off the midline, but for EDGE_RADIUS.
     """
-    share = max(1 - 2 * ROUNDED / look.thickness, 0.0)
+    share = max(1 - 2 * EDGE_RADIUS / look.thickness, 0.0)
     if share == 0:
         return picture.near
     return picture.near + share * _facing(curve, optics)[:, None] * picture.half
@@ -136,7 +140,7 @@ def _blur(cloud: Cloud, picture: Seen, which: Indices, row: Indices) -> Cloud:
     """
     if picture.motion is None:
         return cloud
-    instant = which * SPREAD[0] + row * SPREAD[1]
+    instant = which * PLANE_SEQUENCE[0] + row * PLANE_SEQUENCE[1]
     instant -= np.floor(instant) + 0.5
     u, v = (
         place + instant * picture.motion[which, j] for j, place in enumerate((cloud.u, cloud.v))
@@ -154,5 +158,7 @@ def _lit(curve: Curve, optics: Optics) -> Array:
     """(m,) brightness of the side that faces the camera, by Lambert's law."""
     normals = curve.normals
     side = _facing(curve, optics)
-    diffuse = np.maximum((normals @ LIGHT) * side, 0.0)
-    return np.asarray((AMBIENT + (1 - AMBIENT) * diffuse) * np.where(side > 0, 1.0, BACK))
+    diffuse = np.maximum((normals @ LIGHT_DIRECTION) * side, 0.0)
+    return np.asarray(
+        (AMBIENT + (1 - AMBIENT) * diffuse) * np.where(side > 0, 1.0, BACK_BRIGHTNESS)
+    )

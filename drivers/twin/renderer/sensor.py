@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.types import Image
 
-SHIFT = 200  # px, so many by as many places of the tile under the image
+TILE_SHIFTS = 200  # px, so many by as many places of the tile under the image
 
 
 def blur(image: Image, sigma: float) -> Image:
@@ -39,7 +39,7 @@ class NoiseBank:
     def apply(self, image: Image, sequence: int) -> None:
         """Add the noise of frame `sequence` in place; a function of seed and sequence only."""
         rng = np.random.default_rng((self.seed, sequence))
-        y, x = rng.integers(SHIFT, size=2)
+        y, x = rng.integers(TILE_SHIFTS, size=2)
         window = (slice(y, y + image.shape[0]), slice(x, x + image.shape[1]))
         cv2.add(image, self.adds[window], dst=image)
         cv2.subtract(image, self.takes[window], dst=image)
@@ -48,7 +48,7 @@ class NoiseBank:
 def noise_bank(width: int, height: int, sigma: float, seed: int) -> NoiseBank:
     """Noise of `sigma` grey levels, in part shared by neighbours, as after demosaicing."""
     rng = np.random.default_rng((seed, 0x5E))
-    tile = rng.standard_normal((height + SHIFT, width + SHIFT, 3), dtype=np.float32)
+    tile = rng.standard_normal((height + TILE_SHIFTS, width + TILE_SHIFTS, 3), dtype=np.float32)
     tile = cv2.GaussianBlur(tile, (3, 3), 0.5)
     tile *= sigma / tile.std()
     return NoiseBank(

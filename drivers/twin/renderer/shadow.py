@@ -14,8 +14,8 @@ from drivers.types import Array, Image
 
 TABLE_RANGE = (-0.2, 1.2)  # m of x that the table covers, as shares of nothing but generosity
 BINS = 1400
-FADE = 0.03  # m of height over which the shadow fades
-SOFT = 0.004  # m, half of its soft border in y
+FADE_HEIGHT = 0.03  # m of height over which the shadow fades
+SOFT_BORDER = 0.004  # m, half of its soft border in y
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class ShadowBand:
 def shadow_band(settings: CameraSettings, optics: Optics, look: StripLook) -> ShadowBand:
     """Where the camera sees the desk at the depths that the strip covers."""
     floor = -look.thickness / 2
-    depths = (-2 * SOFT, look.width + 2 * SOFT)
+    depths = (-2 * SOFT_BORDER, look.width + 2 * SOFT_BORDER)
     x = np.linspace(*TABLE_RANGE, 15)
     seen = np.concatenate([optics.plane(np.stack([x, 0 * x + floor], -1), y) for y in depths])
     seen = seen[(seen[:, 0] > -50) & (seen[:, 0] < settings.width + 50)]
@@ -58,7 +58,7 @@ def shadow_band(settings: CameraSettings, optics: Optics, look: StripLook) -> Sh
     bins = np.clip(
         (at_x - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS, 0, BINS - 1
     ).astype(np.int32)
-    inside = np.minimum(at_y, look.width - at_y) / SOFT
+    inside = np.minimum(at_y, look.width - at_y) / SOFT_BORDER
     weight = np.clip(0.5 + 0.5 * inside, 0, 1) * settings.shadow
     return ShadowBand(top, bins, weight.astype(np.float32))
 
@@ -68,6 +68,6 @@ def shadow_profile(curve: Curve) -> Array:
     place = (curve.points[:, 0] - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS
     bins = np.clip(place, 0, BINS - 1).astype(np.int64)
     profile = np.zeros(BINS)
-    np.maximum.at(profile, bins, np.exp(-np.maximum(curve.points[:, 1], 0) / FADE))
+    np.maximum.at(profile, bins, np.exp(-np.maximum(curve.points[:, 1], 0) / FADE_HEIGHT))
     soft: Array = cv2.blur(profile[None, :], (7, 1))[0]
     return soft

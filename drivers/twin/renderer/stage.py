@@ -15,7 +15,7 @@ from drivers.twin.settings import CameraSettings, Colour
 from drivers.types import Array, Image
 
 Field = NDArray[np.float32]
-BACKDROP = 1.2  # m behind the near edge
+BACKDROP_DISTANCE = 1.2  # m behind the near edge
 CLAMP = (-0.030, -0.001, 0.008)  # m: from x, to x, height of the bar that holds the fixed edge
 
 
@@ -99,7 +99,7 @@ def _cloth(
 ) -> Field:
     """(height, width, 1) brightness of a hanging cloth: broad folds and a fine weave."""
     x, y, z = rays
-    across = x / y * np.float32(BACKDROP + settings.distance)
+    across = x / y * np.float32(BACKDROP_DISTANCE + settings.distance)
     phases = rng.uniform(0, 2 * np.pi, 4)
     folds = sum(
         np.sin(across * np.float32(k) + np.float32(phase) + z / y * np.float32(2.5 * k / 9))

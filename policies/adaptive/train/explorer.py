@@ -11,7 +11,7 @@ from policies.adaptive.critic import Critic, Judgement
 from policies.adaptive.features import COUNT
 from policies.policy import Decision, Observation
 
-EVERY = 4  # decisions between inputs that are kept
+INPUT_STRIDE = 4  # decisions between inputs that are kept
 LATEST = 5.8  # s after the first decision, until which rises are switched
 NEVER = 1_000_000  # kept decisions
 AS_IT_IS = 0.25  # share of the folds whose rise is never switched
@@ -30,8 +30,8 @@ class Silent(Critic):
 class Explorer(Adaptive):
     """Folds with the critic, or without one with random rises, until each fold's switch.
 
-    `kept` are inputs (n, COUNT) at every `EVERY`th decision, `rises` (n,) the rises kept from
-    then on, `times` (n,) [s]; `switch` (n,) counts the kept decisions before the switch.
+    `kept` are inputs (n, COUNT) at every `INPUT_STRIDE`th decision, `rises` (n,) the rises kept
+    from then on, `times` (n,) [s]; `switch` (n,) counts the kept decisions before the switch.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Explorer(Adaptive):
         super().__init__(critic or Silent())
         self._alone, self._switches = critic is None, switches
         self._perturbation, self._rng = perturbation, rng
-        self._latest = int(LATEST * rate) // EVERY
+        self._latest = int(LATEST * rate) // INPUT_STRIDE
         self.kept: list[Array] = []
         self.rises: list[Array] = []
         self.times: list[Array] = []
@@ -75,20 +75,20 @@ class Explorer(Adaptive):
         return decision
 
     def _judge(self, inputs: Array, fresh: np.typing.NDArray[np.bool_]) -> Judgement:
-        if self._count % EVERY == 0:
+        if self._count % INPUT_STRIDE == 0:
             self.kept.append(inputs.astype(np.float32))
         return super()._judge(inputs, fresh)
 
     def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
         before = self.rise if self._alone else super()._smooth_rise(judgement, time)
-        step = self._count / EVERY
+        step = self._count / INPUT_STRIDE
         reached = np.isnan(self._after) & (step >= self.switch)
         if reached.any():
             noise = self._rng.normal(size=len(time)) * self._perturbation
             chosen = np.clip(before + noise, 0.0, self._steering.highest)
             self._after = np.where(reached, chosen, self._after)
         rise = np.where(step >= self.switch, self._after, before)
-        if math.fmod(self._count, EVERY) == 0:
+        if math.fmod(self._count, INPUT_STRIDE) == 0:
             self.rises.append(rise)
             self.times.append(time)
         return np.asarray(rise)

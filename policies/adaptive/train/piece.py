@@ -13,14 +13,14 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import needs_terms
 from drivers.types import Array
-from policies.adaptive.adaptive import LENGTHS
-from policies.adaptive.critic import ROUGH, Critic
-from policies.adaptive.fabrics import LENGTH, plain, unknown
+from policies.adaptive.adaptive import LENGTH_RANGE
+from policies.adaptive.critic import YIELD_UNIT, Critic
+from policies.adaptive.fabrics import STRIP_LENGTH, plain, unknown
 from policies.adaptive.features import RISE_AT
 from policies.adaptive.train.explorer import Explorer
 from policies.adaptive.train.settings import CriticSettings
 from policies.rollout import Rollout, roll_out
-from policies.sensing import IMAGES, TRAINING
+from policies.sensing import IMAGE_SENSING, TRAINING
 
 ABSURD = 0.2  # m of displacement, clipped
 RATES = (45.0, 75.0)  # Hz, of the camera
@@ -68,7 +68,7 @@ def explore(settings: CriticSettings, turn: int, number: int, critic: Critic | N
 def _explore(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
     rng = np.random.default_rng([settings.seed, turn, number])
     draw = unknown if settings.friction else plain
-    length = LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTHS))
+    length = STRIP_LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTH_RANGE))
     strips = [draw(rng, length) for _ in range(settings.folds)]
     rich = np.array([needs_terms(describe(strip)) for strip in strips])
     parts = [
@@ -110,7 +110,7 @@ def _fold_strips(
 ) -> Piece:
     trial = turn >= settings.rounds
     rate = 60.0 if trial else float(rng.uniform(*RATES))
-    sensing = IMAGES if trial else TRAINING
+    sensing = IMAGE_SENSING if trial else TRAINING
     rollout = Rollout(speed=settings.speed, rate=rate, sensing=sensing)
     moved = 0.0 if trial else settings.perturbation[turn]
     explorer = Explorer(critic, moved, rate, rng, switches=not trial)
@@ -134,7 +134,7 @@ def _fold_strips(
 
 
 def truth(strip: StripFile) -> tuple[float, float, float]:
-    """What a belief is about: ln bending length, ln retardation time, ln(1 + yield / ROUGH)."""
+    """What a belief is of: ln bending length, ln retardation time, ln(1 + yield / YIELD_UNIT)."""
     friction = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
-    logs = np.log([strip.bending_length, strip.retardation_time, 1.0 + friction / ROUGH])
+    logs = np.log([strip.bending_length, strip.retardation_time, 1.0 + friction / YIELD_UNIT])
     return float(logs[0]), float(logs[1]), float(logs[2])

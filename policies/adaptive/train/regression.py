@@ -6,9 +6,9 @@ from torch import Tensor, nn
 
 from drivers.types import Array
 from policies.adaptive.critic import (
+    ARRAY_NAMES,
     DISPLACEMENT,
-    FAR,
-    NAMES,
+    INPUT_LIMIT,
     OUTPUTS,
     SLOPE,
     SPREAD,
@@ -16,17 +16,17 @@ from policies.adaptive.critic import (
     UNIT,
     Critic,
 )
-from policies.adaptive.features import CHANNELS, COUNT, STATE
+from policies.adaptive.features import CHANNELS, COUNT, STATE_SIZE
 from policies.adaptive.train.piece import Piece
 from policies.adaptive.train.settings import CriticSettings
 from policies.profile import POINTS
 
 BATCH = 64  # folds
 PICKED = 28  # moments of each fold that a step learns from
-FASTEST, SLOWEST = 2e-3, 2e-5  # learning rates, falling along a cosine
-NOISE = 3e-4  # of inputs, spreads below which are not blown up to one
-SOFT = 0.5  # exponent of the weight by which uncertain moments count less (beta-NLL)
-BIAS = 5e-4  # over the length, one sigma of what images are off all through a fold
+FIRST_RATE, LAST_RATE = 2e-3, 2e-5  # learning rates, falling along a cosine
+SMALLEST_SPREAD = 3e-4  # of inputs, spreads below which are not blown up to one
+NLL_EXPONENT = 0.5  # exponent of the weight by which uncertain moments count less (beta-NLL)
+IMAGE_BIAS = 5e-4  # over the length, one sigma of what images are off all through a fold
 BELIEF = 0.1  # weight of the strip's likelihood
 
 
@@ -62,16 +62,16 @@ def whitening(piece: Piece) -> tuple[Array, Array]:
     inputs = piece.inputs[piece.alive].astype(np.float64)
     mean = inputs.mean(axis=0)
     scale = np.ones(inputs.shape[1])
-    scale[:STATE] = 1.0 / np.maximum(inputs[:, :STATE].std(axis=0), 1e-6) * 0.1
+    scale[:STATE_SIZE] = 1.0 / np.maximum(inputs[:, :STATE_SIZE].std(axis=0), 1e-6) * 0.1
     covariance = np.cov((inputs - mean) * scale, rowvar=False)
     values, vectors = np.linalg.eigh(covariance)
-    return mean, scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + NOISE**2)
+    return mean, scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + SMALLEST_SPREAD**2)
 
 
 def input_mask(settings: CriticSettings) -> Array:
     """1 for the inputs (COUNT,) that a critic may use, 0 for those left out."""
     kept = np.ones(COUNT)
-    for part in (kept[STATE : STATE + CHANNELS], kept[STATE + CHANNELS :]):
+    for part in (kept[STATE_SIZE : STATE_SIZE + CHANNELS], kept[STATE_SIZE + CHANNELS :]):
         part[1] = settings.tip
         part[2:] = settings.profile
     return kept
@@ -104,8 +104,8 @@ def _fit(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | No
     blur = torch.tensor(whiten, dtype=torch.float32)
     rounds = len(data[0]) // BATCH
     steps = epochs * rounds
-    optimiser = torch.optim.Adam(network.parameters(), lr=FASTEST)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, SLOWEST)
+    optimiser = torch.optim.Adam(network.parameters(), lr=FIRST_RATE)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, LAST_RATE)
     for _ in range(epochs):
         order = torch.randperm(len(data[0]))[: rounds * BATCH]
         for batch in torch.split(order, BATCH):
@@ -124,15 +124,15 @@ def biases(count: int) -> Tensor:
     leave, as `cell study perception` shows.
     """
     along = torch.linspace(0.0, 1.0, POINTS)[:, None]
-    begin, end = BIAS * torch.randn(2, count, 1, 2)
+    begin, end = IMAGE_BIAS * torch.randn(2, count, 1, 2)
     profile = (begin + (end - begin) * along).reshape(count, 2 * POINTS)
-    values = torch.cat([BIAS * torch.randn(count, 2), profile], dim=1)
-    return torch.nn.functional.pad(values, (STATE, CHANNELS))
+    values = torch.cat([IMAGE_BIAS * torch.randn(count, 2), profile], dim=1)
+    return torch.nn.functional.pad(values, (STATE_SIZE, CHANNELS))
 
 
 def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
     whitened = (piece.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)
-    whitened = whitened.clip(-FAR, FAR)
+    whitened = whitened.clip(-INPUT_LIMIT, INPUT_LIMIT)
     known = np.isfinite(piece.displacement)
     predicted = piece.predicted & piece.alive & known[:, None]
     displacement = np.nan_to_num(piece.displacement) / UNIT
@@ -155,7 +155,7 @@ def _loss(network: Network, batch: list[Tensor]) -> Tensor:
     expected = out[..., DISPLACEMENT] + out[..., SLOPE] * moved
     spread = out[..., SPREAD].clamp(-8.0, 4.0)
     error = displacement[:, None] - expected
-    likely = _soft(error, spread, SOFT)
+    likely = _soft(error, spread, NLL_EXPONENT)
     off, sure = strip[:, None] - out[..., STRIP::2], out[..., STRIP + 1 :: 2].clamp(-8.0, 4.0)
     belief = _soft(off, sure, 0.0).sum(dim=-1)
     return _mean(likely, predicted) + BELIEF * _mean(belief, alive)
@@ -178,4 +178,4 @@ def _pick(values: Tensor, picked: Tensor) -> Tensor:
 def _critic(network: Network, mean: Array, whiten: Array) -> Critic:
     arrays = {name: np.asarray(value.numpy()) for name, value in network.state_dict().items()}
     arrays |= {"mean": mean, "whiten": whiten, "stretch": np.ones(4)}
-    return Critic({name: arrays[name] for name in NAMES})
+    return Critic({name: arrays[name] for name in ARRAY_NAMES})

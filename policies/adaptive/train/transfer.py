@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from drivers.types import Array
-from policies.adaptive.bias import THICKNESS, Bias, bias_terms
+from policies.adaptive.bias import REFERENCE_THICKNESS, Bias, bias_terms
 from policies.adaptive.transfer import Transfer
 
 PRIOR = np.array([2e-3, 2e-3, 2.0])  # sigma of the bias: m, m, m/m
-NOISE = 0.7e-3  # m, of one fold, against which the priors count
-WILD = 1.5e-3  # m from which on a fold begins to count less
-WITHIN = 0.68  # share of folds within one sigma
+FOLD_NOISE = 0.7e-3  # m, of one fold, against which the priors count
+OUTLIER_ERROR = 1.5e-3  # m from which on a fold begins to count less
+COVERAGE = 0.68  # share of folds within one sigma
 
 
 class FoldedBatch(NamedTuple):
@@ -65,8 +65,10 @@ def fit_transfer(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
         bias = _coefficients(_chosen(batch, rest))
         left_out[part] = _residuals(_chosen(batch, part), bias)
     bias = _coefficients(batch)
-    sigma = float(np.quantile(np.abs(left_out) / batch.sigma, WITHIN))
-    unmeasured = abs(bias[2]) * float(np.sqrt(np.mean((batch.thickness - THICKNESS) ** 2)))
+    sigma = float(np.quantile(np.abs(left_out) / batch.sigma, COVERAGE))
+    unmeasured = abs(bias[2]) * float(
+        np.sqrt(np.mean((batch.thickness - REFERENCE_THICKNESS) ** 2))
+    )
     transfer = Transfer(Bias(*(_short(value) for value in (*bias, sigma, unmeasured))))
     quality = FitQuality(
         count,
@@ -81,12 +83,12 @@ def _coefficients(batch: FoldedBatch) -> Array:
     terms, values = _bias_terms(batch), batch.predicted - batch.displacement
 
     def residuals(scaled: Array) -> Array:
-        off = (terms @ (scaled * PRIOR) - values) / NOISE
-        wild = WILD / NOISE
+        off = (terms @ (scaled * PRIOR) - values) / FOLD_NOISE
+        wild = OUTLIER_ERROR / FOLD_NOISE
         return np.concatenate([wild * np.arcsinh(off / wild), scaled])
 
-    rows = np.vstack([terms * PRIOR / NOISE, np.eye(len(PRIOR))])
-    start = np.linalg.lstsq(rows, np.concatenate([values / NOISE, 0.0 * PRIOR]), rcond=None)[0]
+    rows = np.vstack([terms * PRIOR / FOLD_NOISE, np.eye(len(PRIOR))])
+    start = np.linalg.lstsq(rows, np.concatenate([values / FOLD_NOISE, 0.0 * PRIOR]), rcond=None)[0]
     return np.asarray(optimize.least_squares(residuals, start).x * PRIOR)
 
 
@@ -95,7 +97,7 @@ def _residuals(batch: FoldedBatch, bias: Array) -> Array:
 
 
 def _bias_terms(batch: FoldedBatch) -> Array:
-    return bias_terms(batch.log_length, batch.thickness - THICKNESS)
+    return bias_terms(batch.log_length, batch.thickness - REFERENCE_THICKNESS)
 
 
 def _chosen(batch: FoldedBatch, rows: NDArray[np.intp]) -> FoldedBatch:

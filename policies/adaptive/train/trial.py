@@ -10,7 +10,7 @@ from policies.adaptive.train.piece import Piece
 
 LAST = 16  # kept decisions before the touch, about a second, on which sigmas are set
 ONE, TWO = 1.0, 1.96
-WITHIN = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are to hold it
+COVERAGES = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are to hold it
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,5 +77,5 @@ def _ratios(judged: Judgement, piece: Piece) -> list[Array]:
 
 def _stretch(ratios: Array) -> float:
     """The factor on sigma by which both shares of outcomes are held as nearly as can be."""
-    needed = [np.quantile(ratios, share) / sigmas for share, sigmas in WITHIN]
+    needed = [np.quantile(ratios, share) / sigmas for share, sigmas in COVERAGES]
     return float(np.sqrt(np.prod(needed)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.arm.register import mounting_from, write_mounting
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from drivers.errors import CellError
 from drivers.installation import Mounting
 
@@ -39,7 +39,7 @@ def test_points_that_cannot_be_right_are_refused(points, word) -> None:
 
 
 def test_new_mounting_stands_in_the_file_and_the_old_one_beside_it(tmp_path: Path) -> None:
-    text = (BESIDE / "cell.yaml").read_text()
+    text = (CHECKOUT_CONFIGS / "cell.yaml").read_text()
     (tmp_path / "cell.yaml").write_text(text)
     old = Configs(tmp_path).cell().installation.mounting
     path = write_mounting(Configs(tmp_path), TRUE)

@@ -17,13 +17,13 @@ from calibration.homography import Homography
 from calibration.lens import Lens
 from cell.calibrating.calibrate import calibration_of, kept_calibration
 from cell.config.cell import CellFile
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import Request, fold
 from cell.orchestrator.interrupt import Interrupted
 from drivers.errors import ConfigurationError, Fault
 
-SETTINGS = Configs(BESIDE).cell()
+SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 
 
 def made(date: str = "2026-11-20T03:15:00+00:00") -> Calibration:
@@ -119,7 +119,13 @@ def test_one_of_another_camera_is_refused_before_anything_is_recorded(tmp_path) 
     alien = make_calibration(
         other.lens, other.homography, residual_mm=0.1, date=other.date, camera="another"
     )
-    facts = {"frames": None, "truth": True, "viz": "off", "configs": BESIDE, "checkpoint": None}
+    facts = {
+        "frames": None,
+        "truth": True,
+        "viz": "off",
+        "configs": CHECKOUT_CONFIGS,
+        "checkpoint": None,
+    }
     request = Request(
         strip="denim",
         policy="triangular",
@@ -156,7 +162,7 @@ def test_a_monitor_that_stops_a_calibration_is_a_fault(cache, monkeypatch) -> No
 def test_one_that_the_cell_file_names_lies_beside_it(tmp_path, monkeypatch, cache, count) -> None:
     for name in ("configs", "elsewhere"):
         (tmp_path / name).mkdir()
-    stated = (BESIDE / "cell.yaml").read_text(encoding="utf-8")
+    stated = (CHECKOUT_CONFIGS / "cell.yaml").read_text(encoding="utf-8")
     (tmp_path / "configs" / "cell.yaml").write_text(f"{stated}\ncalibration: mine.yaml\n")
     save_calibration(made(), tmp_path / "configs" / "mine.yaml")
     monkeypatch.chdir(tmp_path / "elsewhere")

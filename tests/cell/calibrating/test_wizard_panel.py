@@ -13,7 +13,7 @@ from calibration.wizard.news import Result, Stage, TouchNews, ViewNews
 from calibration.wizard.touch_verdict import Grade, touch_lines, touch_verdict
 from calibration.wizard.touches import Touched, TouchSettings, held_out, touch_plan
 from calibration.wizard.verdict import Level
-from cell.calibrating.keyboard import KEYS
+from cell.calibrating.keyboard import KEY_HELP
 from cell.calibrating.wizard_panel import SKETCH, WizardPanel, sketch_text, verdict_text
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
@@ -67,7 +67,7 @@ def test_question_that_says_what_is_next_is_not_said_twice() -> None:
     news = ViewNews(WantedView(0.5, 0.5, 0.4), "still missing: x", GATES)
     console = Console(file=io.StringIO(), width=80, record=True, force_terminal=True)
     panel = WizardPanel(console)
-    panel.ask(f"{news.request}  [{KEYS}]")
+    panel.ask(f"{news.request}  [{KEY_HELP}]")
     console.print(panel.draw(news))
     shown = console.export_text()
     assert shown.count("show the board the middle") == 1
@@ -157,7 +157,7 @@ def test_small_terminal_keeps_the_question_and_leaves_no_old_panel() -> None:
         ViewNews(wanted, "still missing: x", FULL, None, Result(k, None, None, why))
         for k in range(8)
     ]
-    question = f"show the board: {wanted}  [{KEYS}]"
+    question = f"show the board: {wanted}  [{KEY_HELP}]"
     rows = small_terminal(views, question)
     screen = "\n".join(rows[-SMALL[1] :])
     assert len(rows) <= SMALL[1]

@@ -15,7 +15,7 @@ from calibration.wizard.touches import BegunPlan, Touched, TouchSettings, held_o
 from cell.calibrating.calibrate import NO_STRIP
 from cell.calibrating.calibration_in_use import use_calibration
 from cell.calibrating.lens_wizard import LensSession, calibrate_lens, lens_again
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import open_cell
 from cell.orchestrator.interrupt import Interrupted
@@ -26,7 +26,7 @@ from drivers.types import frozen
 from tests.cell.conftest import straight_camera
 from tests.support.board_sessions import LENS
 
-SETTINGS = Configs(BESIDE).cell()
+SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 
 
 def _devices() -> Devices:
@@ -124,7 +124,7 @@ def test_touches_go_on_with_the_points_that_are_missing() -> None:
 def test_calibration_is_put_to_use_without_a_change_of_anything_else(tmp_path: Path) -> None:
     path, cell_file = tmp_path / "calibration.yaml", tmp_path / "cell.yaml"
     save_calibration(straight_camera(), path)
-    before = (BESIDE / "cell.yaml").read_text()
+    before = (CHECKOUT_CONFIGS / "cell.yaml").read_text()
     cell_file.write_text(before)
     use_calibration(cell_file, path)
     after = cell_file.read_text()

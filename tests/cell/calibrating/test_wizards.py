@@ -27,7 +27,7 @@ from cell.calibrating.homography_wizard import (
 from cell.calibrating.keyboard import TwinOperator
 from cell.calibrating.lens_wizard import LensSession, calibrate_lens, lens_again, newest_lens
 from cell.config.cell import CellFile
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import open_cell
 from cell.folding.fold import Request, fold
@@ -36,7 +36,7 @@ from drivers.errors import ConfigurationError
 from drivers.twin.renderer.optics import Optics
 from drivers.types import frozen
 
-SETTINGS = Configs(BESIDE).cell()
+SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 CAMERA = SETTINGS.twin.camera
 News = list[ViewNews | TouchNews]
 
@@ -245,7 +245,7 @@ def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touc
     touched, tmp_path
 ) -> None:
     session, _, _ = touched
-    strip = (BESIDE / "strips" / "denim.yaml").read_text()
+    strip = (CHECKOUT_CONFIGS / "strips" / "denim.yaml").read_text()
     plant = tmp_path / "moved.yaml"
     plant.write_text(strip + "effects: {homography_shift: {x: 0.005, z: 0.0}}\n")
     request = Request(
@@ -254,7 +254,7 @@ def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touc
         checkpoint=None,
         choice=DeviceSelection(plant=plant),
         runs=tmp_path / "runs",
-        configs=BESIDE,
+        configs=CHECKOUT_CONFIGS,
         frames="none",
         truth=False,
         viz="off",

@@ -70,7 +70,7 @@ class Grid:
 
 @pytest.fixture
 def grid(monkeypatch: pytest.MonkeyPatch) -> Iterator[Grid]:
-    monkeypatch.setattr(cluster, "PATIENCE", 400.0)
+    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 400.0)
     made = Grid()
     yield made
     made.end()

@@ -10,7 +10,7 @@ from calibration.board import BoardSettings
 from calibration.lens import CameraFile
 from calibration.wizard.session import Row, Session, SessionFolder
 from calibration.wizard.touches import TouchSettings, touch_plan
-from cell.config.places import BESIDE
+from cell.config.places import CHECKOUT_CONFIGS
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
@@ -18,7 +18,7 @@ from tests.cell.cli.test_command_errors import refused, run
 from tests.support.board_sessions import LENS
 from tests.support.twin_calibration import NO_STRIP, pointer_frame
 
-CONFIGS = ("--configs", BESIDE)
+CONFIGS = ("--configs", CHECKOUT_CONFIGS)
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from cell.__main__ import main
-from cell.config.places import BESIDE
+from cell.config.places import CHECKOUT_CONFIGS
 
 
 @pytest.fixture
 def configs(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(BESIDE, tmp_path / "configs"))
+    return Path(shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs"))
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from cell.__main__ import main
-from cell.config.places import BESIDE
+from cell.config.places import CHECKOUT_CONFIGS
 from cell.folding.fold import Request
 from cell.folding.result import FoldResult
 from drivers.errors import CellError, ConfigurationError
@@ -100,7 +100,7 @@ def test_a_plant_that_cannot_be_used_is_refused_before_the_first_fold(
     folds, capsys, broken_plant, tmp_path
 ) -> None:
     good = tmp_path / "good.yaml"
-    good.write_text((BESIDE / "strips" / "denim.yaml").read_text())
+    good.write_text((CHECKOUT_CONFIGS / "strips" / "denim.yaml").read_text())
     plants = ("--plant", good, "--plant", broken_plant)
     code, lines, remarks, asked = folds(capsys, [DONE, DONE], *plants)
     assert code == 2

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 from cell.cli.app import app
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from drivers.fci_server.posture import Posture
 from drivers.fci_server.server import RobotServer
 from drivers.franka.inverse import solve
@@ -34,7 +34,7 @@ def server() -> Iterator[RobotServer]:
 def configs(tmp_path: Path, server: RobotServer) -> Path:
     """Configurations whose robot is `server`."""
     folder = tmp_path / "configs"
-    shutil.copytree(BESIDE, folder)
+    shutil.copytree(CHECKOUT_CONFIGS, folder)
     path = folder / "cell.yaml"
     fci = {"address": server.address, "lock_step": True, "realtime": "ignore"}
     path.write_text(f"{path.read_text().rstrip()}\n{yaml.safe_dump({'fci': fci})}")

@@ -11,7 +11,7 @@ import yaml
 from cell.__main__ import main
 from cell.cli.app import app
 from cell.cli.options import length_parser
-from cell.config.places import BESIDE
+from cell.config.places import CHECKOUT_CONFIGS
 from drivers.errors import ConfigurationError
 
 UNIT = re.compile(r"\[(m|mm|s|deg|rad|kg/m\^2|N|Hz)\]")
@@ -53,7 +53,7 @@ def test_what_is_no_length_is_refused(text: str) -> None:
 
 
 def test_strip_is_made_from_lengths_as_a_ruler_shows_them(tmp_path, monkeypatch) -> None:
-    shutil.copytree(BESIDE, tmp_path / "configs")
+    shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs")
     monkeypatch.chdir(tmp_path)
     words = "cell strips new linen --length 600mm --width 5cm --thickness 0.4mm"
     monkeypatch.setattr("sys.argv", words.split())

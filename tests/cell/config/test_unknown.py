@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.config.unknown import MARK, THICKNESS, name_of, unknown_strip
+from cell.config.unknown import MARK, THICKNESS_RANGE, name_of, unknown_strip
 from drivers.errors import ConfigurationError
 
 
@@ -11,7 +11,7 @@ def known(length: float, thickness: float | None) -> str:
 
 
 def test_thickness_is_a_range_until_it_is_stated() -> None:
-    assert unknown_strip(known(0.6, None)).spread["thickness"] == THICKNESS
+    assert unknown_strip(known(0.6, None)).spread["thickness"] == THICKNESS_RANGE
     stated = unknown_strip(known(0.55, 0.0005))
     assert (stated.length, stated.thickness) == (0.55, 0.0005)
     assert "thickness" not in stated.spread

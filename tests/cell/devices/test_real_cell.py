@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import open_cell
 from drivers.camera.camera import V4l2Camera
@@ -16,12 +16,14 @@ CAMERA |= {"width": 1280, "height": 720, "rate": 30.0}
 
 
 def test_beside_a_real_robot_and_camera_no_strip_is_simulated() -> None:
-    settings = Configs(BESIDE).cell()
+    settings = Configs(CHECKOUT_CONFIGS).cell()
     fci = settings.fci.model_copy(update={"address": "127.0.0.9"})
     changes = {"fci": fci, "camera": V4l2Settings.model_validate(CAMERA)}
     settings = settings.model_copy(update=changes)
     choice = DeviceSelection(arm="fci", camera="v4l2")
-    devices = open_cell(settings, Configs(BESIDE).strip("denim"), choice, calibrating=False)
+    devices = open_cell(
+        settings, Configs(CHECKOUT_CONFIGS).strip("denim"), choice, calibrating=False
+    )
     assert isinstance(devices.clock, WallClock)
     assert isinstance(devices.camera, V4l2Camera)
     assert devices.plant is None
@@ -30,9 +32,9 @@ def test_beside_a_real_robot_and_camera_no_strip_is_simulated() -> None:
 
 
 def test_a_twin_waits_for_images_and_a_real_camera_does_not() -> None:
-    settings = Configs(BESIDE).cell()
+    settings = Configs(CHECKOUT_CONFIGS).cell()
     settings = settings.model_copy(update={"camera": V4l2Settings.model_validate(CAMERA)})
-    strip = Configs(BESIDE).strip("denim")
+    strip = Configs(CHECKOUT_CONFIGS).strip("denim")
     for camera, real_time in (("twin", False), ("v4l2", True)):
         choice = DeviceSelection(arm="twin", camera=camera)
         assert open_cell(settings, strip, choice, calibrating=False).real_time is real_time

@@ -10,7 +10,7 @@ import yaml
 
 from calibration.calibration import save_calibration
 from cell.cli.app import app
-from cell.config.places import BESIDE, Configs, find_configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.doctor import devices, machine
 from cell.doctor.check import Check, State
@@ -20,7 +20,7 @@ from drivers.errors import CellError, PreflightRefused
 from drivers.fci_server.server import RobotServer
 from tests.cell.calibrating.test_calibration_kept import made
 
-CELL = Configs(BESIDE).cell()
+CELL = Configs(CHECKOUT_CONFIGS).cell()
 
 
 def kept(folder: Path, **facts: str) -> Path:
@@ -121,8 +121,10 @@ def test_command_prints_an_object_a_line(tmp_path: Path, capsys) -> None:
 def test_fold_with_a_real_camera_refuses_while_a_check_is_red(tmp_path: Path) -> None:
     configs = tmp_path / "configs"
     (configs / "strips").mkdir(parents=True)
-    (configs / "strips" / "denim.yaml").write_bytes((BESIDE / "strips" / "denim.yaml").read_bytes())
-    content = yaml.safe_load((BESIDE / "cell.yaml").read_text())
+    (configs / "strips" / "denim.yaml").write_bytes(
+        (CHECKOUT_CONFIGS / "strips" / "denim.yaml").read_bytes()
+    )
+    content = yaml.safe_load((CHECKOUT_CONFIGS / "cell.yaml").read_text())
     content["drivers"] = {"arm": "twin", "camera": "v4l2"}
     content["camera"] = {"device": "/dev/v4l/by-id/none", "format": "YUYV"}
     content["camera"] |= {"width": 1280, "height": 720, "rate": 30.0}

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cell.campaign.study import Case, Outcome
-from cell.exam.scoring.score import RIGHT
+from cell.exam.scoring.score import RIGHT_RESULTS
 from cell.exam.studies.confidence import (
-    OUTSIDE,
-    WEIGHTS,
+    OUTSIDE_SHARE,
+    SIGN_WEIGHTS,
     Name,
     calibrate,
     fit_calibration,
@@ -49,13 +49,13 @@ def test_no_sign_speaks_against_its_sense() -> None:
     contrary = [name._replace(right=name.signs.left > 1.0) for name in drawn(400)]
     by = fit_calibration(contrary, np.ones(400), "drawn")
     assert by.weights["left"].weight == 0.0
-    assert all(by.weights[sign].weight * w.weight >= 0.0 for sign, w in WEIGHTS.items())
+    assert all(by.weights[sign].weight * w.weight >= 0.0 for sign, w in SIGN_WEIGHTS.items())
 
 
 def test_withheld_names_count_as_rarely_as_causes_outside() -> None:
     found = [Name(Signs(9.0, 1.0, 0.0, 2.0, 1.0), i > 3, i < 4, str(i)) for i in range(10)]
     counts = shares(found, 0.4)
-    assert counts[:4].sum() / counts.sum() == pytest.approx(OUTSIDE)
+    assert counts[:4].sum() / counts.sum() == pytest.approx(OUTSIDE_SHARE)
 
 
 def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
@@ -88,7 +88,7 @@ def test_without_a_name_the_calibration_is_what_was_known_before() -> None:
     facts = {"is_named": False, "signs": None, "without": ["seam"], "case": "a"}
     found = Calibration.model_validate(calibrate([Outcome(Case(0, 0, {}), facts)]))
     assert {sign: w.weight for sign, w in found.weights.items()} == pytest.approx(
-        {sign: w.weight for sign, w in WEIGHTS.items()}
+        {sign: w.weight for sign, w in SIGN_WEIGHTS.items()}
     )
 
 
@@ -99,7 +99,7 @@ def test_the_package_holds_what_the_verdicts_of_its_source_give() -> None:
         for line in map(json.loads, ledger.read_text(encoding="utf-8").splitlines()):
             scored, without = line["outcome"], line["without"]
             named = scored["verdict"] == "named"
-            right = scored["result"] in RIGHT and not without
+            right = scored["result"] in RIGHT_RESULTS and not without
             facts = {**scored, "without": without, "is_named": named, "is_right": right}
             outcomes.append(Outcome(Case(len(outcomes), seed, {}), facts))
     found = Calibration.model_validate(calibrate(outcomes))

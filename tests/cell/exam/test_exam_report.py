@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 from cell.cli.app import app
 from cell.exam.case import Case
 from cell.exam.cases import answer_key
-from cell.exam.cases.answer_key import KEYS, Sources, case_hash
-from cell.exam.cases.drawn import DRAWN, load_or_draw
+from cell.exam.cases.answer_key import KEYS_FOLDER, Sources, case_hash
+from cell.exam.cases.drawn import DRAWN_FILE, load_or_draw
 from cell.exam.report.page import markdown, plant_table, write_report
 from cell.exam.run import LEDGER
 from cell.exam.run_case import Examined
@@ -181,9 +181,9 @@ def kept(tmp_path: Path) -> Path:
     """An exam of two cases that were drawn and scored."""
     every = entries()[:2]
     asked = {"tier": "state", "count": 2, "seed": 7}
-    (tmp_path / KEYS).mkdir()
+    (tmp_path / KEYS_FOLDER).mkdir()
     cases = {"cases": [e.case.model_dump(mode="json") for e in every]}
-    (tmp_path / KEYS / DRAWN).write_text(json.dumps(asked | cases), encoding="utf-8")
+    (tmp_path / KEYS_FOLDER / DRAWN_FILE).write_text(json.dumps(asked | cases), encoding="utf-8")
     ledger = Ledger(tmp_path / LEDGER)
     for entry in every:
         ledger.put(entry)
@@ -277,5 +277,5 @@ def test_two_exams_share_a_page(
         assert done.exit_code == 0, done.output
         assert last.case.name in (kept / "exam.md").read_text(encoding="utf-8")
         (kept / "exam.md").unlink()
-    refused = CliRunner().invoke(app, [*asked, "--beside", str(kept / KEYS)])
+    refused = CliRunner().invoke(app, [*asked, "--beside", str(kept / KEYS_FOLDER)])
     assert isinstance(refused.exception, ConfigurationError)

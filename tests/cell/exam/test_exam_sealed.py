@@ -15,7 +15,7 @@ from cell.campaign.progress import Quiet
 from cell.exam.case import Case, Kind
 from cell.exam.cases.answer_key import Sources, open_key, seal
 from cell.exam.run import JOURNAL, LEDGER, run_exam, spread, summarise
-from cell.exam.run_case import VERDICTS, keep_runs
+from cell.exam.run_case import VERDICTS_FOLDER, keep_runs
 from cell.exam.sandbox.parent import FILES, NoVerdict, policy, run_sandboxed, stage
 from cell.exam.sandbox.restrict import version
 from cell.exam.scoring.results import Entry, Ledger
@@ -227,7 +227,7 @@ def test_an_exam_is_carried_out_and_goes_on(
     assert entry.wall > 1.0
     assert 50.0 < entry.memory < 4000.0
     lines = (tmp_path / LEDGER).read_bytes()
-    shutil.rmtree(tmp_path / VERDICTS)
+    shutil.rmtree(tmp_path / VERDICTS_FOLDER)
     assert run_exam([hidden], tmp_path, make=few_runs) == (entry,)
     assert (tmp_path / LEDGER).read_bytes() == lines
     shutil.rmtree(tmp_path / JOURNAL)

@@ -11,7 +11,7 @@ import yaml
 from typer.testing import CliRunner
 
 from cell.cli.app import app
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.record.documents import write_document
@@ -119,7 +119,7 @@ def test_what_was_not_measured_is_left_out_and_the_workflow_reads_on(tmp_path: P
     made = import_runs(folders, bare, tmp_path / "runs")
     assert set(pq.read_table(made[0] / "ticks.parquet").column_names) == {"t", "x", "z", "f_x"}
     assert yaml.safe_load((made[1] / "run.yaml").read_text())["sigma"] == {"gripper": 1e-4}
-    runs = read_runs(find_runs(made), Configs(BESIDE).strip("denim"))
+    runs = read_runs(find_runs(made), Configs(CHECKOUT_CONFIGS).strip("denim"))
     assert all(run.usable for run in runs)
     pitch = runs[0].measured.poses[:, 2]
     assert pitch[0] == pytest.approx(0.0, abs=0.02)

@@ -11,7 +11,7 @@ import pytest
 
 import cell.folding.batch
 from cell.campaign.worker import STOP, StopSignal
-from cell.config.places import BESIDE
+from cell.config.places import CHECKOUT_CONFIGS
 from cell.devices.devices import DeviceSelection
 from cell.folding.batch import Worker, check_requests, requests, side_by_side
 from cell.folding.fold import Request
@@ -47,7 +47,7 @@ def test_seeds_count_on_over_plants_and_repeats(tmp_path) -> None:
 
 
 def test_folds_of_a_batch_are_of_the_files_that_it_began_with(tmp_path) -> None:
-    configs = Path(shutil.copytree(BESIDE, tmp_path / "configs"))
+    configs = Path(shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs"))
     wanted = check_requests(requests(request(tmp_path, configs=configs), [], repeat=2))
     for path in (configs / "cell.yaml", configs / "strips" / "denim.yaml"):
         path.write_text("schema: 1\nname: of another fold\n")

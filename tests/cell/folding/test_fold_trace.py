@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from cell.folding.fold import result_content
-from cell.folding.fold_trace import UNLIKE, FoldTrace
+from cell.folding.fold_trace import UNLIKE_REASON, FoldTrace
 from cell.folding.result import FoldResult
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Record
@@ -17,7 +17,7 @@ from cell.orchestrator.vision import View
 from cell.perception.measured_fold import MeasuredFold
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.record.header import Result
-from drivers.types import STILL, ArmState, Array, HandState, Pose
+from drivers.types import ZERO_VELOCITY, ArmState, Array, HandState, Pose
 from tests.cell.perception.test_agreement import BELIEF, STRIP, measured
 from tests.support.made_results import DONE
 
@@ -57,7 +57,7 @@ def traced(fold: MeasuredFold) -> FoldTrace:
             )
             new += 1
         pose = Pose(float(x), float(z), float(pitch))
-        arm = ArmState(float(time), float(time), "made", pose, STILL, pose, True, False)
+        arm = ArmState(float(time), float(time), "made", pose, ZERO_VELOCITY, pose, True, False)
         state, new_image = State.FOLD if time > 1.4 else State.LIFT, seen is not None
         trace.see(
             Snapshot(time, state, 0.0, arm, hand, View(None, new_image, 0, seen, read=new_image))
@@ -94,8 +94,8 @@ def test_fold_of_another_law_is_flagged_in_event_result_and_final_line() -> None
     fold = measured(**ANOTHER_LAW)
     outcome = traced(fold).review(ended(fold), notes)
     ((kind, facts),) = notes.events
-    assert kind == UNLIKE
-    assert (outcome.name, outcome.exit_code) == (UNLIKE, 1)
+    assert kind == UNLIKE_REASON
+    assert (outcome.name, outcome.exit_code) == (UNLIKE_REASON, 1)
     assert "cell gap" in str(facts["reason"])
     note = Result.model_validate(result_content(outcome)).agreement
     assert not note.like_model

@@ -13,7 +13,7 @@ from cell.cli.app import app
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.fold_path import triangle, whole_path
-from cell.folding.rehearsal import HEIGHT, Rehearsal, rehearsal
+from cell.folding.rehearsal import HOVER_HEIGHT, Rehearsal, rehearsal
 from cell.orchestrator.steps import pause
 from drivers.errors import ConfigurationError
 from drivers.types import Pose
@@ -35,7 +35,7 @@ def elbow() -> float:
 def test_path_of_a_rehearsal_is_the_fold_s_raised(elbow) -> None:
     planned = rehearsal(FCI, STRIP, PATH, SPEEDS, elbow)
     fold = PATH[2:-1]  # without what only avoids a strip that lies there
-    assert planned.path - fold == pytest.approx(np.tile([0, HEIGHT, 0], (len(fold), 1)))
+    assert planned.path - fold == pytest.approx(np.tile([0, HOVER_HEIGHT, 0], (len(fold), 1)))
     assert np.array_equal(planned.speeds, SPEEDS[2:-1])
 
 
@@ -79,7 +79,7 @@ def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(
     begun = next(n for n, (pose, _) in enumerate(seen) if pose.z > planned.path[0, 1] - 0.002)
     off = [np.hypot(*(line - place).T).min() for place in places[begun:]]
     assert max(off) < 0.005
-    assert places[begun:, 1].min() > HEIGHT - 0.005
+    assert places[begun:, 1].min() > HOVER_HEIGHT - 0.005
     assert seen[-1][0].x == pytest.approx(planned.path[-1, 0], abs=0.003)
     widths = np.array([width for _, width in seen])
     assert widths.min() < 0.001  # closed on nothing, and that is no fault

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.folding.learned import LEARNED, learned_strip, offer
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import load_strip
@@ -23,7 +23,7 @@ PREDICTED = FoldPrediction(
 
 
 def without_file(length: str) -> StripFile:
-    return Configs(BESIDE).strip(f"unknown:{length}")
+    return Configs(CHECKOUT_CONFIGS).strip(f"unknown:{length}")
 
 
 def test_strip_without_a_file_is_the_middle_of_the_papers_range() -> None:

@@ -159,7 +159,7 @@ def test_another_command_that_changes_the_strip_is_waited_for_and_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fit = fitted_both(tmp_path / "fit")
-    monkeypatch.setattr("drivers.files.PATIENCE", 0.05)
+    monkeypatch.setattr("drivers.files.LOCK_TIMEOUT", 0.05)
     with (
         acceptance.lock_folders([fit.file.parent]),
         pytest.raises(ConfigurationError, match="another command"),

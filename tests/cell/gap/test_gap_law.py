@@ -18,7 +18,7 @@ from cell.gap.verdict.offered_law import OFFER, Names
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
-from drivers.strip.law import TERMS, with_law
+from drivers.strip.law import LAW_TERMS, with_law
 from drivers.types import Array
 from drivers.yaml_edit import dump_text
 from tests.cell.gap import test_gap_engine as engine
@@ -111,9 +111,9 @@ def test_beside_a_sure_name_that_leaves_nothing_only_a_shorter_law_is_looked_for
     assert Names(one, found.choice.by, sure=False, leaves_nothing=True).longest == OFFER.longest
 
 
-@pytest.mark.parametrize("name", TERMS)
+@pytest.mark.parametrize("name", LAW_TERMS)
 def test_a_law_in_the_strip_file_is_what_the_engine_tried(name: str) -> None:
-    amount = TERMS[name].size
+    amount = LAW_TERMS[name].size
     strip = denim().model_copy(update={"law": {name: amount}})
     assert repr(describe(strip, index=3)) == repr(
         with_law(describe(denim(), index=3), {name: amount})
@@ -201,5 +201,5 @@ def test_a_law_that_no_engine_knows_or_no_strip_has_is_refused(law, tmp_path: Pa
 
 def test_amounts_near_nothing_change_nothing() -> None:
     model = describe(denim())
-    assert with_law(model, dict.fromkeys(TERMS, 0.0)) is model
+    assert with_law(model, dict.fromkeys(LAW_TERMS, 0.0)) is model
     assert np.isfinite(describe(denim().model_copy(update={"law": {}})).mechanics.rigidity).all()

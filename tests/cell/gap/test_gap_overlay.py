@@ -15,7 +15,7 @@ from cell.gap.report.overlay import write_overlay, write_recording
 from cell.gap.report.replayed import Replayed
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.scene import Scene
-from cell.gap.subject.strip.scenes import CONTACT, DISTANCE
+from cell.gap.subject.strip.scenes import CONTACT_SIGNAL, DISTANCE_SIGNAL
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.subject import Request
 from cell.gap.verdict.schema import read_verdict
@@ -119,7 +119,8 @@ def test_measured_points_stand_where_they_were_measured(recording, replays) -> N
 def test_the_right_model_lies_on_the_measured_midline(recording) -> None:
     rows = read(recording)
     before, after = (
-        numbers(rows[f"/00-normal/signals/{DISTANCE}/{word}"]) for word in ("before", "after")
+        numbers(rows[f"/00-normal/signals/{DISTANCE_SIGNAL}/{word}"])
+        for word in ("before", "after")
     )
     assert np.median(after) == pytest.approx(1e3 * CELL.profile, rel=0.25)
     assert np.quantile(before, 0.9) > 2.0 * np.quantile(after, 0.9)
@@ -133,7 +134,7 @@ def test_contact_is_drawn_where_it_is_plotted(recording) -> None:
     rows = read(recording)
     for word in ("measured", "before", "after"):
         dots = np.array([value[0] for value in rows[f"/00-normal/tracks/contact/{word}"].values])
-        plotted = numbers(rows[f"/00-normal/signals/{CONTACT}/{word}"])
+        plotted = numbers(rows[f"/00-normal/signals/{CONTACT_SIGNAL}/{word}"])
         np.testing.assert_allclose(dots[:, 0], plotted, atol=1e-3)
         assert not dots[:, 1:].any()
 

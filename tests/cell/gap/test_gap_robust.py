@@ -33,7 +33,9 @@ WALL = 0.3
 def test_loss_is_bounded_where_fits_are_judged() -> None:
     r = np.array([0.0, 2.0, robust.OFF_TRACK, 40.0])
     assert robust.bounded_loss(r) == pytest.approx([0.0, 2.0, 10.5, 10.5])
-    assert robust.clip_residuals(np.array([-9.0, 1.0])) == pytest.approx([-robust.THRESHOLD, 1.0])
+    assert robust.clip_residuals(np.array([-9.0, 1.0])) == pytest.approx(
+        [-robust.HUBER_THRESHOLD, 1.0]
+    )
 
 
 def once(t: Array, _: float, index: int) -> Array:

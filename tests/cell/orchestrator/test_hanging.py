@@ -12,7 +12,7 @@ from cell.orchestrator.snapshot import Hold, MoveTo, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.perception.measurement import StripMeasurement
-from drivers.types import STILL, ArmState, Frame, HandState, Pose
+from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 
 TICK, FRAME = 0.01, 2  # s, ticks from image to image
 HAND = HandState(0.0, 0.0, "made", 0.001, True, False)
@@ -53,7 +53,7 @@ def snapshot(
     k: int, pose: Pose, swing: float, decay: float, noise: float, rng: np.random.Generator
 ) -> Snapshot:
     now = TICK * k
-    arm = ArmState(now, now, "made", pose, STILL, pose, now < BRAKES, False)
+    arm = ArmState(now, now, "made", pose, ZERO_VELOCITY, pose, now < BRAKES, False)
     curve = np.linspace((0.4, 0.0), (pose.x, pose.z), 40)
     off = swing * 0.5 ** (now / decay) * np.cos(12.0 * now)
     curve[:, 0] += off * np.sin(np.linspace(0.0, np.pi, 40)) + rng.normal(0.0, noise, 40)

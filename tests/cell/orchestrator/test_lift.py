@@ -27,7 +27,7 @@ from drivers.franka.inverse import solve
 from drivers.franka.kinematics import forward
 from drivers.limits import MotionLimits
 from drivers.motion import TICK, MotionProfile
-from drivers.types import STILL, ArmState, HandState, Pose, Velocity
+from drivers.types import ZERO_VELOCITY, ArmState, HandState, Pose, Velocity
 from policies.registry import make_policy
 
 HAND = HandState(0.0, 0.0, "made", 0.001, True, False)
@@ -77,7 +77,7 @@ def cell(limits: MotionLimits, speed: float) -> CellSettings:
 
 def snapshot(k: int, profile: MotionProfile) -> Snapshot:
     now = k * PERIOD * TICK
-    arm = ArmState(now, now, "made", profile.pose, STILL, profile.pose, True, False)
+    arm = ArmState(now, now, "made", profile.pose, ZERO_VELOCITY, profile.pose, True, False)
     return Snapshot(now, State.LIFT, 0.0, arm, HAND, View())
 
 
@@ -117,7 +117,7 @@ def test_short_strips_begin_where_the_guard_lets_the_lift_pass(length: float) ->
     poses, times = dense(*whole_path(length, 0.25, settings, REACHABLE, triangle(length)))
     objections = set[str]()
     for here, there, time in zip(poses[:-1], poses[1:], times[1:], strict=True):
-        soon = Soon(Pose(*here), Velocity(*((there - here) / time)), STILL)
+        soon = Soon(Pose(*here), Velocity(*((there - here) / time)), ZERO_VELOCITY)
         if here[2] < np.pi / 2:  # the guard follows the way there, too
             objections |= {guard.objection(soon)} if here[2] > 0.0 else {guard.objection(soon)[:0]}
     assert objections == {""}

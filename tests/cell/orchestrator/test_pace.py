@@ -7,7 +7,7 @@ import pytest
 
 import cell.orchestrator.run as orchestrator
 from cell.config.monitor_limits import MonitorLimits
-from cell.orchestrator.pace import USUAL, pace
+from cell.orchestrator.pace import USUAL_AGE, pace
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import move
@@ -28,12 +28,12 @@ def aged(age: float, state: State = State.FOLD):
 
 def test_usual_images_change_no_command() -> None:
     for command in (Drive(FAST), MoveTo(PLACE), Hold()):
-        assert pace(command, aged(0.99 * USUAL * LIMITS.image_age), LIMITS) == command
+        assert pace(command, aged(0.99 * USUAL_AGE * LIMITS.image_age), LIMITS) == command
 
 
 @pytest.mark.parametrize("state", [State.LIFT, State.FOLD, State.LAY])
 def test_drive_slows_down_in_proportion_and_stands_at_the_limit(state: State) -> None:
-    middle = pace(Drive(FAST), aged((1.0 + USUAL) / 2 * LIMITS.image_age, state), LIMITS)
+    middle = pace(Drive(FAST), aged((1.0 + USUAL_AGE) / 2 * LIMITS.image_age, state), LIMITS)
     assert isinstance(middle, Drive)
     assert middle.velocity.vx == pytest.approx(FAST.vx / 2)
     assert middle.velocity.pitch_rate == pytest.approx(FAST.pitch_rate / 2)

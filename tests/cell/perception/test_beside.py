@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cell.config.monitor_limits import MonitorLimits
-from cell.config.places import BESIDE, Configs
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.phases import _inspect
 from cell.orchestrator.snapshot import Hold, Snapshot
@@ -19,7 +19,7 @@ from cell.orchestrator.vision import View, Vision
 from cell.perception.beside import INSPECT, LOOK, TRACK, Beside, Subject
 from cell.perception.settings import PerceptionSettings
 from drivers.errors import Fault
-from drivers.types import STILL, ArmState, Frame, HandState, Pose
+from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from tests.support.sights import FAILS, HANGS, PlainSight
 
 POSE = Pose(0.5, 0.2, 1.5)
@@ -28,7 +28,7 @@ PATIENCE = 30.0  # s
 
 def started() -> Beside:
     lens = SimpleNamespace(height=4, width=6)
-    strip = Configs(BESIDE).strip("denim")
+    strip = Configs(CHECKOUT_CONFIGS).strip("denim")
     return Beside(Subject(SimpleNamespace(lens=lens), PerceptionSettings(), strip), PlainSight)
 
 
@@ -121,7 +121,7 @@ class OneFrame:
 def test_a_fold_is_judged_and_then_read_by_the_process(beside) -> None:
     calibration = SimpleNamespace(latency=0.1)
     cell = SimpleNamespace(beside=beside, calibration=calibration)
-    arm = ArmState(1.5, 1.5, "made", POSE, STILL, POSE, moving=False, expired=False)
+    arm = ArmState(1.5, 1.5, "made", POSE, ZERO_VELOCITY, POSE, moving=False, expired=False)
     hand = HandState(1.5, 1.5, "made", width=0.001, grasped=True, moving=False)
     now = Snapshot(1.6, State.PREFLIGHT, 0.0, arm, hand, View())
     judging = _inspect(cell, image(40))

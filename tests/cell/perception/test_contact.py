@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cell.perception.contact import SPACING, Contact, SearchLine, find_contact
-from cell.perception.levels import SCALE, ZERO
+from cell.perception.contact import SAMPLE_SPACING, Contact, SearchLine, find_contact
+from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
 from drivers.types import Array
 
 COUNT, ROW, FRONT = 2000, 20, 35
@@ -12,10 +12,10 @@ COUNT, ROW, FRONT = 2000, 20, 35
 
 def search(*strips: tuple[float, float]) -> Contact:
     """The contact in an image whose row shows strip from ... to ... [m]."""
-    levels = np.full((40, COUNT), ZERO, dtype=np.uint8)
-    columns = SPACING * np.arange(COUNT)
+    levels = np.full((40, COUNT), ZERO_LEVEL, dtype=np.uint8)
+    columns = SAMPLE_SPACING * np.arange(COUNT)
     for begin, end in strips:
-        levels[ROW - 3 : ROW + 4, (columns >= begin) & (columns < end)] = ZERO + SCALE
+        levels[ROW - 3 : ROW + 4, (columns >= begin) & (columns < end)] = ZERO_LEVEL + LEVEL_SPAN
 
     def at(row: int) -> Array:
         return np.column_stack([np.arange(COUNT), np.full(COUNT, row)]).astype(float)
@@ -26,15 +26,15 @@ def search(*strips: tuple[float, float]) -> Contact:
 
 def test_contact_is_where_strip_changes_to_desk() -> None:
     found = search((0.0, 0.3))
-    assert found.x == pytest.approx(0.3, abs=2 * SPACING)
+    assert found.x == pytest.approx(0.3, abs=2 * SAMPLE_SPACING)
     assert found.confidence == 1.0
 
 
 @pytest.mark.parametrize("stray", [0.0015, 0.002, 0.003])
 def test_a_stray_piece_before_the_strip_is_no_contact(stray: float) -> None:
     """As the clamp of images that are shifted by 2 mm: it read 1 mm, and the fold failed by 54."""
-    assert search((0.0, stray), (0.008, 0.3)).x == pytest.approx(0.3, abs=2 * SPACING)
+    assert search((0.0, stray), (0.008, 0.3)).x == pytest.approx(0.3, abs=2 * SAMPLE_SPACING)
 
 
 def test_a_fold_that_hangs_low_beyond_the_contact_is_not_searched() -> None:
-    assert search((0.0, 0.3), (0.32, 0.34)).x == pytest.approx(0.3, abs=2 * SPACING)
+    assert search((0.0, 0.3), (0.32, 0.34)).x == pytest.approx(0.3, abs=2 * SAMPLE_SPACING)

@@ -11,7 +11,7 @@ from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.run import _completion
-from cell.perception.laid_fold import FAR, LaidFold
+from cell.perception.laid_fold import EDGE_TOLERANCE, LaidFold
 from cell.record.outcomes import NOT_FOLDED, is_outcome
 from cell.record.run import read_run
 from tests.cell.folding.test_fold_trace import TOUCH
@@ -42,7 +42,7 @@ def test_fold_whose_edges_nobody_sees_is_none() -> None:
     assert "sprang open" in reason
 
 
-@pytest.mark.parametrize("apart", [-0.0625, FAR + 0.001, 0.2])
+@pytest.mark.parametrize("apart", [-0.0625, EDGE_TOLERANCE + 0.001, 0.2])
 def test_edge_far_from_where_it_was_laid_is_no_fold(apart: float) -> None:
     name, reason, code = ending(LaidFold(released=0.0, seen=apart))
     assert (name, code) == ("edges_apart", 1)

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cell.perception.background import Background
-from cell.perception.kernels import CELL, EVEN, SHADE, discriminants
-from cell.perception.levels import SCALE, ZERO, share
+from cell.perception.kernels import CELL_PX, EVEN_LIGHT, SHADE, discriminants
+from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL, share
 from cell.perception.palette import palette
 from cell.perception.region import Region
 from cell.perception.segmenter import Segmenter, sensor_noise
@@ -41,7 +41,7 @@ def _levels(colours: Array, behind: Image, seen: Image, visible: Image = SEEN) -
     part, region = Segmenter(colours, _background(behind), SENSOR, SENSOR, 0.02).levels(
         seen, ALL, visible
     )
-    levels = np.full(SIZE, ZERO, np.uint8)
+    levels = np.full(SIZE, ZERO_LEVEL, np.uint8)
     region.of(levels)[:] = part
     return levels
 
@@ -82,8 +82,11 @@ def test_light_is_read_through_a_strip_and_past_a_hand() -> None:
     visible = SEEN.copy()
     visible[:50, 120:180] = 0
     seen[:50, 120:180] = 40
-    light = _background(image).light(seen, ALL, visible)[1:-1, 1:-1] / EVEN
-    true, clear = dimming[CELL // 2 :: CELL], visible[CELL // 2 :: CELL, CELL // 2 :: CELL] > 0
+    light = _background(image).light(seen, ALL, visible)[1:-1, 1:-1] / EVEN_LIGHT
+    true, clear = (
+        dimming[CELL_PX // 2 :: CELL_PX],
+        visible[CELL_PX // 2 :: CELL_PX, CELL_PX // 2 :: CELL_PX] > 0,
+    )
     assert np.abs(light - true)[clear].max() < 0.06
     assert np.abs(light - true).mean() < 0.03
 
@@ -103,14 +106,14 @@ def test_every_colour_of_a_pattern_is_strip() -> None:
     seen = image.copy()
     seen[80:86, ::2], seen[80:86, 1::2] = RED, BLUE
     levels = _levels(np.array([RED, BLUE]), image, seen)
-    assert levels[82:84].min() > ZERO + 0.9 * SCALE
+    assert levels[82:84].min() > ZERO_LEVEL + 0.9 * LEVEL_SPAN
 
 
 def test_what_the_hand_hides_is_background() -> None:
     image = np.full((*SIZE, 3), 200, np.uint8)
     seen, visible = image.copy(), SEEN.copy()
     seen[40:120, 100:200], visible[30:130, 90:210] = RED, 0
-    assert (_levels(RED[None], image, seen, visible) == ZERO).all()
+    assert (_levels(RED[None], image, seen, visible) == ZERO_LEVEL).all()
 
 
 @pytest.mark.parametrize("noise", [1.0, 2.5, 8.0])
@@ -126,4 +129,4 @@ def test_same_picture_gives_the_same_bytes_and_nothing_where_nothing_changed() -
     seen = image.copy()
     seen[80:86] = RED
     assert np.array_equal(_levels(RED[None], image, seen), _levels(RED[None], image, seen))
-    assert (_levels(RED[None], image, image) == ZERO).all()
+    assert (_levels(RED[None], image, image) == ZERO_LEVEL).all()

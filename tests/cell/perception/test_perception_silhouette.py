@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cell.perception.levels import SCALE, ZERO
+from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
 from cell.perception.silhouette import Grip, Side, outer_side, silhouette
 from cell.perception.sizes import Sizes
 from drivers.types import Image
@@ -62,12 +62,12 @@ def test_ends_that_do_not_point_at_each_other_are_no_break() -> None:
 @pytest.mark.parametrize("angle", [0.0, 30.0, -50.0])
 def test_edge_on_strip_that_hangs_askew_is_found_in_noise(angle: float) -> None:
     rng = np.random.default_rng(1)
-    levels = rng.normal(ZERO, 0.05 * SCALE, (HEIGHT, WIDTH))
+    levels = rng.normal(ZERO_LEVEL, 0.05 * LEVEL_SPAN, (HEIGHT, WIDTH))
     way = np.array([np.sin(np.radians(angle)), np.cos(np.radians(angle))])
     line = np.zeros((HEIGHT, WIDTH))
     ends = [np.rint(np.array([350, 160]) + s * 120 * way).astype(int) for s in (-1, 1)]
     cv2.line(line, ends[0].tolist(), ends[1].tolist(), 1.0, 2)
-    soft = np.clip(levels + 0.18 * SCALE * line, 0, 255).astype(np.uint8)
+    soft = np.clip(levels + 0.18 * LEVEL_SPAN * line, 0, 255).astype(np.uint8)
     everywhere = np.full((HEIGHT, WIDTH), 255, dtype=np.uint8)
 
     mask = silhouette(soft, 0.12, everywhere, everywhere, SIZES.hanging)

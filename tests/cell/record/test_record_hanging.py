@@ -13,7 +13,7 @@ from cell.perception.measurement import StripMeasurement
 from cell.record.run import Run, read_run
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS, read_stream
 from cell.record.writer import RunWriter
-from drivers.types import STILL, ArmState, Frame, HandState, Pose
+from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from tests.cell.conftest import HEADER, RESULT
 
 LIFT, HANGS, END = 4.0, 6.5, 9.0  # s of the cell's clock
@@ -24,7 +24,7 @@ def snapshot(clock: float) -> Snapshot:
     """A tick at `clock` [s]: up until it hangs, then inwards."""
     x, z = 0.6 - 0.02 * (clock - LIFT), min(0.04 * (clock - LIFT), 0.1)
     pose = Pose(x, z, min(1.0 * (clock - LIFT), np.pi / 2))
-    arm = ArmState(clock, clock, "made", pose, STILL, pose, True, False)
+    arm = ArmState(clock, clock, "made", pose, ZERO_VELOCITY, pose, True, False)
     state = State.LIFT if clock < HANGS else State.FOLD
     return Snapshot(clock, state, LIFT, arm, HAND, View())
 

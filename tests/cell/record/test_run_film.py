@@ -14,7 +14,7 @@ import pytest
 
 from cell.record.files import FILM
 from cell.record.film import Film, FilmWriter
-from cell.record.film_process import HEAD, FilmProcess, serve
+from cell.record.film_process import IMAGE_HEADER, FilmProcess, serve
 from cell.record.film_thread import QUEUE, FilmThread
 from cell.record.frames import read_index
 from cell.record.run import read_run
@@ -157,7 +157,7 @@ def test_other_process_says_why_its_film_breaks_off(tmp_path):
 
 def test_failure_without_words_is_told_by_its_kind(tmp_path, monkeypatch):
     ours, theirs = multiprocessing.Pipe()
-    ours.send_bytes(HEAD.pack(0.0, *image(0).shape))
+    ours.send_bytes(IMAGE_HEADER.pack(0.0, *image(0).shape))
     ours.send_bytes(image(0).tobytes())
 
     def fail(*_arguments) -> None:
@@ -196,7 +196,7 @@ def test_encoder_that_fails_ends_the_film_and_not_the_run(tmp_path, monkeypatch)
 
 
 def test_encoder_that_hangs_ends_the_film_and_not_the_run(tmp_path, monkeypatch):
-    monkeypatch.setattr("cell.record.film_thread.PATIENCE", 0.2)
+    monkeypatch.setattr("cell.record.film_thread.ENCODER_TIMEOUT", 0.2)
     monkeypatch.setattr(FilmWriter, "add", lambda *_: threading.Event().wait())
     run = filmed(tmp_path, count=QUEUE + 12)
     assert run.result.outcome == "path_done"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cell.record.files import EVENTS
-from cell.record.outlook import NAMES, Outlook, row_of
+from cell.record.outlook import COLUMN_NAMES, Outlook, row_of
 from cell.record.run import Event, read_run
 from cell.report.outlook import outlook_figure, predictions
 from cell.report.page import write_report
@@ -71,6 +71,6 @@ def test_rows_hold_the_interval_of_each_value() -> None:
 )
 def test_spoilt_prediction_is_drawn_as_nothing(finished, spoilt) -> None:
     assert not np.isfinite(row_of(spoilt)).any()
-    assert len(row_of(spoilt)) == len(NAMES)
+    assert len(row_of(spoilt)) == len(COLUMN_NAMES)
     outlook = Outlook.of([Event(float(t), "foretold", spoilt) for t in range(3)])
     assert "<svg" in outlook_figure(read_run(finished), outlook)

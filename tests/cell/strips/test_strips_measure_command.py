@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from cell.__main__ import main
-from cell.config.places import BESIDE
+from cell.config.places import CHECKOUT_CONFIGS
 from drivers.strip.describe import load_strip
 from drivers.yaml_edit import edit_text
 from tests.support.hanging_photographs import Scene, photograph
@@ -18,7 +18,7 @@ from tests.support.hanging_photographs import Scene, photograph
 
 @pytest.fixture
 def configs(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(BESIDE, tmp_path / "configs"))
+    return Path(shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs"))
 
 
 @pytest.fixture(scope="module")

@@ -13,16 +13,16 @@ from cell.folding.fold import Request
 from cell.learning.correction import subject_of
 from cell.learning.experience import Experience, Memory
 from cell.studies.catalogue import series
-from cell.studies.kit.folds import SPECIMEN
+from cell.studies.kit.folds import SPECIMEN_NAME
 from drivers.strip.effects import check_effects, registry
 
 CASES = {(c.values["cell"], c.values["series"]): c.values for c in series.STUDY.cases(0, 12)}
-MOVED = ("tool 3 mm off", series.CHANGED)
+MOVED = ("tool 3 mm off", series.CHANGED_SERIES)
 
 
 def learned(run: str, displacement: float) -> Experience:
-    subject = subject_of("adaptive", None, "unknown", SPECIMEN)
-    return Experience(run, subject.policy, "unknown", SPECIMEN, "camera", displacement)
+    subject = subject_of("adaptive", None, "unknown", SPECIMEN_NAME)
+    return Experience(run, subject.policy, "unknown", SPECIMEN_NAME, "camera", displacement)
 
 
 def made(change: float, before: int) -> Any:
@@ -36,10 +36,10 @@ def made(change: float, before: int) -> Any:
     return fold
 
 
-@pytest.mark.parametrize("cell", series.WRONG)
+@pytest.mark.parametrize("cell", series.WRONG_CELLS)
 def test_every_wrong_cell_is_a_plant_of_the_twin(cell: str) -> None:
-    assert series.WRONG[cell] or series.THICKER[cell]
-    for name, values in series.WRONG[cell].items():
+    assert series.WRONG_CELLS[cell] or series.THICKER[cell]
+    for name, values in series.WRONG_CELLS[cell].items():
         check_effects({name: values}, origin=cell, of=registry()[name].of)
 
 
@@ -47,7 +47,7 @@ def test_every_wrong_cell_is_a_plant_of_the_twin(cell: str) -> None:
 def test_a_change_in_mid_series_is_noticed(
     monkeypatch: pytest.MonkeyPatch, change: float, noticed: bool
 ) -> None:
-    monkeypatch.setattr(series, "_fold", made(change, series.BEFORE))
+    monkeypatch.setattr(series, "_fold", made(change, series.FOLDS_BEFORE))
     monkeypatch.setattr(series, "_facts", lambda *_: {"true": 5e-4})
     found = series.measure(CASES[MOVED])
     assert (found["noticed"], found["alarm"]) == (noticed, False)
@@ -57,7 +57,7 @@ def test_a_change_in_mid_series_is_noticed(
 def test_a_change_of_a_right_cell_is_a_false_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(series, "_fold", made(0.002, 1))
     monkeypatch.setattr(series, "_facts", lambda *_: {})
-    found = series.measure(CASES["right", series.LONG])
+    found = series.measure(CASES["right", series.LONG_SERIES])
     assert (found["noticed"], found["alarm"], found["worse"]) == (None, True, None)
 
 
@@ -66,7 +66,7 @@ def test_a_fold_is_corrected_by_the_memory_that_it_names(tmp_path: Path) -> None
         *("unknown:0.6", "adaptive", None, DeviceSelection(), tmp_path, None, "none"),
         truth=True,
         viz="off",
-        specimen=SPECIMEN,
+        specimen=SPECIMEN_NAME,
         memory=tmp_path,
     )
     assert with_correction(request, "on").correction.seen == 0.0

@@ -111,7 +111,7 @@ def test_a_machine_that_stalls_while_dask_waits_for_its_loop_costs_time_alone(
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere at all"])
 def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> None:
-    monkeypatch.setattr("cell.campaign.cluster.PATIENCE", 0.2)
+    monkeypatch.setattr("cell.campaign.cluster.CONNECT_TIMEOUT", 0.2)
     with pytest.raises(ConfigurationError, match="no scheduler answers") as told, cluster(address):
         pass
     assert "\n" not in str(told.value)
@@ -145,7 +145,7 @@ def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path, m
         **{f"tls_{role}_{kind}": path for role in ("scheduler", "worker", "client")
            for kind, path in (("cert", cert), ("key", key))},
     )  # fmt: skip
-    monkeypatch.setattr("cell.campaign.cluster.PATIENCE", 400.0)
+    monkeypatch.setattr("cell.campaign.cluster.CONNECT_TIMEOUT", 400.0)
     with (
         event_loop() as loop,
         distributed.LocalCluster(

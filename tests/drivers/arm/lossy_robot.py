@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers.fci_server.robot import PATIENCE, resting_robot
+from drivers.fci_server.robot import MOST_MISSED_TICKS, resting_robot
 from drivers.fci_server.wire import MoveRequest, RobotCommand
 
 JOINT_POSITION, CARTESIAN_POSE = 0, 2
@@ -15,8 +15,8 @@ class LossyRobot:
     """Loses one command in ten, or what follows it, up to `worst` ticks at a time.
 
     A lost command is continued by the robot itself, by the rules of its server, so every limit
-    holds that a robot would enforce. Fewer than PATIENCE are lost in a row. States are rounded as
-    on the wire.
+    holds that a robot would enforce. Fewer than MOST_MISSED_TICKS are lost in a row. States are
+    rounded as on the wire.
     """
 
     def __init__(self, joints: Any, seed: int, worst: int, share: float = 0.1) -> None:
@@ -80,7 +80,7 @@ class LossyRobot:
             lost = self._some() if self._rng.random() < self._share else 0
         else:
             lost = self._some()
-        for _ in range(min(lost, PATIENCE - 1 - self._in_a_row)):
+        for _ in range(min(lost, MOST_MISSED_TICKS - 1 - self._in_a_row)):
             self.robot.miss()
             self.robot.time += 1
             self.lost += 1

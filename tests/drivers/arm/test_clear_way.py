@@ -7,7 +7,7 @@ import pytest
 
 from cell.arm.by_hand import PARKED, home_joints
 from cell.config.places import find_configs
-from drivers.arm.clear_way import MARGIN, UPRIGHT, _keeps_clear, _rise, clear_way, solids_of
+from drivers.arm.clear_way import ARM_CLEARANCE, UPRIGHT, _keeps_clear, _rise, clear_way, solids_of
 from drivers.arm.failure import Failed
 from drivers.franka.body import Box, Solids, apart
 from drivers.franka.kinematics import forward
@@ -29,7 +29,7 @@ def test_straight_way_is_taken_where_it_is_free() -> None:
     assert np.array_equal(PARKED, UPRIGHT)
     (way,) = clear_way(np.array(PARKED), HOME, SOLIDS)
     assert np.array_equal(way, HOME)
-    assert nearest([np.array(PARKED), HOME]) > MARGIN
+    assert nearest([np.array(PARKED), HOME]) > ARM_CLEARANCE
 
 
 def wall() -> Solids:
@@ -46,7 +46,7 @@ def test_blocked_way_is_gone_around() -> None:
     way = clear_way(start, HOME, wall())
     assert len(way) > 1
     assert np.array_equal(way[-1], HOME)
-    assert nearest([start, *way], wall()) > MARGIN - 0.002
+    assert nearest([start, *way], wall()) > ARM_CLEARANCE - 0.002
 
 
 def test_way_that_nothing_leads_around_is_refused_with_what_is_met() -> None:

@@ -12,7 +12,7 @@ from drivers.arm.by_joints import ByJoints
 from drivers.arm.messages import Kind
 from drivers.arm.robot import Robot
 from drivers.arm.settings import FciSettings
-from drivers.fci_server.robot import PATIENCE
+from drivers.fci_server.robot import MOST_MISSED_TICKS
 from drivers.fci_server.wire import RobotCommand
 from tests.drivers.arm.lossy_robot import LossyRobot
 from tests.drivers.arm.test_loop import JOINTS, begun_with
@@ -117,5 +117,5 @@ def test_one_lost_command_does_not_lose_all_that_follow(own_clock: bool) -> None
     setup.order(Kind.FOLLOW, -0.1, 0.05, 0.0)
     setup.steps(60)
     assert (robot.longest <= 5) is own_clock
-    assert (robot.longest <= PATIENCE) is own_clock
+    assert (robot.longest <= MOST_MISSED_TICKS) is own_clock
     assert bool(robot.robot.errors) is not own_clock

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.arm.departure import FADE, Departure
+from drivers.arm.departure import FADE_TICKS, Departure
 from drivers.arm.force import ForceGuard
 from drivers.arm.messages import Kind
 from drivers.arm.plane import StripPlane
@@ -151,7 +151,7 @@ def test_departure_continues_what_it_found_and_comes_to_rest_in_the_plane() -> N
     departure = Departure()
     assert departure.tick() == (0.0, 0.0, 0.0)
     departure.begin([1e-5, 0.0, 0.0], [2e-4, 0.0, 0.0], [0.03, 0.0, 0.0])
-    way = [1e-5, *(departure.tick()[0] for _ in range(FADE + 3))]
+    way = [1e-5, *(departure.tick()[0] for _ in range(FADE_TICKS + 3))]
     velocity = np.diff(way) / TICK
     acceleration = np.diff(velocity) / TICK
     assert velocity[0] == pytest.approx(2e-4, rel=0.1)

@@ -90,12 +90,12 @@ def test_links_stand_behind_their_motors_by_compliance_times_torque():
 
 
 def test_a_log_keeps_the_newest_ticks_in_order(monkeypatch):
-    monkeypatch.setattr(joint_log, "KEPT", 4)
+    monkeypatch.setattr(joint_log, "KEPT_TICKS", 4)
     log = JointLog()
     for k in range(6):
-        parts = {name: [float(k)] * 7 for name in joint_log.FIELDS}
+        parts = {name: [float(k)] * 7 for name in joint_log.JOINT_FIELDS}
         log.add(0.001 * k, SimpleNamespace(**parts))
     rows = joint_rows(log.content())
     assert rows[:, 0] == pytest.approx([0.002, 0.003, 0.004, 0.005])
     assert np.array_equal(rows[:, 28], [2.0, 3.0, 4.0, 5.0])
-    assert joint_rows(JointLog().content()).shape == (0, joint_log.WIDTH)
+    assert joint_rows(JointLog().content()).shape == (0, joint_log.COLUMN_COUNT)

@@ -10,7 +10,7 @@ from drivers.fci_server.hand import Hand
 from drivers.fci_server.publish import Publisher
 from drivers.fci_server.reflex import Reflex
 from drivers.fci_server.robot import resting_robot
-from drivers.fci_server.state_packet import SIZE, StatePacket
+from drivers.fci_server.state_packet import PACKET_SIZE, StatePacket
 from drivers.fci_server.wire import Malformed
 from tests.support.fci_wire import State, move_request, robot_command
 
@@ -74,7 +74,7 @@ def test_state_is_1377_bytes_with_every_field_in_its_place() -> None:
         assert found == tuple(np.arange(int(count)) + offset), name
         offset += 4 * int(count)
     assert offset == 1288
-    assert len(packet.seal(5, 0.0)) == SIZE == 1377
+    assert len(packet.seal(5, 0.0)) == PACKET_SIZE == 1377
 
 
 def test_state_of_a_resting_robot_has_the_described_bytes() -> None:
@@ -138,10 +138,10 @@ def test_hand_takes_requests_under_a_header_of_ten_bytes(number: int, size: int)
 
 
 def test_hand_state_is_23_bytes_and_replies_12() -> None:
-    assert hand_wire.STATE.pack(1, 0.04, 0.08, True, 30) == (
+    assert hand_wire.STATE_PACKET.pack(1, 0.04, 0.08, True, 30) == (
         struct.pack("<I", 1) + struct.pack("<dd", 0.04, 0.08) + b"\x01" + struct.pack("<H", 30)
     )
-    assert hand_wire.STATE.size == 23
+    assert hand_wire.STATE_PACKET.size == 23
     hand = Hand(lambda: None)
     stop = bytearray(struct.pack("<HII", 4, 3, 10))
     request = hand_wire.take_request(stop)

@@ -20,7 +20,7 @@ def test_joints_have_the_published_ranges_and_speeds() -> None:
     assert limits.VELOCITY.tolist() == FASTEST
     assert limits.ACCELERATION.tolist() == [10.0] * 7
     assert limits.JERK.tolist() == [5000.0] * 7
-    assert limits.TORQUE.tolist() == [87.0] * 4 + [12.0] * 3
+    assert limits.LARGEST_TORQUE.tolist() == [87.0] * 4 + [12.0] * 3
 
 
 @pytest.mark.parametrize("joint", range(7))

@@ -7,7 +7,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from drivers.franka.kinematics import HOME, pose_and_jacobian
-from drivers.franka.tracking import DAMPING, joint_rates, joint_step, rotation, rotation_vector
+from drivers.franka.tracking import (
+    INVERSE_DAMPING,
+    joint_rates,
+    joint_step,
+    rotation,
+    rotation_vector,
+)
 
 ANGLES = [0.0, 1e-12, 1e-8, 1e-5, 0.3, 1.6, np.pi - 1e-3, np.pi - 1e-9]
 AXIS = np.array([0.48, -0.6, 0.64])
@@ -44,4 +50,4 @@ def test_rates_stay_bounded_in_a_singular_posture() -> None:
     stretched = pose_and_jacobian(np.array([0, 0, 0, -0.47, 0, 0.55, 0.0]))[1]
     wanted = np.array([0.1, 0.1, 0.1, 0, 0, 0, 0])
     rates = joint_rates(stretched, wanted)
-    assert np.linalg.norm(rates) <= np.linalg.norm(wanted) / (2 * DAMPING)
+    assert np.linalg.norm(rates) <= np.linalg.norm(wanted) / (2 * INVERSE_DAMPING)

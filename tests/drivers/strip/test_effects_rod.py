@@ -43,10 +43,13 @@ def _displacement(name: str, path: str = "triangular", **values: float) -> float
 @numba.njit(error_model="numpy")
 def _rubbed(block: Block, path: Array, out: Array) -> None:
     for i in range(len(path)):
-        early, _ = friction(block, at.FIRST, path[i])
-        late, _ = sliding_late(block, at.FIRST, path[i])
-        block.state[at.FIRST, at.EPS] = path[i]
-        block.state[at.FIRST, at.FRICTION], block.state[at.FIRST, at.LATE] = early, late
+        early, _ = friction(block, at.FIRST_FREE_NODE, path[i])
+        late, _ = sliding_late(block, at.FIRST_FREE_NODE, path[i])
+        block.state[at.FIRST_FREE_NODE, at.EPS] = path[i]
+        block.state[at.FIRST_FREE_NODE, at.FRICTION], block.state[at.FIRST_FREE_NODE, at.LATE] = (
+            early,
+            late,
+        )
         out[i] = early + late
 
 
@@ -56,8 +59,8 @@ def test_friction_sets_in_gradually_up_to_the_same_moment_and_keeps_a_part_on_th
     model = affected("bending_hysteresis", yield_curvature=10.0, stiffness_ratio=8.0, gradual=0.5)
     block = _block(model)
     law = model.mechanics.law
-    stiffness = block.nature[at.FIRST, at.BEND]
-    reach = block.nature[at.FIRST, at.SLIP] / (law.friction[0][1] * stiffness * 10.0)
+    stiffness = block.nature[at.FIRST_FREE_NODE, at.BEND]
+    reach = block.nature[at.FIRST_FREE_NODE, at.SLIP] / (law.friction[0][1] * stiffness * 10.0)
     yields = 10.0 / 8.0 * reach  # strain at which a single element would slide
     path = yields * np.array([0.25, 1.0, 2.0, 4.0, 3.75, 0.0, -4.0])
     moment = np.zeros(len(path))
@@ -69,7 +72,7 @@ def test_friction_sets_in_gradually_up_to_the_same_moment_and_keeps_a_part_on_th
 
 @numba.njit(error_model="numpy")
 def _blown(block: Block, out: Array) -> None:
-    for r in range(at.FIRST, block.last + 1):
+    for r in range(at.FIRST_FREE_NODE, block.last + 1):
         resist(block, r, RATE)
         (out[r, 0], out[r, 1]), _ = air(block, r, RATE)
 

@@ -11,7 +11,7 @@ from drivers.strip.describe import describe, load_strip
 from drivers.strip.engine import Stepper, simulate
 from drivers.strip.model import Boundary, StripModel
 from drivers.strip.rod.engine import Rod
-from drivers.strip.rod.lumping import KNOWN
+from drivers.strip.rod.lumping import KNOWN_FIELDS
 from drivers.strip.rod.motions import GripperPath, simulate_all
 from policies.path import circular, triangular
 from tests.support.rod_cases import for_all, paper_grid, paper_model, steady
@@ -221,7 +221,7 @@ def test_part_of_a_description_that_the_rod_does_not_know_is_refused_unless_null
 
     model = paper_model(0.1)
     rod = Rod(40)
-    monkeypatch.setitem(KNOWN, Magnetic, KNOWN[Boundary])
+    monkeypatch.setitem(KNOWN_FIELDS, Magnetic, KNOWN_FIELDS[Boundary])
     rod.reset([replace(model, boundary=Magnetic())])
     with pytest.raises(Unsupported, match="the rod cannot simulate field"):
         rod.reset([replace(model, boundary=Magnetic(field=1.0))])

@@ -51,7 +51,7 @@ def test_band_solver_solves() -> None:
     apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     reach = np.where(np.maximum.outer(np.arange(n), np.arange(n)) % 2 == 0, 4, 5)
     matrix[apart > reach] = 0.0
-    side, band = rng.normal(size=n), np.zeros((n + 12, at.COLUMNS))
+    side, band = rng.normal(size=n), np.zeros((n + 12, at.COLUMN_COUNT))
     _solve_band(matrix, side, band)
     np.testing.assert_allclose(band[6 : 6 + n, 6], np.linalg.solve(matrix, side), rtol=1e-12)
 
@@ -59,7 +59,7 @@ def test_band_solver_solves() -> None:
 @numba.njit(error_model="numpy")
 def _forces(block: Block, out: Array) -> None:
     internal(block, RATE)
-    for r in range(at.FIRST, block.last + 1):
+    for r in range(at.FIRST_FREE_NODE, block.last + 1):
         reaction, _ = desk(block, r)
         inertia = block.nature[r, at.MASS] * RATE * RATE
         out[r, 0], out[r, 1] = residual(block, r, inertia, reaction)
@@ -76,9 +76,9 @@ def _predict_terms(block: Block) -> None:
 @numba.njit(error_model="numpy")
 def _newton_step(block: Block) -> None:
     internal(block, RATE)
-    for r in range(at.FIRST, block.last + 1):
+    for r in range(at.FIRST_FREE_NODE, block.last + 1):
         assemble(block, r, RATE)
-    substitute(block.band, 2 * at.FIRST, 2 * block.last + 1)
+    substitute(block.band, 2 * at.FIRST_FREE_NODE, 2 * block.last + 1)
 
 
 def _disturbed_block(segments: int, laws: Effects, rng: np.random.Generator) -> Block:
@@ -104,7 +104,7 @@ def _disturbed_block(segments: int, laws: Effects, rng: np.random.Generator) -> 
 def test_newton_step_is_that_of_finite_differences(laws: Effects) -> None:
     segments = 24
     block = _disturbed_block(segments, laws, np.random.default_rng(1))
-    free = slice(at.FIRST, block.last + 1)
+    free = slice(at.FIRST_FREE_NODE, block.last + 1)
 
     def forces() -> Array:
         out = np.zeros((segments + 3, 2))
@@ -112,7 +112,7 @@ def test_newton_step_is_that_of_finite_differences(laws: Effects) -> None:
         return out[free].ravel()
 
     columns = []
-    for r in range(at.FIRST, block.last + 1):
+    for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for axis in (at.X, at.Z):
             here, h = block.state[r, axis], 1e-8
             block.state[r, axis] = here + h
@@ -123,7 +123,7 @@ def test_newton_step_is_that_of_finite_differences(laws: Effects) -> None:
     tangent = np.stack(columns, axis=1)
     expected = np.linalg.solve(tangent, forces())
     _newton_step(block)
-    step = block.band[2 * at.FIRST : 2 * block.last + 2, 6]
+    step = block.band[2 * at.FIRST_FREE_NODE : 2 * block.last + 2, 6]
     np.testing.assert_allclose(step, expected, atol=1e-5 * np.abs(expected).max())
 
 

@@ -14,12 +14,12 @@ from policies.adaptive.fabrics import friction, plain
 from policies.policy import Observation
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
-from policies.sensing import IMAGES, Sensing
+from policies.sensing import IMAGE_SENSING, Sensing
 
 COUNT = 24
 
 
-def folded(policy: object, sensing: Sensing = IMAGES, *, rough: bool = False) -> Folds:
+def folded(policy: object, sensing: Sensing = IMAGE_SENSING, *, rough: bool = False) -> Folds:
     rng = np.random.default_rng(5)
     hidden = [{"bending_hysteresis": friction(rng, 20, 60)} if rough else {} for _ in range(COUNT)]
     strips = [plain(rng, **effects) for effects in hidden]
@@ -39,8 +39,8 @@ def test_unknown_strips_end_within_two_millimetres_in_the_mean(rough: bool) -> N
 
 
 def test_half_the_images_dropped_or_three_millimetres_of_noise_end_no_fold() -> None:
-    loud = replace(IMAGES, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)
-    for sensing in (replace(IMAGES, dropped=(0.5, 0.5)), loud):
+    loud = replace(IMAGE_SENSING, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)
+    for sensing in (replace(IMAGE_SENSING, dropped=(0.5, 0.5)), loud):
         folds = folded(make_policy("adaptive", in_rod=True), sensing)
         assert folds.touched.all()
         assert np.abs(folds.displacement).mean() < 0.0035
@@ -83,7 +83,7 @@ def test_fold_of_a_batch_is_the_fold_of_one() -> None:
     strips = [plain(rng) for _ in range(3)]
 
     def displaced(chosen: list) -> Array:
-        exact = replace(IMAGES, contact_sigma=0, tip_sigma=0, profile_sigma=0, tip_z_sigma=0)
+        exact = replace(IMAGE_SENSING, contact_sigma=0, tip_sigma=0, profile_sigma=0, tip_z_sigma=0)
         still = replace(
             exact, contact_bias=0, tip_bias=0, profile_bias=0, wild=0, delay=(0.03, 0.03)
         )

@@ -11,7 +11,7 @@ from policies.adaptive.checkpoint import about, load_critic, save_critic
 from policies.adaptive.critic import Belief, Judgement, middle
 from policies.adaptive.features import COUNT
 from policies.adaptive.steering import Steering
-from policies.adaptive.window import SPAN, Window
+from policies.adaptive.window import WINDOW_TIME, Window
 from policies.registry import make_policy
 
 SPEED, PERIOD = 0.1, 1 / 60
@@ -45,7 +45,7 @@ def test_image_that_is_not_newer_or_not_believed_is_not_taken() -> None:
     newest = window.newest.copy()
     other = np.full((1, 2), 0.9)
     assert not window.tell(newest, other, np.array([True])).any()
-    assert not window.tell(newest + SPAN, other, np.array([False])).any()
+    assert not window.tell(newest + WINDOW_TIME, other, np.array([False])).any()
     np.testing.assert_array_equal(window.newest, newest)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from cell.parallel import workers
 from drivers.errors import ConfigurationError
-from policies.adaptive.critic import NAMES, Critic
+from policies.adaptive.critic import ARRAY_NAMES, Critic
 from policies.adaptive.train.settings import CriticSettings
 from policies.adaptive.train.training import CriticTraining
 
@@ -37,7 +37,7 @@ def test_same_seed_gives_the_same_weights_and_so_does_a_resumed_training(tmp_pat
     whole = trained(tmp_path / "whole")
     assert trained(tmp_path / "broken", stop_after=1) is None
     again = trained(tmp_path / "broken")
-    for name in NAMES:
+    for name in ARRAY_NAMES:
         np.testing.assert_array_equal(whole.weights[name], again.weights[name])
     assert (tmp_path / "whole" / "adaptive.npz").read_bytes() == (
         tmp_path / "broken" / "adaptive.npz"

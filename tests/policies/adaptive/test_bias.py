@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from policies.adaptive.bias import LENGTH, Bias, untrained_spread
+from policies.adaptive.bias import REFERENCE_LOG_LENGTH, Bias, untrained_spread
 from policies.adaptive.checkpoint import load_transfer
 from policies.adaptive.critic import Belief
 
@@ -14,7 +14,7 @@ def belief(length: float = 0.0) -> Belief:
     def told(mean: float) -> Any:
         return np.array([[mean, 0.1]])
 
-    return Belief(told(LENGTH + length), told(-3.0), told(1.0))
+    return Belief(told(REFERENCE_LOG_LENGTH + length), told(-3.0), told(1.0))
 
 
 def test_nothing_is_wrong_in_the_rod() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigurationError
-from policies.adaptive.bias import THICKNESS, Bias, bias_terms, untrained_spread
+from policies.adaptive.bias import REFERENCE_THICKNESS, Bias, bias_terms, untrained_spread
 from policies.adaptive.checkpoint import (
     COMMITTED,
     THROUGH_IMAGES,
@@ -32,7 +32,7 @@ def folds(count: int, noise: float, wild: int = 0) -> FoldedBatch:
     )
     friction, thickness = rng.uniform(0.0, 2.0, count), rng.uniform(3e-4, 2e-3, count)
     displacement = rng.normal(0.0, 1e-3, count)
-    predicted = displacement + bias_terms(length, thickness - THICKNESS) @ BIAS
+    predicted = displacement + bias_terms(length, thickness - REFERENCE_THICKNESS) @ BIAS
     predicted = predicted + noise * rng.standard_normal(count)
     predicted[:wild] += 0.02
     sigma = np.full(count, 5e-4)

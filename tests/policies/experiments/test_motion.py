@@ -7,12 +7,12 @@ from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.rod.engine import Rod
 from policies.experiments.motion import Go, Rest, Shake, motion
-from policies.experiments.scripted import FASTEST
-from policies.experiments.standard import FIRST, STANDARD, TWICE, standard_order
+from policies.experiments.scripted import FASTEST_COMMAND
+from policies.experiments.standard import REFERENCE_RUN, REPEATED_RUN, STANDARD, standard_order
 from policies.path import triangular
 from policies.registry import make_policy, policy_names
 from policies.rollout import Rollout, roll_out
-from policies.sensing import EXACT
+from policies.sensing import EXACT_SENSING
 from tests.support.gap_strip_cases import STRIP
 
 SPEED = 0.1
@@ -49,8 +49,8 @@ def test_a_motion_knows_when_it_passes() -> None:
 def test_standard_runs_begin_and_end_alike_and_are_shuffled() -> None:
     orders = [standard_order(np.random.default_rng(seed)) for seed in range(5)]
     for order in orders:
-        assert order[0] == order[-1] == FIRST
-        assert sorted(order[1:-1]) == sorted([*(set(STANDARD) - {FIRST}), TWICE])
+        assert order[0] == order[-1] == REFERENCE_RUN
+        assert sorted(order[1:-1]) == sorted([*(set(STANDARD) - {REFERENCE_RUN}), REPEATED_RUN])
     assert len({tuple(order) for order in orders}) > 1
     assert orders[0] == standard_order(np.random.default_rng(0))
 
@@ -72,7 +72,7 @@ def test_the_policy_makes_its_motion(name: str) -> None:
     standard = STANDARD[name]
     policy = make_policy(f"motion:{name}")
     assert policy.name == f"motion:{name}"
-    settings = Rollout(speed=standard.speed, sensing=EXACT, patience=4.0)
+    settings = Rollout(speed=standard.speed, sensing=EXACT_SENSING, patience=4.0)
     made = roll_out(
         policy, Rod(60), strip, [describe(strip)] * 2, settings=settings,
         rng=np.random.default_rng(0),
@@ -83,7 +83,7 @@ def test_the_policy_makes_its_motion(name: str) -> None:
     assert away.max() < 0.006
     assert made.touched.all() == (name != "taut-lift")
     step = np.linalg.norm(np.diff(trace, axis=0), axis=1).max() * settings.rate
-    assert step < 1.1 * FASTEST
+    assert step < 1.1 * FASTEST_COMMAND
 
 
 def test_motions_are_no_policies_to_choose_from() -> None:

@@ -22,7 +22,7 @@ from cell.gap.subject.mechanism.model import (
     read_xml,
 )
 from cell.gap.subject.mechanism.runs import Recording, Signal, pace, read_recording, repeat_noise
-from cell.gap.subject.run_folders import HEAD, RunFolder, check_indices
+from cell.gap.subject.run_folders import HEADER_FILE, RunFolder, check_indices
 from drivers.errors import ConfigurationError
 from drivers.settings import load, read_yaml
 from drivers.types import Array
@@ -105,7 +105,7 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
     for r in recordings:
         _check_load(r, model)
     check_indices([f.path for f in folders],
-                  [read_yaml(f.path / HEAD).get("index") for f in folders])  # fmt: skip
+                  [read_yaml(f.path / HEADER_FILE).get("index") for f in folders])  # fmt: skip
     in_order = sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
     signals = tuple(_signal(n, s, model, recordings, str(path))
                     for n, s in in_order if not _is_given(s, file))  # fmt: skip
@@ -122,7 +122,7 @@ def _check_load(recording: Recording, model: Any) -> None:
     """Refuse a stated load that is incomplete, or on a body that does not exist."""
     if recording.load is None:
         return
-    origin = f"{recording.name}: {HEAD}: load"
+    origin = f"{recording.name}: {HEADER_FILE}: load"
     place = recording.load.get("com", [0.0, 0.0, 0.0])
     numbers = [recording.load.get("mass"), *(place if isinstance(place, list) else [None])]
     if len(numbers) != 4 or not all(isinstance(x, int | float) for x in numbers):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cell.gap.subject.blocks import PER_BLOCK, blocks
 from cell.gap.subject.mechanism.file import MechanismFile
 from cell.gap.subject.run_folders import (
-    HEAD,
+    HEADER_FILE,
     JOINT_TABLE,
     RunFolder,
     check_schema,
@@ -68,7 +68,7 @@ class Cut:
 
 def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]) -> Recording:
     """The recording in a run folder; raises ConfigurationError, in one line, for a broken one."""
-    path = folder.path / HEAD
+    path = folder.path / HEADER_FILE
     head = read_yaml(path)
     _check_head(head, path, file)
     index = index_of(head, path)
@@ -105,7 +105,9 @@ def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
     kept = {n: frozen(v) for n, v in table.items() if n != "t"}
     load = head.get("load")
     if load is not None and not isinstance(load, dict):
-        raise ConfigurationError(f"{folder.path / HEAD}: load: is {load!r}; give body, mass, com")
+        raise ConfigurationError(
+            f"{folder.path / HEADER_FILE}: load: is {load!r}; give body, mass, com"
+        )
     return Recording(folder.name, condition, index, frozen(t - t[0]), kept, load)
 
 

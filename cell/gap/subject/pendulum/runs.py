@@ -16,9 +16,9 @@ from drivers.errors import ConfigurationError
 from drivers.settings import read_yaml
 from drivers.types import Array, frozen
 
-FLOOR = 5e-5  # rad, of the integration and of the shape of a smoothed friction
+ANGLE_FLOOR = 5e-5  # rad, of the integration and of the shape of a smoothed friction
 BLOCK = 0.8  # rad of the fastest small swing in one sample
-FAST = 200.0  # rad/s that no free swing reaches
+FASTEST_SWING = 200.0  # rad/s that no free swing reaches
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ def _check_units(t: Array, angles: Array, rates: Array | None, path: Path) -> No
         )
     slope = np.gradient(angles, t, axis=1)
     speed = float(np.quantile(np.abs(slope), 0.99))
-    if speed > FAST:
+    if speed > FASTEST_SWING:
         raise ConfigurationError(
             f"{path}: t: angles change by {speed:.0f} rad/s, which no free swing does; "
             "t is in s, angles in rad"
@@ -157,7 +157,7 @@ def _samples(pendulum: PendulumFile, swing: Swing, sigma: float) -> Samples:
         t=np.tile(middle, n),
         noise=np.tile(sigma / np.sqrt(counts), n),
         reading=np.full(n * k, sigma),
-        floor=np.full(n * k, FLOOR),
+        floor=np.full(n * k, ANGLE_FLOOR),
         series=np.repeat(np.arange(n), k),
     )
 

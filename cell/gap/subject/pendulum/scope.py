@@ -10,8 +10,8 @@ from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scope
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-TOLERANCE = 0.001  # rad, of a hinge and its encoder
-SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.005))
+ANGLE_TOLERANCE = 0.001  # rad, of a hinge and its encoder
+NUMBER_SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.005))
 """Relative spread of what was weighed and measured."""
 
 
@@ -22,7 +22,7 @@ def scope(pendulum: PendulumFile) -> Scope:
         base=(*_base(pendulum), *_accepted_parameters(pendulum)),
         candidates=tuple(kept),
         terms=_terms(pendulum),
-        quantities={"angle": Quantity("angle_mrad", 1e3, "mrad", TOLERANCE)},
+        quantities={"angle": Quantity("angle_mrad", 1e3, "mrad", ANGLE_TOLERANCE)},
     )
 
 
@@ -33,7 +33,7 @@ def _base(pendulum: PendulumFile) -> list[Parameter]:
         parameters.append(
             Parameter(name, "N m s", link.damping, 0.0, unit, 1e-5 * unit, 0.1 * unit)
         )
-    for key, unit_name, spread in SPREADS:
+    for key, unit_name, spread in NUMBER_SPREADS:
         for i, link in enumerate(pendulum.links[:-1] if key == "length" else pendulum.links):
             v = getattr(link, key)
             step, width = 1e-3 * spread * v, spread * v

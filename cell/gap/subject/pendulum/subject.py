@@ -15,7 +15,7 @@ from cell.gap.subject.pendulum.dynamics import swing
 from cell.gap.subject.pendulum.file import PendulumFile
 from cell.gap.subject.pendulum.runs import Swing, make_run, read_run
 from cell.gap.subject.pendulum.scope import check_effects, scope
-from cell.gap.subject.run_folders import HEAD, RunFolder, check_indices
+from cell.gap.subject.run_folders import HEADER_FILE, RunFolder, check_indices
 from cell.gap.subject.scene import Scene, Signal
 from cell.gap.subject.subject import Experiment, Request, Residuals, Run
 from drivers.settings import load, read_yaml
@@ -168,7 +168,7 @@ def open_pendulum(path: Path, folders: Sequence[RunFolder], jobs: int = 1) -> Pe
     pendulum = load_pendulum(path)
     found = [folder.path for folder in folders]
     runs = [read_run(folder.path, folder.name, pendulum) for folder in folders]
-    check_indices(found, [read_yaml(f / HEAD).get("index") for f in found])
+    check_indices(found, [read_yaml(f / HEADER_FILE).get("index") for f in found])
     runs.sort(key=lambda run: run.index)
     return Pendulum(pendulum, runs, jobs)
 

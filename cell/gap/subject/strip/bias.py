@@ -11,9 +11,9 @@ from cell.gap.subject.subject import Samples, Words
 from drivers.settings import Settings, load
 from drivers.types import Array, frozen
 
-BIAS = Path(__file__).with_suffix(".yaml")
-DAMPING = BIAS.with_name("damping.yaml")
-HALVES = ("before", "past")
+BIAS_FILE = Path(__file__).with_suffix(".yaml")
+DAMPING_FILE = BIAS_FILE.with_name("damping.yaml")
+PATH_HALVES = ("before", "past")
 
 
 class Bias(Settings):
@@ -50,18 +50,18 @@ class ModelError(Settings):
 @cache
 def bias() -> Bias:
     """The errors of this version's perception."""
-    return load(BIAS, Bias)
+    return load(BIAS_FILE, Bias)
 
 
 @cache
 def model_error() -> ModelError:
     """The error of this version's model."""
-    return load(DAMPING, ModelError)
+    return load(DAMPING_FILE, ModelError)
 
 
 def half(x: float, length: float) -> str:
     """Whether a gripper at `x` [m] is `before` or `past` the middle of the strip."""
-    return HALVES[int(x < length / 2)]
+    return PATH_HALVES[int(x < length / 2)]
 
 
 def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:

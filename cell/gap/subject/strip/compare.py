@@ -6,7 +6,7 @@ import numpy as np
 
 from cell.gap.subject.strip.layout import Layout, Part
 from cell.gap.subject.strip.runs import Measured
-from cell.gap.subject.strip.simulation import SHAPES, SimulatedMotion
+from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
 from cell.gap.subject.subject import Residuals
 from drivers.strip.curve import group_means, signed_distances
 from drivers.strip.model import StripModel
@@ -21,7 +21,7 @@ from drivers.strip.observation import (
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
-ELSEWHERE = 1.0  # bending lengths between contacts beyond which the strip lies down elsewhere
+CONTACT_LIMIT = 1.0  # bending lengths between contacts beyond which the strip lies down elsewhere
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class Comparison:
                 np.ascontiguousarray(points),
                 images.image[order],
                 images.s[order],
-                (time - shown.begin) / SHAPES,
+                (time - shown.begin) / SHAPE_PERIOD,
                 shown.shapes,
                 shown.arc * self.length,
                 found,
@@ -73,7 +73,7 @@ class Comparison:
 
     def _here(self, mean: Array, square: Array) -> tuple[Array, Array]:
         """Samples whose contacts are the same place in measurement and model; others are lost."""
-        here = np.abs(mean) < ELSEWHERE * self.bending_length
+        here = np.abs(mean) < CONTACT_LIMIT * self.bending_length
         return np.where(here, mean, np.nan), np.where(here, square, np.nan)
 
     def _force(self, model: StripModel, shown: SimulatedMotion, axis: int) -> Array:

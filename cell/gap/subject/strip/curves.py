@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from cell.record.columns import Profile
 from drivers.types import Array, frozen
 
-APART = 0.045  # s between images that are compared: nearer ones say the same again
-POINTS = 40  # of one image that are compared
-WINDOW = 7  # points of the running median from which wild ones stand out
-OFF = 6.0  # standard deviations from it, and the distance between points, that make one wild
-FEWEST = 5  # points of an image that is used
+IMAGE_INTERVAL = 0.045  # s between images that are compared: nearer ones say the same again
+CURVE_POINTS = 40  # of one image that are compared
+MEDIAN_WINDOW = 7  # points of the running median from which wild ones stand out
+# standard deviations from it, and the distance between points, that make one wild
+OUTLIER_SIGMAS = 6.0
+FEWEST_POINTS = 5  # points of an image that is used
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +39,13 @@ def images_of(
     at, last = 0, -np.inf
     for stamp, curve in [] if empty else profile.curves():
         gripper, at = grip[at], at + len(curve)
-        if stamp < last + APART:
+        if stamp < last + IMAGE_INTERVAL:
             continue
         kept = curve[believable(curve, sigma)]
-        if len(kept) < FEWEST:
+        if len(kept) < FEWEST_POINTS:
             continue
         s = length - _to_grip(kept, gripper)
-        chosen = np.unique(np.linspace(0, len(kept) - 1, POINTS).round().astype(np.int64))
+        chosen = np.unique(np.linspace(0, len(kept) - 1, CURVE_POINTS).round().astype(np.int64))
         points.append(kept[chosen])
         places.append(s[chosen])
         stamps.append(stamp)
@@ -60,17 +61,17 @@ def images_of(
 
 def believable(curve: Array, sigma: float) -> NDArray[np.bool_]:
     """Which points (n,) of a curve (n, 2) lie near the running median of their neighbours."""
-    if len(curve) <= WINDOW:
+    if len(curve) <= MEDIAN_WINDOW:
         return np.ones(len(curve), dtype=bool)
     off = np.hypot(*(curve - running_median(curve)).T)
     spacing = float(np.median(np.hypot(*np.diff(curve, axis=0).T)))
-    return np.asarray(off < OFF * sigma + spacing)
+    return np.asarray(off < OUTLIER_SIGMAS * sigma + spacing)
 
 
 def running_median(curve: Array) -> Array:
-    """Medians (n, 2) of WINDOW points about each point, carried on straight to both ends."""
-    half = WINDOW // 2
-    inner = np.median(sliding_window_view(curve, WINDOW, axis=0), axis=-1)
+    """Medians (n, 2) of MEDIAN_WINDOW points about each point, carried on straight to both ends."""
+    half = MEDIAN_WINDOW // 2
+    inner = np.median(sliding_window_view(curve, MEDIAN_WINDOW, axis=0), axis=-1)
     reach = min(half, len(inner) - 1)
     ahead = np.arange(1, half + 1)[:, None]
     first = inner[0] - ahead[::-1] * (inner[reach] - inner[0]) / reach

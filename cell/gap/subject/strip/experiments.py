@@ -19,8 +19,8 @@ from policies.experiments.standard import STANDARD
 from policies.registry import MOTION
 
 SET_UP = 1.5  # minutes to lay the strip flat again
-IMAGES = 0.06  # s between images
-SPACING = 0.015  # m between points of an image
+IMAGE_PERIOD = 0.06  # s between images
+POINT_SPACING = 0.015  # m between points of an image
 SEGMENTS, STEP = 100, 0.005  # of the rod: a plan need not be finer
 
 
@@ -51,7 +51,7 @@ def _observe(fold: Fold, sigma: Sigma, index: int) -> Measured:
     end = float(way.t[-1]) if touch is None else touch.time
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way.poses[:, :2], axis=0).T))])
     height = fold.model.observation.contact_height
-    chosen = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGES))
+    chosen = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGE_PERIOD))
     chosen = np.unique(np.minimum(chosen, len(fold.shape_t) - 1))
     shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
     seen = fold.model.observation
@@ -68,7 +68,7 @@ def _observe(fold: Fold, sigma: Sigma, index: int) -> Measured:
 
 
 def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
-    s = np.arange(0.0, arc[-1], SPACING)
+    s = np.arange(0.0, arc[-1], POINT_SPACING)
     points, image, places = [], [], []
     for k, shape in enumerate(shapes):
         curve = np.stack([np.interp(s, arc, shape[:, c]) for c in range(2)], axis=1)

@@ -5,10 +5,10 @@ from scipy.interpolate import CubicSpline
 
 from drivers.types import Array, frozen
 
-EVEN = 0.005  # s between the points that are smoothed
-FINE = 0.0025  # s between the points that drive the model
-NARROW, WIDE = 5, 20  # points on each side of the parabola that smooths
-QUIET = 5e-5  # m of noise up to which the narrow parabola serves
+SMOOTHING_STEP = 0.005  # s between the points that are smoothed
+DRIVING_STEP = 0.0025  # s between the points that drive the model
+NARROWEST_HALF, WIDEST_HALF = 5, 20  # points on each side of the parabola that smooths
+QUIET_NOISE = 5e-5  # m of noise up to which the narrow parabola serves
 
 
 def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
@@ -17,12 +17,12 @@ def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
     A parabola through the points near each moment (Savitzky and Golay 1964); the more noise, the
     more points. A servo's limited jerk bends a path too little for the narrow one to blunt it.
     """
-    even = np.arange(t[0], t[-1] + 0.5 * EVEN, EVEN)
+    even = np.arange(t[0], t[-1] + 0.5 * SMOOTHING_STEP, SMOOTHING_STEP)
     rough = np.stack([np.interp(even, t, poses[:, c]) for c in range(3)], axis=1)
-    half = int(np.clip(NARROW * (sigma / QUIET) ** 0.4, NARROW, WIDE))
+    half = int(np.clip(NARROWEST_HALF * (sigma / QUIET_NOISE) ** 0.4, NARROWEST_HALF, WIDEST_HALF))
     half = min(half, (len(even) - 1) // 2)
     smooth = _by_parabolas(rough, half) if half > 1 else rough
-    fine = np.arange(even[0], even[-1] + 0.5 * FINE, FINE)
+    fine = np.arange(even[0], even[-1] + 0.5 * DRIVING_STEP, DRIVING_STEP)
     return frozen(fine), frozen(CubicSpline(even, smooth)(fine))
 
 

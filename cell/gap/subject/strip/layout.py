@@ -11,12 +11,13 @@ from cell.gap.subject.strip.runs import Measured
 from cell.gap.subject.subject import Samples, Words
 from drivers.types import Array
 
-SPAN = 0.3  # s of one sample
+SAMPLE_TIME = 0.3  # s of one sample
 BRIEF = 0.05  # s of one of the force, in which a shake shows when it was reported
 TOUCH_TIME = 0.03  # s, noise of the time of a touch where nobody states it
-LIFTED = 0.15  # m of travel before which a strip just lifted shows more of its grip than of itself
+# m of travel before which a strip just lifted shows more of its grip than of itself
+GRIP_TRAVEL = 0.15
 SNAP = 0.15  # s before the touch in which any model is off
-FEWEST = 4  # points of a profile's sample
+FEWEST_POINTS = 4  # points of a profile's sample
 EVENT = ("touch_time", "touch_x", "displacement")
 
 
@@ -67,7 +68,7 @@ def layout(run: Measured, length: float, floors: Floors) -> Layout:
     """Samples of `run`, a fold of a strip of `length` [m]."""
     images, sigma = run.images, run.sigma
     profile = _part(
-        run, images.stamps[images.image], zones(images.s, length), sigma.profile, FEWEST
+        run, images.stamps[images.image], zones(images.s, length), sigma.profile, FEWEST_POINTS
     )
     apart = _is_buckled(run, length)
     contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, apart)
@@ -105,7 +106,7 @@ def _part(
     sigma: float,
     fewest: int,
     left_out: NDArray[np.bool_] | None = None,
-    span: float = SPAN,
+    span: float = SAMPLE_TIME,
 ) -> Part:
     """Readings at `t` (n,) in `zone` (n,) grouped by zone, phase and time; the masked left out."""
     phase = phases(run, t)
@@ -131,7 +132,7 @@ def _part(
 
 def _is_compared(run: Measured, t: Array) -> NDArray[np.bool_]:
     """Which times (n,) count: not the first of the lift, not the snap, nothing after the touch."""
-    lifted = run.hanging | (np.interp(t, run.t, run.travel) >= LIFTED)
+    lifted = run.hanging | (np.interp(t, run.t, run.travel) >= GRIP_TRAVEL)
     end = run.end - (SNAP if run.touch is not None else 0.0)
     return np.asarray(lifted & (t >= run.t[0]) & (t < end))
 

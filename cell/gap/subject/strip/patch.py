@@ -5,7 +5,7 @@ from typing import Any
 
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
-from drivers.strip.law import TERMS
+from drivers.strip.law import LAW_TERMS
 
 DIGITS = 6  # significant digits of a fitted number
 
@@ -33,7 +33,7 @@ def patch_file(
     of_cell: dict[str, object] = {}
     law = dict(content.pop("law", {}))
     for name, values in effects.items():
-        if name in TERMS:
+        if name in LAW_TERMS:
             before = f"was {law[name]:.9g}" if name in law else "was absent"
             law[name] = round_off(law.get(name, 0.0) + values["amount"])
             notes.append({"key": f"law.{name}", "source": source,

@@ -9,9 +9,9 @@ from drivers.types import Array
 from policies.path import TAKEOVER_HEIGHT
 
 FALL = 1.0  # s before the touch in which the fold comes down
-SPAN = 0.6  # s over which the gripper's own motion is averaged: shakes are no motion
-SLOW = 0.25  # of the run's usual speed, below which the gripper holds
-BACK = 0.3  # of the run's usual speed at which it moves towards the lift's side
+AVERAGING_TIME = 0.6  # s over which the gripper's own motion is averaged: shakes are no motion
+HOLD_SPEED = 0.25  # of the run's usual speed, below which the gripper holds
+RETURN_SPEED = 0.3  # of the run's usual speed at which it moves towards the lift's side
 ZONES = ("fixed", "middle", "grasped")
 
 
@@ -21,8 +21,8 @@ def phases(run: Measured, t: Array) -> Words:
     usual = max(float(np.median(_speed(run))), 1e-3)
     lifted = run.t[np.argmax(run.poses[:, 1] >= TAKEOVER_HEIGHT)] if _rises(run) else run.end
     words = np.full(len(t), "carry", dtype="U8")
-    words[back > BACK * usual] = "return"
-    words[speed < SLOW * usual] = "hold"
+    words[back > RETURN_SPEED * usual] = "return"
+    words[speed < HOLD_SPEED * usual] = "hold"
     if run.touch is not None:
         words[t > run.end - FALL] = "fall"
     words[t < lifted] = "lift"
@@ -41,7 +41,7 @@ def _rises(run: Measured) -> bool:
 
 def _motion(run: Measured, t: Array) -> tuple[Array, Array]:
     """Speed of the averaged motion, and its part that leads back (n,) [m/s]."""
-    ends = [np.clip(t + side * SPAN / 2, run.t[0], run.t[-1]) for side in (-1, 1)]
+    ends = [np.clip(t + side * AVERAGING_TIME / 2, run.t[0], run.t[-1]) for side in (-1, 1)]
     there, here = (
         np.stack([np.interp(e, run.t, run.poses[:, c]) for c in range(2)], axis=1)
         for e in reversed(ends)

@@ -10,11 +10,11 @@ from cell.record.run import Run
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-NOISY, QUIET = 0.05, 1e-7  # m, no instrument of a cell is worse or better
-LATE, EXACT = 1.0, 1e-6  # s
-FAST = 5.0  # m/s, and TURNING rad/s: faster than any arm
-TURNING = 30.0
-SHORT = 0.01  # s, over shorter times noise looks like speed
+WORST_SIGMA, BEST_SIGMA = 0.05, 1e-7  # m, no instrument of a cell is worse or better
+WORST_TIME, BEST_TIME = 1.0, 1e-6  # s
+FASTEST_GRIPPER = 5.0  # m/s, and FASTEST_TURN rad/s: faster than any arm
+FASTEST_TURN = 30.0
+SHORTEST_INTERVAL = 0.01  # s, over shorter times noise looks like speed
 JUMPS = 3  # that may be slips of an instrument
 
 
@@ -35,19 +35,19 @@ def _check_noise(origin: Path, run: Run) -> None:
         value = getattr(sigma, key)
         if key not in sigma.model_fields_set:  # it was not measured
             continue
-        if value > NOISY:
+        if value > WORST_SIGMA:
             raise ConfigurationError(
-                f"{origin}: sigma.{key}: is {value:g} m, at most {NOISY:g} m "
+                f"{origin}: sigma.{key}: is {value:g} m, at most {WORST_SIGMA:g} m "
                 "is believable; give it in m"
             )
-        if value < QUIET:
+        if value < BEST_SIGMA:
             raise ConfigurationError(
-                f"{origin}: sigma.{key}: is {value:g} m, at least {QUIET:g} m "
+                f"{origin}: sigma.{key}: is {value:g} m, at least {BEST_SIGMA:g} m "
                 "is believable; give it in m, as repeated readings scatter"
             )
     touch_time = sigma.touch_time
-    if touch_time is not None and not EXACT <= touch_time <= LATE:
-        limit = f"at most {LATE:g}" if touch_time > LATE else f"at least {EXACT:g}"
+    if touch_time is not None and not BEST_TIME <= touch_time <= WORST_TIME:
+        limit = f"at most {WORST_TIME:g}" if touch_time > WORST_TIME else f"at least {BEST_TIME:g}"
         raise ConfigurationError(
             f"{origin}: sigma.touch_time: is {touch_time:g} s, {limit} s is "
             "believable; give it in s"
@@ -59,13 +59,13 @@ def _check_motion(origin: Path, run: Run) -> None:
     ticks = run.ticks
     if len(ticks.t) < 2:
         return
-    span = np.maximum(np.diff(ticks.t), SHORT)
+    span = np.maximum(np.diff(ticks.t), SHORTEST_INTERVAL)
     noise = 10 * run.header.sigma.gripper
     columns = (("x", "z"), ("x_cmd", "z_cmd"))
     for names in columns:
         steps = np.hypot(*(np.diff(getattr(ticks, name)) for name in names))
-        _check_jumps(origin, ", ".join(names), steps, FAST * span + noise, "m")
-    _check_jumps(origin, "pitch", np.abs(np.diff(ticks.pitch)), TURNING * span, "rad")
+        _check_jumps(origin, ", ".join(names), steps, FASTEST_GRIPPER * span + noise, "m")
+    _check_jumps(origin, "pitch", np.abs(np.diff(ticks.pitch)), FASTEST_TURN * span, "rad")
 
 
 def _check_jumps(origin: Path, names: str, steps: Array, allowed: Array, unit: str) -> None:

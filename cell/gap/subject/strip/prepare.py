@@ -26,8 +26,8 @@ from drivers.types import Array, frozen
 
 TRUSTED = 2.0  # times the change that a finer rod makes: another engine, or a strip, is so far off
 DOUBTED = 1.0  # floors rms over a fold that a finer rod changes: a still finer one decides
-MOST = 20.0  # floors: a larger change is no matter of the grain but of another fold
-LIFTED = 0.03  # m of travel in which a strip leaves the desk
+LARGEST_CHANGE = 20.0  # floors: a larger change is no matter of the grain but of another fold
+LEAVING_TRAVEL = 0.03  # m of travel in which a strip leaves the desk
 STEEP = 0.5  # of its height, by which a grip may be drawn in meanwhile and not push
 LATER = 0.6  # s after the measured touch in which the model may still touch
 
@@ -115,7 +115,7 @@ def surroundings(
     grains = _grains(folds, drives, rough, jobs)
     found = []
     for i, (fold, job) in enumerate(zip(folds, drives, strict=True)):
-        limit = MOST * fold.comparison.layout.samples.floor
+        limit = LARGEST_CHANGE * fold.comparison.layout.samples.floor
         finer = _within(grains[i], limit)
         slopes = {}
         for k, e in enumerate(scatter, start=i * len(scatter)):
@@ -205,7 +205,7 @@ def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:
     Lifted by z it draws the grip in by about z^2: so does this way, until it joins the measured.
     """
     travel = run.travel[: len(way.t)]
-    share = travel / LIFTED
+    share = travel / LEAVING_TRAVEL
     early = share < 1.0
     if way.hanging or early.all() or not _pushes(way, travel):
         return way
@@ -217,5 +217,5 @@ def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:
 
 def _pushes(way: GripperPath, travel: Array) -> bool:
     """Whether the grip is drawn in before the strip has left the desk."""
-    moved = [np.interp(LIFTED, travel, column) - column[0] for column in way.poses.T[:2]]
+    moved = [np.interp(LEAVING_TRAVEL, travel, column) - column[0] for column in way.poses.T[:2]]
     return bool(-moved[0] > STEEP * moved[1])

@@ -4,7 +4,7 @@ import numpy as np
 
 from drivers.strip.file import StripFile
 
-APART = 0.9  # bending lengths between the places at which an effect of one place is tried
+PLACE_SPACING = 0.9  # bending lengths between the places at which an effect of one place is tried
 
 
 def places(strip: StripFile, lifted: float) -> tuple[float, ...]:
@@ -13,6 +13,6 @@ def places(strip: StripFile, lifted: float) -> tuple[float, ...]:
     A bend shows an effect of one place while it passes, so that probes farther apart than about
     a bending length miss what lies between them.
     """
-    begin = max(0.0, lifted - APART * strip.bending_length)
-    count = max(2, round((strip.length - begin) / (APART * strip.bending_length)))
+    begin = max(0.0, lifted - PLACE_SPACING * strip.bending_length)
+    count = max(2, round((strip.length - begin) / (PLACE_SPACING * strip.bending_length)))
     return tuple(map(float, np.linspace(begin, strip.length, 2 * count + 1)[1::2]))

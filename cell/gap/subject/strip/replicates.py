@@ -9,8 +9,10 @@ from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.subject import Run
 from drivers.strip.rod.motions import GripperPath
 
-NEAR = np.array([5e-4, 5e-4, 0.005])  # m, m, rad between two paths; arms repeat within a fifth
-AT_ONCE = 1e-3  # s between the beginnings of two paths
+PATH_TOLERANCE = np.array(
+    [5e-4, 5e-4, 0.005]
+)  # m, m, rad between two paths; arms repeat within a fifth
+SAME_START = 1e-3  # s between the beginnings of two paths
 
 
 def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
@@ -34,12 +36,12 @@ def _same(longer: Fold, fold: Fold) -> bool:
     if longer.comparison.run.contact_height != fold.comparison.run.contact_height:
         return False
     first, second = longer.way.path, fold.way.path
-    if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > AT_ONCE:
+    if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > SAME_START:
         return False
     return _near(first, second) and _near(longer.lifted_path.path, fold.lifted_path.path)
 
 
 def _near(longer: GripperPath, path: GripperPath) -> bool:
-    """Whether the poses of `path` are within NEAR of those of `longer` at the same times."""
+    """Whether the poses of `path` are within PATH_TOLERANCE of those of `longer` at its times."""
     other = np.stack([np.interp(path.t, longer.t, c) for c in longer.poses.T], axis=1)
-    return bool((np.abs(path.poses - other) < NEAR).all())
+    return bool((np.abs(path.poses - other) < PATH_TOLERANCE).all())

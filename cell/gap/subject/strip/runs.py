@@ -26,9 +26,9 @@ from policies.path import lift_pitch
 
 TOUCHED = NOT_FOLDED | {"layer_touch"}  # the touch is a measurement, whatever came after it
 LEAST = 30  # rows of a usable run
-SLOWEST = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
-NEAR = 0.03  # m from where a run must start
-LATE = 1.0  # s, no image is so long before the first or after the last row
+LONGEST_PERIOD = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
+START_TOLERANCE = 0.03  # m from where a run must start
+IMAGE_TIME_MARGIN = 1.0  # s, no image is so long before the first or after the last row
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +231,7 @@ def _check_ticks(folder: Path, run: Recorded) -> None:
             return
         raise ConfigurationError(f"{origin}: t: has {len(t)} rows; at least {LEAST} are needed")
     step = float(np.median(np.diff(t)))
-    if step > SLOWEST:
+    if step > LONGEST_PERIOD:
         raise ConfigurationError(
             f"{origin}: t: rows are {step:g} s apart, at most 0.01 s is needed (100 Hz); "
             "give times in s"
@@ -242,7 +242,7 @@ def _check_ticks(folder: Path, run: Recorded) -> None:
 
 def _check_within(stamps: Array, t: Array, origin: str) -> None:
     """Refuse stamps (k,) of another time than the rows' `t` (m,)."""
-    off = np.flatnonzero((stamps < t[0] - LATE) | (stamps > t[-1] + LATE))
+    off = np.flatnonzero((stamps < t[0] - IMAGE_TIME_MARGIN) | (stamps > t[-1] + IMAGE_TIME_MARGIN))
     if len(off):
         raise ConfigurationError(
             f"{origin}: is {stamps[off[0]]:g} s, the rows of ticks.parquet span {t[0]:g} to "
@@ -261,12 +261,12 @@ def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
     origin = folder / "ticks.parquet"
     x, z, pitch = (float(c[0]) for c in (run.ticks.x, run.ticks.z, run.ticks.pitch))
     if run.header.start == "hanging":
-        if np.hypot(x, z) > strip.length + NEAR or abs(pitch - np.pi / 2) > 0.3:
+        if np.hypot(x, z) > strip.length + START_TOLERANCE or abs(pitch - np.pi / 2) > 0.3:
             raise ConfigurationError(
                 f"{origin}: x: a hanging start at x {x:.3f}, z {z:.3f} m, pitch {pitch:.2f} rad is "
                 f"out of reach of a strip of {strip.length:g} m or does not hang"
             )
-    elif np.hypot(x - strip.length, z) > NEAR:
+    elif np.hypot(x - strip.length, z) > START_TOLERANCE:
         raise ConfigurationError(
             f"{origin}: x: a flat start at x {x:.3f}, z {z:.3f} m, must be at x = length = "
             f"{strip.length:g} m, z = 0"

@@ -43,28 +43,28 @@ class RunEffect:
         return replace(model, **{part: replace(before, **{field: new})})
 
 
-GRIPPER, AIR, RIG = (
+GRIPPER_REMEDY, AIR_REMEDY, RIG_REMEDY = (
     "a stop against which the strip's edge is laid, or a gripper with firmer fingers",
     "longer rests between runs, and a steady temperature and humidity",
     "a stiffer desk and mount, and one clock for arm and camera",
 )
 RUN_EFFECTS = (
     RunEffect("grip_x", "where along the desk the edge is grasped",
-              "m", 3e-4, 3e-4, "rig.grip_x", GRIPPER, common=True),
+              "m", 3e-4, 3e-4, "rig.grip_x", GRIPPER_REMEDY, common=True),
     RunEffect("grip_z", "at what height the edge is grasped",
-              "m", 3e-4, 3e-4, "rig.grip_z", GRIPPER, common=True),
+              "m", 3e-4, 3e-4, "rig.grip_z", GRIPPER_REMEDY, common=True),
     RunEffect("grip_pitch", "at what angle the edge is grasped",
-              "rad", 0.005, 0.005, "rig.grip_tilt", GRIPPER),
+              "rad", 0.005, 0.005, "rig.grip_tilt", GRIPPER_REMEDY),
     RunEffect("slack", "how much strip lies between edge and grip",
-              "m", 3e-4, 3e-4, "mechanics.length", GRIPPER),
+              "m", 3e-4, 3e-4, "mechanics.length", GRIPPER_REMEDY),
     RunEffect("damping", "the strip's damping",
-              "1", 0.05, 0.05, "mechanics.viscosity", AIR, common=True),
+              "1", 0.05, 0.05, "mechanics.viscosity", AIR_REMEDY, common=True),
     RunEffect("stiffness", "the strip's stiffness",
-              "1", 0.005, 0.01, "mechanics.rigidity", AIR, common=True),
+              "1", 0.005, 0.01, "mechanics.rigidity", AIR_REMEDY, common=True),
     RunEffect("desk_height", "the height of the desk",
-              "m", 2e-4, 3e-4, "rig.desk_height", RIG),
+              "m", 2e-4, 3e-4, "rig.desk_height", RIG_REMEDY),
     RunEffect("clock_start", "the start of the camera's clock",
-              "s", 0.002, 0.003, "observation.camera_latency", RIG),
+              "s", 0.002, 0.003, "observation.camera_latency", RIG_REMEDY),
 )  # fmt: skip
 """Spreads: grasping by two fingers 0.3 mm, damping 5 %, stiffness 0.5 % of a well kept bench."""
 
@@ -82,5 +82,5 @@ FORCE_EFFECTS = (
 
 KNOWN_EFFECTS = (*RUN_EFFECTS, *FORCE_EFFECTS)
 
-SLACK = tuple(effect for effect in RUN_EFFECTS if effect.name == "slack")
+SLACK_EFFECTS = tuple(effect for effect in RUN_EFFECTS if effect.name == "slack")
 """What is allowed for where no runs can say more: planned runs, and sizes of hidden effects."""

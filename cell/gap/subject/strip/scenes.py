@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from cell.gap.subject.scene import Curve, Scene, Signal, Track
 from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.strip.runs import Measured
-from cell.gap.subject.strip.simulation import SHAPES, SimulatedMotion
+from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
 from drivers.strip.curve import signed_distances
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
@@ -21,7 +21,7 @@ from drivers.strip.shape import Touch
 from drivers.types import Array
 
 Index = NDArray[np.int64]
-CONTACT, DISTANCE = "contact [mm]", "distance from the measured midline, rms [mm]"
+CONTACT_SIGNAL, DISTANCE_SIGNAL = "contact [mm]", "distance from the measured midline, rms [mm]"
 
 
 def measured_scene(run: Measured) -> Scene:
@@ -32,7 +32,7 @@ def measured_scene(run: Measured) -> Scene:
     contact_t, contact = run.contact_t[seen], run.contact_x[seen]
     points = tuple(images.points[images.image == k] for k in shown)
     return Scene(
-        signals=(Signal(CONTACT, contact_t, 1e3 * contact),),
+        signals=(Signal(CONTACT_SIGNAL, contact_t, 1e3 * contact),),
         curve=Curve(images.stamps[shown], points),
         tracks={"contact": _on_desk(contact_t, contact), "gripper": Track(t, grip)},
         events=_touch_event(run.touch),
@@ -53,8 +53,8 @@ def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, lengt
     compared, distance = _distances(fold, model, shown, length)
     return Scene(
         signals=(
-            Signal(CONTACT, contact_t, 1e3 * contact),
-            Signal(DISTANCE, run.images.stamps[compared], 1e3 * distance),
+            Signal(CONTACT_SIGNAL, contact_t, 1e3 * contact),
+            Signal(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance),
         ),
         curve=Curve(run.images.stamps[images], tuple(seen_points(model, shapes))),
         tracks={"contact": _on_desk(contact_t, contact)},
@@ -70,7 +70,7 @@ def _images_before_end(run: Measured) -> Index:
 def _places(run: Measured, model: StripModel, shown: SimulatedMotion) -> Array:
     """Of each image (m,), where in the row of shapes its moment lies; the last one is held."""
     true = np.asarray(shown_time(model.observation, run.images.stamps))
-    return np.clip((true - shown.begin) / SHAPES, 0.0, len(shown.shapes) - 1.0)
+    return np.clip((true - shown.begin) / SHAPE_PERIOD, 0.0, len(shown.shapes) - 1.0)
 
 
 def _shapes(places: Array, shown: SimulatedMotion) -> Array:

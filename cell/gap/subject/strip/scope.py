@@ -19,14 +19,14 @@ from drivers.strip.effects.effect import Parameter as Number
 from drivers.strip.file import StripFile
 from drivers.strip.rod.lumping import check
 
-TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
+TRIED_TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
 FARTHEST = 3.0  # times the largest probe: the spread of what is known of an effect before
-WIDE = 0.5  # of its default: the spread of a number that shapes an effect
-UNKNOWN = 4.0  # of its start: the spread of such a number where there is no default
+SHAPE_SPREAD = 0.5  # of its default: the spread of a number that shapes an effect
+UNKNOWN_SPREAD = 4.0  # of its start: the spread of such a number where there is no default
 LEFT = 0.1  # of a gap, that effects may leave together: a single wrong law leaves more
 UNTRUE = 0.2  # of a law of cloth, which is never quite that of another: of yarn friction 15 %
-SPECIMEN = 0.15  # of a bending length: how far the exam's specimens of one fabric lie apart
-EXACT = 0.02  # of where something is: lengths, offsets, delays
+SPECIMEN_SPREAD = 0.15  # of a bending length: how far the exam's specimens of one fabric lie apart
+PLACE_ERROR = 0.02  # of where something is: lengths, offsets, delays
 SECANT = 0.1  # of the smallest probe: the step of secants
 WEIGHED = 0.05  # of an areal density: the spread of what a laboratory's scale and ruler say
 
@@ -76,7 +76,7 @@ def can_simulate(effect: Effect, strip: StripFile) -> bool:
 def _base(strip: StripFile) -> list[Parameter]:
     """Bending length and retardation time: laboratories know them within a factor."""
     c, b = strip.bending_length, max(strip.retardation_time, 0.005)
-    near = ((1 - SPECIMEN) * c, (1 + SPECIMEN) * c)
+    near = ((1 - SPECIMEN_SPREAD) * c, (1 + SPECIMEN_SPREAD) * c)
     return [
         Parameter("bending_length", "m", c, max(0.002, c / 3), min(0.2, 3 * c), 0.003 * c, 0.5 * c,
                   tolerated=strip.spread.get("bending_length", near)),
@@ -117,7 +117,7 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
         parameters=tuple(_parameters(effect, strip, coarse(effect))),
         probes=_probes(effect, strip, lifted),
         revealed_by=effect.revealed_by,
-        model_error=UNTRUE if effect.stage is Stage.LAW else EXACT,
+        model_error=UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR,
         shape_parameters=tuple(_shape(p, strip) for p in effect.parameters if p.role == "shape"),
     )
 
@@ -156,7 +156,7 @@ def _shape(p: Number, strip: StripFile) -> Parameter:
         start, step, spread = p.default or 0.0, SECANT * guess, FARTHEST * guess
         return Parameter(p.name, p.unit, start, p.low, p.high, step, spread, shape=True)
     start = p.default if p.default is not None else float(np.sqrt(p.low * p.high))
-    step, spread = 0.02 * start, (WIDE if p.default is not None else UNKNOWN) * start
+    step, spread = 0.02 * start, (SHAPE_SPREAD if p.default is not None else UNKNOWN_SPREAD) * start
     return Parameter(p.name, p.unit, start, p.low, p.high, step, spread, shape=True)
 
 
@@ -187,7 +187,7 @@ def _screened_values(p: Number, start: float, spots: tuple[float, ...]) -> tuple
     """Values of a number at which an effect is screened."""
     if p.role == "place":
         return spots
-    return TIMES if p.role == "time" else (start,)
+    return TRIED_TIMES if p.role == "time" else (start,)
 
 
 def is_amount(effect: Effect, p: Number) -> bool:

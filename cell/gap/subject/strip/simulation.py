@@ -22,9 +22,9 @@ from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
-SHAPES = 0.01  # s between the shapes that are kept
+SHAPE_PERIOD = 0.01  # s between the shapes that are kept
 AT_ONCE = 16  # motions in one call: all their shapes are in memory
-LANES = 8  # motions that cost no more than one
+LANE_COUNT = 8  # motions that cost no more than one
 REMEMBERED = 96 * 2**20  # bytes of motions that are kept: few are asked for again, and soon
 SELDOM = 16 * 2**20  # the same, where hardly any is asked for twice
 
@@ -98,7 +98,7 @@ class Job:
 class SimulatedMotion:
     """What truly happens along a drive: at times `t` (k,) [s] `contact_x` (k,), `force` (k, 2) on
     the gripper and `poses` (k, 3); `shapes` (m, nodes, 2), in single precision, from `begin` [s] on
-    every SHAPES seconds, nodes at the shares `arc` (nodes,) of the length; the touch, if any.
+    every SHAPE_PERIOD seconds, nodes at the shares `arc` (nodes,) of the length; the touch, if any.
     """
 
     t: Array
@@ -146,8 +146,8 @@ class Simulation:
         A lane that finds its shapes with effort makes the others of its vector wait.
         """
         order = sorted(wanted, key=lambda k: -wanted[k].way.duration)
-        fair = LANES * -(-len(order) // (LANES * self._jobs))
-        size = max(LANES, min(AT_ONCE, fair))
+        fair = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._jobs))
+        size = max(LANE_COUNT, min(AT_ONCE, fair))
         batches = [
             like[i : i + size] for like in _apart(order, wanted) for i in range(0, len(like), size)
         ]
@@ -169,7 +169,7 @@ class Simulation:
     def _together(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
         rod = Rod(self.grain.segments, strict=False, tolerance=self.grain.tolerance)
         models, ways = [d.model for d in drives], [d.way for d in drives]
-        every = max(1, round(SHAPES / self.grain.dt))
+        every = max(1, round(SHAPE_PERIOD / self.grain.dt))
         motions = simulate_all(rod, models, ways, dt=self.grain.dt, every=every)
         return [
             None if failed else self._thin_out(motion)
@@ -182,7 +182,7 @@ class Simulation:
         if not len(shapes):
             flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
             shapes = flat[None].astype(np.float32)
-        begin = float(motion.t[0]) - self.grain.dt + SHAPES
+        begin = float(motion.t[0]) - self.grain.dt + SHAPE_PERIOD
         force = mean_force(motion.t, motion.grip_force)
         return SimulatedMotion(
             motion.t, motion.poses, motion.contact_x, force, begin, shapes, arc, motion.touch
@@ -206,4 +206,4 @@ def _apart(order: Sequence[bytes], wanted: Mapping[bytes, Job]) -> list[list[byt
     """
     rich = {key: needs_terms(wanted[key].model) for key in order}
     parts = [[key for key in order if rich[key] is which] for which in (True, False)]
-    return parts if min(map(len, parts)) >= LANES else [list(order)]
+    return parts if min(map(len, parts)) >= LANE_COUNT else [list(order)]

@@ -29,8 +29,8 @@ from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.strip.shape import Touch, desk_contact
 from drivers.types import Array
 
-AFTER = 0.3  # s that a run goes on after its touch
-CLEARANCE = 0.004  # m of the strip before the grip that the fingers hide
+TIME_AFTER_TOUCH = 0.3  # s that a run goes on after its touch
+HIDDEN_LENGTH = 0.004  # m of the strip before the grip that the fingers hide
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ def write_fold(
     """The four files of a measured run of `strip` in the new `folder`."""
     folder.mkdir(parents=True)
     touch = _touch(fold, by, rng)
-    end = fold.way.t[-1] if touch is None else min(touch.time + AFTER, fold.way.t[-1])
+    end = fold.way.t[-1] if touch is None else min(touch.time + TIME_AFTER_TOUCH, fold.way.t[-1])
     stamps = _stamps(end, by, rng)
     points = [_curve(fold, stamp, by, rng) for stamp in stamps]
     write_document(folder / RUN, _header(strip, fold, by))
@@ -152,7 +152,7 @@ def _curve(fold: Fold, stamp: float, by: Instruments, rng: np.random.Generator) 
     shape = _shape(fold, stamp)
     lifted = np.flatnonzero(shape[:, 1] > fold.model.observation.contact_height)
     begin = fold.arc[lifted[0]] if len(lifted) else fold.arc[-1]
-    s = np.arange(begin, fold.arc[-1] - CLEARANCE, by.spacing)
+    s = np.arange(begin, fold.arc[-1] - HIDDEN_LENGTH, by.spacing)
     curve = CubicSpline(fold.arc, shape)
     tangent = curve(s, 1)
     tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]

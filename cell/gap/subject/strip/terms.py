@@ -3,7 +3,7 @@
 import numpy as np
 
 from cell.gap.subject.subject import Candidate, Parameter
-from drivers.strip.law import TERMS, Term
+from drivers.strip.law import LAW_TERMS, Term
 
 SECANT = 0.1  # of its size: the step of secants
 TRIED = (0.0, 0.5, 0.9)  # of the way from its size to the most, on a logarithmic scale
@@ -11,7 +11,7 @@ TRIED = (0.0, 0.5, 0.9)  # of the way from its size to the most, on a logarithmi
 
 def candidates() -> tuple[Candidate, ...]:
     """Every law, with one amount each."""
-    return tuple(_candidate(term) for term in TERMS.values())
+    return tuple(_candidate(term) for term in LAW_TERMS.values())
 
 
 def _candidate(term: Term) -> Candidate:

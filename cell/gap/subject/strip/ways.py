@@ -8,21 +8,21 @@ from policies.experiments.motion import Motion
 from policies.path import lift_pitch
 
 STEP = 0.001  # s
-EVERY = 10  # steps between the rows that an arm reports
-ROUNDED = 0.04  # s before and after a corner in which the arm turns its velocity
-STILL = 0.6  # s at the end of a motion in which the arm stays
+ROW_STRIDE = 10  # steps between the rows that an arm reports
+CORNER_TIME = 0.04  # s before and after a corner in which the arm turns its velocity
+DWELL_TIME = 0.6  # s at the end of a motion in which the arm stays
 
 
 def way_of(motion: Motion) -> GripperPath:
     """Reported times (m,) [s] from 0 and poses (m, 3) of `motion`, from rest to rest."""
-    t = np.arange(0.0, motion.duration + 2 * ROUNDED + STILL, STEP)
-    half = round(ROUNDED / STEP)
+    t = np.arange(0.0, motion.duration + 2 * CORNER_TIME + DWELL_TIME, STEP)
+    half = round(CORNER_TIME / STEP)
     window = np.hanning(2 * half + 3)[1:-1]
-    points = motion.at(np.clip(t - ROUNDED, 0.0, motion.duration))
+    points = motion.at(np.clip(t - CORNER_TIME, 0.0, motion.duration))
     places = np.stack([_smooth(points[:, c], window / window.sum()) for c in range(2)], axis=1)
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
     poses = np.column_stack([places, lift_pitch(travel)])
-    return GripperPath(frozen(t[::EVERY]), frozen(poses[::EVERY]))
+    return GripperPath(frozen(t[::ROW_STRIDE]), frozen(poses[::ROW_STRIDE]))
 
 
 def _smooth(values: Array, window: Array) -> Array:

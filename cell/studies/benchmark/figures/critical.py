@@ -6,11 +6,11 @@ import numpy as np
 
 from cell.report.drawing import MUTED, as_svg, canvas
 from cell.studies.benchmark import paper
-from cell.studies.benchmark.figures.style import WIDTH
+from cell.studies.benchmark.figures.style import PAGE_WIDTH
 from cell.studies.benchmark.results import CriticalPoints, Results
 from drivers.types import Array
 
-SCALE = ["#3f8fc4", "#6a4fb3", "#b0428f", "#cf6a1f"]
+HEIGHT_COLOURS = ["#3f8fc4", "#6a4fb3", "#b0428f", "#cf6a1f"]
 
 
 def critical_figure(results: Results) -> str:
@@ -18,7 +18,7 @@ def critical_figure(results: Results) -> str:
     found = [r for r in results.results if isinstance(r, CriticalPoints)]
     if not found:
         return ""
-    with canvas(WIDTH, 3.6) as figure:
+    with canvas(PAGE_WIDTH, 3.6) as figure:
         panels = figure.subplots(1, len(found), sharey=True, squeeze=False)[0]
         for axes, points in zip(panels, found, strict=True):
             _panel(axes, points)
@@ -34,7 +34,7 @@ def table(points: CriticalPoints) -> Array:
 def _panel(axes: Any, points: CriticalPoints) -> None:
     from matplotlib.colors import LinearSegmentedColormap
 
-    scale = LinearSegmentedColormap.from_list("height", SCALE)
+    scale = LinearSegmentedColormap.from_list("height", HEIGHT_COLOURS)
     h = 1e3 * paper.FOLDED_HEIGHT * np.array(points.bending_lengths)
     x = 1e3 * table(points)
     for i, height in enumerate(points.heights):

@@ -12,7 +12,7 @@ from cell.studies.benchmark.figures.style import (
     DASHES,
     DISPLACEMENT,
     NOTE,
-    WIDTH,
+    PAGE_WIDTH,
     colour,
     dot,
     policy_rows,
@@ -21,19 +21,19 @@ from cell.studies.benchmark.figures.style import (
 from cell.studies.benchmark.results import ImageFold, Results
 from drivers.types import Array
 
-LIMIT = 1e3 * paper.WORST["feedback"]
+FEEDBACK_LIMIT = 1e3 * paper.WORST["feedback"]
 
 
 def strips_figure(results: Results) -> str:
     """d of every policy on every strip, with the paper's means and its band of 20 mm; SVG."""
-    with canvas(WIDTH, _height(results)) as figure:
+    with canvas(PAGE_WIDTH, _height(results)) as figure:
         _strips(figure.add_subplot(), results)
         return as_svg(figure)
 
 
 def main_picture(results: Results) -> Any:
     """The same figure for matplotlib, with a title of its own."""
-    with canvas(WIDTH, _height(results) + 0.2) as figure:
+    with canvas(PAGE_WIDTH, _height(results) + 0.2) as figure:
         axes = figure.add_subplot()
         _strips(axes, results)
         axes.set_title(
@@ -50,7 +50,7 @@ def repeats_figure(results: Results) -> str:
     """Folds of one strip with new noise, about their mean, with the paper's 1 mm; SVG."""
     policies = results.asked.policies
     half = 0.5e3 * paper.REPEATABILITY
-    with canvas(WIDTH, 0.34 * len(policies) + 0.75) as figure:
+    with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.75) as figure:
         axes = figure.add_subplot()
         axes.axvspan(-half, half, color=BAND, alpha=0.18, lw=0)
         zero(axes)
@@ -75,7 +75,7 @@ def repeats_figure(results: Results) -> str:
 def range_figure(results: Results) -> str:
     """Displacement over the simulated range of strips, and that of folds through images; SVG."""
     policies = results.asked.policies
-    with canvas(WIDTH, 0.42 * len(policies) + 1.1) as figure:
+    with canvas(PAGE_WIDTH, 0.42 * len(policies) + 1.1) as figure:
         axes = figure.add_subplot()
         _paper_lines(axes)
         zero(axes)
@@ -131,10 +131,12 @@ def _strips(axes: Any, results: Results) -> None:
 def _paper_lines(axes: Any) -> None:
     """The numbers that the paper's text states, at the foot of the plot."""
     foot = axes.get_xaxis_transform()
-    axes.axvspan(-LIMIT, LIMIT, color=BAND, alpha=0.16, lw=0, zorder=0)
+    axes.axvspan(-FEEDBACK_LIMIT, FEEDBACK_LIMIT, color=BAND, alpha=0.16, lw=0, zorder=0)
     style = {"transform": foot, "ha": "center", "va": "bottom", "fontsize": NOTE}
     box = {"facecolor": PAPER, "edgecolor": "none", "pad": 1.2, "alpha": 0.85}
-    axes.text(0, 0.012, f"paper: feedback under {LIMIT:.0f}", color=GREEN, zorder=3, **style)
+    axes.text(
+        0, 0.012, f"paper: feedback under {FEEDBACK_LIMIT:.0f}", color=GREEN, zorder=3, **style
+    )
     for policy, mean in paper.MEANS.items():
         place = 1e3 * mean
         axes.axvline(place, color=colour(policy), lw=0.9, ls=DASHES, alpha=0.8, zorder=1)

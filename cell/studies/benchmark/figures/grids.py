@@ -6,14 +6,14 @@ import numpy as np
 
 from cell.report.drawing import INK, MUTED, as_svg, canvas
 from cell.report.words import MINUS
-from cell.studies.benchmark.figures.style import WIDTH, colour, dot, policy_rows
+from cell.studies.benchmark.figures.style import PAGE_WIDTH, colour, dot, policy_rows
 from cell.studies.benchmark.numbers import numeral
 from cell.studies.benchmark.results import RangeFolds, Results
-from policies.domain import DAMPING, STIFFNESS
+from policies.domain import DAMPING_RATIO, STIFFNESS_RANGE
 
 COLOUR_RANGE = 90.0  # mm, where the colours end
 LINEAR = 8.0  # mm, up to about which they grow evenly
-TICKS = (-80, -20, -5, 5, 20, 80)
+BAR_TICKS = (-80, -20, -5, 5, 20, 80)
 FEWEST_COLUMNS = 3  # columns that a map's width is meant for
 
 
@@ -23,7 +23,7 @@ def maps_figure(results: Results) -> str:
     measured = [folds for folds in found if folds is not None]
     if not measured:
         return ""
-    with canvas(WIDTH, 2.5) as figure:
+    with canvas(PAGE_WIDTH, 2.5) as figure:
         panels = figure.subplots(1, max(len(measured), FEWEST_COLUMNS), sharey=True, squeeze=False)[
             0
         ]
@@ -36,7 +36,7 @@ def maps_figure(results: Results) -> str:
         bar = figure.colorbar(shown, ax=list(panels), shrink=0.8, pad=0.01, aspect=22)
         bar.outline.set_visible(False)
         bar.minorticks_off()
-        bar.set_ticks(TICKS, labels=[f"{tick:+d}".replace("-", MINUS) for tick in TICKS])
+        bar.set_ticks(BAR_TICKS, labels=[f"{tick:+d}".replace("-", MINUS) for tick in BAR_TICKS])
         bar.set_label("d  [mm]")
         return as_svg(figure)
 
@@ -44,7 +44,7 @@ def maps_figure(results: Results) -> str:
 def force_figure(results: Results) -> str:
     """The force that holds the fixed edge, over the paper's range; SVG."""
     policies = results.asked.policies
-    with canvas(WIDTH, 0.34 * len(policies) + 0.7) as figure:
+    with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.7) as figure:
         axes = figure.add_subplot()
         for row, policy in enumerate(policies):
             folds = results.over_range(policy, "rod")
@@ -75,8 +75,8 @@ def _map(axes: Any, folds: RangeFolds) -> Any:
 
     norm = AsinhNorm(LINEAR, vmin=-COLOUR_RANGE, vmax=COLOUR_RANGE)
     side = folds.side
-    k = _edges(STIFFNESS[0], STIFFNESS[1], side)
-    b = _edges(1.0, DAMPING, side)
+    k = _edges(STIFFNESS_RANGE[0], STIFFNESS_RANGE[1], side)
+    b = _edges(1.0, DAMPING_RATIO, side)
     d = 1e3 * folds.d.T
     shown = axes.pcolormesh(k, b, d, cmap="RdBu_r", norm=norm, lw=0)
     axes.set(xscale="log", yscale="log", xlim=(k[0], k[-1]), ylim=(b[0], b[-1]))

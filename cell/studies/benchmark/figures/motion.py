@@ -7,27 +7,27 @@ import numpy as np
 from cell.report.drawing import BLUE, GREEN, INK, MUTED, ORANGE, as_svg, canvas
 from cell.studies.benchmark.figures.style import (
     DASHES,
-    WIDTH,
+    PAGE_WIDTH,
     colour,
     desk,
     smooth,
     stiffness_colours,
 )
-from cell.studies.benchmark.parts.evolution import LEVEL
+from cell.studies.benchmark.parts.evolution import LEVEL_MOTION
 from cell.studies.benchmark.results import Adaptation, Curve, Evolution, Results
 from drivers.types import Array
 from policies.path import circular, triangular
 
-LENGTH = 0.6  # m, of the paper's strip
+STRIP_LENGTH = 0.6  # m, of the paper's strip
 ARROW = 0.09  # m
 
 
 def level_figure(results: Results) -> str:
     """The strip as the gripper moves horizontally, the first state with a touch bold; SVG."""
-    found = evolution(results, LEVEL)
+    found = evolution(results, LEVEL_MOTION)
     if found is None:
         return ""
-    with canvas(WIDTH, 2.7) as figure:
+    with canvas(PAGE_WIDTH, 2.7) as figure:
         axes = figure.add_subplot()
         desk(axes)
         _shapes(axes, found, INK)
@@ -43,7 +43,7 @@ def policy_figure(results: Results) -> str:
     found = evolution(results, "feedback")
     if found is None:
         return ""
-    with canvas(WIDTH, 4.4) as figure:
+    with canvas(PAGE_WIDTH, 4.4) as figure:
         axes = figure.add_subplot()
         desk(axes)
         _references(axes)
@@ -59,7 +59,7 @@ def adaptation_figure(results: Results) -> str:
     found = next((r for r in results.results if isinstance(r, Adaptation)), None)
     if found is None:
         return ""
-    with canvas(WIDTH, 3.6) as figure:
+    with canvas(PAGE_WIDTH, 3.6) as figure:
         axes = figure.add_subplot()
         desk(axes)
         _references(axes)
@@ -84,7 +84,7 @@ def measures_figure(results: Results) -> str:
     found = evolution(results, "feedback")
     if found is None or found.touch_x is None or found.displacement is None:
         return ""
-    with canvas(WIDTH, 3.2) as figure:
+    with canvas(PAGE_WIDTH, 3.2) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
         _state(left, found)
         _lengths(right, found, found.touch_x, found.displacement)
@@ -116,7 +116,10 @@ def _shapes(axes: Any, found: Evolution, ink: str) -> None:
 
 
 def _references(axes: Any) -> None:
-    for name, path in (("triangular", triangular(LENGTH)), ("circular", circular(LENGTH))):
+    for name, path in (
+        ("triangular", triangular(STRIP_LENGTH)),
+        ("circular", circular(STRIP_LENGTH)),
+    ):
         axes.plot(*(1e3 * path.points).T, color=colour(name), lw=1, ls=DASHES, gid=name)
         place = 1e3 * path.at(0.82 * path.length)
         axes.annotate(name, place, (-5, 5), textcoords="offset points", ha="right",

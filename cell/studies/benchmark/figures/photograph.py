@@ -14,8 +14,8 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array, Image
 from policies.path import circular, triangular
 
-RED, GREEN, BLUE, BLACK = (40, 40, 220), (60, 190, 60), (230, 120, 30), (20, 20, 20)
-WIDTH = 1000  # px
+RED_BGR, GREEN_BGR, BLUE_BGR, BLACK_BGR = (40, 40, 220), (60, 190, 60), (230, 120, 30), (20, 20, 20)
+PICTURE_WIDTH = 1000  # px
 PART = 0.45  # of the fold's duration, about where the picture is taken
 
 
@@ -40,7 +40,7 @@ def _draw(run: Run) -> str:
         raise ConfigurationError(f"{run.folder}: keeps no images that could be shown")
     note = min(notes, key=lambda n: abs(n.stamp - PART * float(run.ticks.t[-1])))
     image = _mark(_image(note), run, note, calibration)
-    return jpeg_text(window_on(run.ticks, calibration).of(image), WIDTH)
+    return jpeg_text(window_on(run.ticks, calibration).of(image), PICTURE_WIDTH)
 
 
 def _mark(image: Image, run: Run, note: FrameNote, calibration: Calibration) -> Image:
@@ -48,12 +48,12 @@ def _mark(image: Image, run: Run, note: FrameNote, calibration: Calibration) -> 
     length = float(ticks.x[0])
     drawn = image.copy()
     for path in (triangular(length), circular(length)):
-        _line(drawn, calibration, path.at(np.linspace(0.0, path.length, 200)), BLACK, 2)
+        _line(drawn, calibration, path.at(np.linspace(0.0, path.length, 200)), BLACK_BGR, 2)
     gripper = [np.interp(note.stamp, ticks.t, ticks.x), np.interp(note.stamp, ticks.t, ticks.z)]
-    _line(drawn, calibration, np.array([(length, 0.0), (0.0, 0.0)]), RED, 2)
+    _line(drawn, calibration, np.array([(length, 0.0), (0.0, 0.0)]), RED_BGR, 2)
     row = int(np.argmin(np.abs(sights.stamp - note.stamp)))
-    _dot(drawn, calibration, np.array([sights.contact_x[row], 0.0]), GREEN)
-    _dot(drawn, calibration, np.array(gripper), BLUE)
+    _dot(drawn, calibration, np.array([sights.contact_x[row], 0.0]), GREEN_BGR)
+    _dot(drawn, calibration, np.array(gripper), BLUE_BGR)
     return drawn
 
 

@@ -10,12 +10,12 @@ from cell.report.drawing import INK, MUTED, RULE
 from drivers.types import Array
 from policies.registry import look_of
 
-WIDTH = 8.4  # inch, of a page
+PAGE_WIDTH = 8.4  # inch, of a page
 NOTE = 8.0  # points
 BAND = "#7fa98f"
-DAMPED = ["#2f6db5", "#3f8f9c", "#3a8a5c"]  # from the softest strip to the stiffest
+STIFFNESS_COLOURS = ["#2f6db5", "#3f8f9c", "#3a8a5c"]  # from the softest strip to the stiffest
 DASHES = (0, (4, 3))
-DENSE = 600  # points of a smooth curve
+CURVE_SAMPLES = 600  # points of a smooth curve
 DISPLACEMENT = "d = l₁ − l₂  [mm]"
 
 
@@ -63,12 +63,12 @@ def desk(axes: Any) -> None:
 def smooth(shape: Array) -> Array:
     """The curve (m, 2) through the nodes `shape` (n, 2) of a strip, dense enough to look at."""
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(shape, axis=0).T))])
-    return np.asarray(CubicSpline(s, shape)(np.linspace(0.0, s[-1], DENSE)))
+    return np.asarray(CubicSpline(s, shape)(np.linspace(0.0, s[-1], CURVE_SAMPLES)))
 
 
 def stiffness_colours(count: int) -> list[Any]:
     """Blue for the lowest stiffness to green for the highest, as in the paper."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    scale = LinearSegmentedColormap.from_list("stiffness", DAMPED)
+    scale = LinearSegmentedColormap.from_list("stiffness", STIFFNESS_COLOURS)
     return [scale(i / max(count - 1, 1)) for i in range(count)]

@@ -11,10 +11,10 @@ from drivers.strip.describe import describe
 from drivers.strip.rod.engine import Rod
 from policies.domain import strip_at
 from policies.rollout import Rollout, roll_out
-from policies.sensing import EXACT
+from policies.sensing import EXACT_SENSING
 
 STIFFNESSES = 7
-DAMPING = 0.3  # place in the paper's range
+DAMPING_SHARE = 0.3  # place in the paper's range
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +33,8 @@ class Adapted:
 
     def measure(self) -> Adaptation:
         """Fold one strip of each stiffness, with exact observations."""
-        strips = [strip_at(u, DAMPING) for u in np.linspace(0.0, 1.0, STIFFNESSES)]
-        settings = Rollout(speed=self.speed, sensing=EXACT)
+        strips = [strip_at(u, DAMPING_SHARE) for u in np.linspace(0.0, 1.0, STIFFNESSES)]
+        settings = Rollout(speed=self.speed, sensing=EXACT_SENSING)
         folds = roll_out(
             knowing(self.policy, strips),
             Rod(),

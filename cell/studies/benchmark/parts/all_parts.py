@@ -16,8 +16,8 @@ from cell.devices.devices import DeviceSelection
 from cell.folding.fold import Request, fold
 from cell.studies.benchmark.parts.adaptation import Adapted
 from cell.studies.benchmark.parts.critical import Critical
-from cell.studies.benchmark.parts.evolution import LEVEL, Evolved
-from cell.studies.benchmark.parts.hidden_effect import HIDDEN, HiddenEffect
+from cell.studies.benchmark.parts.evolution import LEVEL_MOTION, Evolved
+from cell.studies.benchmark.parts.hidden_effect import HIDDEN_EFFECTS, HiddenEffect
 from cell.studies.benchmark.parts.laid import LaidDown
 from cell.studies.benchmark.parts.paper_range import OverRange
 from cell.studies.benchmark.results import ImageFold
@@ -25,7 +25,7 @@ from cell.studies.benchmark.spec import BenchmarkSpec
 
 LEVEL_SPEED = 0.02  # m/s, of the level motion
 LEARNED = "feedback"  # the policy that the paper's figures of paths are about
-COST = 10.0
+PART_COST = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class ThroughImages:
 
     request: Request
     of: str
-    cost: float = COST
+    cost: float = PART_COST
 
     @property
     def key(self) -> str:
@@ -82,14 +82,14 @@ def _in_the_model(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
         of = digest(code(), weights_digest(policy))
         yield OverRange(policy, "rod", extent.grid, speed, of)
         yield OverRange(policy, "chain", extent.chain, speed, of)
-        for effect in HIDDEN:
+        for effect in HIDDEN_EFFECTS:
             yield HiddenEffect(policy, effect, extent.hidden, speed, of)
     of = digest(code())
     for pace in (LEVEL_SPEED, speed):
         yield Critical(pace, extent.heights, extent.stiffnesses, extent.dampings, of)
     for place in np.linspace(0.0, 1.0, extent.laid):
         yield LaidDown(float(place), of)
-    yield Evolved(LEVEL, LEVEL_SPEED, of)
+    yield Evolved(LEVEL_MOTION, LEVEL_SPEED, of)
     if LEARNED in spec.policies:
         of = digest(code(), weights_digest(LEARNED))
         yield Evolved(LEARNED, speed, of)

@@ -11,14 +11,14 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.domain import DAMPING, strip_at
+from policies.domain import DAMPING_RATIO, strip_at
 from policies.path import Path
 
 STEP = 0.005  # s
 SEGMENTS = 100
-LIFT = 0.1  # m/s, up to where the level motion begins
-END = -0.15  # m, where the level motion ends
-STILL = 3.0  # s at rest before it: three times the slowest fabric's retardation
+LIFT_SPEED = 0.1  # m/s, up to where the level motion begins
+PATH_END = -0.15  # m, where the level motion ends
+DWELL_TIME = 3.0  # s at rest before it: three times the slowest fabric's retardation
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Critical:
             speed=self.speed,
             heights=self.heights,
             bending_lengths=tuple(strip_at(a, 0.0).bending_length for a in u),
-            dampings=tuple(float(DAMPING**b) for b in v),
+            dampings=tuple(float(DAMPING_RATIO**b) for b in v),
             x=table,
         )
 
@@ -73,10 +73,10 @@ class Critical:
 
 
 def level_motion(length: float, height: float, speed: float) -> Array:
-    """Poses (k, 3) every `STEP`: up the triangle's leg to `height`, a rest, level to `END`."""
-    path = Path.through(np.array([(length, 0.0), (length - height, height), (END, height)]))
+    """Poses (k, 3) every `STEP`: up the triangle's leg to `height`, a rest, level to `PATH_END`."""
+    path = Path.through(np.array([(length, 0.0), (length - height, height), (PATH_END, height)]))
     rise = np.sqrt(2) * height
-    up = np.arange(STEP, rise / LIFT, STEP) * LIFT
-    rest = np.full(round(STILL / STEP), rise)
+    up = np.arange(STEP, rise / LIFT_SPEED, STEP) * LIFT_SPEED
+    rest = np.full(round(DWELL_TIME / STEP), rise)
     along = rise + np.arange(STEP, (path.length - rise) / speed, STEP) * speed
     return path.poses(np.concatenate([up, rest, along]))

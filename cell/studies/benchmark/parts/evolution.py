@@ -16,12 +16,12 @@ from drivers.types import Array
 from policies.domain import strip_at
 from policies.path import TAKEOVER_HEIGHT
 from policies.rollout import Rollout, roll_out
-from policies.sensing import EXACT
+from policies.sensing import EXACT_SENSING
 
-LEVEL = "level"  # the gripper moves level, as where critical points are measured
-HEIGHT = 0.14  # m, of that motion
-SHAPES = 16
-PLACE = (0.4, 0.3)  # of the strip in the paper's range
+LEVEL_MOTION = "level"  # the gripper moves level, as where critical points are measured
+LEVEL_HEIGHT = 0.14  # m, of that motion
+SHAPE_COUNT = 16
+STRIP_PLACE = (0.4, 0.3)  # of the strip in the paper's range
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +40,10 @@ class Evolved:
 
     def measure(self) -> Evolution:
         """Fold and return the shapes."""
-        seen = self._level() if self.policy == LEVEL else self._fold()
+        seen = self._level() if self.policy == LEVEL_MOTION else self._fold()
         return Evolution(
             policy=self.policy,
-            bending_length=strip_at(*PLACE).bending_length,
+            bending_length=strip_at(*STRIP_PLACE).bending_length,
             shapes=tuple(curve(shape) for shape in seen.shapes),
             contacts=tuple(seen.contacts.tolist()),
             headings=tuple(seen.headings.tolist()),
@@ -53,22 +53,22 @@ class Evolved:
         )
 
     def _level(self) -> "_Seen":
-        strip = strip_at(*PLACE)
-        poses = level_motion(strip.length, HEIGHT, self.speed)
+        strip = strip_at(*STRIP_PLACE)
+        poses = level_motion(strip.length, LEVEL_HEIGHT, self.speed)
         t = np.arange(1.0, len(poses) + 1.0) * STEP
         model = describe(strip)
         motion = simulate(Rod(), model, t, poses, dt=STEP, shapes=True)
         path = motion.poses[:, :2]
-        return _Seen.of(motion.shapes, motion.contact_x, path, motion.touch, HEIGHT - 1e-9)
+        return _Seen.of(motion.shapes, motion.contact_x, path, motion.touch, LEVEL_HEIGHT - 1e-9)
 
     def _fold(self) -> "_Seen":
-        strip, recording = strip_at(*PLACE), RecordingEngine(Rod(), shapes=True)
+        strip, recording = strip_at(*STRIP_PLACE), RecordingEngine(Rod(), shapes=True)
         folds = roll_out(
             knowing(self.policy, [strip]),
             recording,
             strip,
             [describe(strip)],
-            settings=Rollout(speed=self.speed, sensing=EXACT),
+            settings=Rollout(speed=self.speed, sensing=EXACT_SENSING),
             rng=np.random.default_rng(0),
         )
         end = int(recording.frames[0])
@@ -93,7 +93,7 @@ class _Seen:
     ) -> "_Seen":
         """Shapes at equal times from where the gripper reaches `height` [m]."""
         begin = int(np.argmax(path[:, 1] >= height))
-        chosen = np.unique(np.linspace(begin, len(shapes) - 1, SHAPES).round().astype(int))
+        chosen = np.unique(np.linspace(begin, len(shapes) - 1, SHAPE_COUNT).round().astype(int))
         way = np.gradient(path, axis=0)
         headings = np.arctan2(way[:, 1], way[:, 0])
         return cls(shapes[chosen], contacts[chosen], headings[chosen], path, touch)

@@ -12,13 +12,13 @@ from drivers.strip.rod.engine import Rod
 from policies.adaptive.fabrics import EFFECTS, effect, friction, plain
 from policies.planned import Planned
 from policies.rollout import Rollout, roll_out
-from policies.sensing import IMAGES
+from policies.sensing import IMAGE_SENSING
 
-FRICTION = "bending_hysteresis"
-YIELD = (20.0, 60.0)  # 1/m, as laboratories measure it
-HIDDEN = ("", FRICTION, *EFFECTS)
+FRICTION_EFFECT = "bending_hysteresis"
+YIELD_RANGE = (20.0, 60.0)  # 1/m, as laboratories measure it
+HIDDEN_EFFECTS = ("", FRICTION_EFFECT, *EFFECTS)
 """Effects that are hidden in turn; the empty name stands for none."""
-COST = 0.1  # of a fold; planning takes many
+FOLD_COST = 0.1  # of a fold; planning takes many
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class HiddenEffect:
     @property
     def cost(self) -> float:
         """Estimated time [s]."""
-        return self.count * COST * (5 if self.policy == Planned.name else 1)
+        return self.count * FOLD_COST * (5 if self.policy == Planned.name else 1)
 
     def measure(self) -> EffectFolds:
         """Fold all strips."""
@@ -54,7 +54,7 @@ class HiddenEffect:
             Rod(SEGMENTS, strict=False),
             known[0],
             [describe(strip) for strip in strips],
-            settings=Rollout(speed=self.speed, sensing=IMAGES),
+            settings=Rollout(speed=self.speed, sensing=IMAGE_SENSING),
             rng=rng,
         )
         return EffectFolds(
@@ -66,7 +66,7 @@ class HiddenEffect:
     def _strip(self, rng: np.random.Generator) -> StripFile:
         if not self.effect:
             return plain(rng)
-        if self.effect == FRICTION:
-            return plain(rng, bending_hysteresis=friction(rng, *YIELD))
+        if self.effect == FRICTION_EFFECT:
+            return plain(rng, bending_hysteresis=friction(rng, *YIELD_RANGE))
         bare = plain(rng)
         return bare.model_copy(update={"effects": {self.effect: effect(self.effect, rng)}})

@@ -18,7 +18,7 @@ from policies.planned import plan, raise_path
 STEP = 0.005  # s
 LINKS = 120
 SPEED, LAY_SPEED = 0.1, 0.05  # m/s
-DAMPING = 0.3  # place in the paper's range
+DAMPING_SHARE = 0.3  # place in the paper's range
 HELD, RELEASED = 0.5, 1.5  # s of rest
 
 
@@ -37,7 +37,7 @@ class LaidDown:
 
     def measure(self) -> Laid:
         """Fold on the planned path, lay the edge on the fixed one, release."""
-        strip = strip_at(self.stiffness, DAMPING)
+        strip = strip_at(self.stiffness, DAMPING_SHARE)
         chain = Chain(LINKS)
         chain.reset([describe(strip)])
         path = raise_path(strip.length, float(plan([strip], SPEED)[0]))

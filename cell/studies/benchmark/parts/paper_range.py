@@ -18,7 +18,7 @@ from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
 
 SEGMENTS, LINKS = 100, 80
-COST = {"rod": 0.03, "chain": 0.3}  # of a strip
+STRIP_COST = {"rod": 0.03, "chain": 0.3}  # of a strip
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class OverRange:
     def cost(self) -> float:
         """Estimated time [s]; planning takes many folds."""
         folds = self.side**2 * (16 if self.policy == Planned.name else 1)
-        return self.side**2 * COST[self.engine] + folds * COST["rod"]
+        return self.side**2 * STRIP_COST[self.engine] + folds * STRIP_COST["rod"]
 
     def measure(self) -> RangeFolds:
         """Fold all strips."""

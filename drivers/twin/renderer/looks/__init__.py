@@ -7,7 +7,7 @@ from functools import cache
 
 from drivers.twin.renderer.looks.look import Look
 
-PLAIN = "green-mat"
+DEFAULT_LOOK = "green-mat"
 
 
 @cache
@@ -15,7 +15,9 @@ def looks() -> Mapping[str, Look]:
     """Looks by name, the plain one first."""
     modules = [name for _, name, _ in pkgutil.iter_modules(__path__) if name != "look"]
     found = [importlib.import_module(f"{__name__}.{name}").LOOK for name in modules]
-    return {look.name: look for look in sorted(found, key=lambda it: (it.name != PLAIN, it.name))}
+    return {
+        look.name: look for look in sorted(found, key=lambda it: (it.name != DEFAULT_LOOK, it.name))
+    }
 
 
 def check_look(name: str) -> str:

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from cell.gap.subject.strip.scope import candidate, file_values
-from cell.gap.subject.strip.simulation import LANES, HashedModel, HashedPath, Job, _apart
+from cell.gap.subject.strip.simulation import LANE_COUNT, HashedModel, HashedPath, Job, _apart
 from cell.gap.subject.strip.subject import AGEING
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
-from drivers.strip.law import TERMS, with_law
+from drivers.strip.law import LAW_TERMS, with_law
 from drivers.strip.rod.lumping import needs_terms
 from drivers.strip.rod.motions import GripperPath
 
@@ -32,16 +32,16 @@ def jobs(plain: int, rich: int) -> dict[bytes, Job]:
 
 
 def test_strips_that_need_further_terms_are_simulated_apart_from_plain_ones() -> None:
-    wanted = jobs(plain=2 * LANES, rich=LANES)
+    wanted = jobs(plain=2 * LANE_COUNT, rich=LANE_COUNT)
     parts = _apart(list(wanted), wanted)
-    assert [len(part) for part in parts] == [LANES, 2 * LANES]
+    assert [len(part) for part in parts] == [LANE_COUNT, 2 * LANE_COUNT]
     for part in parts:
         assert len({needs_terms(wanted[key].model) for key in part}) == 1
         assert part == [key for key in wanted if key in part]
 
 
 def test_a_few_strips_do_not_make_a_batch_of_their_own() -> None:
-    wanted = jobs(plain=2 * LANES, rich=LANES - 1)
+    wanted = jobs(plain=2 * LANE_COUNT, rich=LANE_COUNT - 1)
     assert _apart(list(wanted), wanted) == [list(wanted)]
 
 
@@ -54,5 +54,5 @@ def test_only_what_ages_depends_on_the_number_of_the_run() -> None:
     for name, effect in registry().items():
         values = file_values(effect, candidate(effect, STRIP, 0.0).probes[-1][0])
         assert depends({name: values or {}}, {}) is (name in AGEING), name
-    for name in TERMS:
+    for name in LAW_TERMS:
         assert depends({}, {name: 0.01}) is (name in AGEING), name

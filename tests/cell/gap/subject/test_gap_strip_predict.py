@@ -9,9 +9,9 @@ import pytest
 
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import subject
-from cell.gap.subject.strip.layout import LIFTED, SNAP, Floors
+from cell.gap.subject.strip.layout import GRIP_TRAVEL, SNAP, Floors
 from cell.gap.subject.strip.prepare import Fold
-from cell.gap.subject.strip.scope import EXACT, UNTRUE, scope
+from cell.gap.subject.strip.scope import PLACE_ERROR, UNTRUE, scope
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.strip.synthetic import rod_folds
 from cell.gap.subject.strip.ways import way_of
@@ -142,7 +142,7 @@ def test_only_laws_of_cloth_may_be_far_from_true(plain: Strip) -> None:
         model_error["tcp_offset"]
         == model_error["homography_scale"]
         == model_error["length_error"]
-        == EXACT
+        == PLACE_ERROR
     )
 
 
@@ -202,7 +202,7 @@ def test_the_lift_off_and_the_snap_are_not_compared(plain: Strip) -> None:
         assert isinstance(run.content, Fold)
         measured = run.content.comparison.run
         t = run.samples.t[run.samples.channel != "layer_touch"]
-        assert np.interp(t.min(), measured.t, measured.travel) >= LIFTED
+        assert np.interp(t.min(), measured.t, measured.travel) >= GRIP_TRAVEL
         assert t.max() <= measured.end - (SNAP if measured.touch else 0.0)
 
 

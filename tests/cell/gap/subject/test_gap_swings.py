@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from cell.config.places import BESIDE
+from cell.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import fit
 from cell.gap.subject.pendulum.file import PendulumFile
 from cell.gap.subject.pendulum.subject import Pendulum, load_pendulum
@@ -200,7 +200,7 @@ def test_undo_of_a_file_edited_since_is_refused(copied: tuple[Path, Path]) -> No
 def test_effects_of_the_cell_go_into_the_cell_file(copied: tuple[Path, Path]) -> None:
     file, out = copied
     cell = out.parent / "cell.yaml"
-    stated = yaml.safe_load((BESIDE / "cell.yaml").read_text())
+    stated = yaml.safe_load((CHECKOUT_CONFIGS / "cell.yaml").read_text())
     here = {"name": "here", "effects": {"desk_tilt": {"angle": 0.001}}}
     cell.write_text(yaml.safe_dump(stated | here))
     (out / "cell-patch.yaml").write_text("effects:\n  camera_latency: {time: 0.02}\n")

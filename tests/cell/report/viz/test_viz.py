@@ -26,7 +26,7 @@ from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
-from drivers.types import STILL, ArmState, Frame, HandState, Pose
+from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from policies.path import triangular
 from policies.prediction import Estimate, FoldPrediction
 from tests.cell.conftest import HEADER
@@ -52,7 +52,7 @@ def snapshot(k: int, state: State = State.FOLD, every: int = 2) -> Snapshot:
     """Tick number k of a fold whose camera delivers an image every other tick."""
     time = 0.01 * k
     pose = Pose(0.6 - 0.05 * time, 0.05 * time, 0.5)
-    arm = ArmState(time, time, "made", pose, STILL, pose, True, False)
+    arm = ArmState(time, time, "made", pose, ZERO_VELOCITY, pose, True, False)
     hand = HandState(time, time, "made", 0.0, True, False)
     sequence = k // every
     frame = Frame(time, time, "made", sequence, np.full((72, 128, 3), k % 255, np.uint8))

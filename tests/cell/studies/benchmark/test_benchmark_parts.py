@@ -9,8 +9,8 @@ from cell.studies.benchmark.figures.critical import table
 from cell.studies.benchmark.figures.style import smooth
 from cell.studies.benchmark.parts.adaptation import Adapted
 from cell.studies.benchmark.parts.critical import Critical
-from cell.studies.benchmark.parts.evolution import LEVEL, Evolved
-from cell.studies.benchmark.parts.hidden_effect import FRICTION, HiddenEffect
+from cell.studies.benchmark.parts.evolution import LEVEL_MOTION, Evolved
+from cell.studies.benchmark.parts.hidden_effect import FRICTION_EFFECT, HiddenEffect
 from cell.studies.benchmark.parts.laid import LaidDown
 from cell.studies.benchmark.parts.paper_range import OverRange
 from cell.studies.benchmark.summary import misses_text
@@ -54,7 +54,7 @@ def test_laid_strip_is_as_high_as_the_heavy_elastica() -> None:
 
 
 def test_shapes_of_a_level_motion_end_where_layers_touch() -> None:
-    seen = Evolved(LEVEL, 0.05, "").measure()
+    seen = Evolved(LEVEL_MOTION, 0.05, "").measure()
     assert seen.touch_x is not None
     last = np.array(seen.shapes[-1])
     assert last[0] == pytest.approx([0, 0])
@@ -73,7 +73,8 @@ def test_learned_policy_leads_stiffer_strips_further_before_they_touch() -> None
 
 def test_friction_that_nobody_told_of_spoils_a_plan_and_hardly_the_feedback_of_adaptive() -> None:
     adaptive, planned = (
-        HiddenEffect(policy, FRICTION, 4, 0.1, "").measure() for policy in ("adaptive", "planned")
+        HiddenEffect(policy, FRICTION_EFFECT, 4, 0.1, "").measure()
+        for policy in ("adaptive", "planned")
     )
     assert np.abs(adaptive.displacement).max() < 0.006
     assert np.abs(planned.displacement).mean() > 0.008

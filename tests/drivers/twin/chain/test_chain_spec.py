@@ -102,8 +102,8 @@ def test_unknown_part_of_a_description_is_refused_unless_null(
     class Magnetic(BendingLaw):
         field_strength: float = 0.0
 
-    known = {**spec.KNOWN, Magnetic: spec.KNOWN[BendingLaw]}
-    monkeypatch.setattr(spec, "KNOWN", known)
+    known = {**spec.KNOWN_FIELDS, Magnetic: spec.KNOWN_FIELDS[BendingLaw]}
+    monkeypatch.setattr(spec, "KNOWN_FIELDS", known)
     build(with_law(model, Magnetic()), LINKS)
     with pytest.raises(Unsupported, match="field_strength"):
         build(with_law(model, Magnetic(field_strength=1.0)), LINKS)

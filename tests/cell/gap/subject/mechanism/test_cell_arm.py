@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from cell.config.places import BESIDE, find_configs
+from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.gap.subject.mechanism.gripper_path import cell_patch
 from cell.gap.subject.mechanism.subject import open_mechanism
 from cell.gap.subject.run_folders import RunFolder
@@ -26,7 +26,7 @@ from drivers.franka.dynamics import arm_mjcf
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.yaml_edit import dump_text
 
-FILE = BESIDE / "mechanisms" / "arm" / "mechanism.yaml"
+FILE = CHECKOUT_CONFIGS / "mechanisms" / "arm" / "mechanism.yaml"
 TICKS = 1500
 SOFT = 8e-5
 
@@ -117,7 +117,7 @@ def test_consequences_are_millimetres_of_the_gripper_and_where_they_go(soft):
 
 def test_load_and_delay_are_accepted_into_the_cell(soft, tmp_path):
     shutil.copytree(FILE.parent, tmp_path / "arm")
-    shutil.copy(BESIDE / "cell.yaml", tmp_path / "cell.yaml")
+    shutil.copy(CHECKOUT_CONFIGS / "cell.yaml", tmp_path / "cell.yaml")
     file, out, cell = tmp_path / "arm" / "mechanism.yaml", tmp_path / "out", tmp_path / "cell.yaml"
     out.mkdir()
     base = {p.name: p.start for p in soft.scope.base}
