@@ -167,6 +167,11 @@ def test_help_imports_nothing_heavy() -> None:
     ("words", "said"),
     [
         (("jog",), "--x, --z, --pitch: give one at least"),
+        (("jog", "--zz", "1"), "no such option: --zz"),
+        (("jog", "--arm", "fcii"), "invalid value for '--arm': 'fcii' is not one of 'twin', 'fci'"),
+        (("note",), "missing argument 'RUN...'; `cell note --help` lists what goes"),
+        (("runs", "one", "two"), "got unexpected extra argument(s) (one two); `cell runs --help`"),
+        (("gap", "fti"), "no such command 'fti'"),
         (("calibrate", "camera", "--resume", "file"), "--resume: file holds no session"),
         (("calibrate", "homography", "--resume", "gone"), "--resume: gone holds no session"),
         (("report", "gone"), "gone: is not there; `cell runs` lists the runs"),
@@ -188,7 +193,9 @@ def test_words_that_lead_nowhere_are_refused_and_nothing_is_made(
     (tmp_path / "file").write_text("")
     before = sorted(tmp_path.rglob("*"))
     monkeypatch.chdir(tmp_path)
-    assert said in refused(monkeypatch, capsys, *words)
+    line = refused(monkeypatch, capsys, *words)
+    assert said in line
+    assert "\n" not in line
     assert sorted(tmp_path.rglob("*")) == before
 
 
