@@ -86,6 +86,8 @@ def exam(
     steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     chosen = engine(wide, cluster, LIMIT)
+    _check_places(out, report, made=only_judge)
+    others = [entry for place in beside or () for entry in _kept(place)]
     with resumable(out), Meter(console, summarise, quiet=as_json) as meter:
         drawn = (lambda *_: None) if as_json else _line
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
@@ -97,7 +99,6 @@ def exam(
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
     command = _command(tier, len(wanted), seed, repeats, kind, force)
-    others = [entry for place in beside or () for entry in _kept(place)]
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
     _tell(entries, page, as_json=as_json)
 
@@ -109,6 +110,23 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
     if make and judge:
         raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
     return "make" if make else "judge" if judge else "all"
+
+
+def _check_places(out: Path, report: Path | None, *, made: bool) -> None:
+    """Refuse, before the hours of an exam, places that it cannot use; its runs must be `made`."""
+    from cell.exam.cases.answer_key import KEYS
+    from drivers.errors import ConfigurationError
+
+    if out.exists() and not out.is_dir():
+        raise ConfigurationError(f"--out: {out} is a file; name a folder")
+    if report is not None and report.is_dir():
+        raise ConfigurationError(
+            f"--report: {report} is a folder; name a file, as {report}/exam.md"
+        )
+    if made and not (out / KEYS).is_dir():
+        raise ConfigurationError(
+            f"--only-judge: {out} holds no runs of an exam; make them first, with --only-make"
+        )
 
 
 def _command(
