@@ -37,7 +37,9 @@ def _answer(error: Exception) -> int:
     usage: type = BadParameter.__mro__[1]  # of all misuse; no version of Typer exports it
     if isinstance(error, usage):
         return _show_usage(error)
-    return _show(CellError("no answer was given") if isinstance(error, Abort) else _expected(error))
+    return _show(
+        CellError("no answer was given") if isinstance(error, Abort) else _cell_error(error)
+    )
 
 
 def _show_usage(error: Any) -> int:
@@ -50,7 +52,7 @@ def _show_usage(error: Any) -> int:
     return _show(ConfigurationError(f"{said}; `{command} --help` lists what goes"))
 
 
-def _expected(error: Exception) -> CellError:
+def _cell_error(error: Exception) -> CellError:
     """`error` as one of the cell's own: a library that is missing, or a defect."""
     from cell.extras import FEATURES, missing_library
     from drivers.errors import Unexpected

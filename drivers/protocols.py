@@ -45,10 +45,10 @@ class Hand(Protocol):
     """A gripper with two fingers."""
 
     def open(self) -> None:
-        """Start to open."""
+        """Start to open the fingers."""
 
     def grasp(self) -> None:
-        """Start to close on the strip's edge."""
+        """Start to close the fingers on the strip's edge."""
 
     def state(self) -> HandState:
         """The newest measured state."""

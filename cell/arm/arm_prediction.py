@@ -40,7 +40,7 @@ class ArmPrediction:
         }
 
     def text(self) -> str:
-        """For the operator."""
+        """What the prediction says, in a line for the operator."""
         reach = self.reach
         if not reach.allowed:
             problems = "\n    ".join(str(problem) for problem in reach.problems)

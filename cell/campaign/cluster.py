@@ -119,7 +119,7 @@ def event_loop() -> Iterator["IOLoop"]:
     Dask asserts that it begins within 10 s, which no setting changes: a machine that stands still
     for longer is given another try.
     """
-    runner = _started(TRIES)
+    runner = _start_runner(TRIES)
     try:
         yield runner.loop
     finally:
@@ -127,7 +127,7 @@ def event_loop() -> Iterator["IOLoop"]:
             runner.stop()
 
 
-def _started(tries: int) -> "LoopRunner":
+def _start_runner(tries: int) -> "LoopRunner":
     from distributed.utils import LoopRunner
 
     runner = LoopRunner()
@@ -136,7 +136,7 @@ def _started(tries: int) -> "LoopRunner":
     except AssertionError:
         if tries == 1:
             raise
-        return _started(tries - 1)
+        return _start_runner(tries - 1)
     return runner
 
 

@@ -316,7 +316,7 @@ def _as_result(request: "Request", made: "FoldResult | CellError") -> "FoldResul
         raise made
     if isinstance(made, CellError):
         name = Path(request.strip).stem
-        return FoldResult.refused(name, request.policy, request.choice.seed, made)
+        return FoldResult.refusal(name, request.policy, request.choice.seed, made)
     return made
 
 

@@ -10,6 +10,8 @@ import typer
 from cell.cli.options import Cluster, Json, engine, print_json, resumable
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from cell.exam.run_case import Steps
     from cell.exam.scoring.results import Entry
 
@@ -86,8 +88,7 @@ def exam(
     steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     chosen = engine(wide, cluster, LIMIT)
-    _check_places(out, report, made=only_judge)
-    others = [entry for place in beside or () for entry in _kept(place)]
+    others = _check_places(out, report, beside or (), made=only_judge)
     with resumable(out), Meter(console, summarise, quiet=as_json) as meter:
         drawn = (lambda *_: None) if as_json else _line
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
@@ -112,8 +113,13 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
     return "make" if make else "judge" if judge else "all"
 
 
-def _check_places(out: Path, report: Path | None, *, made: bool) -> None:
-    """Refuse, before the hours of an exam, places that it cannot use; its runs must be `made`."""
+def _check_places(
+    out: Path, report: Path | None, beside: "Sequence[Path]", *, made: bool
+) -> "list[Entry]":
+    """The entries of the exams `beside`, once all places can be used: an exam takes hours.
+
+    Raises ConfigurationError where one cannot, or where `out` holds no runs that are to be `made`.
+    """
     from cell.exam.cases.answer_key import KEYS
     from drivers.errors import ConfigurationError
 
@@ -127,6 +133,7 @@ def _check_places(out: Path, report: Path | None, *, made: bool) -> None:
         raise ConfigurationError(
             f"--only-judge: {out} holds no runs of an exam; make them first, with --only-make"
         )
+    return [entry for place in beside for entry in _entries_of(place)]
 
 
 def _command(
@@ -139,7 +146,7 @@ def _command(
     return f"cell gap exam --tier {tier} --cases {count} --seed {seed}{again}"
 
 
-def _kept(place: Path) -> "tuple[Entry, ...]":
+def _entries_of(place: Path) -> "tuple[Entry, ...]":
     """The entries of another exam: `place` is its folder or its ledger."""
     from cell.exam.run import LEDGER
     from cell.exam.scoring.results import Ledger

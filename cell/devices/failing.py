@@ -107,12 +107,12 @@ class FailingHand:
         self.deaf = False
 
     def open(self) -> None:
-        """Start to open, unless deaf."""
+        """Start to open the fingers, unless the hand is deaf."""
         if not self.deaf:
             self._hand.open()
 
     def grasp(self) -> None:
-        """Start to close, unless deaf."""
+        """Start to close the fingers, unless the hand is deaf."""
         if not self.deaf:
             self._hand.grasp()
 

@@ -212,7 +212,7 @@ class NoCamera:
         raise Fault("camera_closed", "no camera was opened")
 
     def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
-        """Never an image."""
+        """No image: this camera has none."""
         return None
 
     def close(self) -> None:

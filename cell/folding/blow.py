@@ -117,7 +117,7 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
                 opened=open_failing, leads=leads, page=False,
             )  # fmt: skip
         except CellError as error:
-            result = FoldResult.refused("denim", "triangular", blow.seed, error)
+            result = FoldResult.refusal("denim", "triangular", blow.seed, error)
     for cell_struck in cells:
         cell_struck.look()
     moves = np.array(cells[0].motion) if cells else np.zeros((0, 4))

@@ -22,7 +22,7 @@ class FoldTrace:
     """Observer that keeps the gripper's path from the lift on and the profiles of the fold."""
 
     def __init__(self, strip: StripFile) -> None:
-        """Of a fold of `strip`, as the controller knows it."""
+        """Trace a fold of `strip`, as the controller knows it."""
         self._strip = strip
         self._path: list[tuple[float, float, float, float]] = []
         self._stamps: list[float] = []

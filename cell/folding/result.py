@@ -47,7 +47,7 @@ class FoldResult:
     correction: str | None = None
 
     @classmethod
-    def refused(cls, strip: str, policy: str, seed: int, error: CellError) -> Self:
+    def refusal(cls, strip: str, policy: str, seed: int, error: CellError) -> Self:
         """A fold that did not begin: `error` is the reason, and nothing was recorded."""
         stopped = StopReason.by(error)
         return cls(

@@ -55,7 +55,7 @@ class Check(Entry):
 
     @property
     def level(self) -> Level:
-        """The worst of them."""
+        """The worst level of all findings."""
         found = {f.level for f in self.findings}
         return "bad" if "bad" in found else "fair" if "fair" in found else "good"
 

@@ -236,13 +236,13 @@ def _refit_further(
     """Other single effects and then larger models, where the best leave something to find."""
     base, candidates = fits.base.estimate, subject.scope.candidates
 
-    def tried(fits: Fits, scores: Sequence[Score]) -> Fits:
+    def fit_and_merge(fits: Fits, scores: Sequence[Score]) -> Fits:
         known = search.with_shape_parameters(candidates, fits)
         return fits.merge(search.fit_scores(simulate, base, scores, known, fits))
 
     def more(fits: Fits, size: int) -> Fits:
         known = search.with_shape_parameters(candidates, fits)
-        return tried(fits, search.extensions(simulate, fits, size, known, screened.probed))
+        return fit_and_merge(fits, search.extensions(simulate, fits, size, known, screened.probed))
 
     if len(fits.models) == 1 or is_exhausted(fits):
         return fits
@@ -253,20 +253,22 @@ def _refit_further(
     others = [
         s for s in screened.singles[: search.BUDGET.looked] if fits.of(frozenset(s.names)) is None
     ]
-    fits = tried(fits, search.shortlist(simulate, base, others, candidates, search.BUDGET.further))
+    fits = fit_and_merge(
+        fits, search.shortlist(simulate, base, others, candidates, search.BUDGET.further)
+    )
     if is_exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits
     progress("refit pairs", 0.45)
     screened_pairs = ranked_pairs(screened.known, search.BUDGET.sifted)
     pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.BUDGET.pairs)
-    fits = more(tried(fits, pairs), 1)
+    fits = more(fit_and_merge(fits, pairs), 1)
     pair = len(choose(fits).accepted.model.effects) == 2
     if pair and not is_exhausted(fits) and _leaves_more(fits, anywhere=False):
         progress("refit triples", 0.7)
         fits = more(fits, 2)
-    fits = tried(fits, search.without_each(fits))
+    fits = fit_and_merge(fits, search.without_each(fits))
     known = search.with_shape_parameters(candidates, fits)
-    return tried(fits, search.substitutes(simulate, fits, known))
+    return fit_and_merge(fits, search.substitutes(simulate, fits, known))
 
 
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:

@@ -31,7 +31,7 @@ class Correctable(Protocol):
         """
 
 
-def corrected(policy: Policy, seen: float, unseen: float) -> bool:
+def correct(policy: Policy, seen: float, unseen: float) -> bool:
     """Correct `policy` by the biases `seen` and `unseen` by the camera [m]; whether it can be."""
     if not isinstance(policy, Correctable):
         return False
@@ -69,10 +69,10 @@ class Correction:
 
     def apply(self, policy: Policy) -> "Correction | None":
         """This correction, given to `policy`; None where it does not steer by a model."""
-        return self if corrected(policy, self.seen, self.unseen) else None
+        return self if correct(policy, self.seen, self.unseen) else None
 
     def facts(self) -> dict[str, Any]:
-        """Entry of run.yaml."""
+        """The correction as run.yaml records it [m]."""
         return asdict(self)
 
     def sentence(self) -> str | None:

@@ -51,7 +51,7 @@ class Memory:
     """The experiences of one cell, oldest first, and whether the operator switched learning off."""
 
     def __init__(self, cell: str, folder: Path | None = None) -> None:
-        """Of the cell called `cell`; in `folder`, by default the user's data folder."""
+        """Keep what `cell` learns in `folder`, by default the user's data folder."""
         self.folder = folder or data_folder() / "learning"
         self.path = self.folder / f"{cell}.jsonl"
         self._off = self.folder / f"{cell}.off"

@@ -83,8 +83,8 @@ def solid(levels: Image, calibration: Calibration, strip: StripFile, rise: float
     return PreflightCheck(
         "solid",
         least >= SOLID,
-        f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip is told from the desk, "
-        f"{100 * SOLID:.0f} % are needed; part of its pattern looks like the desk",
+        f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip stands out from the "
+        f"desk, {100 * SOLID:.0f} % are needed; part of its pattern looks like the desk",
         "lay a mat under it that differs from each of its colours",
     )
 

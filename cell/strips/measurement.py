@@ -161,7 +161,7 @@ def _overhang(bending: Bending) -> str:
         if each.photograph.overhang < c and each.sigma > UNSURE / 2
     ]
     low, high = (1e3 * c * each for each in OVERHANGS)
-    best = f"an overhang of {low:.0f} to {high:.0f} mm tells most"
+    best = f"an overhang of {low:.0f} to {high:.0f} mm shows most"
     if sharp:
         return f"{', '.join(sharp)}: bends too sharply at the ledge to be seen well; {best}"
     if stiff:

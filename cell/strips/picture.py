@@ -65,7 +65,7 @@ def _photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
 
 
 def _near_the_ledge(axes: Any, fitted: Fit) -> None:
-    """Only the bend: the first stretch of the strip, `BEND` bending lengths long."""
+    """Limit `axes` to the bend: the first stretch of the strip, `BEND` bending lengths long."""
     photograph = fitted.photograph
     reach = min(BEND * fitted.bending_length, photograph.overhang) / photograph.pixel
     u, v = photograph.points[0] / photograph.pixel * (1, -1)

@@ -35,7 +35,7 @@ class Trained:
     trial: Trial | None = None
 
     def line(self) -> dict[str, object]:
-        """One JSON object."""
+        """The outcome as a line of JSON."""
         return {
             "schema": 1,
             "checkpoint": str(self.checkpoint),

@@ -39,7 +39,7 @@ class Moment(NamedTuple):
     seconds: float
 
     def to_sec(self) -> float:
-        """In seconds."""
+        """The time in seconds."""
         return self.seconds
 
 

@@ -58,7 +58,7 @@ class FciHand:
         self._stamp = 0.0
 
     def open(self) -> None:
-        """Start to open; a hand that does not know its width is homed first."""
+        """Start to open the fingers; a hand that does not know its width is homed first."""
         self._hear()
         s = self._settings
         homing: list[Motion] = [] if self._homed else [wire.homing]

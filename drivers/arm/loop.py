@@ -36,7 +36,7 @@ class Driven(Protocol):
         """Start the motion."""
 
     def read(self, motion: Any) -> Any:
-        """The next state."""
+        """The robot's next state, once a millisecond."""
 
     def write_pose(self, motion: Any, pose: list[float], *, last: bool = False) -> None:
         """Send the command for this tick."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 
 class Kind(IntEnum):
-    """Kinds of commands."""
+    """Kinds of commands to the process that owns the robot."""
 
     HOLD = 0
     FOLLOW = 1

@@ -22,7 +22,7 @@ from drivers.installation import Installation
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Arguments of the process."""
+    """Arguments of the process that owns the robot."""
 
     address: str
     settings: FciSettings

@@ -39,7 +39,7 @@ class Motion(Protocol):
     """A running motion: one state read, one command written, a thousand times a second."""
 
     def readOnce(self) -> tuple[Any, Any]:  # noqa: N802
-        """The next state."""
+        """The robot's next state."""
 
     def writeOnce(self, command: Any) -> None:  # noqa: N802
         """Send the command for this tick."""

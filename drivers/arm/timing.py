@@ -34,5 +34,5 @@ class Timing:
             "edges_ms": list(EDGES_MS),
             "counts": self.counts,
             "longest_ms": 1e3 * self.longest,
-            "answered": self.heard / max(1, sum(self.counts) + 1),
+            "answered": self.heard / (1 + sum(self.counts)),
         }

@@ -58,5 +58,5 @@ class Whereabouts:
 
 
 def largest_difference(these: Numbers, those: Numbers) -> float:
-    """Of numbers at one place in both, in their unit."""
+    """Largest difference of two rows of numbers, place by place, in their unit."""
     return max(abs(a - b) for a, b in zip(these, those, strict=True))

@@ -16,7 +16,7 @@ class BodyCheck:
     """Looks at the arm only once it may have come so far that something could touch."""
 
     def __init__(self, solids: Solids | None = None) -> None:
-        """Of an arm between `solids`, or alone."""
+        """Check an arm between `solids`, or alone."""
         self._solids = solids
         self._seen: Array | None = None
         self._room = 0.0  # m, at the joints that were seen

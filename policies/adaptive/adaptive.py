@@ -28,12 +28,12 @@ UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: 
 
 class Fold(NamedTuple):
     """State of n folds: `rise` (n,) [m] of their lines, `memory` (n, units) summed over the
-    images `told` (n,), `time` (n,) [s] of the last decision.
+    images `counted` (n,), `time` (n,) [s] of the last decision.
     """
 
     rise: Array
     memory: Array
-    told: Array
+    counted: Array
     time: Array
 
 
@@ -41,7 +41,7 @@ class Adaptive:
     """Steers down along z = x + rise, with the rise at which the critic foresees d = 0.
 
     While no image deserves belief it holds the rise; after `BLIND` it takes that of `shifted`,
-    and `blind` tells.
+    and `blind` says so.
     """
 
     name = "adaptive"
@@ -116,9 +116,9 @@ class Adaptive:
         """The judgement on `inputs` (n, COUNT), remembered where they are `fresh`."""
         whitened = self.critic.whiten(inputs)
         memory = self._fold.memory + fresh[:, None] * self.critic.memorise(whitened)
-        told = self._fold.told + fresh
-        self._fold = self._fold._replace(memory=memory, told=told)
-        self.judgement = self.critic.judge(whitened, memory / np.maximum(told, 1)[:, None])
+        counted = self._fold.counted + fresh
+        self._fold = self._fold._replace(memory=memory, counted=counted)
+        self.judgement = self.critic.judge(whitened, memory / np.maximum(counted, 1)[:, None])
         self._recent.append(self.judgement)
         return self.judgement
 
@@ -138,7 +138,7 @@ def _begun(length: float, count: int, memory: int) -> Fold:
     return Fold(
         rise=np.full(count, UNKNOWING * length),
         memory=np.zeros((count, memory)),
-        told=np.zeros(count),
+        counted=np.zeros(count),
         time=np.full(count, np.nan),
     )
 

@@ -37,7 +37,7 @@ class Untrained(Settings):
 
 @cache
 def untrained_spread() -> Untrained:
-    """That of this version."""
+    """Spread of predictions that no training explains, as this version ships it."""
     return load(UNTRAINED, Untrained)
 
 

@@ -84,14 +84,14 @@ def _arrays(path: FilePath) -> dict[str, Any]:
 
 def _about(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
     try:
-        told = json.loads(str(arrays[ABOUT]))
+        about = json.loads(str(arrays[ABOUT]))
     except (KeyError, json.JSONDecodeError):
         raise _broken(path, "does not say what it is") from None
-    if not isinstance(told, dict) or told.get("policy") != "adaptive":
+    if not isinstance(about, dict) or about.get("policy") != "adaptive":
         raise _broken(path, "is not of the policy adaptive")
-    if told.get("schema") != SCHEMA:
-        raise _broken(path, f"has schema {told.get('schema')}, this version reads {SCHEMA}")
-    return told
+    if about.get("schema") != SCHEMA:
+        raise _broken(path, f"has schema {about.get('schema')}, this version reads {SCHEMA}")
+    return about
 
 
 def _weights(path: FilePath) -> dict[str, Array]:

@@ -22,7 +22,7 @@ NAMES = (
 
 
 class Belief(NamedTuple):
-    """The strip as far as n folds tell; `log_bending_length`, `log_retardation_time` [m, s] and
+    """The strip as far as n folds show it; `log_bending_length`, `log_retardation_time` [m, s] and
     `friction`, ln(1 + yield curvature / ROUGH), each mean and sigma: arrays (n, 2).
     """
 
@@ -31,7 +31,7 @@ class Belief(NamedTuple):
     friction: Array
 
     def first(self) -> dict[str, Estimate]:
-        """Of the first fold: bending length [m], retardation time [s], yield curvature [1/m]."""
+        """Bending length [m], retardation time [s], yield curvature [1/m] of the first fold."""
         logs = (self.log_bending_length, self.log_retardation_time, self.friction)
         ends = [
             np.exp(mean + np.array([0.0, -sigma, sigma])) for mean, sigma in (b[0] for b in logs)

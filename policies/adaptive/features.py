@@ -1,4 +1,4 @@
-"""What the critic is told: the gripper, its line, and the images of a tenth of a second."""
+"""Inputs of the critic: the gripper, its line, and the images of a tenth of a second."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -30,7 +30,9 @@ def main(fitted: Path, runs: Path, place: Path) -> None:
     named = {e.name: np.array([e.parameters[p.name].value for p in known[e.name].parameters])
              for e in verdict.effects}  # fmt: skip
     own = np.array([p.start for p in run.local])
-    before, after = subject.simulated([Request(run, base, {}, own), Request(run, base, named, own)])
+    before, after = subject.draw_simulated(
+        [Request(run, base, {}, own), Request(run, base, named, own)]
+    )
     figure = Figure(figsize=(7.0, 5.2), layout="constrained")
     rest = ", measured - simulated"
     for axes, joint in zip(figure.subplots(len(JOINTS), 1, sharex=True), JOINTS, strict=True):

@@ -72,7 +72,7 @@ def cases(
     """`count` cases, of one kind `only` or of all in their shares, `jobs` drawn at a time in
     processes; the same for the same seed.
 
-    `progress` is told of every tenth of them. Raises Fault where none can be that strong.
+    `progress` hears of every tenth of them. Raises Fault where none can be that strong.
     """
     kinds = [only] * count if only else _kinds(tier, count)
     draws = [Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)]
@@ -231,7 +231,7 @@ def _hand(case: Case) -> int | None:
 
 @lru_cache(maxsize=2)
 def _ruler(name: str, stiffness: float, damping: float, tier: Tier, hand: int | None) -> Ruler:
-    """The same by what it depends on."""
+    """The ruler of a strip of the cell, cached by what it depends on."""
     plant = scale_strip(find_configs(None).strip(name), stiffness, damping)
     if tier == "images":
         return _ruler_of_cell(plant, hand)

@@ -10,7 +10,7 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.model import response
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import nominal
-from cell.gap.subject.strip.experiments import measured_along, planned
+from cell.gap.subject.strip.experiments import measured_along, planned_runs
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.scatter import SLACK
 from cell.gap.subject.strip.subject import Strip
@@ -77,7 +77,7 @@ class Ruler:
     @classmethod
     def standard(cls, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> Self:
         """On standard motions by their names."""
-        made = {run.name: run for run in planned(plant, sigma, 0)}
+        made = {run.name: run for run in planned_runs(plant, sigma, 0)}
         return cls(plant, [made[name] for name in motions])
 
     @classmethod

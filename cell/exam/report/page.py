@@ -22,7 +22,7 @@ from cell.exam.scoring.statistics import (
 from cell.exam.scoring.targets import (
     Target,
     by_group,
-    checked,
+    comparisons,
     outcomes,
     rate_text,
     spread_errors,
@@ -239,13 +239,13 @@ def _confidence(found: Iterable[Outcome]) -> str:
 
 
 def _coverage(entries: Sequence[Entry]) -> str:
-    every = checked(entries)
+    every = comparisons(entries)
     right = [e for e in entries if e.outcome and e.outcome.result in GOOD]
     if not every:
         return "No parameter can be compared: no laws agree."
     rows = [
         ("all", rate_text(rate(c.covered for c in every)), ""),
-        ("all, of right verdicts", rate_text(rate(c.covered for c in checked(right))), ""),
+        ("all, of right verdicts", rate_text(rate(c.covered for c in comparisons(right))), ""),
     ]
     for name in sorted({c.name for c in every}):
         mine = [c for c in every if c.name == name]

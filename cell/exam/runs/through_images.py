@@ -59,7 +59,7 @@ MEASURED = frozenset({"schema", "outcome", "t_layer_touch", "displacement", "l1"
 def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
     """Fold the standard runs of `case`, or the first `number`, into folders NN-NAME of `folder`.
 
-    Each holds the four files of a measured run and nothing that tells of the plant. Runs that
+    Each holds the four files of a measured run and nothing that gives the plant away. Runs that
     are there already stay; one that was broken off is folded again. Raises ConfigurationError for
     a case that cannot be folded, Fault for a run that was refused or left no record.
     """
@@ -239,7 +239,7 @@ def _seal(made: Path, final: Path, strip: StripFile) -> None:
 
 
 def _sealed_header(header: Mapping[str, Any]) -> dict[str, Any]:
-    """run.yaml without what tells of the plant; motions by hand go by their number alone."""
+    """run.yaml without what gives the plant away; motions by hand go by their number alone."""
     kept = {k: v for k, v in header.items() if k in TOLD}
     if BY_HAND in str(kept.get("policy")):
         kept |= dict.fromkeys(("policy", "condition"), f"{BY_HAND}{1 + int(kept['index'])}")

@@ -73,7 +73,7 @@ def refitted_models(found: "Findings") -> list[dict[str, object]]:
 
 
 def peak_memory() -> float | None:
-    """Largest resident memory of this process [MB]; None where the kernel does not tell."""
+    """Largest resident memory of this process [MB]; None where the kernel does not report it."""
     try:
         status = Path("/proc/self/status").read_text(encoding="utf-8")
     except OSError:

@@ -93,7 +93,7 @@ def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
 
 
 def _start(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
-    """The process, in the staged folder, with an environment that tells nothing."""
+    """The process, in the staged folder, with an environment that gives nothing away."""
     module = [
         sys.executable,
         "-P",

@@ -43,7 +43,7 @@ def oracle(
     base = _refit(subject.simulate, Model(subject.scope.base), train, [start])
     model = with_effects(base.model, case.answer, subject.scope.candidates)
     if case.alike:
-        starts = [model.joined(start, _values(case, model.effects))]
+        starts = [model.join(start, _values(case, model.effects))]
     else:
         starts = _screened_starts(subject.simulate, base, model)
     scatter = spreads(_refit(subject.simulate, model, train, starts))
@@ -82,7 +82,7 @@ def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[A
     probed = run_all(simulate, [probe(base, effect) for effect in model.effects])
     scores = ranking(table(projection(base), probed))
     values = {name: value for score in scores for name, value in score.start.items()}
-    return [model.joined(base.shared, {}), model.joined(base.shared, values)]
+    return [model.join(base.shared, {}), model.join(base.shared, values)]
 
 
 def _refit(simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Array]) -> Estimate:

@@ -87,7 +87,7 @@ def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
     rival, reason = _rival(verdict, named), verdict.unexplained
     return Outcome(
         case=case.name, tier=case.tier, kind=case.kind, strength=case.strength,
-        hidden=hidden(case), answer=case.answer,
+        hidden=hidden_names(case), answer=case.answer,
         verdict=verdict.verdict, named=named, classes=tuple(map(tuple, verdict.ambiguous)),
         result=result(verdict, case),
         confidence=min((e.confidence for e in verdict.effects), default=None),
@@ -98,7 +98,7 @@ def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
     )  # fmt: skip
 
 
-def hidden(case: Case) -> tuple[str, ...]:
+def hidden_names(case: Case) -> tuple[str, ...]:
     """Names of everything that is hidden in the plant."""
     return tuple(sorted((*case.effects, *case.causes)))
 
@@ -156,7 +156,7 @@ def _with_twins(answer: frozenset[str]) -> list[frozenset[str]]:
 
 
 def twins(name: str) -> frozenset[str]:
-    """Effects that no run of a fold tells from `name`; none for what is not in the library."""
+    """Effects that look like `name` in every run of a fold; none for what is not in the library."""
     return registry()[name].looks_like if name in registry() else frozenset()
 
 
@@ -175,7 +175,7 @@ def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Checked]:
         return
     for name, value in truth.items():
         if name in verdict.base:
-            yield _checked(name, value, 0.0, verdict.base[name])
+            yield _compare(name, value, 0.0, verdict.base[name])
 
 
 def _parameters(verdict: Verdict, case: Case) -> Iterable[Checked]:
@@ -190,10 +190,10 @@ def _of_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Checked
     for i, p in enumerate(known.parameters):
         if p.name in truth and p.name in effect.parameters:
             label, found = f"{effect.name}.{p.name}", effect.parameters[p.name]
-            yield _checked(label, truth[p.name], p.null or 0.0, found, switch=i == 0)
+            yield _compare(label, truth[p.name], p.null or 0.0, found, switch=i == 0)
 
 
-def _checked(
+def _compare(
     name: str, truth: float, null: float, found: Interval, *, switch: bool = False
 ) -> Checked:
     size = abs(truth - null)

@@ -132,7 +132,7 @@ def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
             mine = [e for e in mine if not strengths or e.case.strength in strengths]
             cells.append(rate_text(rate(_result(e) in good for e in mine)))
         lines.append((words, cells))
-    held = [rate_text(rate(c.covered for c in checked(group))) for group in groups]
+    held = [rate_text(rate(c.covered for c in comparisons(group))) for group in groups]
     return [*lines, ("intervals that hold the truth", held)]
 
 
@@ -163,13 +163,13 @@ def _abstentions(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
         yield _at_least("abstained on causes outside the library", found, 0.95 if through else None)
 
 
-def checked(entries: Iterable[Entry]) -> list[Checked]:
+def comparisons(entries: Iterable[Entry]) -> list[Checked]:
     """Every parameter that can be held against the truth."""
     return [c for o in outcomes(entries) for c in (*o.base, *o.parameters)]
 
 
 def _coverage(entries: Sequence[Entry], through: bool) -> Target:
-    found = rate(c.covered for c in checked(entries))
+    found = rate(c.covered for c in comparisons(entries))
     words = "95 % intervals that hold the truth, where the laws agree"
     if through:
         return _line(words, found, "88 to 98 %", lambda r: 0.88 <= r.value <= 0.98, 0.02)
@@ -193,7 +193,7 @@ def _shrink(entries: Sequence[Entry], through: bool) -> Target:
 
 
 def _errors(entries: Sequence[Entry], through: bool) -> Target:
-    found = [c.error for c in checked(entries) if c.switch and c.error is not None]
+    found = [c.error for c in comparisons(entries) if c.switch and c.error is not None]
     words = "relative error of the amount of an effect, where the laws agree (median)"
     wanted = f"within {100 * NEAR:.0f} %" if through else ""
     return _median(words, found, wanted, lambda v: v <= NEAR)

@@ -46,4 +46,4 @@ def _smallest(about: Projection, probed: Probed, by: LikelihoodScale, sure: floa
 
 def _possible(p: Parameter, value: float) -> float | None:
     """`value` as files state it, None beyond what is physically possible."""
-    return p.shown(value) if p.low <= value <= p.high else None
+    return p.stated_value(value) if p.low <= value <= p.high else None

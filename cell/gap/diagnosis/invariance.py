@@ -72,7 +72,7 @@ def _response(estimate: Estimate, effect: str) -> Task[Array]:
     model = estimate.model
     base, effects = model.split(estimate.shared)
     null = next(e.null for e in model.effects if e.name == effect)
-    without = model.joined(base, {**effects, effect: null})
+    without = model.join(base, {**effects, effect: null})
     runs = estimate.evidence.runs
     asked = [
         request(model, run, without, own)

@@ -52,7 +52,7 @@ def digest(requests: Sequence[Request]) -> str:
     """Hash of what is asked, and of the runs as they were corrected by then."""
     h = hashlib.sha256()
     runs = {id(r.run): r.run for r in requests}
-    held = {key: _held(run) for key, run in runs.items()}
+    held = {key: _correction_hash(run) for key, run in runs.items()}
     for r in requests:
         h.update(r.run.name.encode() + held[id(r.run)])
         h.update(r.base.tobytes())
@@ -62,7 +62,7 @@ def digest(requests: Sequence[Request]) -> str:
     return h.hexdigest()
 
 
-def _held(run: Run) -> bytes:
+def _correction_hash(run: Run) -> bytes:
     """Hash of what a correction of a run changes: its floors and its common errors."""
     h = hashlib.sha256(run.samples.floor.tobytes())
     for name in sorted(run.common):

@@ -36,7 +36,7 @@ class Validated:
 
     @property
     def model(self) -> Model:
-        """The model."""
+        """The model that was fitted."""
         return self.estimate.model
 
     def losses(self, scale: float) -> Array:

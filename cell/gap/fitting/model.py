@@ -29,7 +29,7 @@ class Model:
 
     @property
     def names(self) -> frozenset[str]:
-        """Names of its effects."""
+        """Names of the effects in the model."""
         return frozenset(e.name for e in self.effects)
 
     @property
@@ -52,7 +52,7 @@ class Model:
             at += len(effect.parameters)
         return shared[: len(self.base)], effects
 
-    def joined(self, base: Array, effects: dict[str, Array]) -> Array:
+    def join(self, base: Array, effects: dict[str, Array]) -> Array:
         """Shared values (P,) of base values and values by effect; nulls where one is not given."""
         parts = [e.complete(effects.get(e.name, e.null)) for e in self.effects]
         return np.concatenate([base, *parts])

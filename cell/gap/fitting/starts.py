@@ -38,10 +38,10 @@ def refit_base(
 def best(estimates: list[Estimate]) -> Estimate:
     """The estimate of the smallest objective, all judged at the smallest dispersion."""
     scale = min(e.scale for e in estimates)
-    return min(estimates, key=lambda e: judged(e, scale))
+    return min(estimates, key=lambda e: objective_of(e, scale))
 
 
-def judged(estimate: Estimate, scale: float) -> float:
+def objective_of(estimate: Estimate, scale: float) -> float:
     """Objective of an estimate at a given dispersion [nats]."""
     place = normal_equations.layout(estimate.model, estimate.evidence)
     limits = normal_equations.bounds(estimate.model, estimate.evidence)
@@ -104,19 +104,19 @@ def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimat
     """The fit on runs that are corrected for the grain of simulation at its own values, with the
     scales of the rough one: all models are judged by the same.
     """
-    runs = refined(subject, rough.model, rough.point, rough.evidence).runs
+    runs = refine(subject, rough.model, rough.point, rough.evidence).runs
     return run_one(simulate, refit(rough.model, Evidence(runs, rough.evidence.scales), rough.point))
 
 
 def refit_base_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
     """The fit of the base as by `refit_fine`, with the scales that the grain there leaves."""
-    runs = refined(subject, rough.model, rough.point, rough.evidence)
+    runs = refine(subject, rough.model, rough.point, rough.evidence)
     return run_one(simulate, refit(rough.model, runs, rough.point))
 
 
-def refined(subject: Subject, model: Model, point: Point, known: Evidence) -> Evidence:
+def refine(subject: Subject, model: Model, point: Point, known: Evidence) -> Evidence:
     """The runs corrected for the grain of simulation at `point`, whitened by what that leaves."""
-    return evidence(subject.refined(requests(model, known.runs, point)))
+    return evidence(subject.refine(requests(model, known.runs, point)))
 
 
 def nominal(subject: Subject, simulate: Simulate) -> Estimate:

@@ -7,7 +7,7 @@ from cell.gap.report.units import number
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.verdict.findings import Findings
 
-TELLING = 1.0  # sigma that a smaller spread must tell more to be worth a word
+WORTH = 1.0  # sigma that a smaller spread must add to be worth a word
 SHOWN = {
     "m": (1e3, "mm"),
     "rad": (1e3, "mrad"),
@@ -30,7 +30,7 @@ def remedies(
     spreads: Mapping[str, tuple[float, str]], steadier: Mapping[str, float], planned: float
 ) -> Iterator[str]:
     """A line for each quantity that differs from run to run: by how much, and whether less of it
-    would tell more than another motion.
+    would separate more than another motion.
 
     `spreads` are standard deviations with their units; with half of one, the runs would separate
     two explanations by `steadier` sigma more, by name; the best motion `planned` by so many.
@@ -43,12 +43,12 @@ def remedies(
         factor, shown = SHOWN.get(unit, (1.0, unit))
         line = f"{effect.sentence} differs by {number(factor * value, 2)} {shown} from run to run"
         more = steadier.get(name, 0.0)
-        if more < TELLING:
-            yield f"{line}: half of it would tell nothing more"
+        if more < WORTH:
+            yield f"{line}: half of it would show nothing more"
         else:
             than = "more" if more > planned else "less"
             yield (
-                f"{line}: half of it would tell {more:.1f} sigma more, {than} than any motion "
+                f"{line}: half of it would show {more:.1f} sigma more, {than} than any motion "
                 f"({planned:.1f}): {effect.remedy}, or each motion made four times"
             )
 

@@ -36,9 +36,9 @@ def replay(found: Findings, *, held_out_only: bool = False) -> Iterator[Replayed
         was = _scenes(subject, before)
         now = [None] * len(runs) if after is None else _scenes(subject, after)
         for run, old, new in zip(runs, was, now, strict=True):
-            yield Replayed(run.name, held_out, subject.measured(run), old, new)
+            yield Replayed(run.name, held_out, subject.draw_measured(run), old, new)
 
 
 def _scenes(subject: Draws, estimate: Estimate) -> Sequence[Scene | None]:
     asked = requests(estimate.model, estimate.evidence.runs, estimate.point)
-    return subject.simulated(asked)
+    return subject.draw_simulated(asked)

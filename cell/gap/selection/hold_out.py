@@ -1,4 +1,4 @@
-"""Which runs only judge: one condition in four, and a repeat of one that alone tells an effect."""
+"""Which runs only judge: one condition in four, and a repeat of one that alone shows an effect."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -37,9 +37,9 @@ SPARING = Sparing()
 def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -> list[str]:
     """Names of the runs that only judge: those asked for, or one condition in four.
 
-    A condition that tells most of what the runs can tell of some effect is fitted: held out, it
-    would hide that effect. Where it alone tells of one, the last of its repeats judges what the
-    others tell. How well the model fits has no say in this, only what was done.
+    A condition that holds most of the information on some effect is fitted: held out, it would
+    hide that effect. Where it alone shows one, the last of its repeats judges what the others
+    show. How well the model fits has no say in this, only what was done.
     """
     names = [run.name for run in subject.runs]
     check(names, wanted)
@@ -49,12 +49,15 @@ def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -
     informative, held = Informativeness(subject, simulate), list[int]()
     for first in range(1, len(groups), SPARING.every):
         for group in (*groups[first:], *groups[:first]):
-            if not set(group) & set(held) and informative.lost([*held, *group]) < SPARING.needed:
+            if (
+                not set(group) & set(held)
+                and informative.largest_loss([*held, *group]) < SPARING.needed
+            ):
                 held += group
                 break
     for group in groups:
         free = len(group) > 1 and not set(group) & set(held)
-        if free and informative.lost(group) >= SPARING.alone:
+        if free and informative.largest_loss(group) >= SPARING.alone:
             held += group[-1:]
     second = (i for group in groups[1:2] for i in group)
     return [names[i] for i in held or second]
@@ -72,7 +75,7 @@ def check(names: Sequence[str], wanted: Sequence[str]) -> None:
 
 
 class Informativeness:
-    """What runs tell of the effects of the library, at the stated values of the base.
+    """Information of runs on the effects of the library, at the stated values of the base.
 
     Nats by which a fit would gain from an effect of a size that laboratories report, once the
     base has moved to absorb what it can.
@@ -81,18 +84,18 @@ class Informativeness:
     def __init__(self, subject: Subject, simulate: Simulate) -> None:
         self._stated = nominal(subject, simulate)
         self._responses = _responses(subject, simulate, self._stated)
-        self._all = self._told(range(len(subject.runs)))
+        self._all = self._information(range(len(subject.runs)))
 
-    def lost(self, without: Sequence[int]) -> float:
+    def largest_loss(self, without: Sequence[int]) -> float:
         """Largest share that is lost, of any effect, without the runs of these numbers."""
         kept = [i for i in range(len(self._responses)) if i not in without]
         shown = self._all > SPARING.shown
         if not kept or not shown.any():
             return float(not kept)
-        return float((1.0 - self._told(kept)[shown] / self._all[shown]).max())
+        return float((1.0 - self._information(kept)[shown] / self._all[shown]).max())
 
-    def _told(self, kept: Sequence[int]) -> Array:
-        """Nats (candidates,) that the runs of these numbers tell."""
+    def _information(self, kept: Sequence[int]) -> Array:
+        """Information (candidates,) [nats] in the runs of these numbers."""
         about = projection(_of(self._stated, kept), robustly=False)
         moved = np.concatenate([self._responses[i] for i in kept])
         return np.asarray(0.5 * (moved * about.left(moved)).sum(axis=0))
@@ -121,7 +124,7 @@ def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Arr
 
 
 def _of(base: Estimate, kept: Sequence[int]) -> Estimate:
-    """The same model on some of its runs."""
+    """`base` on the runs of the numbers `kept` alone."""
     return replace(
         base,
         evidence=base.evidence.of([base.evidence.runs[i].name for i in kept]),

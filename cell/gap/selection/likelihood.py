@@ -87,10 +87,10 @@ def margin(model: Validated, other: Validated, by: LikelihoodScale) -> Margin:
         p = _likelihood_ratio(model, other, by)
     else:
         p = float(special.ndtr(-(gain + 0.5 * distance**2) / max(distance, 1e-9)))
-    return Margin(each, gain, se, p, distance, removed(model, other, by))
+    return Margin(each, gain, se, p, distance, share_removed(model, other, by))
 
 
-def removed(
+def share_removed(
     model: Validated, other: Validated, by: LikelihoodScale, without: str | None = None
 ) -> float:
     """Share of the other's excess gap that the model removes, of all runs but one."""

@@ -26,7 +26,7 @@ def starts(
     model = with_effects(base.model, score.names, candidates)
     origin = score.after or base
     shared, _ = origin.model.split(origin.shared)
-    first, *others = (Point(model.joined(shared, v), origin.point.local) for v in score.starts)
+    first, *others = (Point(model.join(shared, v), origin.point.local) for v in score.starts)
     known = _secants(origin, model, score) if origin.evidence is base.evidence else None
     return model, [(first, known), *((p, None) for p in others)]
 

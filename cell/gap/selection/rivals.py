@@ -1,4 +1,4 @@
-"""Models that these runs cannot tell from the accepted one."""
+"""Models that these runs cannot distinguish from the accepted one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -79,7 +79,7 @@ def more_probable(
 
 
 def classes(accepted: Validated, found: Sequence[Alternative]) -> list[list[str]]:
-    """What cannot be told apart: effects that stand in for one another, by name.
+    """Effects that stand in for one another and cannot be separated, by name.
 
     Rivals that differ in one effect give the class of the two effects; those that share none
     give one class of all.

@@ -41,7 +41,7 @@ class Score:
         return [{**self._known, **values} for values in found]
 
     def beside(self, fit: Estimate) -> "Score":
-        """The same beside the effects of a fit."""
+        """The same effects, to be tried beside those of `fit`."""
         names = tuple(sorted({*fit.model.names, *self.names}))
         return replace(self, names=names, after=fit)
 

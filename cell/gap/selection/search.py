@@ -11,7 +11,7 @@ from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.scatter import with_scatter
 from cell.gap.fitting.spreads import Spread
-from cell.gap.fitting.starts import best, judged
+from cell.gap.fitting.starts import best, objective_of
 from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
 from cell.gap.selection.choice import choose, is_exhausted
 from cell.gap.selection.fits import Fits, by_loss
@@ -102,7 +102,7 @@ def shortlist(
         tasks.append(_begun(model, base.evidence, points[1:] or points))
     done = run_all(simulate, tasks)
     scale = min((e.scale for e in done), default=1.0)
-    order = sorted(range(len(done)), key=lambda i: judged(done[i], scale))
+    order = sorted(range(len(done)), key=lambda i: objective_of(done[i], scale))
     return [Score(scores[i].names, scores[i].gain, {}, after=done[i]) for i in order[:most]]
 
 
@@ -119,10 +119,10 @@ def _most(estimates: list[Estimate]) -> Estimate:
 
 def _gain(base: Estimate, estimate: Estimate, by: Estimate) -> float:
     """Nats that `estimate` gains over the base at the dispersion of `by`."""
-    return judged(base, by.scale) - judged(estimate, by.scale)
+    return objective_of(base, by.scale) - objective_of(estimate, by.scale)
 
 
-def _fitted(
+def _fit_promising(
     base: Estimate, model: Model, points: Sequence[Start], least: Estimate
 ) -> Task[Estimate | None]:
     """The fit of `model` that is `_promising`, to the end."""
@@ -162,7 +162,7 @@ def _farthest(base: Estimate, begun: Sequence[Estimate], least: Estimate) -> lis
     """Those that gained over the base a good part of what the best of them, or `least`, did."""
     every = [*begun, least]
     scale = min(e.scale for e in every)
-    gains = [judged(base, scale) - judged(e, scale) for e in every]
+    gains = [objective_of(base, scale) - objective_of(e, scale) for e in every]
     most = max(gains)
     return [e for e, g in zip(begun, gains, strict=False) if g >= min(BUDGET.hope * most, most)]
 
@@ -177,7 +177,7 @@ def other_sign(simulate: Simulate, fits: Fits, scores: Sequence[Score]) -> list[
     if start is None:
         return []
     fit, model = singles[0].estimate, singles[0].model
-    begin = Point(model.joined(base.shared, start), base.point.local)
+    begin = Point(model.join(base.shared, start), base.point.local)
     tasks = [
         refit(model, fit.evidence, fit.point, fit.jacobians),
         refit(model, fit.evidence, begin),
@@ -194,8 +194,8 @@ def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
     for m in worth:
         fit, model = m.estimate, _with_shape(m.model)
         shared, effects = fit.model.split(fit.shared)
-        begin = [Point(model.joined(shared, v), fit.point.local) for v in _guesses(model, effects)]
-        tasks.append(_fitted(fit, model, [(p, None) for p in begin], fit))
+        begin = [Point(model.join(shared, v), fit.point.local) for v in _guesses(model, effects)]
+        tasks.append(_fit_promising(fit, model, [(p, None) for p in begin], fit))
     found = [e if e is not None else m.estimate
              for e, m in zip(run_all(simulate, tasks), worth, strict=True)]  # fmt: skip
     done = run_all(simulate, [validate(e) for e in found])
@@ -256,7 +256,7 @@ def extensions(
         others = [p for p in probed if p.candidate.name not in fit.model.names]
         looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.looked]}
         again = run_all(simulate, [probe(fit, c) for c in candidates if c.name in looked])
-        before, worth = judged(fit, scale), (fit.scale / scale) ** 2
+        before, worth = objective_of(fit, scale), (fit.scale / scale) ** 2
         for s in ranking(table(about, again))[: BUDGET.further]:
             beside = s.beside(fit)
             after = before - worth * s.gain
@@ -327,4 +327,4 @@ def better_base(simulate: Simulate, fits: Fits) -> Estimate | None:
         return None
     again = run_one(simulate, refit(base.model, base.evidence, begun.point, begun.jacobians))
     scale = min(base.scale, again.scale)
-    return again if judged(again, scale) < judged(base, scale) - MARGIN else None
+    return again if objective_of(again, scale) < objective_of(base, scale) - MARGIN else None

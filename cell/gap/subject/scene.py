@@ -47,8 +47,8 @@ class Scene:
 class Draws(Protocol):
     """A subject that can draw its runs."""
 
-    def measured(self, run: Run) -> Scene:
+    def draw_measured(self, run: Run) -> Scene:
         """The run as it was measured."""
 
-    def simulated(self, requests: Sequence[Request]) -> Sequence[Scene | None]:
+    def draw_simulated(self, requests: Sequence[Request]) -> Sequence[Scene | None]:
         """Simulations beside what was measured; None where there is no motion."""

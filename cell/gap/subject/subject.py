@@ -38,7 +38,7 @@ class Parameter:
     common: bool = False
     tolerated: tuple[float, float] | None = None
 
-    def shown(self, value: float) -> float:
+    def stated_value(self, value: float) -> float:
         """`value` as files state it."""
         if not self.inverse:
             return value
@@ -224,7 +224,7 @@ class Subject(Protocol):
     def simulate(self, requests: Sequence[Request]) -> Sequence[Residuals]:
         """Residuals of many simulations, each independent of the others in the call."""
 
-    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         """The runs of `requests`, corrected for how coarse their simulation is at these values, and
         with floors that allow for it.
         """

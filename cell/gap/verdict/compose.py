@@ -79,9 +79,9 @@ def intervals(
 
 def _interval(p: Parameter, value: float, half: float) -> Measured:
     ends = [max(p.low, value - half), min(p.high, value + half)]
-    shown = sorted(p.shown(v) for v in ends)
+    shown = sorted(p.stated_value(v) for v in ends)
     low, high = (v if np.isfinite(v) else None for v in shown)
-    middle = p.shown(value)
+    middle = p.stated_value(value)
     return Measured(value=middle if np.isfinite(middle) else 1e12, low=low, high=high, unit=p.unit)
 
 
@@ -204,7 +204,7 @@ def _compare_by_screen(found: Findings, name: str, gain: float) -> Compared:
     values = score.start.get(name, candidate.null) if score is not None else candidate.null
     shown = {}
     for p, v in zip(candidate.parameters, values, strict=True):
-        value = p.shown(float(v))
+        value = p.stated_value(float(v))
         if np.isfinite(value):
             shown[p.name] = Measured(value=value, low=None, high=None, unit=p.unit)
     return Compared(
@@ -247,7 +247,7 @@ def deviations(base: Sequence[Parameter], found: Mapping[str, Interval]) -> list
             rows.append(
                 Deviation(
                     parameter=p.name,
-                    stated=p.shown(p.start),
+                    stated=p.stated_value(p.start),
                     tolerated=(low, high if np.isfinite(high) else None),
                     unit=p.unit,
                     **value.model_dump(include={"value", "low", "high"}),
@@ -261,5 +261,5 @@ def _range_of(p: Parameter) -> tuple[float, float]:
     if p.tolerated is not None:
         return p.tolerated
     reach = TOLERATED * p.spread
-    ends = p.shown(max(p.start - reach, p.low)), p.shown(p.start + reach)
+    ends = p.stated_value(max(p.start - reach, p.low)), p.stated_value(p.start + reach)
     return min(ends), max(ends)

@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.selection.likelihood import LEVEL, clip_wild, margin, remaining_gap, removed
+from cell.gap.selection.likelihood import LEVEL, clip_wild, margin, remaining_gap, share_removed
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind, Unexplained
@@ -105,7 +105,7 @@ def _mostly(found: Findings) -> bool:
     gain = float(each[others].sum())
     best, without = found.accepted, judged.outlying_run
     gap = remaining_gap(best, by, without)
-    little = gap <= BARS.law or removed(best, base, by, without) > BARS.most
+    little = gap <= BARS.law or share_removed(best, base, by, without) > BARS.most
     return gain > by.least and little
 
 

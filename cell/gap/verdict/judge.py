@@ -16,7 +16,7 @@ from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.scatter import estimate_spreads, with_own_scatter
 from cell.gap.fitting.settle import settle
-from cell.gap.fitting.starts import refined, refit_fine
+from cell.gap.fitting.starts import refine, refit_fine
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection.choice import Choice, by_evidence, choose
 from cell.gap.selection.fits import Fits
@@ -176,7 +176,7 @@ def show(
     """The base and the accepted model on the held-out runs `test`."""
 
     def at(fit: Estimate) -> Evidence:
-        return refined(subject, fit.model, Point(fit.shared, test.start()), test)
+        return refine(subject, fit.model, Point(fit.shared, test.start()), test)
 
     known = at(base.estimate)
     before = after = held_out_gap.unseen(simulate, base.estimate, known)

@@ -155,7 +155,7 @@ def _share_closed(
 
 def _offer(fit: Estimate, shrink: float) -> OfferedLaw:
     values, terms = fit.model.split(fit.shared)
-    base = {p.name: p.shown(float(v)) for p, v in zip(fit.model.base, values, strict=True)}
+    base = {p.name: p.stated_value(float(v)) for p, v in zip(fit.model.base, values, strict=True)}
     amounts = {e.name: float(terms[e.name][0]) for e in fit.model.effects}
     words = " ".join(
         f"{amounts[e.name]:+.3g} {e.parameters[0].unit} x {e.sentence}" for e in fit.model.effects

@@ -123,7 +123,7 @@ class Probable(Entry):
 
 
 class Verdict(Entry):
-    """verdict.json."""
+    """Content of verdict.json: what is missing, how surely, and how the gap shrinks."""
 
     schema_: Annotated[int, Field(alias="schema")] = 1
     verdict: Kind

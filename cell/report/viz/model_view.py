@@ -10,7 +10,7 @@ from drivers.types import Array
 
 STEP = 0.005  # s
 SEGMENTS = 60
-LONGEST = 10.0  # s without a measured gripper, beyond which the model is not simulated on
+LONGEST_START, LONGEST_GAP = 10.0, 1.0  # s without a measured gripper, where the model ends
 LIFTED = 0.02  # m, above which a strip's first pose is one that hangs
 LOST = np.empty((0, 2))
 
@@ -34,7 +34,8 @@ class Shadow:
         Empty once the model has diverged or the gripper was not measured for too long; the rest of
         the view goes on without it.
         """
-        self._lost = self._lost or t > self._steps * STEP + LONGEST
+        longest = LONGEST_START if self._last is None else LONGEST_GAP
+        self._lost = self._lost or t > self._steps * STEP + longest
         if self._lost:
             return LOST
         try:

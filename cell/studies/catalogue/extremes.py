@@ -41,7 +41,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """How the fold ended."""
+    """How the fold of an extreme strip ended, and how far off it was."""
     content = yaml.safe_load(find_configs(None).strip_path("denim").read_text(encoding="utf-8"))
     changed = {**content, **STRIPS[case["strip"]], "name": case["strip"]}
     with TemporaryDirectory() as place:

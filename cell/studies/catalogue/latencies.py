@@ -22,7 +22,7 @@ LATENCIES = (0.045, 0.0, 0.012, 0.110)  # s
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """The next latency."""
+    """The next latency of a camera that is to be measured."""
     noise, which = divmod(number, len(LATENCIES))
     return {"latency": LATENCIES[which], "noise": noise}
 

@@ -84,7 +84,7 @@ def _fold(case: Values, number: int, place: Path, memory: Path) -> FoldResult:
 
 
 def _facts(case: Values, result: FoldResult) -> Values:
-    """Of one fold: d by truth, the bias that is left in images, and errors of the belief [m]."""
+    """What is kept of one fold: d by truth, the bias left in images, errors of the belief [m]."""
     known, learning = compare(result), read_run(Path(result.run)).header.learning or {}
     facts = {k: known.get(k) for k in ("outcome", "true", "edges", "within_1", "within_2")}
     facts |= {"corrected": learning["seen"], "place": learning["place"]}

@@ -43,14 +43,14 @@ class Network(nn.Module):
             self.register_parameter(name, nn.Parameter(weight))
             self.register_parameter(f"{name}_bias", nn.Parameter(torch.zeros(columns)))
 
-    def forward(self, whitened: Tensor, told: Tensor, picked: Tensor) -> Tensor:
+    def forward(self, whitened: Tensor, counted: Tensor, picked: Tensor) -> Tensor:
         """Outputs (n, p, OUTPUTS) at the `picked` (n, p) moments of folds (n, k, inputs).
 
-        `told` (n, k, 1) is 1 for the moments that go into the memory.
+        `counted` (n, k, 1) is 1 for the moments that go into the memory.
         """
         p = self.get_parameter
-        recalled = torch.tanh(whitened @ p("recall") + p("recall_bias")) * told
-        memory = torch.cumsum(recalled, 1) / torch.cumsum(told, 1).clamp(min=1.0)
+        recalled = torch.tanh(whitened @ p("recall") + p("recall_bias")) * counted
+        memory = torch.cumsum(recalled, 1) / torch.cumsum(counted, 1).clamp(min=1.0)
         known = torch.cat([_pick(whitened, picked), _pick(memory, picked)], dim=-1)
         hidden = torch.tanh(known @ p("first") + p("first_bias"))
         hidden = torch.tanh(hidden @ p("second") + p("second_bias"))

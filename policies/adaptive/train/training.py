@@ -144,7 +144,7 @@ def _claim(path: FilePath, settings: CriticSettings) -> None:
         raise ConfigurationError(f"{path}: holds no settings of a training; name another folder")
     other = [name for name in asked if begun.get(name) != asked[name]]
     if other:
-        told = "; ".join(f"{name} was {begun.get(name)}, is {asked[name]}" for name in other)
+        changes = "; ".join(f"{name} was {begun.get(name)}, is {asked[name]}" for name in other)
         raise ConfigurationError(
-            f"{path}: was begun with other settings: {told}; use those, or another output folder"
+            f"{path}: was begun with other settings: {changes}; use those, or another output folder"
         )

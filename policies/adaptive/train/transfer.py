@@ -48,7 +48,7 @@ class FitQuality:
     within: float
 
     def facts(self) -> dict[str, Any]:
-        """For the checkpoint."""
+        """The settings as the checkpoint records them."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 

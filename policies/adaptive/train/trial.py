@@ -27,7 +27,7 @@ class Trial:
     within: tuple[float, float]
 
     def facts(self) -> dict[str, object]:
-        """For a record."""
+        """The trial's errors as the checkpoint records them."""
         return {name: getattr(self, name) for name in self.__slots__}
 
 
@@ -53,14 +53,14 @@ def off_over_sigma(critic: Critic, piece: Piece, last: int = LAST) -> list[Array
     """
     found: list[list[Array]] = [[] for _ in range(4)]
     count = len(piece.displacement)
-    memory, told = np.zeros((count, critic.memory)), np.zeros((count, 1))
+    memory, counted = np.zeros((count, critic.memory)), np.zeros((count, 1))
     left = piece.alive[:, ::-1].cumsum(axis=1)[:, ::-1]
     for k in range(piece.alive.shape[1]):
         alive = piece.alive[:, k]
         whitened = critic.whiten(piece.inputs[:, k].astype(np.float64))
         memory += alive[:, None] * critic.memorise(whitened)
-        told += alive[:, None]
-        judged = critic.judge(whitened, memory / np.maximum(told, 1))
+        counted += alive[:, None]
+        judged = critic.judge(whitened, memory / np.maximum(counted, 1))
         near = alive & (left[:, k] <= last) & np.isfinite(piece.displacement)
         for kept, ratio in zip(found, _ratios(judged, piece), strict=True):
             kept.append(ratio[near])

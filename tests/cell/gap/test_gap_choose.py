@@ -9,7 +9,7 @@ from cell.gap.diagnosis import lack_of_fit
 from cell.gap.selection import choice
 from cell.gap.selection.choice import by_evidence, choose, is_exhausted
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import removed
+from cell.gap.selection.likelihood import share_removed
 from cell.gap.selection.posterior import Posterior, Weighed
 from cell.gap.selection.rivals import classes, more_probable, probable_rivals
 from cell.gap.subject.subject import Scope
@@ -157,5 +157,5 @@ def test_what_a_model_removes_can_be_asked_without_a_run() -> None:
     subject = Curves(astray(4))
     base, model = (validated(fitted(subject, n), subject) for n in ((), ("bump",)))
     by = Fits((base, model)).scale
-    assert removed(model, base, by) < 0.7
-    assert removed(model, base, by, "r4") > 0.95
+    assert share_removed(model, base, by) < 0.7
+    assert share_removed(model, base, by, "r4") > 0.95

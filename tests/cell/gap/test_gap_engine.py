@@ -117,7 +117,7 @@ class Curves:
         """What the effect `name` adds to a curve (60,), with its `values`."""
         return values[0] * LAWS[name](T, speed, 0)
 
-    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         return [request.run for request in requests]
 
     def experiments(self) -> Sequence[Experiment]:

@@ -28,7 +28,7 @@ def test_condition_that_an_effect_hangs_on_is_fitted(monkeypatch: pytest.MonkeyP
     monkeypatch.setitem(engine.LAWS, "single", medium_only)  # type: ignore[misc]
     subject = Curves(nothing, names=("bump", "single"), repeats=1)
     medium = [i for i, run in enumerate(subject.runs) if run.condition == "medium"]
-    assert Informativeness(subject, subject.simulate).lost(medium) == pytest.approx(1.0)
+    assert Informativeness(subject, subject.simulate).largest_loss(medium) == pytest.approx(1.0)
     assert conditions(subject) == {"fast"}
 
 

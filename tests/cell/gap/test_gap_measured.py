@@ -64,7 +64,7 @@ def test_error_in_sample_ranks_a_false_cause_that_held_out_runs_refuse() -> None
     def errors(name: str) -> tuple[float, float]:
         effects = tuple(c for c in scope.candidates if c.name == name)
         model = Model(scope.base, effects)
-        point = Point(model.joined(base.shared, {}), base.point.local)
+        point = Point(model.join(base.shared, {}), base.point.local)
         found = run_one(subject.simulate, refit(model, seen, point))
         other = unseen(subject.simulate, found, unseen_runs)
         return tuple(rms(e, scope.quantities)["angle_mrad"] for e in (found, other))

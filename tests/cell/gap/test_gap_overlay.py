@@ -74,7 +74,9 @@ def numbers(rows: Rows) -> Array:
 def simulated(strip: Strip, **changes: float) -> Sequence[Scene | None]:
     start = {p.name: p.start for p in strip.scope.base} | changes
     base = np.array([start[p.name] for p in strip.scope.base])
-    return strip.simulated([Request(run, base, {}, np.zeros(len(run.local))) for run in strip.runs])
+    return strip.draw_simulated(
+        [Request(run, base, {}, np.zeros(len(run.local))) for run in strip.runs]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +96,7 @@ def replays(strip: Strip) -> list[Replayed]:
     before = simulated(strip, bending_length=SOFT * strip.file.bending_length)
     after = simulated(strip)
     return [
-        Replayed(run.name, run.name == "00-normal", strip.measured(run), old, new)
+        Replayed(run.name, run.name == "00-normal", strip.draw_measured(run), old, new)
         for run, old, new in zip(strip.runs, before, after, strict=True)
     ]
 

@@ -120,7 +120,7 @@ def test_lost_samples_are_left_to_others_of_their_run() -> None:
 class Grained(Curves):
     """Curves whose simulation turns out coarse: no model gets them right below `GRAIN`."""
 
-    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         return [replace(q.run, samples=replace(q.run.samples, floor=np.full(len(T), GRAIN)))
                 for q in requests]  # fmt: skip
 

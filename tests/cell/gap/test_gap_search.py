@@ -131,7 +131,7 @@ def test_law_that_holds_is_not_bent() -> None:
 def test_values_of_a_law_that_was_not_bent_start_its_bent_one() -> None:
     scope = Bending(BOTH).scope
     model = Model(scope.base, (scope.candidates[0].with_shape(),))
-    joined = model.joined(np.array([1.0, 2.0]), {"bump": np.array([0.3])})
+    joined = model.join(np.array([1.0, 2.0]), {"bump": np.array([0.3])})
     assert joined == pytest.approx([1.0, 2.0, 0.3, 0.0])
 
 

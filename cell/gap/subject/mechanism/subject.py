@@ -239,7 +239,7 @@ class MechanismSubject:
             at = self._torques.at[effect.name]
             user_numbers(fields["jnt_user"], at, effect.table(m, values))
 
-    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         """The runs as they are: steps were checked when the subject was opened."""
         return [request.run for request in requests]
 
@@ -247,13 +247,13 @@ class MechanismSubject:
         """None: what a mechanism may do next is its owner's to plan."""
         return ()
 
-    def measured(self, run: Run) -> Scene:
+    def draw_measured(self, run: Run) -> Scene:
         """The signals as they were measured."""
         made = _content(run).cut
         rows = zip(self.opened.signals, made.values, strict=True)
         return Scene(tuple(Drawn(s.name, made.t, row) for s, row in rows))
 
-    def simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
+    def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
         """The signals as simulated, and by how much those that were measured are larger."""
         found: list[Scene | None] = []
         for request, rows in zip(requests, self._engine.predict([self._case(r) for r in requests]),

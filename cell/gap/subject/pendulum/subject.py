@@ -122,14 +122,14 @@ class Pendulum:
             bias[1:] = e.get("encoder_bias", 0.0)
         return states, biases
 
-    def measured(self, run: Run) -> Scene:
+    def draw_measured(self, run: Run) -> Scene:
         """The angles as they were measured."""
         swing = _content(run)
         return Scene(tuple(
             Signal(f"angle {i} [rad]", swing.t, row) for i, row in enumerate(swing.angles, start=1)
         ))  # fmt: skip
 
-    def simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
+    def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
         """The angles as simulated, and by how much those that were measured are larger."""
         return [self._scene(request) for request in requests]
 
@@ -147,7 +147,7 @@ class Pendulum:
             )
         return Scene(tuple(found))
 
-    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         """The runs as they are: a swing is integrated to far below its noise."""
         return [request.run for request in requests]
 

@@ -65,7 +65,7 @@ def half(x: float, length: float) -> str:
 
 
 def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
-    """Residuals (n,) [m, s] that one sigma of each error makes, by name; `halves` (n,) tells for
+    """Residuals (n,) [m, s] that one sigma of each error makes, by name; `halves` (n,) says of
     each sample whether the gripper is before or past the middle.
 
     What is lifted shows its near edge on the other side once the gripper is past the middle.

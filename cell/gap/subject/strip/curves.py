@@ -11,7 +11,7 @@ from drivers.types import Array, frozen
 
 APART = 0.045  # s between images that are compared: nearer ones say the same again
 POINTS = 40  # of one image that are compared
-WINDOW = 7  # points of the running median that wild ones are told by
+WINDOW = 7  # points of the running median from which wild ones stand out
 OFF = 6.0  # standard deviations from it, and the distance between points, that make one wild
 FEWEST = 5  # points of an image that is used
 

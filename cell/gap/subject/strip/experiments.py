@@ -24,7 +24,7 @@ SPACING = 0.015  # m between points of an image
 SEGMENTS, STEP = 100, 0.005  # of the rod: a plan need not be finer
 
 
-def planned(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
+def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
     """What each standard motion would measure, without noise, as run number `index`."""
     ways = [way_of(standard.of(strip.length)) for standard in STANDARD.values()]
     return [
@@ -38,15 +38,15 @@ def measured_along(
 ) -> list[Measured]:
     """What `strip` would show along each of `ways`, without noise, as run number `index`."""
     folds = rod_folds([describe(strip, index=index)] * len(ways), ways, SEGMENTS, STEP)
-    return [_measured(fold, sigma, index) for fold in folds]
+    return [_observe(fold, sigma, index) for fold in folds]
 
 
 def minutes(run: MeasuredRun) -> float:
-    """What a run costs."""
+    """Minutes that a run takes in a laboratory."""
     return SET_UP + run.measured.end / 60.0
 
 
-def _measured(fold: Fold, sigma: Sigma, index: int) -> Measured:
+def _observe(fold: Fold, sigma: Sigma, index: int) -> Measured:
     way, touch = fold.way, fold.motion.touch
     end = float(way.t[-1]) if touch is None else touch.time
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way.poses[:, :2], axis=0).T))])
@@ -85,7 +85,7 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
 
 
 def instruction(run: MeasuredRun) -> str:
-    """What to do."""
+    """How the run is made, and what it shows."""
     standard = STANDARD[run.name]
     return f"fold once more with --policy {run.condition}; it shows {standard.reveals}"
 

@@ -115,7 +115,7 @@ def _part(
     slot = np.floor(t / span).astype(np.int64)
     key = (place * 100_000 + slot) * 10 + numbers
     masked = np.zeros(len(t), dtype=bool) if left_out is None else left_out
-    used = np.flatnonzero(_compared(run, t) & ~masked)
+    used = np.flatnonzero(_is_compared(run, t) & ~masked)
     order = used[np.argsort(key[used], kind="stable")]
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     rows = [order[a : a + n] for a, n in zip(first, count, strict=True) if n >= fewest]
@@ -129,7 +129,7 @@ def _part(
     )
 
 
-def _compared(run: Measured, t: Array) -> NDArray[np.bool_]:
+def _is_compared(run: Measured, t: Array) -> NDArray[np.bool_]:
     """Which times (n,) count: not the first of the lift, not the snap, nothing after the touch."""
     lifted = run.hanging | (np.interp(t, run.t, run.travel) >= LIFTED)
     end = run.end - (SNAP if run.touch is not None else 0.0)

@@ -26,20 +26,20 @@ def patch_file(
         if "." in name:
             effect, key = name.split(".")
             notes.append(_note(f"effects.{effect}.{key}", known[effect].get(key), source))
-            known[effect][key] = rounded(value)
+            known[effect][key] = round_off(value)
         elif name in content:
             notes.append(_note(name, content[name], source))
-            content[name] = rounded(value)
+            content[name] = round_off(value)
     of_cell: dict[str, object] = {}
     law = dict(content.pop("law", {}))
     for name, values in effects.items():
         if name in TERMS:
             before = f"was {law[name]:.9g}" if name in law else "was absent"
-            law[name] = rounded(law.get(name, 0.0) + values["amount"])
+            law[name] = round_off(law.get(name, 0.0) + values["amount"])
             notes.append({"key": f"law.{name}", "source": source,
                           "note": f"{before}; a description, no cause"})  # fmt: skip
             continue
-        entry = {key: rounded(value) for key, value in values.items()}
+        entry = {key: round_off(value) for key, value in values.items()}
         if registry()[name].of == "cell":
             of_cell[name] = entry
             continue
@@ -49,7 +49,7 @@ def patch_file(
     return content, {"schema": 1, "effects": of_cell} if of_cell else None
 
 
-def rounded(value: float) -> float:
+def round_off(value: float) -> float:
     """`value` with as many digits as a fit can mean."""
     return float(f"{value:.{DIGITS}g}")
 

@@ -57,7 +57,7 @@ class Fold:
         way = self.lifted_path if rubs else self.way
         return Job.of(hashed, way, self.comparison.run.contact_height)
 
-    def corrected(self, found: Residuals, run: Run, local: Array) -> Residuals:
+    def correct(self, found: Residuals, run: Run, local: Array) -> Residuals:
         """Residuals as a fine rod would have them, in a run with the unknowns `local` (k,)."""
         mean = found.mean - self.finer
         for p, value in zip(run.local, local, strict=True):
@@ -170,7 +170,7 @@ def _common(run: Measured, samples: Samples, about: Surroundings) -> dict[str, A
     return found
 
 
-def corrected(run: Run, fold: Fold, about: Surroundings) -> Run:
+def correct(run: Run, fold: Fold, about: Surroundings) -> Run:
     """The run in other surroundings, and with a floor that allows for what a finer rod shows: a
     strip that is less damped than stated swings on, where grains differ.
     """

@@ -11,8 +11,8 @@ from cell.record.header import Header
 def sort_out(folders: Sequence[Path], headers: Sequence[Header | None]) -> Mapping[Path, Path]:
     """The folders that repeat a fold of the twin -> the first of the same.
 
-    The twin gives the same fold for the same seed: it tells nothing new, and counted twice it
-    would tell it too surely. `cell fold --repeat` and `cell gap plan` number the folds of one
+    The twin gives the same fold for the same seed: it says nothing new, and counted twice it
+    would say it too surely. `cell fold --repeat` and `cell gap plan` number the folds of one
     specimen from 0, with seeds that grow as the index does; several such batches are several
     specimens. Elsewhere ConfigurationError for two runs of one index. A header is None where
     the run is not used.

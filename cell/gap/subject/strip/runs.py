@@ -65,7 +65,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredRun:
-    """A fold with its `name`, `condition`, and what to tell the operator of it."""
+    """A fold with its `name`, `condition`, and `notes` on it for the operator."""
 
     name: str
     condition: str
@@ -132,7 +132,7 @@ def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRu
     usable = len(recorded.ticks.t) >= LEAST
     if usable:
         _check_start(folder, recorded, strip)
-    measured = _measured(recorded, touch, strip) if usable else _nothing(recorded)
+    measured = _measured_run(recorded, touch, strip) if usable else _nothing(recorded)
     notes = _notes(name, recorded, usable=usable)
     condition = recorded.header.condition or name
     return recorded.header, MeasuredRun(name, condition, measured, notes)
@@ -166,7 +166,7 @@ def _check_kind(folder: Path) -> None:
         )
 
 
-def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
+def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
     ticks, header = run.ticks, run.header
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)

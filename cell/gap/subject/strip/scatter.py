@@ -83,4 +83,4 @@ FORCE_EFFECTS = (
 KNOWN_EFFECTS = (*RUN_EFFECTS, *FORCE_EFFECTS)
 
 SLACK = tuple(effect for effect in RUN_EFFECTS if effect.name == "slack")
-"""What is allowed for where no runs can tell more: planned runs, and sizes of hidden effects."""
+"""What is allowed for where no runs can say more: planned runs, and sizes of hidden effects."""

@@ -28,14 +28,14 @@ def measured_scene(run: Measured) -> Scene:
     """What was measured of a fold until its layers touched, or its last row."""
     images, t = run.images, run.t[run.t <= run.end][::10]
     grip = np.stack([np.interp(t, run.t, run.poses[:, c]) for c in range(2)], axis=1)
-    shown, seen = _shown(run), run.contact_t <= run.end
+    shown, seen = _images_before_end(run), run.contact_t <= run.end
     contact_t, contact = run.contact_t[seen], run.contact_x[seen]
     points = tuple(images.points[images.image == k] for k in shown)
     return Scene(
         signals=(Signal(CONTACT, contact_t, 1e3 * contact),),
         curve=Curve(images.stamps[shown], points),
         tracks={"contact": _on_desk(contact_t, contact), "gripper": Track(t, grip)},
-        events=_told(run.touch),
+        events=_touch_event(run.touch),
     )
 
 
@@ -48,7 +48,7 @@ def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, lengt
     contact_t = run.contact_t[run.contact_t <= run.end]
     true = np.interp(shown_time(model.observation, contact_t), shown.t, shown.contact_x)
     contact = np.asarray(seen_contact(model.observation, true))
-    images = _shown(run)
+    images = _images_before_end(run)
     shapes = _shapes(_places(run, model, shown)[images], shown)
     compared, distance = _distances(fold, model, shown, length)
     return Scene(
@@ -58,11 +58,11 @@ def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, lengt
         ),
         curve=Curve(run.images.stamps[images], tuple(seen_points(model, shapes))),
         tracks={"contact": _on_desk(contact_t, contact)},
-        events=_told(_touch(run, model, shown)),
+        events=_touch_event(_touch(run, model, shown)),
     )
 
 
-def _shown(run: Measured) -> Index:
+def _images_before_end(run: Measured) -> Index:
     """Numbers of the images before the end."""
     return np.flatnonzero(run.images.stamps <= run.end)
 
@@ -112,7 +112,7 @@ def _touch(run: Measured, model: StripModel, shown: SimulatedMotion) -> Touch | 
     return seen_touch(model, shown.touch, grip, reported)
 
 
-def _told(touch: Touch | None) -> tuple[tuple[float, str], ...]:
+def _touch_event(touch: Touch | None) -> tuple[tuple[float, str], ...]:
     if touch is None:
         return ()
     return ((touch.time, f"layer_touch, displacement {1e3 * touch.displacement:.1f} mm"),)

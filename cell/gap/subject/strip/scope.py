@@ -48,7 +48,7 @@ def scope(
     fresh = [e for e in registry().values() if e.name not in {*strip.effects, *without}]
     return Scope(
         base=(*_base(strip), *(_weight(strip) if has_force else ()), *_accepted_parameters(strip)),
-        candidates=tuple(candidate(e, strip, lifted) for e in fresh if simulated(e, strip)),
+        candidates=tuple(candidate(e, strip, lifted) for e in fresh if can_simulate(e, strip)),
         terms=candidates(),
         left=LEFT,
         scatter=tuple(Scattering(e.name, e.sentence, e.remedy) for e in KNOWN_EFFECTS),
@@ -63,7 +63,7 @@ def scope(
     )
 
 
-def simulated(effect: Effect, strip: StripFile) -> bool:
+def can_simulate(effect: Effect, strip: StripFile) -> bool:
     """Whether the rod can represent the effect."""
     vector = _probes(effect, strip, 0.0)[0][0]
     try:
@@ -168,7 +168,7 @@ def _probes(
     start = [p.start for p in _parameters(effect, strip, numbers)]
     amounts = [i for i, p in enumerate(numbers) if is_amount(effect, p)]
     spots = places(strip, lifted)
-    tried = [_tried(p, v, spots) for p, v in zip(numbers, start, strict=True)]
+    tried = [_screened_values(p, v, spots) for p, v in zip(numbers, start, strict=True)]
     shapes = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
     groups = []
     for size, shape in product(_one_of_mirrored(effect.sizes(strip)), product(*shapes)):
@@ -183,7 +183,7 @@ def _one_of_mirrored(sizes: Sequence[float]) -> list[float]:
     return [size for i, size in enumerate(sizes) if -size not in sizes[:i]]
 
 
-def _tried(p: Number, start: float, spots: tuple[float, ...]) -> tuple[float, ...]:
+def _screened_values(p: Number, start: float, spots: tuple[float, ...]) -> tuple[float, ...]:
     """Values of a number at which an effect is screened."""
     if p.role == "place":
         return spots

@@ -56,7 +56,7 @@ class HashedPath:
 
     @classmethod
     def of(cls, path: GripperPath) -> Self:
-        """The path, hashed."""
+        """`path` with a hash of its rows."""
         h = hashlib.blake2b(bytes([path.hanging]), digest_size=16)
         for array in (path.t, path.poses):
             h.update(np.ascontiguousarray(array).data)
@@ -72,7 +72,7 @@ class HashedModel:
 
     @classmethod
     def of(cls, model: StripModel) -> Self:
-        """The description, hashed."""
+        """`model` with a hash of all but its observation."""
         blind = replace(model, observation=Observation())
         digest = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16).digest()
         return cls(model, digest)
@@ -112,7 +112,7 @@ class SimulatedMotion:
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Memory of the motion [bytes]."""
         return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
 
@@ -135,12 +135,12 @@ class Simulation:
         """What each of `drives` shows; None where the rod found no shape."""
         wanted = {d.key: d for d in drives if d.key not in self._known}
         found = {d.key: self._known[d.key] for d in drives if d.key in self._known}
-        found |= self._simulated(wanted)
+        found |= self._simulate_batches(wanted)
         for key in dict.fromkeys(d.key for d in drives):
             self._remember(key, found[key])
         return [found[d.key] for d in drives]
 
-    def _simulated(self, wanted: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
+    def _simulate_batches(self, wanted: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
         """Long motions together, so that lanes end together, and like models, as they are asked.
 
         A lane that finds its shapes with effort makes the others of its vector wait.
@@ -172,11 +172,11 @@ class Simulation:
         every = max(1, round(SHAPES / self.grain.dt))
         motions = simulate_all(rod, models, ways, dt=self.grain.dt, every=every)
         return [
-            None if failed else self._shown(motion)
+            None if failed else self._thin_out(motion)
             for motion, failed in zip(motions, rod.failed, strict=True)
         ]
 
-    def _shown(self, motion: StripMotion) -> SimulatedMotion:
+    def _thin_out(self, motion: StripMotion) -> SimulatedMotion:
         arc = lattice(1.0, self.grain.segments)
         shapes = motion.shapes.astype(np.float32)
         if not len(shapes):

@@ -11,10 +11,10 @@ import numpy as np
 
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
-from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned
+from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned_runs
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.patch import patch_file
-from cell.gap.subject.strip.prepare import Fold, corrected, prepare, surroundings
+from cell.gap.subject.strip.prepare import Fold, correct, prepare, surroundings
 from cell.gap.subject.strip.replicates import replicates
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
@@ -49,7 +49,7 @@ Look = tuple[str, bytes, bool, Observation]  # run, motion, whether rough, how i
 class Strip:
     """Measured folds of one strip, simulated by the rod along the measured gripper paths.
 
-    `notes` tell the operator of runs that are not whole.
+    `notes` warn the operator of runs that are not whole.
     """
 
     def __init__(
@@ -99,13 +99,13 @@ class Strip:
             (request.run.name, drive.key, request.rough, drive.model.observation)
             for request, drive in zip(requests, drives, strict=True)
         ]
-        seen = self._compared(dict(zip(looks, zip(folds, drives, strict=True), strict=True)))
+        seen = self._compare(dict(zip(looks, zip(folds, drives, strict=True), strict=True)))
         return [
-            fold.corrected(seen[look], request.run, request.local)
+            fold.correct(seen[look], request.run, request.local)
             for request, fold, look in zip(requests, folds, looks, strict=True)
         ]
 
-    def _compared(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
+    def _compare(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
         """Each motion against its run, a portion at a time: motions are large, residuals small.
 
         Motions of one length together, in the order in which they are asked, as they are simulated.
@@ -123,11 +123,11 @@ class Strip:
                     seen.update(zip(portion, found, strict=True))
         return seen
 
-    def measured(self, run: Run) -> Scene:
+    def draw_measured(self, run: Run) -> Scene:
         """The fold as it was measured."""
         return measured_scene(cast(Fold, run.content).comparison.run)
 
-    def simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
+    def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
         """The folds as simulated, beside their images."""
         folds, drives = self._drive(requests)
         length = self.file.length
@@ -136,18 +136,18 @@ class Strip:
             for fold, drive, motion in zip(folds, drives, self._simulation(drives), strict=True)
         ]
 
-    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         """The runs, with what a finer rod shows otherwise at these values, and slopes there."""
         folds, drives = self._drive(requests)
         about = surroundings(folds, drives, self._simulation, self._jobs, self._scatter)
         return [
-            corrected(request.run, fold, here)
+            correct(request.run, fold, here)
             for request, fold, here in zip(requests, folds, about, strict=True)
         ]
 
     def experiments(self) -> Sequence[Experiment]:
         """The standard folds, as they would come out for the strip as stated."""
-        runs = planned(self.file, self._measured[0].measured.sigma, next_index(self._measured))
+        runs = planned_runs(self.file, self._measured[0].measured.sigma, next_index(self._measured))
         ready = prepare(runs, self.file, self._floors, self._simulation, self._jobs)
         asked = {run.name: run for run in runs}
         return [
@@ -191,7 +191,7 @@ def _describe(
     for p, value in zip(parameters, base, strict=True):
         if "." in p.name:
             effect, key = p.name.split(".")
-            kept[effect][key] = p.shown(value)
+            kept[effect][key] = p.stated_value(value)
         else:
             numbers[p.name] = value
     strip = strip.model_copy(update={**numbers, "effects": kept})

@@ -53,7 +53,7 @@ class Instruments:
     force: float | None = None
 
     def sigma(self) -> dict[str, float]:
-        """As run.yaml states it."""
+        """Noise of the channels, as run.yaml states it."""
         keys = ("contact_x", "profile", "gripper", "displacement", "touch_time")
         force = {} if self.force is None else {"force": self.force}
         return {key: getattr(self, key) for key in keys} | force

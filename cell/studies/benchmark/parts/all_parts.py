@@ -38,7 +38,7 @@ class ThroughImages:
 
     @property
     def key(self) -> str:
-        """Strip, policy and seed."""
+        """Strip, policy and seed, by which the part is kept."""
         request = self.request
         return f"fold {request.strip} by {request.policy}, seed {request.choice.seed}"
 

@@ -181,7 +181,7 @@ def test_a_strip_that_swings_longer_than_stated_is_trusted_less_where_grains_dif
 ) -> None:
     base = {p.name: p.start for p in plain.scope.base}
     lively = np.array(list((base | {"retardation_time": 0.2 * base["retardation_time"]}).values()))
-    runs = plain.refined([Request(run, lively, {}, np.zeros(len(run.local))) for run in plain.runs])
+    runs = plain.refine([Request(run, lively, {}, np.zeros(len(run.local))) for run in plain.runs])
     rises = [
         new.samples.floor / run.samples.floor for new, run in zip(runs, plain.runs, strict=True)
     ]

@@ -43,13 +43,13 @@ def test_a_rough_response_is_simulated_once_for_all_replicates(
     strip: Strip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     simulated: list[bytes] = []
-    whole = Simulation._simulated
+    whole = Simulation._simulate_batches
 
     def counted(self: Simulation, wanted):  # type: ignore[no-untyped-def]
         simulated.extend(wanted)
         return whole(self, wanted)
 
-    monkeypatch.setattr(Simulation, "_simulated", counted)
+    monkeypatch.setattr(Simulation, "_simulate_batches", counted)
     responses(strip, rough=True)
     assert len(simulated) == 2 * len(set(NAMES))
 

@@ -286,11 +286,12 @@ def test_watching_imports_rerun_only_in_its_thread():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_shadow_ends_where_a_stamp_jumps_by_years():
+@pytest.mark.parametrize("jump", [1e9, 10.0])
+def test_shadow_ends_where_a_stamp_jumps_by_years_or_is_in_milliseconds(jump: float):
     shadow, pose = Shadow(STRIP), np.array([STRIP.length, 0.0, 0.0])
     assert shadow.follow(1.0, pose).size
-    assert not shadow.follow(1e9, pose).size
-    assert not shadow.follow(1.02, pose).size
+    assert not shadow.follow(1.0 + jump, pose).size
+    assert not shadow.follow(1.02 + jump, pose).size
 
 
 def test_shadow_is_the_simulated_strip():
