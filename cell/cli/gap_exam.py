@@ -88,7 +88,7 @@ def exam(
     steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     chosen = engine(wide, cluster, LIMIT)
-    others = _check_places(out, report, beside or (), made=only_judge)
+    others = _check_places(out, report, beside or (), made=only_judge and not ledger)
     with resumable(out), Meter(console, summarise, quiet=as_json) as meter:
         drawn = (lambda *_: None) if as_json else _line
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
@@ -121,6 +121,7 @@ def _check_places(
     Raises ConfigurationError where one cannot, or where `out` holds no runs that are to be `made`.
     """
     from cell.exam.cases.answer_key import KEYS
+    from cell.exam.run import LEDGER
     from drivers.errors import ConfigurationError
 
     if out.exists() and not out.is_dir():
@@ -129,7 +130,7 @@ def _check_places(
         raise ConfigurationError(
             f"--report: {report} is a folder; name a file, as {report}/exam.md"
         )
-    if made and not (out / KEYS).is_dir():
+    if made and not any((out / name).exists() for name in (KEYS, LEDGER)):
         raise ConfigurationError(
             f"--only-judge: {out} holds no runs of an exam; make them first, with --only-make"
         )
