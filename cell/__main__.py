@@ -1,8 +1,9 @@
 """`python -m cell` and the `cell` command: the edge where errors become one line each."""
 
 import sys
+from typing import Any
 
-from drivers.errors import CellError
+from drivers.errors import CellError, ConfigurationError
 
 
 def main() -> None:
@@ -22,22 +23,45 @@ def _run() -> int | str | None:
     from cell.cli.app import app
 
     try:
-        app(standalone_mode=True)
+        return int(app(standalone_mode=False) or 0)  # the code of a command that raised Exit
     except SystemExit as end:
         return end.code
-    except CellError as error:
-        return _show(error)
-    except ModuleNotFoundError as error:
-        from cell.extras import FEATURES, missing_library
-        from drivers.errors import Unexpected
-
-        known = error.name in FEATURES
-        return _show(missing_library(str(error.name)) if known else Unexpected(error))
     except Exception as error:  # noqa: BLE001  an edge: an operator is not shown a traceback
-        from drivers.errors import Unexpected
+        return _answer(error)
 
-        return _show(Unexpected(error))
-    return 0
+
+def _answer(error: Exception) -> int:
+    """Show `error` in one line, or the help of a group that was given nothing; the exit code."""
+    from typer import Abort, BadParameter
+
+    usage: type = BadParameter.__mro__[1]  # of all misuse; no version of Typer exports it
+    if isinstance(error, usage):
+        return _show_usage(error)
+    return _show(
+        CellError("no answer was given") if isinstance(error, Abort) else _cell_error(error)
+    )
+
+
+def _show_usage(error: Any) -> int:
+    if error.ctx is not None and error.message == error.ctx.get_help():
+        error.show()
+        return int(error.exit_code)
+    command = "cell" if error.ctx is None else error.ctx.command_path
+    said = error.format_message().replace("Value error, ", "").rstrip(".")
+    said = f"{said[:1].lower()}{said[1:]}"
+    return _show(ConfigurationError(f"{said}; `{command} --help` lists what goes"))
+
+
+def _cell_error(error: Exception) -> CellError:
+    """`error` as one of the cell's own: a library that is missing, or a defect."""
+    from cell.extras import FEATURES, missing_library
+    from drivers.errors import Unexpected
+
+    if isinstance(error, CellError):
+        return error
+    if isinstance(error, ModuleNotFoundError) and error.name in FEATURES:
+        return missing_library(str(error.name))
+    return Unexpected(error)
 
 
 def _show(error: CellError) -> int:

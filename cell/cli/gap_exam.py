@@ -10,6 +10,8 @@ import typer
 from cell.cli.options import Cluster, Json, engine, print_json, resumable
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from cell.exam.run_case import Steps
     from cell.exam.scoring.results import Entry
 
@@ -86,6 +88,7 @@ def exam(
     steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     chosen = engine(wide, cluster, CASE_TIMEOUT)
+    others = _check_places(out, report, beside or (), made=only_judge and not ledger)
     with resumable(out), Meter(console, summarise, quiet=as_json) as meter:
         drawn = (lambda *_: None) if as_json else _line
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
@@ -97,7 +100,6 @@ def exam(
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
     command = _command(tier, len(wanted), seed, repeats, kind, force)
-    others = [entry for place in beside or () for entry in _entries_of(place)]
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
     _tell(entries, page, as_json=as_json)
 
@@ -109,6 +111,30 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
     if make and judge:
         raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
     return "make" if make else "judge" if judge else "all"
+
+
+def _check_places(
+    out: Path, report: Path | None, beside: "Sequence[Path]", *, made: bool
+) -> "list[Entry]":
+    """The entries of the exams `beside`, once all places can be used: an exam takes hours.
+
+    Raises ConfigurationError where one cannot, or where `out` holds no runs that are to be `made`.
+    """
+    from cell.exam.cases.answer_key import KEYS_FOLDER
+    from cell.exam.run import LEDGER
+    from drivers.errors import ConfigurationError
+
+    if out.exists() and not out.is_dir():
+        raise ConfigurationError(f"--out: {out} is a file; name a folder")
+    if report is not None and report.is_dir():
+        raise ConfigurationError(
+            f"--report: {report} is a folder; name a file, as {report}/exam.md"
+        )
+    if made and not any((out / name).exists() for name in (KEYS_FOLDER, LEDGER)):
+        raise ConfigurationError(
+            f"--only-judge: {out} holds no runs of an exam; make them first, with --only-make"
+        )
+    return [entry for place in beside for entry in _entries_of(place)]
 
 
 def _command(

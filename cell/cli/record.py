@@ -56,6 +56,11 @@ def report(
 def _calibration(path: Path, *, as_json: bool) -> None:
     from cell.report.calibration_page import write_calibration_report
 
+    if path.suffix not in (".yaml", ".yml"):
+        raise ConfigurationError(
+            f"{path}: is neither a run's folder nor the YAML file of a calibration; `cell runs` "
+            "lists the runs"
+        )
     page = write_calibration_report(path)
     if as_json:
         print_json({"calibration": path, "report": page})
@@ -88,6 +93,8 @@ def note(
     from cell.record.files import NOTES, check_run
     from cell.record.listing import read_row
 
+    if not tag and not untag and text is None:
+        raise ConfigurationError("--tag, --untag, --text: give one at least, as --tag good")
     for word in (*(tag or ()), *(untag or ())):
         if TAG.fullmatch(word) is None:
             raise ConfigurationError(f"--tag: {word!r} is no tag; use letters, digits, . - and _")

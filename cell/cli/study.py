@@ -50,6 +50,7 @@ def study(
     """
     from cell.studies.campaign import Asked
     from cell.studies.catalogue import studies, study_of
+    from drivers.errors import ConfigurationError
 
     if name is None and not quick:
         _list(as_json=as_json)
@@ -61,6 +62,10 @@ def study(
         folder = (out or Path("runs/studies")) if name is None or out is None else out
         folder = folder / f"{each.name}-{seed}" if name is None or out is None else folder
         asked = Asked(each, seed, size, folder)
+        if show and not asked.journal.is_dir():
+            raise ConfigurationError(
+                f"--show: {folder} holds no case of {each.name}; measure some first, without it"
+            )
         if not show:
             _measure(asked, engine(jobs, cluster, each.limit), _shard(shard), again, quiet=as_json)
         held, lost = _show(asked, as_json=as_json)

@@ -45,6 +45,9 @@ def disk(runs: Path) -> Check:
     """Whether runs can be recorded in `runs`."""
     why = "a run that cannot be recorded stops in the middle of the fold"
     place = next(p for p in (runs.absolute(), *runs.absolute().parents) if p.exists())
+    if not place.is_dir():
+        remedy = "give a folder with --runs"
+        return Check("disk", State.FAIL, f"{place} is a file", why, remedy)
     if not os.access(place, os.W_OK):
         return Check("disk", State.FAIL, f"{place} cannot be written", why, "mend its permissions")
     free = shutil.disk_usage(place).free / 1e9

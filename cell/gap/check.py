@@ -21,6 +21,7 @@ from cell.gap.subject.run_folders import TABLES, RunFolder, find_runs, read_tabl
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.schema import Entry
 from drivers.errors import ConfigurationError
+from drivers.files import TEXT, read_bytes
 from drivers.settings import read_yaml
 from drivers.types import Array
 
@@ -66,7 +67,7 @@ class Check(Entry):
 
 def inputs_digest(file: Path, runs: Sequence[RunFolder]) -> str:
     """Hash of everything that a fit of `runs` reads, the description in `file` with its model."""
-    h = hashlib.sha256(file.read_bytes())
+    h = hashlib.sha256(read_bytes(file, TEXT))
     model = file.parent / str(read_yaml(file).get("model", "."))
     h.update(model.read_bytes() if model.is_file() else b"")
     for run in runs:

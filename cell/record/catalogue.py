@@ -10,7 +10,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Self
 
-from cell.record.files import RESULT, RUN
+from cell.record.files import RESULT, RUN, is_run
 from cell.record.listing import UNDER_WAY, RunRow, read_row
 from drivers.errors import ConfigurationError, suggestion
 
@@ -30,7 +30,7 @@ class Catalogue:
     """The runs directly under `root`, kept up to date in a database in the folder `cache`.
 
     Where the cache cannot be written the index is made in memory, each time anew. Raises
-    ConfigurationError when `root` is no folder.
+    ConfigurationError when `root` is no folder, or a run itself.
     """
 
     def __init__(
@@ -38,6 +38,11 @@ class Catalogue:
     ) -> None:
         if not root.is_dir():
             raise ConfigurationError(f"{root}: is not a folder; name one with --runs")
+        if is_run(root):
+            raise ConfigurationError(
+                f"{root}: is a run; name the folder that it lies in with --runs, as "
+                f"{root.resolve().parent}"
+            )
         self._root = root
         self._base = _open(cache / f"{sha256(os.fsencode(root.resolve())).hexdigest()[:16]}.sqlite")
         try:

@@ -38,7 +38,8 @@ class Film:
         import av
 
         if not self.path.is_file():
-            raise ConfigurationError(f"{self.path}: there is no such film")
+            what = "is a folder; name a film in it" if self.path.is_dir() else "is not there"
+            raise ConfigurationError(f"{self.path}: {what}")
         try:
             with av.open(str(self.path)) as container:
                 if not container.streams.video:
@@ -50,7 +51,9 @@ class Film:
                     image = picture.to_ndarray(format="bgr24")
                     yield Frame(stamp - begin, stamp - begin, self.path.name, number, image)
         except (av.FFmpegError, OSError) as error:
-            raise ConfigurationError(f"{self.path}: cannot be read as a film: {error}") from None
+            raise ConfigurationError(
+                f"{self.path}: cannot be read as a film: {error.strerror or error}"
+            ) from None
 
 
 def _stamp(picture: Any, path: Path) -> float:

@@ -189,9 +189,8 @@ def _folders(*files: Path | None) -> list[Path]:
 def out_folder(out: Path) -> Path:
     """The folder of a fit; ConfigurationError where there is none."""
     if not out.is_dir():
-        raise ConfigurationError(
-            f"{out}: no such folder; name the one that `cell gap fit --out` wrote"
-        )
+        what = "is a file" if out.exists() else "no such folder"
+        raise ConfigurationError(f"{out}: {what}; name the folder that `cell gap fit --out` wrote")
     return out
 
 

@@ -151,8 +151,9 @@ class Verdict(Entry):
 
 def read_verdict(path: Path) -> Verdict:
     """The verdict at `path`; ConfigurationError where there is none that can be read."""
-    if not path.parent.is_dir():
-        raise ConfigurationError(
-            f"{path.parent}: no such folder; name the one that `cell gap fit --out` wrote"
-        )
+    out = path.parent
+    if not path.exists():
+        what = f"{path}: is missing" if out.is_dir() else f"{out}: no such folder"
+        what = f"{out}: is a file" if out.is_file() else what
+        raise ConfigurationError(f"{what}; name the folder that `cell gap fit --out` wrote")
     return parse(read_json(path, LARGEST_VERDICT), Verdict, str(path))

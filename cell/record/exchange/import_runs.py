@@ -13,7 +13,7 @@ from cell.record.documents import write_document
 from cell.record.exchange.episodes import INFO, episodes
 from cell.record.exchange.mapping import MAPPING, Mapping, Place
 from cell.record.exchange.tables import FILE, Folder, Source, path_of, read_columns
-from cell.record.files import PROFILE, RESULT, RUN, TICKS
+from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_run
 from cell.record.run import read_run
 from cell.record.tables import place_contacts, write_parquet
 from drivers.errors import ConfigurationError
@@ -75,14 +75,22 @@ def _sources(place: Path, mapping: Path | None) -> Iterator[Source]:
         inner = sorted(path for path in place.iterdir() if path.is_dir())
         if any(FILE.fullmatch(path.name) for path in place.iterdir()):
             inner = [place]
-        yield from (Folder(folder) for folder in inner or [place])
+        if not inner:
+            raise ConfigurationError(f"{place}: holds no tables; give a folder with CSV or Parquet")
+        yield from map(Folder, inner)
     elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
-        fault = "is no folder with tables, no .mcap file and no LeRobot data set"
-        raise ConfigurationError(f"{place}: {fault if place.exists() else 'is not there'}")
+        fault = "is none of what is read" if place.exists() else "is not there"
+        raise ConfigurationError(
+            f"{place}: {fault}; give a folder with tables, an .mcap file or a LeRobot data set"
+        )
 
 
 def _own_mapping(source: Source) -> Mapping:
     content = source.documents.get(MAPPING)
+    if content is None and is_run(source.path):
+        raise ConfigurationError(
+            f"{source.path}: is a run already; `cell gap fit` takes it as it is"
+        )
     if content is None:
         raise ConfigurationError(
             f"{source.path}: nothing says which column holds what; write a mapping file and give "

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import cache
 
 from cell.campaign.study import Study
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, suggestion
 
 FOLDERS = ("cell.studies.catalogue", "cell.exam.studies")
 
@@ -23,5 +23,8 @@ def studies() -> Mapping[str, Study]:
 def study_of(name: str) -> Study:
     """The study called `name`; ConfigurationError for another name."""
     if name not in studies():
-        raise ConfigurationError(f"study: {name!r} is not known; known: {', '.join(studies())}")
+        raise ConfigurationError(
+            f"study: {name!r} is not known{suggestion(name, studies())}; known: "
+            f"{', '.join(studies())}"
+        )
     return studies()[name]

@@ -167,6 +167,11 @@ def test_help_imports_nothing_heavy() -> None:
     ("words", "said"),
     [
         (("jog",), "--x, --z, --pitch: give one at least"),
+        (("jog", "--zz", "1"), "no such option: --zz"),
+        (("jog", "--arm", "fcii"), "invalid value for '--arm': 'fcii' is not one of 'twin', 'fci'"),
+        (("note",), "missing argument 'RUN...'; `cell note --help` lists what goes"),
+        (("runs", "one", "two"), "got unexpected extra argument(s) (one two); `cell runs --help`"),
+        (("gap", "fti"), "no such command 'fti'"),
         (("calibrate", "camera", "--resume", "file"), "--resume: file holds no session"),
         (("calibrate", "homography", "--resume", "gone"), "--resume: gone holds no session"),
         (("report", "gone"), "gone: is not there; `cell runs` lists the runs"),
@@ -175,6 +180,24 @@ def test_help_imports_nothing_heavy() -> None:
         (("note", "file", "--tag", "good"), "file: is a file, a run is a folder"),
         (("report", "runs/one/run.yaml"), "is a folder; give the folder, runs/one"),
         (("gap", "fit", "file", "--strip", "denim", "--out", "out"), "file: is a file; give run"),
+        (("report", "file"), "file: is neither a run's folder nor the YAML file of a calibration"),
+        (("note", "runs/one"), "--tag, --untag, --text: give one at least"),
+        (("runs", "--runs", "runs/one"), "runs/one: is a run; name the folder that it lies in"),
+        (("import", "runs", "--out", "out"), "runs/one: is a run already"),
+        (("import", "runs/one", "--out", "out"), "runs/one: holds no tables"),
+        (("import", "file", "--out", "out"), "file: is none of what is read; give a folder"),
+        (("study", "unkown"), "'unkown' is not known (did you mean 'unknown'?)"),
+        (("study", "unknown", "--show"), "--show: runs/studies/unknown-0 holds no case of unknown"),
+        (("gap", "accept", "file", "--strip", "denim"), "file: is a file; name the folder that"),
+        (("gap", "advise", "file"), "file: is a file; name the folder that `cell gap fit --out`"),
+        (("gap", "advise", "runs"), "runs/verdict.json: is missing; name the folder that"),
+        (("gap", "exam", "--out", "file"), "--out: file is a file; name a folder"),
+        (("gap", "exam", "--report", "runs"), "--report: runs is a folder; name a file"),
+        (("gap", "exam", "--beside", "gone"), "--beside: gone holds no ledger.jsonl"),
+        (
+            ("gap", "exam", "--only-judge", "--out", "runs"),
+            "--only-judge: runs holds no runs of an",
+        ),
         (("runs", "--delete"), "--keep, --older-than: give one"),
         (("runs", "--keep", "1", "--delete", "--html", "page"), "go without --sql and --html"),
     ],
@@ -188,7 +211,9 @@ def test_words_that_lead_nowhere_are_refused_and_nothing_is_made(
     (tmp_path / "file").write_text("")
     before = sorted(tmp_path.rglob("*"))
     monkeypatch.chdir(tmp_path)
-    assert said in refused(monkeypatch, capsys, *words)
+    line = refused(monkeypatch, capsys, *words)
+    assert said in line
+    assert "\n" not in line
     assert sorted(tmp_path.rglob("*")) == before
 
 

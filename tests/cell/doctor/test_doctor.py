@@ -76,6 +76,13 @@ def test_calibration_that_has_expired_is_red(tmp_path: Path) -> None:
     assert (check.state, "400 days" in check.found) == (State.FAIL, True)
 
 
+def test_a_file_where_runs_are_to_be_recorded_is_red(tmp_path: Path) -> None:
+    (tmp_path / "runs").write_text("")
+    found = machine.disk(tmp_path / "runs")
+    assert found.state is State.FAIL
+    assert "is a file" in found.found
+
+
 def test_disk_without_room_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert machine.disk(tmp_path / "runs").state is not State.FAIL
     monkeypatch.setattr(machine, "RUN_GB", 1e9)

@@ -99,6 +99,11 @@ def test_a_file_whose_writer_was_killed_gives_its_whole_chunks(runs, tmp_path: P
     assert np.array_equal(read_run(folder).ticks.x, read_run(runs[0]).ticks.x)
 
 
+def test_a_run_of_the_cell_needs_no_import(runs, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="is a run already"):
+        import_runs([runs[0]], None, tmp_path / "out")
+
+
 def test_a_data_set_of_others_is_read_by_a_mapping(runs, tmp_path: Path) -> None:
     [root] = export_runs(runs, "lerobot", tmp_path / "out")
     (root / "meta/mapping.yaml").unlink()

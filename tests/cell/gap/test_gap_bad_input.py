@@ -327,3 +327,11 @@ def test_a_library_of_which_all_is_withheld_is_refused(bench: Bench) -> None:
     every = sorted(registry())
     with pytest.raises(ConfigurationError, match="withholds every effect; leave one"):
         fit([bench.runs("strip")], bench.file["strip"], bench.root / "out", without=every)
+
+
+def test_check_of_a_file_that_is_missing_or_a_folder_is_one_line(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for file in (bench.root, bench.root / "nope.yaml"):
+        words = ("gap", "check", bench.runs("strip"), "--strip", file, "--out", bench.root / "out")
+        assert refused(monkeypatch, capsys, *words).startswith(f"{file}: cannot be read: ")

@@ -202,3 +202,11 @@ def test_encoder_that_hangs_ends_the_film_and_not_the_run(tmp_path, monkeypatch)
     assert run.result.outcome == "path_done"
     assert len(run.frame_index()) == QUEUE + 12
     assert "its encoder hangs" in run.header.model_extra["film"]
+
+
+def test_what_is_no_film_is_refused_in_words(tmp_path):
+    (tmp_path / "text.mp4").write_text("no film")
+    for name, said in (("", "is a folder"), ("gone.mp4", "is not there"), ("text.mp4", "Invalid")):
+        with pytest.raises(ConfigurationError, match=said) as refused:
+            next(Film(tmp_path / name).frames())
+        assert "Errno" not in str(refused.value)

@@ -39,7 +39,9 @@ def test_a_study_is_drawn_from_its_seed_and_travels(name: str) -> None:
 
 
 def test_an_unknown_study_is_refused_with_those_that_exist() -> None:
-    with pytest.raises(ConfigurationError, match=r"'foldz' is not known; known: .*folds"):
+    with pytest.raises(
+        ConfigurationError, match=r"'foldz' is not known .did you mean 'folds'.*; known: .*folds"
+    ):
         study_of("foldz")
 
 
