@@ -63,10 +63,13 @@ class TooLong(BaseException):
 def limited(longest: float) -> Iterator[None]:
     """Ends what takes more than `longest` [s] of processor time, or waits ten times as long.
 
-    What other tests have left is not collected meanwhile: that may take longer.
+    What other tests have left is not collected meanwhile: that may take longer. A library may take
+    the alarm for an error of its own; it counts as too long all the same.
     """
+    rang: list[int] = []
 
-    def stop(_number: int, _frame: FrameType | None) -> None:
+    def stop(number: int, _frame: FrameType | None) -> None:
+        rang.append(number)
         raise TooLong
 
     collecting = gc.isenabled()
@@ -77,11 +80,16 @@ def limited(longest: float) -> Iterator[None]:
         signal.setitimer(timer, limit)
     try:
         yield
+    except Exception:
+        if not rang:
+            raise
     finally:
         for timer, _ in timers:
             signal.setitimer(timer, 0.0)
         if collecting:
             gc.enable()
+    if rang:
+        raise TooLong
 
 
 def tried(read: Callable[[], object], longest: float = LONGEST) -> str:
