@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import rerun as rr
+from rerun import bindings
 
 from drivers.files import own_stream, write_all
 
@@ -24,6 +25,8 @@ def saving(recording: rr.RecordingStream, path: Path, *others: Any) -> Iterator[
     for good, and the process with it, once the disk is full; so it writes into a pipe, and a thread
     of ours on.
     """
+    # A recording that nobody holds keeps two threads and 0.5 MB until this, which `rr.init` calls.
+    bindings.flush_and_cleanup_orphaned_recordings()
     with own_stream(path) as file:
         end, begin = os.pipe()
         failures: list[OSError] = []
