@@ -19,7 +19,7 @@ from cell.gap.report.sentence import headline, sentence
 from cell.gap.subject.scene import Scene
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
-from cell.report.viz.saving import saving
+from cell.report.viz.saving import saving, send_blueprint
 from drivers.errors import ConfigurationError
 from drivers.files import replacing
 from drivers.types import Array
@@ -44,7 +44,7 @@ def write_recording(name: str, runs: Sequence[Replayed], path: Path, words: str)
     recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
     try:
         with replacing(path) as scratch, saving(recording, scratch):
-            recording.send_blueprint(blueprint(runs))
+            send_blueprint(recording, blueprint(runs))
             recording.log("verdict", rr.TextDocument(words), static=True)
             for run in runs:
                 _write(recording, run)

@@ -25,7 +25,7 @@ from cell.report.verdict import LINE_BREAK, verdict_of
 from cell.report.viz.layout import blueprint
 from cell.report.viz.model_view import NO_SHAPE, Shadow
 from cell.report.viz.playback import LogLine, TickView, moments_of
-from cell.report.viz.saving import saving
+from cell.report.viz.saving import saving, send_blueprint
 from drivers.errors import ConfigurationError
 from drivers.files import replacing
 from drivers.settings import parse
@@ -105,7 +105,7 @@ def open_recording(
     the file cannot be written.
     """
     with watched_recording("cell", folder / name, live=live, viewer=viewer) as recording:
-        recording.send_blueprint(blueprint())
+        send_blueprint(recording, blueprint())
         yield recording
 
 

@@ -46,6 +46,22 @@ def saving(recording: rr.RecordingStream, path: Path, *others: Any) -> Iterator[
         raise failures[0]
 
 
+def send_blueprint(recording: rr.RecordingStream, blueprint: Any) -> None:
+    """Send the layout `blueprint` of the viewer to `recording`, and release what held it.
+
+    `RecordingStream.send_blueprint` does the same, but Rerun 0.41 keeps the stream that it makes of
+    the layout, with two threads and 0.8 MB, for as long as the process lives.
+    """
+    held = rr.RecordingStream._from_native(
+        bindings.new_blueprint(recording.get_application_id(), False, False, True)
+    )
+    held.set_time("blueprint", sequence=0)
+    blueprint._log_to_stream(held)
+    storage = held.memory_recording().storage
+    bindings.send_blueprint(storage, True, True, recording=recording.to_native())
+    bindings.disconnect(recording=held.to_native())
+
+
 def _pass_on(pipe: int, file: FileIO, failures: list[OSError]) -> None:
     """Write what comes through `pipe` into `file`; after a failure it is only taken."""
     while content := os.read(pipe, CHUNK_SIZE):

@@ -11,6 +11,7 @@ import rerun.blueprint as rrb
 
 from calibration.wizard.news import News, TouchNews, ViewNews
 from cell.report.viz.recording import jpeg, watched_recording
+from cell.report.viz.saving import send_blueprint
 
 WIZARD_RECORDING = "wizard.rrd"
 CORNERS_RGBA = 0x6ED25AFF
@@ -29,7 +30,7 @@ def wizard_screen(
     """
     path = folder / WIZARD_RECORDING
     with watched_recording("cell-wizard", path, live=live, viewer=viewer) as recording:
-        recording.send_blueprint(_blueprint())
+        send_blueprint(recording, _blueprint())
         yield WizardScreen(recording)
 
 

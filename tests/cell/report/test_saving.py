@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
-from cell.report.viz.saving import saving
+from cell.report.viz.saving import saving, send_blueprint
 
 FULL = """
 import resource, signal, sys
@@ -51,6 +52,7 @@ def test_recordings_that_ended_leave_no_threads(tmp_path):
     for _ in range(6):
         recording = rr.RecordingStream("cell")
         with saving(recording, tmp_path / "run.rrd"):
+            send_blueprint(recording, rrb.Blueprint(rrb.Spatial2DView(name="flat")))
             recording.log("value", rr.Scalars(1.0))
         del recording
         counts.append(len(list(Path("/proc/self/task").iterdir())))
