@@ -2,21 +2,39 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import Self
 
 import numpy as np
 
-from drivers.fci_server.kernel import POSTURE_FIELDS, POSTURE_SIZE, place
-from drivers.fci_server.limits import LIMIT_TABLE, TICK, Course, still, twist_of
+from drivers.fci_server.limits import TICK, Course, still, twist_of
 from drivers.franka import limits
-from drivers.franka.kinematics import from_last_joint
+from drivers.franka.kinematics import ELBOW_FLIP, pose_and_jacobian
+from drivers.franka.tracking import ELBOW_JOINT
 from drivers.types import Array
+
+_SIZES = {
+    "q": 7,  # rad
+    "velocity": 7,  # rad/s
+    "acceleration": 7,  # rad/s^2
+    "reached": 16,  # tool in the base, row by row
+    "jacobian": 42,  # row by row
+    "pose": 16,  # commanded, row by row
+    "twist": 6,  # m/s, rad/s
+    "change": 6,  # m/s^2, rad/s^2
+    "elbow": 3,  # rad, rad/s, rad/s^2
+    "sign": 1,  # of the elbow
+}
+_ENDS = list(accumulate(_SIZES.values(), initial=0))
+POSTURE_FIELDS = {name: slice(*span) for name, span in zip(_SIZES, pairwise(_ENDS), strict=True)}
+POSTURE_SIZE = _ENDS[-1]
 
 
 @dataclass(frozen=True)
 class Posture:
     """Joints (7,) with the poses that follow from them, the commanded tool pose (4, 4), and the
-    rates of all three, as one vector (POSTURE_SIZE,) whose parts `kernel.FIELDS` names.
+    rates of all three, as one vector (POSTURE_SIZE,) whose parts POSTURE_FIELDS names: a state
+    that is sent is a choice of its numbers.
 
     The twin's arm stands at its commanded joints; `reached` differs from `pose` by the residual of
     one Newton step.
@@ -29,13 +47,15 @@ class Posture:
         """Joints (7,) [rad] on their `joints` course, the commanded pose of the tool (4, 4) being
         the one that they give.
         """
+        reached, jacobian = pose_and_jacobian(q, tool)
         vector = np.zeros(POSTURE_SIZE)
         vector[POSTURE_FIELDS["q"]] = q
         vector[POSTURE_FIELDS["velocity"]] = joints.velocity
         vector[POSTURE_FIELDS["acceleration"]] = joints.acceleration
-        place(vector, from_last_joint(tool).ravel(), LIMIT_TABLE)
-        vector[POSTURE_FIELDS["pose"]] = vector[POSTURE_FIELDS["reached"]]
-        vector[POSTURE_FIELDS["elbow"]][0] = q[2]
+        vector[POSTURE_FIELDS["reached"]] = vector[POSTURE_FIELDS["pose"]] = reached.ravel()
+        vector[POSTURE_FIELDS["jacobian"]] = jacobian.ravel()
+        vector[POSTURE_FIELDS["elbow"].start] = q[ELBOW_JOINT]
+        vector[POSTURE_FIELDS["sign"]] = 1.0 if q[3] > ELBOW_FLIP else -1.0
         return cls(vector)
 
     @classmethod
@@ -75,10 +95,15 @@ class Posture:
         """Course of the tool (6,)."""
         return Course(self.vector[POSTURE_FIELDS["twist"]], self.vector[POSTURE_FIELDS["change"]])
 
+    @cached_property
+    def swing(self) -> Array:
+        """Commanded angle (3,) of the elbow with its two rates [rad, rad/s, rad/s^2]."""
+        return self.vector[POSTURE_FIELDS["elbow"]]
+
     @property
     def elbow(self) -> float:
         """Commanded angle of the elbow [rad]."""
-        return float(self.vector[POSTURE_FIELDS["elbow"].start])
+        return float(self.swing[0])
 
     @property
     def elbow_sign(self) -> float:
@@ -90,18 +115,28 @@ class Posture:
         """Whether nothing moves."""
         return not self.joints.velocity.any()
 
+    def swing_to(self, elbow: float) -> Array:
+        """The `swing` (3,) of an elbow that is at an angle [rad] one tick on."""
+        angle, rate, _ = self.swing.tolist()
+        speed = (elbow - angle) / TICK
+        return np.array([elbow, speed, (speed - rate) / TICK])
+
+    def with_command(self, pose: Array, course: Course, swing: Array) -> Self:
+        """The same joints with another commanded `pose` (4, 4) of the tool on its course, and
+        `swing` (3,) of the elbow.
+        """
+        vector = self.vector.copy()
+        vector[POSTURE_FIELDS["pose"]] = pose.ravel()
+        vector[POSTURE_FIELDS["twist"]] = course.velocity
+        vector[POSTURE_FIELDS["change"]] = course.acceleration
+        vector[POSTURE_FIELDS["elbow"]] = swing
+        return type(self)(vector)
+
     def move_on(self, q: Array, tool: Array, joints: Course) -> Self:
         """One tick on with joints `q` (7,) [rad] on their course; the commanded pose follows."""
         new = self.of(q, tool, joints)
         course = self.tool.step(twist_of(self.pose, new.reached))
-        angle, rate, _ = self.vector[POSTURE_FIELDS["elbow"]].tolist()
-        speed = (q[2] - angle) / TICK
-        new.vector[POSTURE_FIELDS["twist"]], new.vector[POSTURE_FIELDS["change"]] = (
-            course.velocity,
-            course.acceleration,
-        )
-        new.vector[POSTURE_FIELDS["elbow"]] = q[2], speed, (speed - rate) / TICK
-        return new
+        return new.with_command(new.reached, course, self.swing_to(q[ELBOW_JOINT]))
 
     def brake(self, tool: Array) -> Self:
         """One tick of braking: all joints come to rest together, at their largest deceleration."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.fci_server.configuration import Configuration
 from drivers.fci_server.contact import NO_CONTACT, Contact
-from drivers.fci_server.kernel import POSTURE_FIELDS
+from drivers.fci_server.posture import POSTURE_FIELDS
 from drivers.fci_server.robot import Robot
 from drivers.fci_server.state_packet import FIELD_PLACES, Indices, StatePacket
 from drivers.fci_server.wire import Controller, Generator

@@ -1,4 +1,4 @@
-"""The compiled tick of a Cartesian motion against the formulas of `drivers.franka`."""
+"""One tick of the emulated robot's motion generators against the kinematics of `drivers.franka`."""
 
 import numpy as np
 import pytest
