@@ -138,8 +138,8 @@ def _print_transfer(facts: dict[str, Any], *, as_json: bool) -> None:
     left = facts["left_out"]
     sys.stdout.write(
         f"{left['folds']} folds through images; of folds left out the displacement is "
-        f"{1e3 * left['bias']:.2f} mm rms off the prediction, the roll "
-        f"{1e3 * left['roll']:.2f} mm; {facts['checkpoint']}\n"
+        f"{1e3 * left['bias']:.2f} mm rms off the prediction, {100 * left['within']:.0f} % within "
+        f"one sigma; {facts['checkpoint']}\n"
     )
 
 
