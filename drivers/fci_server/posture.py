@@ -1,8 +1,6 @@
 """Posture and commanded motion of the emulated arm at one tick."""
 
-from dataclasses import dataclass
-from functools import cached_property
-from itertools import accumulate, pairwise
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -13,34 +11,24 @@ from drivers.franka.kinematics import ELBOW_FLIP, pose_and_jacobian
 from drivers.franka.tracking import ELBOW_JOINT
 from drivers.types import Array
 
-_SIZES = {
-    "q": 7,  # rad
-    "velocity": 7,  # rad/s
-    "acceleration": 7,  # rad/s^2
-    "reached": 16,  # tool in the base, row by row
-    "jacobian": 42,  # row by row
-    "pose": 16,  # commanded, row by row
-    "twist": 6,  # m/s, rad/s
-    "change": 6,  # m/s^2, rad/s^2
-    "elbow": 3,  # rad, rad/s, rad/s^2
-    "sign": 1,  # of the elbow
-}
-_ENDS = list(accumulate(_SIZES.values(), initial=0))
-POSTURE_FIELDS = {name: slice(*span) for name, span in zip(_SIZES, pairwise(_ENDS), strict=True)}
-POSTURE_SIZE = _ENDS[-1]
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Posture:
-    """Joints (7,) with the poses that follow from them, the commanded tool pose (4, 4), and the
-    rates of all three, as one vector (POSTURE_SIZE,) whose parts POSTURE_FIELDS names: a state
-    that is sent is a choice of its numbers.
+    """Joints `q` (7,) [rad] on their course, the tool's pose `reached` (4, 4) in the base and its
+    `jacobian` (6, 7), which follow from them; the commanded `pose` (4, 4) of the tool (6,) on its
+    course, and the commanded `swing` (3,) of the elbow: angle, rate, acceleration [rad, s].
 
     The twin's arm stands at its commanded joints; `reached` differs from `pose` by the residual of
     one Newton step.
     """
 
-    vector: Array
+    q: Array
+    joints: Course
+    reached: Array
+    jacobian: Array
+    pose: Array
+    tool: Course
+    swing: Array
 
     @classmethod
     def of(cls, q: Array, tool: Array, joints: Course) -> Self:
@@ -48,57 +36,13 @@ class Posture:
         the one that they give.
         """
         reached, jacobian = pose_and_jacobian(q, tool)
-        vector = np.zeros(POSTURE_SIZE)
-        vector[POSTURE_FIELDS["q"]] = q
-        vector[POSTURE_FIELDS["velocity"]] = joints.velocity
-        vector[POSTURE_FIELDS["acceleration"]] = joints.acceleration
-        vector[POSTURE_FIELDS["reached"]] = vector[POSTURE_FIELDS["pose"]] = reached.ravel()
-        vector[POSTURE_FIELDS["jacobian"]] = jacobian.ravel()
-        vector[POSTURE_FIELDS["elbow"].start] = q[ELBOW_JOINT]
-        vector[POSTURE_FIELDS["sign"]] = 1.0 if q[3] > ELBOW_FLIP else -1.0
-        return cls(vector)
+        swing = np.array([q[ELBOW_JOINT], 0.0, 0.0])
+        return cls(q, joints, reached, jacobian, reached, still(6), swing)
 
     @classmethod
     def resting(cls, q: Array, tool: Array) -> Self:
         """At rest with joints (7,) [rad] and a tool (4, 4) on the flange."""
         return cls.of(q, tool, still(7))
-
-    @cached_property
-    def q(self) -> Array:
-        """Joints (7,) [rad]."""
-        return self.vector[POSTURE_FIELDS["q"]]
-
-    @cached_property
-    def joints(self) -> Course:
-        """Course of the joints (7,)."""
-        return Course(
-            self.vector[POSTURE_FIELDS["velocity"]], self.vector[POSTURE_FIELDS["acceleration"]]
-        )
-
-    @cached_property
-    def reached(self) -> Array:
-        """Pose of the tool (4, 4) in the base."""
-        return self.vector[POSTURE_FIELDS["reached"]].reshape(4, 4)
-
-    @cached_property
-    def jacobian(self) -> Array:
-        """Jacobian (6, 7) of the tool in the base."""
-        return self.vector[POSTURE_FIELDS["jacobian"]].reshape(6, 7)
-
-    @cached_property
-    def pose(self) -> Array:
-        """Commanded pose of the tool (4, 4) in the base."""
-        return self.vector[POSTURE_FIELDS["pose"]].reshape(4, 4)
-
-    @cached_property
-    def tool(self) -> Course:
-        """Course of the tool (6,)."""
-        return Course(self.vector[POSTURE_FIELDS["twist"]], self.vector[POSTURE_FIELDS["change"]])
-
-    @cached_property
-    def swing(self) -> Array:
-        """Commanded angle (3,) of the elbow with its two rates [rad, rad/s, rad/s^2]."""
-        return self.vector[POSTURE_FIELDS["elbow"]]
 
     @property
     def elbow(self) -> float:
@@ -108,7 +52,7 @@ class Posture:
     @property
     def elbow_sign(self) -> float:
         """1 or -1, on which side of its offset the elbow is flexed."""
-        return float(self.vector[POSTURE_FIELDS["sign"].start])
+        return 1.0 if self.q[3] > ELBOW_FLIP else -1.0
 
     @property
     def at_rest(self) -> bool:
@@ -125,12 +69,7 @@ class Posture:
         """The same joints with another commanded `pose` (4, 4) of the tool on its course, and
         `swing` (3,) of the elbow.
         """
-        vector = self.vector.copy()
-        vector[POSTURE_FIELDS["pose"]] = pose.ravel()
-        vector[POSTURE_FIELDS["twist"]] = course.velocity
-        vector[POSTURE_FIELDS["change"]] = course.acceleration
-        vector[POSTURE_FIELDS["elbow"]] = swing
-        return type(self)(vector)
+        return replace(self, pose=pose, tool=course, swing=swing)
 
     def move_on(self, q: Array, tool: Array, joints: Course) -> Self:
         """One tick on with joints `q` (7,) [rad] on their course; the commanded pose follows."""
