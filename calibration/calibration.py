@@ -92,15 +92,8 @@ class CalibrationFile(Settings):
             lens=lens,
             homography=homography,
             viewpoint=viewpoint(lens, homography),
-            residual_mm=self.residual_mm,
-            latency=self.latency,
-            date=self.date,
-            camera=self.camera,
             id=self.id,
-            contact_bias=self.contact_bias,
-            locks=dict(self.locks),
-            landmarks=self.landmarks,
-            accepted_anyway=self.accepted_anyway,
+            **{name: getattr(self, name) for name in KEYWORDS},
         )
 
 
@@ -118,21 +111,17 @@ def make_calibration(
     accepted_anyway: Sequence[str] = (),
 ) -> Calibration:
     """A calibration from its parts, with its id."""
-    unsigned = CalibrationFile(
-        schema=1,
-        id="",
-        camera=camera,
-        date=date,
-        latency=latency,
-        residual_mm=residual_mm,
-        homography=MatrixFile.of(homography.matrix),
-        lens=CameraFile.of(lens, camera),
-        contact_bias=contact_bias,
-        locks=dict(locks or {}),
-        landmarks=landmarks,
-        accepted_anyway=tuple(accepted_anyway),
-    )
-    return _sign(unsigned).calibration("calibration")
+    facts = {
+        "residual_mm": residual_mm,
+        "date": date,
+        "camera": camera,
+        "latency": latency,
+        "contact_bias": contact_bias,
+        "locks": locks or {},
+        "landmarks": landmarks,
+        "accepted_anyway": accepted_anyway,
+    }
+    return _signed_file(lens, homography, facts).calibration("calibration")
 
 
 def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
@@ -150,7 +139,9 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
 
     The old file, if any, stays until the new one is complete.
     """
-    content = yaml.safe_dump(_file(calibration).content(), sort_keys=False)
+    facts = {name: getattr(calibration, name) for name in KEYWORDS}
+    file = _signed_file(calibration.lens, calibration.homography, facts)
+    content = yaml.safe_dump(file.content(), sort_keys=False)
     write_file(path, content)
 
 
@@ -161,22 +152,16 @@ def load_calibration(path: Path) -> Calibration:
     return load(path, CalibrationFile).calibration(str(path))
 
 
-def _file(calibration: Calibration) -> CalibrationFile:
-    """The file model of a calibration."""
-    facts = {name: getattr(calibration, name) for name in KEYWORDS if name != "locks"}
+def _signed_file(lens: Lens, homography: Homography, facts: Mapping[str, Any]) -> CalibrationFile:
+    """The file of a calibration with `facts`, a value for each of KEYWORDS, and its id."""
     unsigned = CalibrationFile(
         schema=1,
         id="",
-        homography=MatrixFile.of(calibration.homography.matrix),
-        lens=CameraFile.of(calibration.lens, calibration.camera),
-        locks=dict(calibration.locks),
+        homography=MatrixFile.of(homography.matrix),
+        lens=CameraFile.of(lens, facts["camera"]),
         **facts,
     )
-    return _sign(unsigned)
-
-
-def _sign(file: CalibrationFile) -> CalibrationFile:
-    return file.model_copy(update={"id": _identity(file.content())})
+    return unsigned.model_copy(update={"id": _identity(unsigned.content())})
 
 
 def _identity(content: dict[str, Any]) -> str:

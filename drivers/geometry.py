@@ -1,4 +1,4 @@
-"""Transform between the cell frame and the robot's base frame."""
+"""Lengths along polylines, and the transform between the cell frame and the robot's base frame."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -36,3 +36,9 @@ class CellInRobot:
         in_cell = np.linalg.solve(self.matrix, pose)
         pitch = np.pi / 2 + np.arctan2(in_cell[2, 0], in_cell[0, 0])
         return float(in_cell[0, 3]), float(in_cell[2, 3]), float(pitch)
+
+
+def arc_lengths(points: Matrix) -> Matrix:
+    """Distances (n,) [m] from the first of `points` (n, 2) [m] along the line through them."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    return np.concatenate([[0.0], np.cumsum(steps)])

@@ -5,6 +5,7 @@ from typing import Self
 
 import numpy as np
 
+from drivers.geometry import arc_lengths
 from drivers.strip.grip_path import LIFT_TRAVEL
 from drivers.types import Array, frozen
 
@@ -21,8 +22,7 @@ class Path:
     @classmethod
     def through(cls, points: Array) -> Self:
         """The path through `points` (m, 2), m at least 2."""
-        steps = np.hypot(*np.diff(points, axis=0).T)
-        return cls(frozen(points), frozen(np.concatenate([[0.0], np.cumsum(steps)])))
+        return cls(frozen(points), frozen(arc_lengths(points)))
 
     @property
     def length(self) -> float:

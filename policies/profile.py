@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from drivers.geometry import arc_lengths
 from drivers.strip.model import CONTACT_HEIGHT
 from drivers.types import Array
 
@@ -39,7 +40,6 @@ def seen_profile(points: Array, contact_x: float, gripper: tuple[float, float]) 
 
 def resample_evenly(points: Array) -> Array:
     """Points (POINTS, 2) at equal arc lengths along one polyline (m, 2) [m], m at least 2."""
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    travel = np.concatenate([[0.0], np.cumsum(steps)])
+    travel = arc_lengths(points)
     at = np.linspace(0.0, travel[-1], POINTS)
     return np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)

@@ -1,9 +1,22 @@
 """The cell's settings for one run, as its speed and its arm change them."""
 
+from cell.arm.real_robot import is_real, slow_down
 from cell.config.cell import CellFile
 from cell.config.fold import FoldSettings
 from cell.devices.devices import DeviceSelection
 from drivers.settings import parse
+
+
+def settings_of_run(
+    settings: CellFile, choice: DeviceSelection, speed: float | None, *, full_speed: bool
+) -> CellFile:
+    """The cell's settings as a run uses them: at another path `speed` [m/s] if given, slowed down
+    for a real robot unless at `full_speed`, and suited to the chosen arm.
+    """
+    settings = at_speed(settings, speed)
+    if is_real(settings, choice) and not full_speed:
+        settings = slow_down(settings)
+    return suit_to_arm(settings, choice)
 
 
 def at_speed(settings: CellFile, speed: float | None) -> CellFile:

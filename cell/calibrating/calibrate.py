@@ -62,7 +62,7 @@ def calibration_of(
 def calibrate_anew(
     settings: CellFile, interrupted: Callable[[], bool] = lambda: False
 ) -> tuple[Calibration, Path]:
-    """Calibrate on the twin and keep the result for later runs; it and its path."""
+    """A new calibration of the twin, kept for later runs, and the path of its file."""
     path = kept_calibration(settings)
     made = calibrate_now(settings, interrupted)
     save_calibration(made, path)

@@ -15,7 +15,7 @@ from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens
 from calibration.pointer import find_pointer
 from calibration.wizard.latency import LatencyVerdict, SeenStep, latency_verdict
-from calibration.wizard.news import TouchNews, Watcher
+from calibration.wizard.news import News, TouchNews, Watcher
 from calibration.wizard.picture import touches_picture
 from calibration.wizard.session import (
     PICTURE_FILE,
@@ -88,15 +88,7 @@ def calibrate_homography(
     Raises Fault when a monitor stopped the arm and Interrupted when the operator did; the data
     until then stay in `folder`.
     """
-    camera, locks = devices.camera_identity, dict(devices.camera_locks())
-    facts = {"lens": CameraFile.of(lens, camera), "touches": settings.touches}
-    facts |= {"latency": settings.latency}
-    session = new_session("homography", camera, (lens.width, lens.height), locks, **facts)
-    poses = tuple(plan) if plan is not None else touch_plan(settings.touches)
-    if (folder / SESSION_FILE).exists():
-        session = session_to_resume(folder, session)
-        poses = BegunPlan(read_poses(folder / POSES_FILE))
-        poses.touched = tuple(_touches(folder, session, ()))
+    session, poses = _begin(settings, devices, lens, folder, plan)
     keep = SessionFolder(folder, session, watch)
     write_yaml(folder / POSES_FILE, {"poses": [[p.x, p.z, p.pitch] for p in poses]})
     context = CalibrationContext(
@@ -110,11 +102,33 @@ def calibrate_homography(
     _keep_verdict(folder, result, settings.fold.speed)
     if context.landmarks is not None:
         write_yaml(folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json"))
-    newest = keep.newest
-    if isinstance(newest, TouchNews) and newest.frame is not None and context.touches is not None:
-        drawn = touches_picture(newest.frame.image, newest.touches, lens, context.touches)
-        write_image(folder / PICTURE_FILE, drawn)
+    _keep_picture(folder, keep.newest, lens, context.touches)
     return result
+
+
+def _begin(
+    settings: CellFile, devices: Devices, lens: Lens, folder: Path, plan: Sequence[Pose] | None
+) -> tuple[Session, tuple[Pose, ...]]:
+    """A new session and its poses, those of `plan` if given; or the session that `folder` holds."""
+    facts = {"lens": CameraFile.of(lens, devices.camera_identity), "touches": settings.touches}
+    facts |= {"latency": settings.latency}
+    size, locks = (lens.width, lens.height), dict(devices.camera_locks())
+    session = new_session("homography", devices.camera_identity, size, locks, **facts)
+    if not (folder / SESSION_FILE).exists():
+        return session, tuple(plan) if plan is not None else touch_plan(settings.touches)
+    session = session_to_resume(folder, session)
+    poses = BegunPlan(read_poses(folder / POSES_FILE))
+    poses.touched = tuple(_touches(folder, session, ()))
+    return session, poses
+
+
+def _keep_picture(
+    folder: Path, newest: News | None, lens: Lens, verdict: TouchVerdict | None
+) -> None:
+    """Draw all points into the newest image, where there is one."""
+    if isinstance(newest, TouchNews) and newest.frame is not None and verdict is not None:
+        drawn = touches_picture(newest.frame.image, newest.touches, lens, verdict)
+        write_image(folder / PICTURE_FILE, drawn)
 
 
 def homography_again(

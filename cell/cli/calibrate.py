@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Arm, Camera, Configs, Json, length_parser, print_json
-from cell.cli.wizard_sitting import WizardViz, sitting, terminal
+from cell.cli.options import Arm, Camera, Configs, Json, VizOption, length_parser, print_json
+from cell.cli.wizard_sitting import sitting, terminal
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -45,7 +45,6 @@ Without = Annotated[
 Interactive = Annotated[
     bool, typer.Option("--interactive", help="Ask before each step on the twin too.")
 ]
-Viz = Annotated[WizardViz, typer.Option(help="Rerun: save a recording, show it live too, off.")]
 
 calibrate = typer.Typer(help=FIRST_LINE)
 
@@ -91,7 +90,7 @@ def calibrate_camera(
     without: Without = None,
     resume: Resume = None,
     interactive: Interactive = False,
-    viz: Viz = WizardViz.SAVE,
+    viz: VizOption = "save",
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
@@ -147,7 +146,7 @@ def calibrate_homography(
     resume: Resume = None,
     use: Use = False,
     interactive: Interactive = False,
-    viz: Viz = WizardViz.SAVE,
+    viz: VizOption = "save",
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:

@@ -2,9 +2,8 @@
 
 import json
 import sys
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -14,6 +13,7 @@ from cell.cli.options import (
     Configs,
     Json,
     Runs,
+    VizOption,
     ask,
     busy,
     check_names,
@@ -35,31 +35,9 @@ if TYPE_CHECKING:
 LARGEST_OFFSET = 0.1  # m, of edges that a fold can be asked to reach
 
 
-class Frames(StrEnum):
-    """Which images a run keeps."""
-
-    ALL = "all"
-    KEY = "key"
-    NONE = "none"
-
-
-class Film(StrEnum):
-    """The encoder of a run's film."""
-
-    H264 = "libx264"
-    NONE = "none"
-
-
-class Viz(StrEnum):
-    """What happens with the Rerun recording."""
-
-    SAVE = "save"
-    LIVE = "live"
-    OFF = "off"
-
-
+Film = Literal["libx264", "none"]
 FilmOption = Annotated[Film | None, typer.Option(help="Encoder of the film of all images.")]
-VizOption = Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")]
+Frames = Annotated[Literal["all", "key", "none"] | None, typer.Option(help="Which images to keep.")]
 StripName = Annotated[
     str,
     typer.Option(
@@ -123,9 +101,9 @@ def fold(
     jobs: Annotated[int, typer.Option(min=1, help="Folds side by side.")] = 1,
     runs: Runs = Path("runs"),
     configs: Configs = None,
-    frames: Annotated[Frames | None, typer.Option(help="Which images to keep.")] = None,
+    frames: Frames = None,
     film: FilmOption = None,
-    viz: VizOption = Viz.SAVE,
+    viz: VizOption = "save",
     dry_run: DryRun = False,
     rehearse: Rehearse = False,
     no_truth: NoTruth = False,
@@ -150,9 +128,9 @@ def fold(
         choice=choice,
         runs=runs,
         configs=configs,
-        frames=frames.value if frames else None,
+        frames=frames,
         truth=not no_truth,
-        viz=viz.value,
+        viz=viz,
         film=encoder_of(configs, film),
         full_speed=full_speed,
         specimen=specimen,
@@ -179,7 +157,7 @@ def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
     from cell.extras import require_library
     from drivers.errors import ConfigurationError
 
-    wanted = film.value if film else find_configs(configs).cell().record.film
+    wanted = film or find_configs(configs).cell().record.film
     if wanted == "none":
         return None
     try:

@@ -138,10 +138,8 @@ def accept(
     """
     from cell.gap.verdict.accept import accept as put
 
-    file, cell_file = (
-        _one_of(strip, model, configs, subject),
-        _cell_file(configs) if model is None else None,
-    )
+    file = _one_of(strip, model, configs, subject)
+    cell_file = _cell_file(configs) if model is None else None
     accepted = put(fitted, file, cell_file, law=law)
     _tell("accepted", accepted.effects, accepted.files, as_json=as_json)
 
@@ -158,10 +156,8 @@ def undo(
     """Bring the files back as they were before the acceptance."""
     from cell.gap.verdict.accept import undo as take_back
 
-    file, cell_file = (
-        _one_of(strip, model, configs, subject),
-        _cell_file(configs) if model is None else None,
-    )
+    file = _one_of(strip, model, configs, subject)
+    cell_file = _cell_file(configs) if model is None else None
     undone = take_back(fitted, file, cell_file)
     _tell("undone", undone.effects, undone.files, as_json=as_json)
 

@@ -1,9 +1,8 @@
 """`cell import` and `cell export`: runs in the formats of other programs."""
 
 import sys
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -12,14 +11,6 @@ from cell.report.words import plural
 
 if TYPE_CHECKING:
     from cell.record.run import Run
-
-
-class Format(StrEnum):
-    """Formats that `cell export` writes."""
-
-    LEROBOT = "lerobot"
-    MCAP = "mcap"
-    CSV = "csv"
 
 
 def import_runs(
@@ -74,15 +65,16 @@ def export_runs(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
     out: Annotated[Path, typer.Option(help="New folder for the files.")],
     kind: Annotated[
-        Format, typer.Option("--format", help="A LeRobot data set, MCAP files, or CSV tables.")
-    ] = Format.LEROBOT,
+        Literal["lerobot", "mcap", "csv"],
+        typer.Option("--format", help="A LeRobot data set, MCAP files, or CSV tables."),
+    ] = "lerobot",
     as_json: Json = False,
 ) -> None:
     """Write runs for other programs; stamps stay exact, and `cell import` reads all formats."""
     from cell.record.exchange.export_runs import export_runs as convert
 
     with busy("writing the files"):
-        made = convert(runs, kind.value, out)
+        made = convert(runs, kind, out)
     for path in made if as_json else ():
         print_json({"file": path})
     if not as_json:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
@@ -102,6 +102,8 @@ Configs = Annotated[
     Path | None,
     typer.Option("--configs", help="Folder with cell.yaml and strips/ [default: ./configs]."),
 ]
+Viz = Literal["save", "live", "off"]
+VizOption = Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")]
 Cluster = Annotated[
     str | None,

@@ -1,9 +1,8 @@
 """`cell train`."""
 
 import sys
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -16,15 +15,11 @@ if TYPE_CHECKING:
     from cell.train.run import Trained
 
 
-class Learned(StrEnum):
-    """Policies that are trained."""
-
-    FEEDBACK = "feedback"
-    ADAPTIVE = "adaptive"
+Learned = Literal["feedback", "adaptive"]
 
 
 def train(
-    policy: Annotated[Learned, typer.Option(help="Which policy to train.")] = Learned.FEEDBACK,
+    policy: Annotated[Learned, typer.Option(help="Which policy to train.")] = "feedback",
     out: Annotated[
         Path | None, typer.Option(help="Folder of the training [default: runs/training/seed-SEED].")
     ] = None,
@@ -60,7 +55,7 @@ def train(
     from cell.cli.table import wide_console
     from cell.train.screen import show
 
-    default = f"adaptive-{seed}" if policy is Learned.ADAPTIVE else f"seed-{seed}"
+    default = f"adaptive-{seed}" if policy == "adaptive" else f"seed-{seed}"
     folder = out or Path("runs/training") / default
     if checkpoint is not None:
         _only_adaptive(policy)
@@ -69,7 +64,7 @@ def train(
     size = {"generations": generations, "population": population, "strips": strips}
     trained = _train(policy, folder, seed, size, _workers(jobs, cluster), grid)
     corrected: dict[str, Any] = {}
-    if policy is Learned.ADAPTIVE:
+    if policy == "adaptive":
         corrected = _transfer(trained.checkpoint, folder, seed, folds, jobs, cluster)
     if as_json:
         print_json(trained.line() | corrected)
@@ -78,7 +73,7 @@ def train(
     if corrected:
         _print_transfer(corrected, as_json=False)
     sys.stdout.write(
-        f"  fold with it: cell fold --strip denim --policy {policy.value} "
+        f"  fold with it: cell fold --strip denim --policy {policy} "
         f"--checkpoint {trained.checkpoint}\n"
     )
 
@@ -100,7 +95,7 @@ def _train(
     from policies.train.settings import TrainingSettings
 
     console = Console(stderr=True)
-    if policy is Learned.ADAPTIVE:
+    if policy == "adaptive":
         return train_critic(CriticSettings(seed=seed), folder, workers, grid, console)
     settings = TrainingSettings(seed=seed, **size)
     return train_in(settings, folder, workers, grid, console)
@@ -109,7 +104,7 @@ def _train(
 def _only_adaptive(policy: Learned) -> None:
     from drivers.errors import ConfigurationError
 
-    if policy is not Learned.ADAPTIVE:
+    if policy != "adaptive":
         raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
 
 
@@ -138,8 +133,8 @@ def _print_transfer(facts: dict[str, Any], *, as_json: bool) -> None:
     left = facts["left_out"]
     sys.stdout.write(
         f"{left['folds']} folds through images; of folds left out the displacement is "
-        f"{1e3 * left['bias']:.2f} mm rms off the prediction, the roll "
-        f"{1e3 * left['roll']:.2f} mm; {facts['checkpoint']}\n"
+        f"{1e3 * left['bias']:.2f} mm rms off the prediction, {100 * left['within']:.0f} % within "
+        f"one sigma; {facts['checkpoint']}\n"
     )
 
 

@@ -3,9 +3,10 @@
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from cell.cli.options import Viz
 
 if TYPE_CHECKING:
     from calibration.wizard.news import News, Watcher
@@ -13,14 +14,6 @@ if TYPE_CHECKING:
     from cell.calibrating.wizard_panel import WizardPanel
     from cell.devices.devices import Devices
     from cell.orchestrator.operator import Operator
-
-
-class WizardViz(StrEnum):
-    """What happens with the Rerun recording of a calibration."""
-
-    SAVE = "save"
-    LIVE = "live"
-    OFF = "off"
 
 
 class Sitting:
@@ -58,7 +51,7 @@ def terminal() -> Iterator[Sitting]:
 
 
 @contextmanager
-def sitting(folder: Path, kind: str, viz: WizardViz) -> Iterator[Sitting]:
+def sitting(folder: Path, kind: str, viz: Viz) -> Iterator[Sitting]:
     """A wizard's terminal; unless `viz` is off, everything is drawn into wizard.rrd too.
 
     Raises Interrupted that says what `folder` keeps, after one Ctrl-C as after two.
@@ -67,13 +60,13 @@ def sitting(folder: Path, kind: str, viz: WizardViz) -> Iterator[Sitting]:
 
     try:
         with terminal() as at:
-            if viz is WizardViz.OFF:
+            if viz == "off":
                 yield at
                 return
             from cell.report.viz.wizard import wizard_screen
 
             folder.mkdir(parents=True, exist_ok=True)
-            with wizard_screen(folder, live=viz is WizardViz.LIVE) as screen:
+            with wizard_screen(folder, live=viz == "live") as screen:
 
                 def both(news: "News") -> None:
                     at.panel(news)

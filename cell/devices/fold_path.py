@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from cell.config.fold import FoldSettings
+from drivers.geometry import arc_lengths
 from drivers.limits import MotionLimits
 from drivers.types import Array
 from policies.path import lift_pitch
@@ -27,7 +28,7 @@ def whole_path(
     away, quick = fold.approach, min(limits.x.velocity, limits.z.velocity)
     comes = [(length, home), (length + away, fold.clear_height), (length + away, 2 * away)]
     comes += [(length + away, 0.0), (length, 0.0)]
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(carry, axis=0).T))])
+    travel = arc_lengths(carry)
     carried = np.column_stack([carry, lift_pitch(travel)])
     x, z = carry[-1].tolist()
     end = max(x - z, 0.0) if end is None else end

@@ -182,16 +182,17 @@ def _within(motion: Array, rates: Array, place: Installation) -> bool:
 
 
 def _whole(result: FoldResult, *, spares: bool) -> bool:
-    """Whether the record can be read and says what the result says, or, on a full disk, nothing."""
-    if not result.run:
-        return False
+    """Whether the record can be read and states the outcome of `result`; where the fault does not
+    spare the record, as a full disk, it may state none.
+    """
     try:
-        run = read_run(Path(result.run))
+        run = read_run(Path(result.run)) if result.run else None
     except CellError:
+        run = None
+    if run is None:
         return False
-    if run.result is None:
-        return not spares
-    return run.result.outcome == result.outcome
+    stated = run.result
+    return not spares if stated is None else stated.outcome == result.outcome
 
 
 def _request(blow: Blow, folder: Path) -> Request:

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from calibration.calibration import Calibration, save_calibration
-from cell.arm.arm_settings import at_speed, suit_to_arm
-from cell.arm.real_robot import is_real, slow_down
+from cell.arm.arm_settings import settings_of_run
 from cell.calibrating.calibrate import calibration_of
 from cell.calibrating.calibration_in_use import check_usable, record_entry
 from cell.config.cell import CellFile
@@ -82,6 +81,11 @@ class Request:
         configs = find_configs(self.configs)
         return configs.cell(), configs.strip(self.strip)
 
+    def files_of_run(self) -> tuple[CellFile, StripFile]:
+        """Cell and strip as the run uses them: `settings_of_run`."""
+        stated, strip = self.read_files()
+        return settings_of_run(stated, self.choice, self.speed, full_speed=self.full_speed), strip
+
 
 def fold(
     request: Request,
@@ -100,11 +104,7 @@ def fold(
     what measures images on the wall clock; without `page` no report is written. Raises CellError
     for errors before the run; errors during the run are its outcome.
     """
-    stated, strip = request.read_files()
-    settings = at_speed(stated, request.speed)
-    if is_real(settings, request.choice) and not request.full_speed:
-        settings = slow_down(settings)
-    settings = suit_to_arm(settings, request.choice)
+    settings, strip = request.files_of_run()
     policy = leads(make_policy(request.policy, request.checkpoint))
     correction = request.correction.apply(policy)
     policy.reset(strip, settings.fold.speed, 1)
@@ -228,10 +228,8 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
     """Content of result.yaml for an outcome."""
     content: dict[str, Any] = {"outcome": outcome.name, "reason": outcome.reason}
     content |= {"duration": outcome.duration}
-    touch = outcome.touch
-    if touch is not None:
-        content |= {"t_layer_touch": touch.time, "displacement": touch.displacement}
-        content |= {"l1": touch.to_grasped, "l2": touch.to_fixed, "confidence": touch.confidence}
+    if outcome.touch is not None:
+        content |= outcome.touch.facts()
     if outcome.edge_offset is not None:
         content["edge_offset"] = outcome.edge_offset
     if outcome.predicted is not None:

@@ -196,11 +196,7 @@ def _write(
     save_calibration(calibration, folder / CALIBRATION)
     result: dict[str, object] = {"schema": 1, "outcome": "path_done"}
     if touch is not None:
-        result |= {
-            "outcome": "layer_touch", "t_layer_touch": touch.time, "l1": touch.to_grasped,
-            "l2": touch.to_fixed, "displacement": touch.displacement,
-            "confidence": touch.confidence,
-        }  # fmt: skip
+        result |= {"outcome": "layer_touch", **touch.facts()}
     write_document(folder / RESULT, result)
 
 

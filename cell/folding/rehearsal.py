@@ -7,9 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from cell.arm.arm_prediction import fold_poses
-from cell.arm.arm_settings import at_speed, suit_to_arm
 from cell.arm.by_hand import by_hand, home_joints
-from cell.arm.real_robot import is_real, slow_down
 from cell.config.cell import CellFile
 from cell.folding.fold import Request
 from cell.folding.prediction import laid_at, simulate_policy
@@ -110,11 +108,7 @@ def rehearsal(
 
 def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
     """Carry out the motion of `request` in the air: without a strip, without judging the grasp."""
-    stated, strip = request.read_files()
-    settings = at_speed(stated, request.speed)
-    if is_real(settings, request.choice) and not request.full_speed:
-        settings = slow_down(settings)
-    settings = suit_to_arm(settings, request.choice)
+    settings, strip = request.files_of_run()
     folds = simulate_policy(request, settings, strip, [strip])
     path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))
     is_robot = request.choice.arm_driver(settings).real

@@ -33,15 +33,15 @@ class FoldResult:
     seed: int
     outcome: str
     reason: str
-    displacement: float | None
-    displacement_true: float | None
-    layer_touch: float | None
-    edge_offset: float | None
-    edge_offset_true: float | None
-    duration: float
-    wall: float
-    calibration: str
     exit_code: int
+    displacement: float | None = None
+    displacement_true: float | None = None
+    layer_touch: float | None = None
+    edge_offset: float | None = None
+    edge_offset_true: float | None = None
+    duration: float = 0.0
+    wall: float = 0.0
+    calibration: str = ""
     predicted: str | None = None
     warning: str | None = None
     like_model: bool | None = None
@@ -51,23 +51,7 @@ class FoldResult:
     def refusal(cls, strip: str, policy: str, seed: int, error: CellError) -> Self:
         """A fold that did not begin: `error` is the reason, and nothing was recorded."""
         stopped = StopReason.by(error)
-        return cls(
-            run="",
-            strip=strip,
-            policy=policy,
-            seed=seed,
-            outcome=stopped.name,
-            reason=stopped.reason,
-            displacement=None,
-            displacement_true=None,
-            layer_touch=None,
-            edge_offset=None,
-            edge_offset_true=None,
-            duration=0.0,
-            wall=0.0,
-            calibration="",
-            exit_code=stopped.exit_code,
-        )
+        return cls("", strip, policy, seed, stopped.name, stopped.reason, stopped.exit_code)
 
     def line(self) -> dict[str, Any]:
         """The object that `cell fold --json` prints, with the keys of the contract only."""

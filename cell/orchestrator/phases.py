@@ -11,7 +11,7 @@ from calibration.landmarks import camera_shift
 from cell.orchestrator.calibrating import calibrate, go_calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
 from cell.orchestrator.hanging import hang_still
-from cell.orchestrator.lay import CLEARANCE, HANGING, edge_place, follow_lay, lay_path
+from cell.orchestrator.lay import CLEARANCE, HANGING, TURN_GAIN, edge_place, follow_lay, lay_path
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
@@ -42,7 +42,6 @@ from policies.policy import Observation
 from policies.prediction import Predicting
 from policies.profile import seen_profile
 
-PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 # of the arm's acceleration, with which the pitch comes to rest at the lift's end
 BRAKING_SHARE = 0.7
 
@@ -137,7 +136,7 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
         _note_predicted(cell, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
-        upright = PITCH_GAIN * (HANGING - snapshot.arm.pose.pitch)
+        upright = TURN_GAIN * (HANGING - snapshot.arm.pose.pitch)
         command = drive(decision, float(decision.pitch_rate[0]) + upright)
 
 
@@ -272,7 +271,7 @@ def _lift_pitch_rate(travel: float, speed: float, pitch: float, most: float) -> 
     """
     wanted = float(lift_pitch(travel))
     ahead = float(lift_pitch(travel + 0.01)) - wanted
-    rate = ahead / 0.01 * speed + PITCH_GAIN * (wanted - pitch)
+    rate = ahead / 0.01 * speed + TURN_GAIN * (wanted - pitch)
     return min(rate, sqrt(2.0 * BRAKING_SHARE * most * max(HANGING - pitch, 0.0)))
 
 

@@ -13,9 +13,8 @@ from typing import Protocol
 from cell.devices.devices import Devices
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
-from cell.orchestrator.monitors import Rules, check_all
+from cell.orchestrator.monitors import Rules, check_all, slow_for_images
 from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
-from cell.orchestrator.pace import pace
 from cell.orchestrator.phases import phases_of
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.safe_stop import SafeStop, run_suppressed
@@ -121,7 +120,7 @@ class Run:
         command = self._decide(snapshot)
         if command is not None:
             now = replace(snapshot, state=self._machine.state, entered=self._entered)
-            command = pace(command, now, self._rules.limits)
+            command = slow_for_images(command, now, self._rules.limits)
             check_all(now, command, self._rules)
             self._send(command)
         elif snapshot.arm.moving:  # the path ended, and nothing came after it

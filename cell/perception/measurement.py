@@ -51,3 +51,8 @@ class SeenTouch:
     def displacement(self) -> float:
         """d = l1 - l2 [m]."""
         return self.to_grasped - self.to_fixed
+
+    def facts(self) -> dict[str, float]:
+        """The touch as result.yaml states it: time [s], lengths [m], confidence."""
+        lengths = {"displacement": self.displacement, "l1": self.to_grasped, "l2": self.to_fixed}
+        return {"t_layer_touch": self.time, **lengths, "confidence": self.confidence}

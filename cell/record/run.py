@@ -117,7 +117,7 @@ def read_run(folder: Path) -> Run:
     """
     check_run(folder)
     header = load(folder / RUN, Header)
-    result = load(folder / RESULT, Result, bare=True) if (folder / RESULT).exists() else None
+    result = read_result(folder)
     ticks, profile = folder / TICKS, folder / PROFILE
     if result is None and not (ticks.exists() and profile.exists()):
         tables, origin = broken_off(folder, header)
@@ -131,6 +131,15 @@ def read_run(folder: Path) -> Run:
         Profile.of(read_parquet(profile), str(profile)),
         result,
     )
+
+
+def read_result(folder: Path) -> Result | None:
+    """The result of the run in `folder`; None where none was written.
+
+    Raises ConfigurationError for one that cannot be read.
+    """
+    path = folder / RESULT
+    return load(path, Result, bare=True) if path.exists() else None
 
 
 def broken_off(folder: Path, header: Header) -> tuple[Tables, str]:

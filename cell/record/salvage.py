@@ -9,11 +9,11 @@ import pyarrow as pa
 
 from calibration.calibration import Calibration
 from cell.record.columns import Profile, Sights, Ticks
-from cell.record.files import PROFILE, RESULT, RUN, TICK_STREAM, TICKS, check_run
+from cell.record.files import PROFILE, RUN, TICK_STREAM, TICKS, check_run
 from cell.record.frames import FrameNote, read_frame
-from cell.record.header import Header, Result
+from cell.record.header import Header
 from cell.record.parquet_file import read_parquet
-from cell.record.run import Event, Run, broken_off
+from cell.record.run import Event, Run, broken_off, read_result
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS
 from cell.record.tables import Tables, profile_table, tick_table
 from drivers.errors import ConfigurationError
@@ -46,7 +46,7 @@ class Salvage(Run):
             lambda: Profile.of(EMPTY_TABLES.profile, PROFILE),
             problems,
         )
-        result = _part(lambda: _result(folder), lambda: None, problems)
+        result = _part(lambda: read_result(folder), lambda: None, problems)
         run = cls(folder, header, ticks, profile, result, ())
         for read in (run.events, run.sights, run.costs, run.calibration, run.frame_index):
             read()
@@ -113,11 +113,6 @@ def _table(folder: Path, header: Header, name: str, problems: list[str]) -> tupl
         problems.append(f"{error}; read from {TICK_STREAM} instead")
     tables, origin = broken_off(folder, header)
     return getattr(tables, name), origin
-
-
-def _result(folder: Path) -> Result | None:
-    path = folder / RESULT
-    return load(path, Result, bare=True) if path.exists() else None
 
 
 def _part(read: Callable[[], Found], empty: Callable[[], Found], problems: list[str]) -> Found:

@@ -9,6 +9,7 @@ import numpy as np
 
 from cell.perception.midline import Midline, extract_midline
 from drivers.errors import ConfigurationError
+from drivers.geometry import arc_lengths
 from drivers.pictures import read_picture
 from drivers.types import Array, Image
 
@@ -95,7 +96,7 @@ def _trace(path: Path, image: Image) -> Midline:
 
 def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> Photograph:
     traced = midline.points * (1, -1)
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(traced, axis=0).T))])
+    travel = arc_lengths(traced)
     pixel = overhang / travel[-1]
     count = int(np.clip(travel[-1] / (FIT_SPACING * midline.width), FEWEST_POINTS, MOST_POINTS))
     arc = np.linspace(0.0, travel[-1], count)

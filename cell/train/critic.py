@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, TextColumn
-from rich.progress import Progress as Bar
 from threadpoolctl import threadpool_limits
 
 from cell.train.evaluation import Engine, evaluate, make_stepper
 from cell.train.run import Trained, alone_in, keep
+from cell.train.screen import Meter
 from drivers.strip.describe import describe
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
@@ -35,23 +34,13 @@ def train_critic(
     The weights are evaluated on a grid of `side` x `side` strips. Raises ConfigurationError for a
     folder that cannot be used, WorkersLost when the workers are gone.
     """
-    with alone_in(folder), workers as executor:
+    with alone_in(folder):
         training = CriticTraining(settings, folder)
-        try:
-            words = TextColumn("{task.completed} of {task.total}  {task.description}")
-            shown = console.is_terminal
-            with Bar(BarColumn(bar_width=28), words, console=console, disable=not shown) as bar:
-                task = bar.add_task("begins", total=training.total)
-                for step in training.run(executor):
-                    bar.update(task, completed=step.done, description=step.said)
-                    if not shown:
-                        text = f"{step.done} of {step.total}: {step.said}"
-                        console.print(text, highlight=False, soft_wrap=True)
-                bar.update(task, description="judged on both engines")
-                found = evaluate(fold_row, (training.finished, settings), side, executor)
-        except KeyboardInterrupt:
-            console.print("interrupted; the same command goes on", highlight=False)
-            raise
+        with workers as executor, Meter(console, training.total, 0) as meter:
+            for step in training.run(executor):
+                meter.show(step.done, f"{step.done} of {step.total}: {step.said}")
+            critic = (training.finished, settings)
+            found = evaluate(fold_row, critic, side, executor, meter.show_evaluation)
         return keep(Trained(training.checkpoint, settings, found, training.tried), folder)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 
 from cell.train.evaluation import Evaluation, evaluate, fold_row
-from cell.train.screen import Meter
+from cell.train.screen import GenerationText, Meter
 from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
 from policies.adaptive.train.settings import CriticSettings
@@ -59,19 +59,12 @@ def train(
     """
     with alone_in(folder):
         run = TrainingRun(settings, folder)
-        with workers as executor:
-            meter = Meter(console, settings.generations, run.known)
-            try:
-                for step in run.run(executor):
-                    meter.show_generation(step)
-                found = evaluate(
-                    fold_row, (run.weights, settings), side, executor, meter.show_evaluation
-                )
-            except KeyboardInterrupt:
-                console.print("interrupted; the same command goes on", highlight=False)
-                raise
-            finally:
-                meter.close()
+        text = GenerationText(settings.generations)
+        with workers as executor, Meter(console, settings.generations, run.known) as meter:
+            for step in run.run(executor):
+                meter.show(step.generation + 1, text(step))
+            weights = (run.weights, settings)
+            found = evaluate(fold_row, weights, side, executor, meter.show_evaluation)
         return keep(Trained(run.checkpoint, settings, found), folder)
 
 

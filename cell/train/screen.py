@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 from statistics import median
+from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, TaskID, TextColumn
@@ -18,54 +19,66 @@ LINES = 20  # text of a whole training where there is no screen
 ENGINE_NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
 
 
-class Meter:
-    """Progress of a training of `generations`, of which `known` were done before."""
+class GenerationText:
+    """Texts for the generations of CMA-ES, each with the time that is left."""
 
-    def __init__(self, console: Console, generations: int, known: int) -> None:
-        self._console = console
+    def __init__(self, generations: int) -> None:
         self._generations = generations
         self._took: deque[float] = deque(maxlen=RECENT)
         self._validated = ""
+
+    def __call__(self, step: Progress) -> str:
+        """The text for one generation, which is the newest."""
+        self._took.append(step.seconds)
+        if step.validated is not None:
+            self._validated = f"  validated {1e3 * step.validated:.1f} mm rms"
+        done = step.generation + 1
+        left = (self._generations - done) * median(self._took)
+        return (
+            f"generation {done} of {self._generations}  |d| best {1e3 * step.best:.1f} "
+            f"mean {1e3 * step.mean:.1f} mm{self._validated}  {clock(left)} left"
+        )
+
+
+class Meter:
+    """Progress of a training of `total` steps, of which `known` were done before: a bar, or lines
+    where there is no screen.
+    """
+
+    def __init__(self, console: Console, total: int, known: int) -> None:
+        self._console, self._total = console, total
         self._bar = Bar(
             BarColumn(bar_width=28),
             TextColumn("{task.description}"),
             console=console,
             disable=not console.is_terminal,
         )
-        self._task: TaskID = self._bar.add_task("begins", total=generations, completed=known)
+        self._task: TaskID = self._bar.add_task("begins", total=total, completed=known)
         if known:
-            console.print(f"goes on after {known} of {generations} generations", highlight=False)
-        self._bar.start()
+            console.print(f"goes on after {known} of {total} generations", highlight=False)
 
-    def show_generation(self, step: Progress) -> None:
-        """One generation is done."""
-        self._took.append(step.seconds)
-        if step.validated is not None:
-            self._validated = f"  validated {1e3 * step.validated:.1f} mm rms"
-        done = step.generation + 1
-        left = (self._generations - done) * median(self._took)
-        text = (
-            f"generation {done} of {self._generations}  |d| best {1e3 * step.best:.1f} "
-            f"mean {1e3 * step.mean:.1f} mm{self._validated}  {clock(left)} left"
-        )
+    def __enter__(self) -> Self:
+        """Show the bar."""
+        self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Remove the bar; after Ctrl-C, say how to go on."""
+        self._bar.stop()
+        if kind is KeyboardInterrupt:
+            self._console.print("interrupted; the same command goes on", highlight=False)
+
+    def show(self, done: int, text: str) -> None:
+        """So many steps are `done`, the last of which is `text`."""
         self._bar.update(self._task, completed=done, description=text)
-        if self._is_printed(done):
+        due = done % max(1, self._total // LINES) == 0 or done == self._total
+        if due and not self._console.is_terminal:
             self._console.print(text, highlight=False, soft_wrap=True)
 
     def show_evaluation(self, done: int, pieces: int) -> None:
         """`done` of `pieces` of the final evaluation."""
         text = f"folds strips that training never folded: {done} of {pieces} pieces"
         self._bar.update(self._task, total=pieces, completed=done, description=text)
-
-    def close(self) -> None:
-        """Remove the bar."""
-        self._bar.stop()
-
-    def _is_printed(self, done: int) -> bool:
-        if self._console.is_terminal:
-            return False
-        every = max(1, self._generations // LINES)
-        return done % every == 0 or done == self._generations
 
 
 def show(evaluations: Sequence[Evaluation], console: Console) -> None:

@@ -1,7 +1,7 @@
 """A way of the joints to a goal that meets neither the arm itself nor what stands in the cell."""
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 
@@ -9,8 +9,7 @@ from drivers.arm.clearance import RISE
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.franka import limits
 from drivers.franka.body import Box, Solids, apart
-from drivers.franka.inverse import damped_inverse
-from drivers.franka.kinematics import jacobian
+from drivers.franka.inverse import straight
 from drivers.installation import Installation
 from drivers.types import Array, frozen
 
@@ -20,7 +19,6 @@ POSTURE_SPACING = 0.03  # rad at most between postures that are looked at
 CLEARANCE_TOLERANCE = 1e-3  # m by which a way may come nearer where it begins or ends too near
 LEG_RISE, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one leg upward, and heights that are tried
 WAY_STEP = 0.005  # m
-INVERSE_DAMPING = 0.02  # of the inverse
 JOINT_ROOM = 0.03  # rad from a joint's end
 UPRIGHT = frozen([0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398])  # rad, over everything
 
@@ -77,10 +75,8 @@ def _around(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
 
 def _rise(joints: Array, up: Array, rise: float) -> list[Array]:
     """Joints (7,) on the way straight `up` (3,) by `rise` [m], as far as the arm reaches."""
-    points, twist = [], np.concatenate([WAY_STEP * up, np.zeros(3)])
-    here = joints
-    for step in range(1, 1 + round(rise / WAY_STEP)):
-        here = here + damped_inverse(jacobian(here), INVERSE_DAMPING) @ twist
+    points = []
+    for step, here in enumerate(islice(straight(joints, WAY_STEP * up), round(rise / WAY_STEP)), 1):
         if limits.margins(here).min() < JOINT_ROOM:
             break
         if step % round(LEG_RISE / WAY_STEP) == 0:

@@ -33,7 +33,7 @@ def go_to(
     arm itself, desk, clamp or floor, it goes around. Interrupting this ends the motion.
     """
     errand = {"joints": joints, "share": share, "recover": recover, "reset_tool": reset_tool}
-    _carried_out(task, errand)
+    _carry_out(task, errand)
 
 
 def hand_pose(task: Task) -> list[float]:
@@ -41,12 +41,12 @@ def hand_pose(task: Task) -> list[float]:
 
     Raises Fault, for a tool too that is not the cell's.
     """
-    pose: list[float] = _carried_out(task, {})["pose"]
+    pose: list[float] = _carry_out(task, {})["pose"]
     return pose
 
 
-def _carried_out(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
-    """The answer of a process that does the errand; when this one leaves, the robot brakes."""
+def _carry_out(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
+    """The answer to `errand` of a process of its own; the robot brakes where this process ends."""
     context = get_context("forkserver")
     pipe, theirs = context.Pipe()
     process = context.Process(target=_run, args=(task, errand, theirs), daemon=True)

@@ -1,5 +1,9 @@
-"""What a robot says of its joints at every tick, kept in the process that owns it."""
+"""What the process that owns a robot keeps of its states: the joints at every tick, and how evenly
+the states came.
+"""
 
+from bisect import bisect
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -8,6 +12,22 @@ from drivers.types import Array, frozen
 
 JOINT_FIELDS = ("q", "dq", "q_d", "tau_J")  # rad, rad/s, rad, N m
 COLUMN_COUNT = 1 + 7 * len(JOINT_FIELDS)
+EDGES_MS = (
+    0.25,
+    0.5,
+    0.75,
+    0.9,
+    1.1,
+    1.25,
+    1.5,
+    2.0,
+    3.0,
+    5.0,
+    10.0,
+    20.0,
+    50.0,
+    100.0,
+)  # ms, of the histogram
 KEPT_TICKS = 120_000  # ticks, two minutes; older ones are overwritten
 
 
@@ -34,3 +54,34 @@ class JointLog:
 def joint_rows(content: bytes) -> Array:
     """Rows (n, 29) of what `JointLog.content` sent: t [s], JOINT_FIELDS of seven joints each."""
     return frozen(np.frombuffer(content).reshape(-1, COLUMN_COUNT))
+
+
+@dataclass(slots=True)
+class Timing:
+    """Counts of intervals between states by `EDGES_MS`, the first and last one open.
+
+    `longest` [s] of them; `answered` is the mean of the robot's own share of commands in time.
+    """
+
+    counts: list[int] = field(default_factory=lambda: [0] * (len(EDGES_MS) + 1))
+    longest: float = 0.0
+    last: float | None = None
+    heard: float = 0.0
+
+    def update(self, now: float, success: float) -> None:
+        """Record a state that arrived at `now` [s] and its share of commands in time."""
+        self.heard += success
+        if self.last is not None:
+            interval = now - self.last
+            self.longest = max(self.longest, interval)
+            self.counts[bisect(EDGES_MS, 1e3 * interval)] += 1
+        self.last = now
+
+    def content(self) -> dict[str, Any]:
+        """Plain values for the record."""
+        return {
+            "edges_ms": list(EDGES_MS),
+            "counts": self.counts,
+            "longest_ms": 1e3 * self.longest,
+            "answered": self.heard / (1 + sum(self.counts)),
+        }

@@ -8,14 +8,13 @@ from typing import Any
 
 from drivers.arm.by_joints import ByJoints
 from drivers.arm.failure import Cause, Failed, Failure, decode, encode, one_line
-from drivers.arm.joint_log import JointLog
+from drivers.arm.joint_log import JointLog, Timing
 from drivers.arm.latest import Latest
 from drivers.arm.loop import Loop, rehearse
 from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Order, Report
 from drivers.arm.robot import Robot
 from drivers.arm.scheduling import schedule
 from drivers.arm.settings import FciSettings
-from drivers.arm.timing import Timing
 from drivers.clock import WallClock
 from drivers.installation import Installation
 

@@ -1,6 +1,7 @@
 """A guarded way out of contact: a little along the force, until the arm is free."""
 
 from collections.abc import Callable
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,7 @@ from drivers.arm.force import ForceGuard
 from drivers.arm.settings import CollisionSettings, FciSettings
 from drivers.arm.way import follow_joints
 from drivers.franka import limits
-from drivers.franka.inverse import damped_inverse
-from drivers.franka.kinematics import jacobian
+from drivers.franka.inverse import straight
 from drivers.types import Array
 
 AWAY = 0.03  # m at most
@@ -20,7 +20,6 @@ FORCE_RISE = 8.0  # N by which the force may rise meanwhile
 SPEED_SHARE = 0.05  # share of the joints' speed
 FREE = 0.3  # share of the allowed force at rest from which the arm counts as free
 JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
-INVERSE_DAMPING = 0.02
 
 
 def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None:
@@ -54,9 +53,7 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None
 
 def _beside(joints: Array, direction: Array) -> Array:
     """Joints (7,) [rad] that move the tip by AWAY along `direction` (3,) without turning it."""
-    twist = np.concatenate([PLACE_STEP * direction, np.zeros(3)])
-    for _ in range(round(AWAY / PLACE_STEP)):
-        joints = joints + damped_inverse(jacobian(joints), INVERSE_DAMPING) @ twist
+    *_, joints = islice(straight(joints, PLACE_STEP * direction), round(AWAY / PLACE_STEP))
     if limits.margins(joints).min() < JOINT_MARGIN:
         words = "no way leads out of the contact: a joint is at its end; free the arm by hand"
         raise Failed(Failure(Cause.PRESSED, words))

@@ -5,7 +5,7 @@ import os
 
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.arm.settings import RealTime
-from drivers.clock import lock_memory
+from drivers.clock import lock_memory, take_priority
 
 PRIORITY = 80  # of 1 to 99, above ordinary threads and below the kernel's own
 SLICE = 100_000  # ns, the shortest that the kernel grants
@@ -34,19 +34,11 @@ def schedule(mode: RealTime) -> None:
     """
     if mode != "ignore":
         lock_memory()
-    if mode == "priority":
-        _take_priority()
-    elif mode == "ignore":
-        wake_promptly()
-
-
-def _take_priority() -> None:
-    try:  # processes that this one starts are ordinary again
-        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-        os.sched_setscheduler(0, policy, os.sched_param(PRIORITY))
-    except PermissionError:
+    if mode == "priority" and not take_priority(PRIORITY):
         words = f"this user may not have real-time priority {PRIORITY}, see `ulimit -r`"
-        raise Failed(Failure(Cause.REALTIME, words)) from None
+        raise Failed(Failure(Cause.REALTIME, words))
+    if mode == "ignore":
+        wake_promptly()
 
 
 def wake_promptly() -> bool:

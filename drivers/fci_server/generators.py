@@ -6,26 +6,24 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.fci_server.configuration import rigid
-from drivers.fci_server.kernel import POSTURE_SIZE, Broken, advance
 from drivers.fci_server.limits import (
-    CARTESIAN,
     CARTESIAN_JOINT,
     JOINT,
-    LIMIT_TABLE,
     TICK,
     check_end,
     check_joint_course,
     check_joints,
+    check_swing,
+    check_tool_course,
+    twist_of,
 )
 from drivers.fci_server.posture import Posture
 from drivers.fci_server.reflex import Reflex, Violation
 from drivers.fci_server.wire import Generator, RobotCommand, usable
 from drivers.franka.inverse import damped_inverse, twist_between
-from drivers.franka.kinematics import from_last_joint
-from drivers.franka.tracking import ELBOW_JOINT, INVERSE_DAMPING, rotation
+from drivers.franka.tracking import ELBOW_JOINT, INVERSE_DAMPING, joint_step, rotation
 from drivers.types import Array
 
-TARGET = 23  # numbers of a Cartesian command: pose, twist, elbow
 Follow = Callable[[Posture, RobotCommand, Array], Posture]
 
 
@@ -55,11 +53,6 @@ def follow(
         cartesian = generator in (Generator.CARTESIAN_POSE, Generator.CARTESIAN_VELOCITY)
         check_end(new.joints, CARTESIAN_JOINT if cartesian else JOINT)
     return new
-
-
-def warm(old: Posture, tool: Array) -> None:
-    """Compile what a motion from a posture with its tool (4, 4) needs: no client waits for it."""
-    follow(Generator.CARTESIAN_VELOCITY, old, extrapolate(old, 0), tool, first=True)
 
 
 def readable(generator: Generator, command: RobotCommand) -> bool:
@@ -103,23 +96,30 @@ def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
 def _cartesian_pose(old: Posture, command: RobotCommand, tool: Array) -> Posture:
     if not rigid(command.pose):
         raise Violation(Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME)
-    return _cartesian(old, command, tool, by_twist=False)
+    return _cartesian(old, command, command.pose, twist_of(old.pose, command.pose), tool)
 
 
 def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture:
-    return _cartesian(old, command, tool, by_twist=True)
+    return _cartesian(old, command, _advance_pose(old.pose, command.twist), command.twist, tool)
 
 
-def _cartesian(old: Posture, command: RobotCommand, tool: Array, *, by_twist: bool) -> Posture:
-    target, vector = np.empty(TARGET), np.empty(POSTURE_SIZE)
-    target[:16] = command.pose.ravel()
-    target[16:22] = command.twist
-    target[22] = _elbow(old, command)
-    last = from_last_joint(tool).ravel()
-    broken = advance(old.vector, target, by_twist, last, LIMIT_TABLE, vector)
-    if broken:
-        raise Violation(_BROKEN[Broken(broken)])
-    return Posture(vector)
+def _cartesian(
+    old: Posture, command: RobotCommand, pose: Array, twist: Array, tool: Array
+) -> Posture:
+    course = old.tool.step(twist)
+    check_tool_course(old.tool, course)
+    swing = old.swing_to(_elbow(old, command))
+    check_swing(old.swing, swing)
+    velocity = joint_step(old.q, old.reached, old.jacobian, pose, float(swing[0])) / TICK
+    q, joints = old.q + TICK * velocity, old.joints.step(velocity)
+    check_joint_course(old.joints, joints, CARTESIAN_JOINT)
+    check_joints(
+        q,
+        velocity,
+        Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_POSITION_LIMITS_VIOLATION,
+        Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
+    )
+    return Posture.of(q, tool, joints).with_command(pose, course, swing)
 
 
 def _elbow(old: Posture, command: RobotCommand) -> float:
@@ -156,17 +156,6 @@ _READ: dict[Generator, Callable[[RobotCommand], Array]] = {
     Generator.JOINT_VELOCITY: lambda command: command.dq,
     Generator.CARTESIAN_POSE: lambda command: command.pose,
     Generator.CARTESIAN_VELOCITY: lambda command: command.twist,
-}
-_BROKEN = {
-    Broken.TOOL_VELOCITY: CARTESIAN.velocity,
-    Broken.TOOL_ACCELERATION: CARTESIAN.acceleration,
-    Broken.TOOL_JERK: CARTESIAN.jerk,
-    Broken.ELBOW: Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION,
-    Broken.JOINT_VELOCITY: CARTESIAN_JOINT.velocity,
-    Broken.JOINT_ACCELERATION: CARTESIAN_JOINT.acceleration,
-    Broken.JOINT_JERK: CARTESIAN_JOINT.jerk,
-    Broken.JOINT_POSITION: (Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_POSITION_LIMITS_VIOLATION),
-    Broken.JOINT_BRAKING: Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
 }
 _START = {
     Generator.JOINT_POSITION: Reflex.JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID,

@@ -1,13 +1,13 @@
 """Limits that the robot itself enforces on commands, whatever its client checked."""
 
 from dataclasses import dataclass, field
+from math import hypot
 
 import numpy as np
 
 from drivers.fci_server.reflex import Reflex, Violation
 from drivers.franka import limits
-from drivers.franka.kinematics import ELBOW_FLIP, PARAMETERS
-from drivers.franka.tracking import INVERSE_DAMPING, rotation_vector
+from drivers.franka.tracking import rotation_vector
 from drivers.types import Array, frozen
 
 TICK = 1e-3  # s
@@ -86,6 +86,31 @@ def check_joint_course(old: Course, new: Course, rates: Rates) -> None:
         raise Violation(rates.jerk)
 
 
+def check_tool_course(old: Course, new: Course) -> None:
+    """Raises Violation where the tool exceeds its velocity, acceleration or jerk limits."""
+    jerk = (new.acceleration - old.acceleration) / TICK
+    reflexes = (CARTESIAN.velocity, CARTESIAN.acceleration, CARTESIAN.jerk)
+    for rates, translation, rotation, reflex in zip(
+        (new.velocity, new.acceleration, jerk),
+        limits.TRANSLATION,
+        limits.ROTATION,
+        reflexes,
+        strict=True,
+    ):
+        moves, turns = hypot(*rates[:3].tolist()), hypot(*rates[3:].tolist())
+        if moves > LIMIT_FACTOR * translation or turns > LIMIT_FACTOR * rotation:
+            raise Violation(reflex)
+
+
+def check_swing(old: Array, new: Array) -> None:
+    """Raises Violation where the elbow exceeds its velocity, acceleration or jerk limits; both are
+    (3,) of angle, velocity, acceleration.
+    """
+    rates = (*new[1:].tolist(), float(new[2] - old[2]) / TICK)
+    if any(abs(rate) > LIMIT_FACTOR * most for rate, most in zip(rates, limits.ELBOW, strict=True)):
+        raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION)
+
+
 def check_joints(q: Array, velocity: Array, position: Reflex, rate: Reflex) -> None:
     """Raises Violation for joints (7,) beyond their limits, or too fast to brake before them."""
     if limits.margins(q).min() < 0:
@@ -117,22 +142,6 @@ def _slack(limit: Array, time: float = 1.0) -> tuple[float, ...]:
     return tuple((LIMIT_FACTOR * time * limit).tolist())
 
 
-LIMIT_TABLE = frozen(
-    [
-        *PARAMETERS.T[:2],
-        np.cos(PARAMETERS[:, 2]),
-        np.sin(PARAMETERS[:, 2]),
-        limits.POSITION_LOW,
-        limits.POSITION_HIGH,
-        limits.VELOCITY,
-        limits.ACCELERATION,
-        limits.JERK,
-        limits.VELOCITY_OFFSET,
-        limits.DECELERATION,
-        [*limits.TRANSLATION, *limits.ROTATION, 0.0],
-        [*limits.ELBOW, INVERSE_DAMPING, LIMIT_FACTOR, ELBOW_FLIP, 0.0],
-    ]
-)  # (13, 7), the numbers of the arm for compiled code
 _JOINT_VELOCITY = _slack(limits.VELOCITY)
 _JOINT_ACCELERATION = _slack(limits.ACCELERATION)
 _JOINT_JERK = _slack(limits.JERK, TICK)  # as change of the acceleration in one tick

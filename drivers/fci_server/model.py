@@ -1,7 +1,7 @@
 """The robot's description that the server sends: a URDF from the published numbers."""
 
 from drivers.franka import limits
-from drivers.franka.kinematics import FLANGE, PARAMETERS
+from drivers.franka.kinematics import FLANGE, PARAMETERS, offset_in_frame
 
 
 def robot_model() -> str:
@@ -21,8 +21,8 @@ def _link(number: int) -> str:
 
 
 def _joint(index: int) -> str:
-    a, d, alpha = PARAMETERS[index]
-    across, along = _offset_in_frame(float(alpha), float(d))
+    a, _, alpha = PARAMETERS[index]
+    across, along = offset_in_frame(index)
     span = (
         f'<limit lower="{limits.POSITION_LOW[index]}" upper="{limits.POSITION_HIGH[index]}" '
         f'velocity="{limits.VELOCITY[index]}" effort="{limits.LARGEST_TORQUE[index]}"/>'
@@ -36,13 +36,6 @@ def _joint(index: int) -> str:
         f'<child link="link{index + 1}"/><origin xyz="{a} {across} {along}" rpy="{alpha} 0 0"/>'
         f'<axis xyz="0 0 1"/>{span}{braking}</joint>\n'
     )
-
-
-def _offset_in_frame(alpha: float, d: float) -> tuple[float, float]:
-    """Where the offset `d` along a turned axis stands in the frame before it: (y, z) [m]."""
-    if alpha == 0:
-        return 0.0, d
-    return (d, 0.0) if alpha < 0 else (-d, 0.0)
 
 
 def _flange() -> str:

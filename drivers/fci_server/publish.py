@@ -1,65 +1,20 @@
 """The robot's state as a UDP datagram."""
 
-from collections.abc import Iterable, Sequence
-
 import numpy as np
 
 from drivers.fci_server.configuration import Configuration
 from drivers.fci_server.contact import NO_CONTACT, Contact
-from drivers.fci_server.kernel import POSTURE_FIELDS
 from drivers.fci_server.robot import Robot
-from drivers.fci_server.state_packet import FIELD_PLACES, Indices, StatePacket
+from drivers.fci_server.state_packet import StatePacket
 from drivers.fci_server.wire import Controller, Generator
 from drivers.franka.gravity import holding_torques
+from drivers.franka.tracking import ELBOW_JOINT
 from drivers.types import Array
 
 HAND_INERTIA = (0.001, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, 0.0, 0.0017)  # kg m^2
 MEASURED_FIELDS = ("q", "dq", "O_T_EE", "O_F_ext_hat_K", "K_F_ext_hat_K", "tau_ext_hat_filtered")
 
-BY_COLUMNS = tuple(4 * row + column for column in range(4) for row in range(4))
 TURNED = 5e-3  # rad by which a joint turns before the torques of gravity are computed again
-ANGLE, RATE, ACCELERATION = range(3)  # of the elbow's part of a posture
-Parts = tuple[tuple[str, Sequence[int]], ...]
-JOINT_INDICES, AXIS_INDICES = range(7), range(6)
-STATE_SOURCES: dict[str, Parts] = {
-    "O_T_EE": (("reached", BY_COLUMNS),),
-    "O_T_EE_d": (("pose", BY_COLUMNS),),
-    "O_T_EE_c": (("pose", BY_COLUMNS),),
-    "q": (("q", JOINT_INDICES),),
-    "q_d": (("q", JOINT_INDICES),),
-    "theta": (("q", JOINT_INDICES),),
-    "dq": (("velocity", JOINT_INDICES),),
-    "dq_d": (("velocity", JOINT_INDICES),),
-    "dtheta": (("velocity", JOINT_INDICES),),
-    "ddq_d": (("acceleration", JOINT_INDICES),),
-    "O_dP_EE_d": (("twist", AXIS_INDICES),),
-    "O_dP_EE_c": (("twist", AXIS_INDICES),),
-    "O_ddP_EE_c": (("change", AXIS_INDICES),),
-    "elbow": (("q", (2,)), ("sign", (0,))),
-    "elbow_d": (("elbow", (ANGLE,)), ("sign", (0,))),
-    "elbow_c": (("elbow", (ANGLE,)), ("sign", (0,))),
-    "delbow_c": (("elbow", (RATE,)),),
-    "ddelbow_c": (("elbow", (ACCELERATION,)),),
-}  # fields of the state -> the parts of the posture that they are, and which of their numbers
-
-
-# of the arm itself, not of its setpoint
-ARM_FIELDS = ("O_T_EE", "q", "theta", "dq", "dtheta", "elbow")
-
-
-def _sources(names: Iterable[str]) -> tuple[Indices, Indices]:
-    """Places in the datagram for numbers of the posture, and which numbers they are, (n,) each."""
-    where, source = list[int](), list[int]()
-    for name in names:
-        parts = STATE_SOURCES[name]
-        numbers = [POSTURE_FIELDS[part].start + number for part, some in parts for number in some]
-        where += FIELD_PLACES[name][: len(numbers)]
-        source += numbers
-    return np.array(where), np.array(source)
-
-
-_WHERE, _SOURCE = _sources(STATE_SOURCES)
-_OWN_WHERE, _OWN_SOURCE = _sources(ARM_FIELDS)
 
 
 class Publisher:
@@ -116,9 +71,19 @@ class Publisher:
             self._errors = (robot.errors, robot.reasons)
 
     def _put_posture(self, robot: Robot) -> None:
-        self._packet.put(_WHERE, robot.posture.vector[_SOURCE])
-        if robot.measured is not robot.posture:
-            self._packet.put(_OWN_WHERE, robot.measured.vector[_OWN_SOURCE])
+        posture, arm, fields = robot.posture, robot.measured, self._packet.fields
+        for name in ("O_T_EE_d", "O_T_EE_c"):
+            self._packet.put_matrix(name, posture.pose)
+        fields["q_d"][:], fields["dq_d"][:] = posture.q, posture.joints.velocity
+        fields["ddq_d"][:] = posture.joints.acceleration
+        fields["O_dP_EE_d"][:] = fields["O_dP_EE_c"][:] = posture.tool.velocity
+        fields["O_ddP_EE_c"][:] = posture.tool.acceleration
+        angle, fields["delbow_c"][0], fields["ddelbow_c"][0] = posture.swing
+        fields["elbow_d"][:] = fields["elbow_c"][:] = angle, posture.elbow_sign
+        self._packet.put_matrix("O_T_EE", arm.reached)  # from here on what the arm itself does
+        fields["q"][:] = fields["theta"][:] = arm.q
+        fields["dq"][:] = fields["dtheta"][:] = arm.joints.velocity
+        fields["elbow"][:] = arm.q[ELBOW_JOINT], arm.elbow_sign
         self._packet.fields["tau_J"][:] = self._torques(robot) - robot.contact.torque
 
     def _torques(self, robot: Robot) -> Array:

@@ -58,6 +58,7 @@ class Reception:
         self._listener.close()
 
     def _accept(self) -> bool:
+        """Let in the next connection that waits as a guest; False where none waits."""
         try:
             connection, _ = self._listener.accept()
         except OSError:

@@ -14,7 +14,7 @@ from drivers.fci_server.body_check import BodyCheck
 from drivers.fci_server.configuration import SETTERS, Configuration, configure
 from drivers.fci_server.contact import NO_CONTACT, Contact
 from drivers.fci_server.dynamics import Dynamics
-from drivers.fci_server.generators import extrapolate, follow, readable, warm
+from drivers.fci_server.generators import extrapolate, follow, readable
 from drivers.fci_server.limits import Box
 from drivers.fci_server.posture import Posture
 from drivers.fci_server.reflex import Reflex, Violation
@@ -255,7 +255,6 @@ def resting_robot(
     """A robot at rest with joints `start` (7,) [rad], by default in its home posture."""
     configuration = Configuration()
     posture = Posture.resting(np.array(HOME if start is None else start), configuration.tool)
-    warm(posture, configuration.tool)
     return Robot(posture, box or Box(), surroundings, configuration=configuration)
 
 

@@ -313,7 +313,7 @@ class RobotServer:
 
 
 def _give_mechanics(robot: Robot, settings: ServerSettings) -> None:
-    """Let the arm trail its setpoint, and feel what its plant makes it feel."""
+    """Give `robot` the delay and lag behind its setpoint and the joint torques of `settings`."""
     delay, sag, plant = settings.delay, None, settings.plant
     if plant is not None:
         robot.dynamics = Dynamics(plant)

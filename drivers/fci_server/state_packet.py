@@ -4,13 +4,10 @@ from itertools import accumulate
 from struct import Struct
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.fci_server.reflex import Reflex
 from drivers.fci_server.wire import Controller, Generator, Mode
 from drivers.types import Array
-
-Indices = NDArray[np.int64]
 
 PACKET_SIZE = 1377
 FLAG_COUNT = 41
@@ -56,11 +53,6 @@ PACKET_FIELDS = (
     ("dtheta", 7),
     ("accelerometers", 36),
 )
-_STARTS = accumulate((count for _, count in PACKET_FIELDS), initial=0)
-FIELD_PLACES = {
-    name: range(start, start + count)
-    for (name, count), start in zip(PACKET_FIELDS, _STARTS, strict=False)
-}  # of a field's numbers among all
 _FLOATS = sum(count for _, count in PACKET_FIELDS)
 _TAIL = 8 + 4 * _FLOATS
 _ERRORS, _REASONS = _TAIL + 2, _TAIL + 2 + FLAG_COUNT
@@ -76,14 +68,9 @@ class StatePacket:
         if _LAYOUT.size != PACKET_SIZE:
             raise ValueError(f"the layout has {_LAYOUT.size} bytes, the wire {PACKET_SIZE}")
         self._bytes = bytearray(PACKET_SIZE)
-        self._floats = np.frombuffer(self._bytes, "<f4", _FLOATS, 8)
-        self.fields = {
-            name: self._floats[place.start : place.stop] for name, place in FIELD_PLACES.items()
-        }
-
-    def put(self, where: Indices, values: Array) -> None:
-        """Write `values` (n,) to the places `where` (n,) among all numbers."""
-        self._floats[where] = values
+        ends = accumulate(count for _, count in PACKET_FIELDS)
+        views = np.split(np.frombuffer(self._bytes, "<f4", _FLOATS, 8), list(ends)[:-1])
+        self.fields = {name: view for (name, _), view in zip(PACKET_FIELDS, views, strict=True)}
 
     def put_matrix(self, name: str, matrix: Array) -> None:
         """Write a matrix (n, n) column by column."""

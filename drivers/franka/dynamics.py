@@ -4,7 +4,7 @@ import numpy as np
 
 from drivers.franka import limits
 from drivers.franka.gravity import CENTRES, GRAVITY, MASSES
-from drivers.franka.kinematics import FLANGE, FLANGE_TO_TIP, PARAMETERS
+from drivers.franka.kinematics import FLANGE, FLANGE_TO_TIP, PARAMETERS, offset_in_frame
 from drivers.types import Array, frozen
 
 # Inertia of links 1 to 7 about their centres of mass [kg m^2]: xx, yy, zz, xy, xz, yz in their
@@ -29,8 +29,8 @@ def arm_mjcf() -> str:
     `tip`, between its fingers.
     """
     bodies, ends = "", ""
-    for i, (a, d, alpha) in enumerate(PARAMETERS):
-        across, along = (d, 0.0) if alpha < 0 else ((-d, 0.0) if alpha > 0 else (0.0, d))
+    for i, (a, _, alpha) in enumerate(PARAMETERS):
+        across, along = offset_in_frame(i)
         turn = np.cos(alpha / 2), np.sin(alpha / 2), 0.0, 0.0
         bodies += (
             f'<body name="link{i + 1}" pos="{_text((a, across, along))}" quat="{_text(turn)}">'

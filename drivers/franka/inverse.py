@@ -1,5 +1,6 @@
 """Inverse kinematics of the Franka Research 3: joints that bring the tool to a pose."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from drivers.franka.kinematics import (
     HOME,
     PARAMETERS,
     WRIST_REACH,
+    jacobian,
     pose_and_jacobian,
 )
 from drivers.franka.limits import MIDDLE, POSITION_HIGH, POSITION_LOW, margins
@@ -20,6 +22,7 @@ POSE_TOLERANCE = 1e-7  # m and rad
 ITERATIONS = 150
 LARGEST_STEP = 0.3  # rad, of one iteration
 CENTRING_SHARE = 0.15  # share of the way to mid-range that an iteration takes where the pose allows
+LINE_DAMPING = 0.02  # of the inverse along a straight line
 SHOULDER = frozen([0.0, 0.0, PARAMETERS[0, 1]])
 
 
@@ -77,6 +80,16 @@ def damped_inverse(jac: Array, damping: float) -> Array:
     square = jac @ jac.T
     square[np.diag_indices(6)] += damping**2
     return np.asarray(np.linalg.solve(square, jac).T, dtype=np.float64)
+
+
+def straight(joints: Array, step: Array) -> Iterator[Array]:
+    """Joints (7,) [rad] along a straight line from `joints`, the tip each time a `step` (3,) [m]
+    further and never turned; without an end, limits or a check of the reach.
+    """
+    twist = np.concatenate([step, np.zeros(3)])
+    while True:
+        joints = joints + damped_inverse(jacobian(joints), LINE_DAMPING) @ twist
+        yield joints
 
 
 def manipulability(jac: Array) -> float:

@@ -51,6 +51,12 @@ def _fixed_parts() -> tuple[Array, Array, Array]:
 _COSINE, _SINE, _FIXED = _fixed_parts()
 
 
+def offset_in_frame(joint: int) -> tuple[float, float]:
+    """Where the offset d of a joint, counted from 0, stands in the frame before it: (y, z) [m]."""
+    _, d, alpha = PARAMETERS[joint].tolist()
+    return (d, 0.0) if alpha < 0 else (-d, 0.0) if alpha > 0 else (0.0, d)
+
+
 def frames(q: Array) -> Array:
     """Poses (..., 7, 4, 4) of the seven joints' frames in the base for joints (..., 7) [rad]."""
     angles = np.asarray(q, dtype=np.float64)[..., None, None]

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from drivers.geometry import arc_lengths
 from drivers.types import Array
 from policies.experiments.motion import Motion
 from policies.path import Path
@@ -54,9 +55,9 @@ def _line(length: float, rng: np.random.Generator) -> CubicSpline:
         (rng.uniform(0.18, 0.26), rng.uniform(0.24, 0.32)),
         (rng.uniform(0.0, 0.03), rng.uniform(0.04, 0.06)),
     ])  # fmt: skip
-    chords = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    chords = arc_lengths(corners)
     fine = PchipInterpolator(chords, length * corners)(np.linspace(0.0, chords[-1], 400))
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(fine, axis=0).T))])
+    along = arc_lengths(fine)
     return CubicSpline(along, fine)
 
 

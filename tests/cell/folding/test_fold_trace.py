@@ -73,8 +73,7 @@ def ended(fold: MeasuredFold) -> Outcome:
 def finished(outcome: Outcome) -> FoldResult:
     warning = None if outcome.agreement is None else outcome.agreement.sentence()
     return FoldResult(
-        *("run", "unknown", "adaptive", 0, "layer_touch", "the layers touch"),
-        *(-0.001, None, 5.0, None, None, 14.0, 20.0, "made", 0),
+        *("run", "unknown", "adaptive", 0, "layer_touch", "the layers touch", 0, -0.001),
         predicted=BELIEF.sentence(),
         warning=warning,
     )

@@ -7,7 +7,7 @@ import pytest
 
 import cell.orchestrator.run as orchestrator
 from cell.config.monitor_limits import MonitorLimits
-from cell.orchestrator.pace import USUAL_AGE, pace
+from cell.orchestrator.monitors import USUAL_AGE, slow_for_images
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import move
@@ -28,27 +28,31 @@ def aged(age: float, state: State = State.FOLD):
 
 def test_usual_images_change_no_command() -> None:
     for command in (Drive(FAST), MoveTo(PLACE), Hold()):
-        assert pace(command, aged(0.99 * USUAL_AGE * LIMITS.image_age), LIMITS) == command
+        assert (
+            slow_for_images(command, aged(0.99 * USUAL_AGE * LIMITS.image_age), LIMITS) == command
+        )
 
 
 @pytest.mark.parametrize("state", [State.LIFT, State.FOLD, State.LAY])
 def test_drive_slows_down_in_proportion_and_stands_at_the_limit(state: State) -> None:
-    middle = pace(Drive(FAST), aged((1.0 + USUAL_AGE) / 2 * LIMITS.image_age, state), LIMITS)
+    middle = slow_for_images(
+        Drive(FAST), aged((1.0 + USUAL_AGE) / 2 * LIMITS.image_age, state), LIMITS
+    )
     assert isinstance(middle, Drive)
     assert middle.velocity.vx == pytest.approx(FAST.vx / 2)
     assert middle.velocity.pitch_rate == pytest.approx(FAST.pitch_rate / 2)
-    stands = pace(Drive(FAST), aged(1.1 * LIMITS.image_age, state), LIMITS)
+    stands = slow_for_images(Drive(FAST), aged(1.1 * LIMITS.image_age, state), LIMITS)
     assert stands == Drive(Velocity(0.0, 0.0, 0.0))
 
 
 def test_move_is_held_at_the_limit_and_fingers_are_not() -> None:
     old = aged(1.1 * LIMITS.image_age, State.GRASP)
-    assert pace(MoveTo(PLACE), old, LIMITS) == Hold()
-    assert pace(CloseHand(), old, LIMITS) == CloseHand()
+    assert slow_for_images(MoveTo(PLACE), old, LIMITS) == Hold()
+    assert slow_for_images(CloseHand(), old, LIMITS) == CloseHand()
 
 
 def test_where_no_image_is_needed_their_age_does_not_count() -> None:
-    assert pace(MoveTo(PLACE), aged(9.0, State.PREFLIGHT), LIMITS) == MoveTo(PLACE)
+    assert slow_for_images(MoveTo(PLACE), aged(9.0, State.PREFLIGHT), LIMITS) == MoveTo(PLACE)
 
 
 def drives(record, begin):

@@ -16,6 +16,8 @@ from cell.__main__ import main
 from cell.parallel import workers
 from cell.train.evaluation import Engine, Evaluation, evaluate, fold_row
 from drivers.errors import WorkersLost
+from policies.adaptive.train.transfer import FitQuality
+from policies.adaptive.transfer import Transfer
 from policies.checkpoint import load_checkpoint
 from policies.feedback import COMMITTED
 from policies.registry import make_policy
@@ -85,6 +87,17 @@ def test_command_trains_by_default_as_the_settings_say() -> None:
     shared = set(offered) & set(fields)
     assert shared == {"seed", "generations", "population", "strips"}
     assert all(offered[name].default == fields[name].default for name in shared)
+
+
+def test_end_of_a_training_through_images_is_printed(monkeypatch, capsys, tmp_path) -> None:
+    quality = FitQuality(folds=96, bias=7e-4, within=0.68)
+    monkeypatch.setattr("cell.train.transfer.transfer", lambda *_: (Transfer(), quality))
+    words = ("--policy", "adaptive", "--checkpoint", tmp_path / "bare.npz", "--out", tmp_path)
+    command(monkeypatch, *words)
+    assert capsys.readouterr().out == (
+        "96 folds through images; of folds left out the displacement is 0.70 mm rms off the "
+        f"prediction, 68 % within one sigma; {tmp_path / 'adaptive.npz'}\n"
+    )
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.arm.timing import EDGES_MS, Timing
+from drivers.arm.joint_log import EDGES_MS, Timing
 
 
 def test_intervals_are_counted_in_their_bins_and_the_longest_is_kept() -> None:

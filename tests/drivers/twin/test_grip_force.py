@@ -8,9 +8,9 @@ from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.observation import mean_force
 from drivers.strip.rod.engine import Rod
+from drivers.twin.arm import ExternalWrench
 from drivers.twin.chain.engine import Chain
 from drivers.twin.settings import WrenchSettings
-from drivers.twin.wrench import ExternalWrench
 from drivers.types import Array
 from policies.experiments.standard import STANDARD
 from policies.path import lift_pitch

@@ -1,4 +1,6 @@
-"""The compiled tick of a Cartesian motion against the formulas of `drivers.franka`."""
+"""One tick of the emulated robot's motion generators against the kinematics of `drivers.franka`."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -94,7 +96,6 @@ def test_a_joint_too_fast_to_brake_before_its_end_is_refused() -> None:
     q[5] = 4.5169 - 0.002
     rolling = Posture.of(q, FLANGE_TO_TIP, Course(0.3 * np.eye(7)[5], np.zeros(7)))
     twist = rolling.jacobian @ rolling.joints.velocity
-    moving = Posture(rolling.vector.copy())
-    moving.tool.velocity[:] = twist
+    moving = replace(rolling, tool=Course(twist, np.zeros(6)))
     reflex = broken(moving, VELOCITY, moving.pose, twist)
     assert reflex is Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION
