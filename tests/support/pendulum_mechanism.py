@@ -8,7 +8,7 @@ import numpy as np
 import yaml
 
 from cell.gap.subject.mechanism.importer import write_run
-from cell.gap.subject.pendulum.file import PendulumFile
+from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from cell.gap.subject.run_folders import read_table
 from drivers.settings import load, read_yaml
 

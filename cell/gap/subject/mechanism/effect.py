@@ -11,6 +11,7 @@ from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
 Of = Literal["model", "rig"]
+MODES = ("forward", "prescribed", "planar")
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 

@@ -21,6 +21,7 @@ from cell.gap.subject.mechanism.model import (
     number_of,
     read_xml,
 )
+from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from cell.gap.subject.mechanism.runs import Recording, Signal, pace, read_recording, repeat_noise
 from cell.gap.subject.run_folders import HEADER_FILE, RunFolder, check_indices
 from drivers.errors import ConfigurationError
@@ -38,7 +39,8 @@ LIMITLESS = 1e12
 class Opened:
     """Everything that a subject is made of; `pace` [rad/s] is how fast its signals change.
 
-    `mix` (signals, joints) makes compared positions of the joints'.
+    `mix` (signals, joints) makes compared positions of the joints'. `pendulum` is the file, where
+    one described the mechanism.
     """
 
     file: MechanismFile
@@ -49,6 +51,7 @@ class Opened:
     signals: tuple[Signal, ...]
     pace: float
     mix: Array
+    pendulum: PendulumFile | None = None
 
 
 def open_file(path: Path) -> tuple[MechanismFile, str, Any]:

@@ -12,8 +12,9 @@ import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import fit
-from cell.gap.subject.pendulum.file import PendulumFile
-from cell.gap.subject.pendulum.subject import Pendulum, load_pendulum
+from cell.gap.subject.mechanism.pendulum import load_pendulum
+from cell.gap.subject.mechanism.pendulum_file import PendulumFile
+from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request, Residuals
 from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.schema import Verdict, read_verdict
@@ -127,13 +128,13 @@ def test_interrupted_fit_goes_on_where_it_stopped(
         fit(runs, file, out, progress=interrupting)
     assert not (out / "verdict.json").exists()
     simulated: list[int] = []
-    plain = Pendulum.simulate
+    plain = MechanismSubject.simulate
 
-    def counting(self: Pendulum, requests: Sequence[Request]) -> list[Residuals]:
+    def counting(self: MechanismSubject, requests: Sequence[Request]) -> list[Residuals]:
         simulated.append(len(requests))
         return plain(self, requests)
 
-    monkeypatch.setattr(Pendulum, "simulate", counting)
+    monkeypatch.setattr(MechanismSubject, "simulate", counting)
     resumed = fit(runs, file, out)
     assert sum(simulated) < 0.3 * resumed.simulations
     one = read_verdict(rubbing / "out" / "verdict.json")
@@ -143,7 +144,7 @@ def test_interrupted_fit_goes_on_where_it_stopped(
 
 def test_report_is_one_page_that_needs_nothing_else(rubbing: Path) -> None:
     page = (rubbing / "out" / "report.html").read_text()
-    assert "The hinges rub like dry friction" in page
+    assert "Joints rub like dry friction" in page
     assert page.count("<svg") >= 4
     known = ("www.w3.org", "purl.org", "creativecommons.org", "matplotlib.org", "d3js.org")
     addresses = re.findall(r"https?://([a-z0-9.]+)", page)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint
+from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -31,7 +31,7 @@ def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
         for j, v in zip(mechanism.joints, STRIBECK * mechanism.rate, strict=True)
     ]  # fmt: skip
     return (
-        *(_loads(mechanism) if mechanism.mode == "forward" else ()),
+        *(_loads(mechanism) if mechanism.mode != "prescribed" else ()),
         *per_joint(mechanism, "asymmetry", "1", 0.02 * ones, signed=True, shape=True, high=45.0),
         *per_joint(mechanism, "stribeck_torque", "N m", 0.01 * mechanism.torque, shape=True),
         *rates,
@@ -63,5 +63,6 @@ EFFECT = Effect(
     edit=add_to("dof_frictionloss"),
     holds=_largest,
     native=lambda m: m.native,
+    modes=MODES,
     revealed_by="slow motion there and back: the torque jumps with the sign of the rate",
 )

@@ -1,6 +1,6 @@
 """An encoder that reads a constant too much or too little."""
 
-from cell.gap.subject.mechanism.effect import Effect, Readings
+from cell.gap.subject.mechanism.effect import MODES, Effect, Readings
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -20,5 +20,6 @@ EFFECT = Effect(
         Parameter(f"bias_{name}", "rad", 0.0, -0.2, 0.2, 1e-5, 0.03) for name in m.encoders
     ),
     read=_read,
+    modes=MODES,
     revealed_by="hold still in several poses",
 )
