@@ -157,8 +157,13 @@ def _signal(name: str, spec: SignalSpec, model: Any,
         joint = 3 * model.nsite + int(model.sensor_adr[model.sensor(spec.sensor).id])
     zone = "grasped"
     if kind in ("position", "velocity", "torque", "tracking"):
-        zone = "fixed" if joint == 0 else "grasped" if joint == model.njnt - 1 else "middle"
+        zone = zone_of(joint, model.njnt)
     return Signal(name, kind, float(sigma), zone, joint, floor)
+
+
+def zone_of(joint: int, count: int) -> str:
+    """Where a joint lies among `count` in a chain."""
+    return "fixed" if joint == 0 else "grasped" if joint == count - 1 else "middle"
 
 
 def _joint_weights(signal: Signal, spec: SignalSpec, model: Any) -> Array:

@@ -48,8 +48,9 @@ def patch_file(
 
 
 def patch_pendulum(
-    pendulum: PendulumFile, base: Mapping[str, float], effects: Accepted, source: str
-) -> dict[str, object]:
+    opened: Opened, pendulum: PendulumFile, base: Mapping[str, float], effects: Accepted,
+    source: str,
+) -> dict[str, object]:  # fmt: skip
     """Content of a pendulum's file after acceptance; old values stay in its provenance."""
     content: dict[str, Any] = pendulum.model_dump(mode="json", by_alias=True)
     notes, known = list(content.pop("provenance")), dict(content.pop("effects"))
@@ -65,7 +66,7 @@ def patch_pendulum(
         of[key] = value
     for name, values in effects.items():
         notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
-        known[name] = dict(values)
+        known[name] = _named_values(name, opened.mechanism, values)
     return {**content, "effects": known, "provenance": notes}
 
 

@@ -12,7 +12,7 @@ from cell.gap.subject.mechanism.effect import Fields
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.file import MechanismFile
 from cell.gap.subject.mechanism.library import check_effects
-from cell.gap.subject.mechanism.load import FORWARD_FLOOR, SMOOTH, Opened
+from cell.gap.subject.mechanism.load import FORWARD_FLOOR, SMOOTH, Opened, zone_of
 from cell.gap.subject.mechanism.model import Joint, Mechanism, compile_model
 from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from cell.gap.subject.mechanism.runs import Recording, Signal, check_angle
@@ -65,9 +65,8 @@ def open_recordings(
 ) -> Opened:
     """A pendulum with its recordings, as a mechanism."""
     names, n = [j.name for j in mechanism.joints], len(mechanism.joints)
-    zones = ["fixed"] + ["middle"] * (n - 2) + ["grasped"] * (n > 1)
-    signals = [Signal(name, "position", 0.0, zone, i, FORWARD_FLOOR, "angle")
-               for i, (name, zone) in enumerate(zip(names, zones, strict=True))]  # fmt: skip
+    signals = [Signal(name, "position", 0.0, zone_of(i, n), i, FORWARD_FLOOR, "angle")
+               for i, name in enumerate(names)]  # fmt: skip
     described = MechanismFile.model_validate({
         "schema": 1, "kind": "mechanism", "name": pendulum.name, "model": "",
         "signals": {name: {"sensor": name, "sigma": 1.0} for name in names},

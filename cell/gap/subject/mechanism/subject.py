@@ -264,7 +264,7 @@ class MechanismSubject:
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The file with refitted base and named effects; see `patch`."""
         if self.opened.pendulum is not None:
-            return patch_pendulum(self.opened.pendulum, base, effects, source), None
+            return patch_pendulum(self.opened, self.opened.pendulum, base, effects, source), None
         of_cell = cell_patch(self.opened, base, effects) if self.opened.file.cell else None
         return patch_file(self.opened, base, effects, source), of_cell
 

@@ -127,6 +127,13 @@ def test_effect_at_null_changes_no_bit_and_otherwise_does(name: str) -> None:
         assert not np.array_equal(residuals(subject, {name: np.array(values)}), plain)
 
 
+def test_a_pendulum_that_is_let_go_falls_and_returns() -> None:
+    (made,) = make_swings(pendulum(1), [np.array([0.5])], SIGMA, np.random.default_rng(0))
+    phase = subject_of(pendulum(1), made.t, made.angles).runs[0].samples.phase
+    assert phase[0] == "fall"
+    assert set(phase) == {"fall", "return"}
+
+
 # --- files -----------------------------------------------------------------------------------
 
 
