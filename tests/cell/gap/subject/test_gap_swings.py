@@ -169,6 +169,8 @@ def test_accepted_effect_leaves_no_gap(rubbing: Path, copied: tuple[Path, Path])
     again = fit([rubbing / "runs"], file, out.parent / "again")
     assert again.verdict == "no_gap"
     assert again.base["dry_friction.torque_1"].value == pytest.approx(4e-4, rel=0.05)
+    assert list(pendulum.effects["dry_friction"]) == ["torque_1"]
+    assert [name for name in again.base if "." in name] == ["dry_friction.torque_1"]
 
 
 def test_undo_brings_the_file_back_byte_for_byte(copied: tuple[Path, Path]) -> None:

@@ -24,6 +24,9 @@ def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Load, asymmetry and Stribeck peak; a pendulum's file has no keys for them."""
+    if mechanism.mode == "planar":
+        return ()
     ones = np.ones(len(mechanism.joints))
     rates = [
         Parameter(f"stribeck_velocity_{j.name}", "rad/s" if j.hinge else "m/s",
@@ -31,7 +34,7 @@ def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
         for j, v in zip(mechanism.joints, STRIBECK * mechanism.rate, strict=True)
     ]  # fmt: skip
     return (
-        *(_loads(mechanism) if mechanism.mode != "prescribed" else ()),
+        *(_loads(mechanism) if mechanism.mode == "forward" else ()),
         *per_joint(mechanism, "asymmetry", "1", 0.02 * ones, signed=True, shape=True, high=45.0),
         *per_joint(mechanism, "stribeck_torque", "N m", 0.01 * mechanism.torque, shape=True),
         *rates,
