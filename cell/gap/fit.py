@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -40,7 +40,8 @@ from drivers.yaml_edit import dump_text
 Overlay = Callable[[Findings, Verdict, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
-ENGINE_VERSION = "31"  # of the engine: another one starts anew
+Effects = dict[str, dict[str, float]]
+ENGINE_VERSION = "32"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:
@@ -111,22 +112,27 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
         terms = {name: {"amount": value} for name, value in found.offered.terms.items()}
         law_patch, _ = found.subject.patch(found.offered.base, terms, source)
         write_file(out / LAW_PATCH, dump_text(law_patch))
-        if isinstance(found.subject, EditsModel):
-            text = found.subject.model_text(found.offered.base, terms)
-            write_file(out / LAW_MODEL_PATCH, text)
+        _write_model(found, out / LAW_MODEL_PATCH, found.offered.base, terms)
     offers_values = bool(verdict.deviates) and not found.accepted.model.effects
     if verdict.verdict != "named" and not offers_values:
         return
     base, effects = _values(verdict)
     patch, cell_patch = found.subject.patch(base, effects, source)
     write_file(out / (BASE_PATCH if offers_values else PATCH), dump_text(patch))
-    if isinstance(found.subject, EditsModel):
-        write_file(out / MODEL_PATCH, found.subject.model_text(base, effects))
+    _write_model(found, out / MODEL_PATCH, base, effects)
     if cell_patch is not None:
         write_file(out / CELL_PATCH, dump_text(cell_patch))
 
 
-def _values(verdict: Verdict) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+def _write_model(found: Findings, path: Path, base: Mapping[str, float], effects: Effects) -> None:
+    """Write the model after acceptance, of a subject that has one beside its file."""
+    if isinstance(found.subject, EditsModel):
+        text = found.subject.model_text(base, effects)
+        if text is not None:
+            write_file(path, text)
+
+
+def _values(verdict: Verdict) -> tuple[dict[str, float], Effects]:
     """Values of the base, and of the named effects by their parameters."""
     base = {name: v.value for name, v in verdict.base.items()}
     return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in verdict.effects}

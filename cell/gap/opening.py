@@ -17,17 +17,11 @@ def open_subject(
     Raises ConfigurationError for a file of another kind, or an effect that cannot be withheld.
     """
     kind = read_yaml(file).get("kind", "strip")
-    if kind == "pendulum":
-        from cell.gap.subject.pendulum.subject import open_pendulum
-
-        if without:
-            raise ConfigurationError("--without: withholds effects of a strip, not of a pendulum")
-        return open_pendulum(file, runs, jobs)
     if kind == "strip":
         from cell.gap.subject.strip.subject import open_strip
 
         return open_strip(file, runs, jobs, without)
-    if kind == "mechanism":
+    if kind in ("pendulum", "mechanism"):
         from cell.gap.subject.mechanism.subject import open_mechanism
 
         return open_mechanism(file, runs, jobs, without)

@@ -8,7 +8,8 @@ import numpy as np
 import yaml
 
 from cell.gap.subject.mechanism.importer import write_run
-from cell.gap.subject.pendulum.file import PendulumFile
+from cell.gap.subject.mechanism.pendulum import mechanism_of
+from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from cell.gap.subject.run_folders import read_table
 from drivers.settings import load, read_yaml
 
@@ -54,7 +55,8 @@ def drag_unit() -> float:
 
 
 def _loose(pendulum: PendulumFile) -> float:
-    return float(0.05 * pendulum.weights[0] / np.sqrt(pendulum.gravity / 0.2))
+    weight = mechanism_of(pendulum, pendulum.name).torque[0]
+    return float(0.05 * weight / np.sqrt(pendulum.gravity / 0.2))
 
 
 def pendulum_xml(pendulum: PendulumFile) -> str:

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import yaml
 
 from cell.gap.fitting.tasks import Simulate
-from cell.gap.subject.pendulum.file import PendulumFile
+from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from cell.gap.subject.subject import Request, Residuals
 from drivers.types import Array
 
@@ -53,7 +53,8 @@ def make_swings(
     rate: float = 100.0,
 ) -> list[Made]:
     """Releases from rest, the links `lifts` (n,) [rad] away from hanging; equal lifts repeat."""
-    model = mujoco.MjModel.from_xml_string(_xml(pendulum))
+    model = mujoco.MjModel.from_xml_string(pendulum.xml())
+    model.opt.timestep, model.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_RK4
     labels = [f"lift {' '.join(f'{v:.1f}' for v in lift)}" for lift in lifts]
     runs = []
     for index, (lift, label) in enumerate(zip(lifts, labels, strict=True)):
@@ -86,39 +87,20 @@ def write_swings(
     return file, folder / "runs"
 
 
-def _xml(pendulum: PendulumFile) -> str:
-    """The chain as MuJoCo describes it: hinges about y, hanging at zero."""
-    opened, above = "", 0.0
-    for link in pendulum.links:
-        moments = " ".join(f"{link.inertia:.12g}" for _ in range(3))
-        opened += (
-            f"<body pos='0 0 {-above:.12g}'>"
-            f"<joint type='hinge' axis='0 -1 0' damping='{link.damping:.12g}'/>"
-            f"<inertial mass='{link.mass:.12g}' pos='0 0 {-link.com:.12g}' "
-            f"diaginertia='{moments}'/>"
-        )
-        above = link.length or 0.0
-    closed = "</body>" * len(pendulum.links)
-    return (
-        f"<mujoco><option integrator='RK4' timestep='{STEP}' "
-        f"gravity='0 0 {-pendulum.gravity:.12g}'/><worldbody>{opened}{closed}</worldbody></mujoco>"
-    )
-
-
 def _released(
     model: mujoco.MjModel, lift: Array, law: Law | None, index: int, span: float, rate: float
 ) -> tuple[Array, Array]:
     """Times and absolute angles of one release; `lift` are absolute angles from hanging."""
     data = mujoco.MjData(model)
-    data.qpos[:] = -np.diff(lift, prepend=0.0)
+    data.qpos[:] = np.diff(lift, prepend=0.0)
     every = round(1.0 / (rate * STEP))
     seen = [lift]
     for k in range(int(span * rate) * every):
         if law is not None:
-            bend = -(data.qpos + 0.5 * STEP * data.qvel)  # in the middle of the step
-            turn = -(data.qvel + 0.5 * STEP * data.qacc)
-            data.qfrc_applied[:] = law(bend, turn, index)
+            bend = data.qpos + 0.5 * STEP * data.qvel  # in the middle of the step
+            turn = data.qvel + 0.5 * STEP * data.qacc
+            data.qfrc_applied[:] = -law(bend, turn, index)
         mujoco.mj_step(model, data)
         if (k + 1) % every == 0:
-            seen.append(-np.cumsum(data.qpos))
+            seen.append(np.cumsum(data.qpos))
     return np.arange(len(seen)) / rate, np.pi + np.array(seen).T

@@ -1,1 +1,1 @@
-"""What is measured: strips and pendulums, their runs, and how a model of them is simulated."""
+"""What is measured: strips and mechanisms, their runs, and how a model of them is simulated."""

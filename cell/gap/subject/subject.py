@@ -254,5 +254,7 @@ class EditsModel(Protocol):
 
     def model_text(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
-    ) -> str:
-        """Text of the model after acceptance; the patch names its file under `model`."""
+    ) -> str | None:
+        """Text of the model after acceptance, where it has its own file; the patch names that under
+        `model`.
+        """

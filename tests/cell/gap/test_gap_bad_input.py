@@ -10,8 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from cell.gap.fit import fit
-from cell.gap.subject.pendulum.file import PendulumFile
-from cell.gap.subject.pendulum.subject import Pendulum
+from cell.gap.subject.mechanism.pendulum_file import PendulumFile
+from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.strip.simulation import Simulation
 from drivers.errors import ConfigurationError
 from drivers.strip.effects import registry
@@ -76,7 +76,7 @@ def bench(good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
         pytest.fail("bad input was simulated")
 
     monkeypatch.setattr(Simulation, "_together", forbidden)
-    monkeypatch.setattr(Pendulum, "simulate", forbidden)
+    monkeypatch.setattr(MechanismSubject, "simulate", forbidden)
     return Bench(Path(shutil.copytree(good, tmp_path / "bench")))
 
 

@@ -65,10 +65,10 @@ class ModelFields:
 class BatchFields:
     """Fields of simulation `i` of a batch; a field is expanded where it is first edited."""
 
-    def __init__(self, batch: Any, i: int) -> None:
-        self._batch, self._i = batch, i
+    def __init__(self, expand: Callable[[str], Array], i: int) -> None:
+        self._expand, self._i = expand, i
 
     def __getitem__(self, name: str) -> Array:
         """The simulation's own array."""
-        found: Array = self._batch.expand(name)[self._i, ...]
+        found: Array = self._expand(name)[self._i, ...]
         return found

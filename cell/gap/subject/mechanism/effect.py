@@ -11,6 +11,7 @@ from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
 Of = Literal["model", "rig"]
+MODES = ("forward", "prescribed", "planar")
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 
@@ -129,6 +130,23 @@ def single(
     """One parameter for the whole mechanism."""
     low = -high * size if signed else 0.0
     return (Parameter(key, unit, 0.0, low, high * size, size / 1000.0, 25.0 * size),)
+
+
+def per_encoder(mechanism: Mechanism, key: str, unit: str, spread: float) -> tuple[Parameter, ...]:
+    """A parameter an encoder, `key_ENCODER`, of what it reads wrongly."""
+    return tuple(
+        Parameter(f"{key}_{name}", unit, 0.0, -0.2, 0.2, 1e-5, spread)
+        for name in mechanism.encoders
+    )
+
+
+def put_by_encoder(key: str) -> Callable[[Mechanism, Array, Readings], None]:
+    """A reading's change that states the values of encoders under `key` of the readings."""
+
+    def read(mechanism: Mechanism, values: Array, readings: Readings) -> None:
+        getattr(readings, key).update(zip(mechanism.encoders, map(float, values), strict=True))
+
+    return read
 
 
 def driven_joints(mechanism: Mechanism) -> list[Joint]:

@@ -97,7 +97,7 @@ class Forward:
         control = np.array([self._control(c, steps) for c in cases])
         batch = Batch(self._mechanism.model, len(cases), self._jobs)
         for i, case in enumerate(cases):
-            case.edit(BatchFields(batch, i))
+            case.edit(BatchFields(batch.expand, i))
         if any(batch.expanded(name) is not None for name in CONST):
             batch.set_const()
         states = self._run(batch, cases, control)

@@ -21,6 +21,7 @@ from cell.gap.subject.mechanism.model import (
     number_of,
     read_xml,
 )
+from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from cell.gap.subject.mechanism.runs import Recording, Signal, pace, read_recording, repeat_noise
 from cell.gap.subject.run_folders import HEADER_FILE, RunFolder, check_indices
 from drivers.errors import ConfigurationError
@@ -38,7 +39,8 @@ LIMITLESS = 1e12
 class Opened:
     """Everything that a subject is made of; `pace` [rad/s] is how fast its signals change.
 
-    `mix` (signals, joints) makes compared positions of the joints'.
+    `mix` (signals, joints) makes compared positions of the joints'. `pendulum` is the file, where
+    one described the mechanism.
     """
 
     file: MechanismFile
@@ -49,6 +51,7 @@ class Opened:
     signals: tuple[Signal, ...]
     pace: float
     mix: Array
+    pendulum: PendulumFile | None = None
 
 
 def open_file(path: Path) -> tuple[MechanismFile, str, Any]:
@@ -154,8 +157,13 @@ def _signal(name: str, spec: SignalSpec, model: Any,
         joint = 3 * model.nsite + int(model.sensor_adr[model.sensor(spec.sensor).id])
     zone = "grasped"
     if kind in ("position", "velocity", "torque", "tracking"):
-        zone = "fixed" if joint == 0 else "grasped" if joint == model.njnt - 1 else "middle"
+        zone = zone_of(joint, model.njnt)
     return Signal(name, kind, float(sigma), zone, joint, floor)
+
+
+def zone_of(joint: int, count: int) -> str:
+    """Where a joint lies among `count` in a chain."""
+    return "fixed" if joint == 0 else "grasped" if joint == count - 1 else "middle"
 
 
 def _joint_weights(signal: Signal, spec: SignalSpec, model: Any) -> Array:

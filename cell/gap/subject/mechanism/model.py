@@ -37,7 +37,8 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """A compiled model (`xml` is its text) with its joints, to be simulated in a `mode`.
+    """A compiled model (`xml` is its text) with its joints, to be simulated in a `mode`: `forward`,
+    `prescribed`, or `planar`, a chain of hinges that swings by its own equations.
 
     Compared `torques` and `trackings` are named with the number of their joint; where there are
     trackings, positions are those of links, and motors follow commands. `native` says that

@@ -20,6 +20,7 @@ from numba import types
 from drivers.types import Array
 
 HEAD = 4  # first user numbers of a joint: count of joints, its qpos and dof, its smoothing rate
+LAW = types.float64(*3 * [types.float64], types.float64[::1])
 _LOCK = threading.Lock()
 TINY_MODEL = (
     "<mujoco><worldbody><body><joint name='j'/><geom size='1'/></body></worldbody></mujoco>"
@@ -59,6 +60,7 @@ class Torques:
         self.slots = place
         self._laws = {name: (law, self.at[name], keys) for name, law, keys in laws}
         self._callbacks: dict[frozenset[str], Any] = {}
+        self._functions: dict[frozenset[str], Any] = {}
 
     def along(self, q: Array, v: Array, load: Array, user: Array) -> Array:
         """Torques (m, joints) along a motion (m, joints), with user numbers (joints, slots)."""
@@ -69,12 +71,22 @@ class Torques:
                     found[:, j] += law(q[:, j], v[:, j], load[:, j], p, at)
         return found
 
+    def function(self, names: frozenset[str]) -> Any:
+        """One function `(q, v, load, p) -> torque` of these laws, for compiled simulations."""
+        if names not in self._functions:
+            law = self._chain(names).py_func
+            self._functions[names] = numba.cfunc(LAW, error_model="numpy")(law)
+        return self._functions[names]
+
+    def _chain(self, names: frozenset[str]) -> Any:
+        return chain_laws([self._laws[name][:2] for name in sorted(names)])
+
     @contextmanager
     def install(self, names: frozenset[str]) -> Iterator[None]:
         """Let MuJoCo add these torques within the block; its hook is global: one at a time."""
         with _LOCK:
             if names not in self._callbacks:
-                law = chain_laws([self._laws[name][:2] for name in sorted(names)])
+                law = self._chain(names)
                 self._callbacks[names] = _callback(law, *_offsets(), self.slots)
             mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
             try:

@@ -13,6 +13,7 @@ from cell.gap.subject.mechanism.case import ModelFields
 from cell.gap.subject.mechanism.library import Accepted, effect_of, ordered_values
 from cell.gap.subject.mechanism.load import LIMITLESS, Opened
 from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from drivers.types import Array
 
 KEPT_OF_ACTUATOR = ("name", "class", "group", "joint", "jointinparent", "tendon", "site", "refsite",
@@ -44,6 +45,29 @@ def patch_file(
         if not effect_of(name).edits(opened.mechanism):
             known[name] = _named_values(name, opened.mechanism, values)
     return {**content, "model": accepted_name(opened), "effects": known, "provenance": notes}
+
+
+def patch_pendulum(
+    opened: Opened, pendulum: PendulumFile, base: Mapping[str, float], effects: Accepted,
+    source: str,
+) -> dict[str, object]:  # fmt: skip
+    """Content of a pendulum's file after acceptance; old values stay in its provenance."""
+    content: dict[str, Any] = pendulum.model_dump(mode="json", by_alias=True)
+    notes, known = list(content.pop("provenance")), dict(content.pop("effects"))
+    for name, value in base.items():
+        if "." in name:
+            effect, key = name.split(".")
+            place, of = f"effects.{name}", known[effect]
+        else:
+            key, number = name.rsplit("_", 1)
+            place, of = f"links.{int(number) - 1}.{key}", content["links"][int(number) - 1]
+        if key in of:
+            notes.append({"key": place, "source": source, "note": f"was {of[key]:.9g}"})
+        of[key] = value
+    for name, values in effects.items():
+        notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
+        known[name] = _named_values(name, opened.mechanism, values)
+    return {**content, "effects": known, "provenance": notes}
 
 
 def _named_values(name: str, mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:

@@ -20,7 +20,7 @@ from cell.gap.subject.run_folders import (
     index_of,
     read_table,
 )
-from cell.gap.subject.subject import Samples
+from cell.gap.subject.subject import Samples, Words
 from drivers.errors import ConfigurationError
 from drivers.settings import read_yaml
 from drivers.types import Array, frozen
@@ -33,7 +33,11 @@ FAST, FAR = 200.0, 100.0  # rad/s and rad that no joint of an arm reaches
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Columns (m,) of a run by name over `t` (m,) from 0 [s], NaN where absent."""
+    """Columns (m,) of a run by name over `t` (m,) from 0 [s], NaN where absent.
+
+    `sigma` is the noise of its readings, `rates` are those of the compared positions at its start,
+    where the run states them itself.
+    """
 
     name: str
     condition: str
@@ -41,12 +45,15 @@ class Recording:
     t: Array
     columns: Mapping[str, Array]
     load: Mapping[str, Any] | None = None
+    sigma: float | None = None
+    rates: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Signal:
     """A compared column: the quantity by which gaps are shown, noise, place in the chain (`zone`),
-    and the joint whose encoder or motor it belongs to (-1: none).
+    and the joint whose encoder or motor it belongs to (-1: none). Signals of one `group` are shown
+    as one.
     """
 
     name: str
@@ -55,6 +62,17 @@ class Signal:
     zone: str
     joint: int
     floor: float = 0.0
+    group: str = ""
+
+    @property
+    def channel(self) -> str:
+        """The name by which it is shown."""
+        return self.group or self.name
+
+    @property
+    def label(self) -> str:
+        """Its name where signals are drawn."""
+        return f"{self.group} {self.name}".strip()
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +117,7 @@ def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
     angles = [n for n in file.inputs if file.inputs[n] == "position" and n in hinges]
     angles += [n for n, s in file.signals.items() if s.is_ == "position" and s.joint in hinges]
     for name in angles:
-        _check_angle(t, table[name], path, name)
+        check_angle(t, table[name], path, name)
     # slices of one recording are no repeats of each other: they stay together as one condition
     condition = str(head.get("origin", head.get("condition", folder.name)))
     kept = {n: frozen(v) for n, v in table.items() if n != "t"}
@@ -138,7 +156,8 @@ def _check_head(head: Mapping[str, Any], path: Path, file: MechanismFile) -> Non
         )
 
 
-def _check_angle(t: Array, values: Array, path: Path, name: str) -> None:
+def check_angle(t: Array, values: Array, path: Path, name: str) -> None:
+    """Refuse angles (m,) that are in degrees, or at times (m,) that are not in seconds."""
     some = np.isfinite(values)
     x = values[some]
     if np.abs(x).max() > FAR:
@@ -148,7 +167,7 @@ def _check_angle(t: Array, values: Array, path: Path, name: str) -> None:
     speed = float(np.quantile(np.abs(np.gradient(x, t[some])), 0.9))
     if speed > FAST:
         raise ConfigurationError(
-            f"{path}: {name}: changes by {speed:.0f} rad/s; angles are in rad, t in s"
+            f"{path}: {name}: changes by {speed:.0f} rad/s; angles are in rad, t is in s"
         )
 
 
@@ -200,21 +219,31 @@ def cut(recording: Recording, columns: Sequence[str], width: float) -> Cut:
     return Cut(frozen(recording.t[good[inside]]), frozen(whole[:, good[inside]]), edges)
 
 
-def samples(signals: Sequence[Signal], made: Cut, speed: Array) -> Samples:
-    """Samples of all signals, signal by signal; `speed` (b,) is the motion's by sample, signed."""
+def phases(speed: Array) -> Words:
+    """Phase of each sample (b,) of a motion of this signed `speed` (b,)."""
+    still = np.abs(speed) < 0.05 * np.sqrt(np.mean(speed**2) + 1e-300)
+    return np.where(still, "hold", np.where(speed > 0.0, "carry", "return"))
+
+
+def falls(height: Array, edges: NDArray[np.int64]) -> Words:
+    """`fall` where a motion loses `height` (k,) within a sample, else `return` (b,)."""
+    return np.where(height[edges[1:] - 1] < height[edges[:-1]], "fall", "return")
+
+
+def samples(signals: Sequence[Signal], made: Cut, phase: Words) -> Samples:
+    """Samples of all signals, signal by signal; `phase` (b,) names the motion's by sample."""
     k, n = len(made.edges) - 1, len(signals)
     counts = np.diff(made.edges)
+    channel = np.repeat(np.array([s.channel for s in signals]), k)
     middle = np.add.reduceat(made.t, made.edges[:-1]) / counts
-    still = np.abs(speed) < 0.05 * np.sqrt(np.mean(speed**2) + 1e-300)
-    phase = np.where(still, "hold", np.where(speed > 0.0, "carry", "return"))
     sigma = np.array([s.sigma for s in signals])
     # the error of a torque is ripple, supply and constants, which a mean does not make smaller
     readings = np.where([[s.kind == "torque"] for s in signals], 1.0, np.sqrt(counts))
     return Samples(
-        channel=np.repeat(np.array([s.name for s in signals]), k),
+        channel=channel,
         phase=np.tile(phase, n),
         zone=np.repeat(np.array([s.zone for s in signals]), k),
-        quantity=np.repeat(np.array([s.name for s in signals]), k),
+        quantity=channel,
         t=np.tile(middle, n),
         noise=(sigma[:, None] / readings).ravel(),
         reading=np.repeat(sigma, k),

@@ -13,6 +13,7 @@ from cell.gap.subject.blocks import average
 from cell.gap.subject.mechanism.base import stated_fields
 from cell.gap.subject.mechanism.bodies import add_point
 from cell.gap.subject.mechanism.case import Case, Content
+from cell.gap.subject.mechanism.chain import PlanarChain
 from cell.gap.subject.mechanism.effect import Effect, Fields, readings_of
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.forward import Forward, commands_of
@@ -26,9 +27,19 @@ from cell.gap.subject.mechanism.library import (
     ordered_values,
 )
 from cell.gap.subject.mechanism.load import Opened, open_all
-from cell.gap.subject.mechanism.patch import accepted_xml, patch_file
+from cell.gap.subject.mechanism.patch import accepted_xml, patch_file, patch_pendulum
+from cell.gap.subject.mechanism.pendulum import open_swings, plans
 from cell.gap.subject.mechanism.prescribed import Prescribed, cutoff_of, motion_of
-from cell.gap.subject.mechanism.runs import Cut, Recording, cut, samples, width_of
+from cell.gap.subject.mechanism.runs import (
+    Cut,
+    Recording,
+    cut,
+    falls,
+    phases,
+    samples,
+    width_of,
+)
+from cell.gap.subject.mechanism.start import initial_state, start_of
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.scene import Signal as Drawn
@@ -45,6 +56,7 @@ from cell.gap.subject.subject import (
     Scope,
 )
 from drivers.errors import ConfigurationError
+from drivers.settings import read_yaml
 from drivers.types import Array
 
 BLOCK = 0.4  # rad of the fastest signal in one sample
@@ -60,6 +72,7 @@ TOLERANCE = {
 }
 KEYS = {"position": ("mrad", 1e3), "tracking": ("mrad", 1e3), "velocity": ("mrads", 1e3),
         "torque": ("Nm", 1.0), "site": ("mm", 1e3), "sensor": ("si", 1.0)}  # fmt: skip
+SET_UP = 1.0  # minutes to set a pendulum up and let it go
 THIRD = 1.0 / 3.0  # of its noise, by which half the step may move a signal
 
 
@@ -75,7 +88,8 @@ class MechanismSubject:
             joints = [j.name for j in m.joints]
             self._cutoff = cutoff_of(opened.recordings, joints, opened.pace)
         else:
-            self._engine = Forward(opened, jobs, self._compiled_effects())
+            engine = PlanarChain if m.mode == "planar" else Forward
+            self._engine = engine(opened, jobs, self._compiled_effects())
         self.scope = self._scope_without(without)
         self._by_run = [(i, f"{b.parameter.name}_run") for i, b in enumerate(opened.base)
                         if b.by_run is not None]  # fmt: skip
@@ -84,7 +98,7 @@ class MechanismSubject:
     @property
     def notes(self) -> Sequence[str]:
         """What the operator must know of how runs are compared."""
-        if self._mechanism.mode == "forward":
+        if self._mechanism.mode != "prescribed":
             return ()
         return ("torques of the measured motion are compared; the motion itself is not simulated",)
 
@@ -103,12 +117,13 @@ class MechanismSubject:
         unknown = next((n for n in without if n not in {c.name for c in candidates}), None)
         if unknown is not None:
             raise ConfigurationError(f"--without {unknown}: no effect that these runs could show")
-        quantities = {s.name: self._quantity(s.name, s.kind) for s in self.opened.signals}
+        quantities = {s.channel: self._quantity(s.channel, s.kind) for s in self.opened.signals}
         scatter = [Scattering(f"{b.parameter.name}_run", f"{b.field} of {b.owner}",
                               f"keep the {b.field} of {b.owner} steady")
                    for b in self.opened.base if b.by_run]  # fmt: skip
         return Scope(tuple(base), tuple(c for c in candidates if c.name not in without),
-                     quantities, describing_terms(m), tuple(scatter), believed=True)  # fmt: skip
+                     quantities, describing_terms(m), tuple(scatter),
+                     believed=self.opened.pendulum is None)  # fmt: skip
 
     def _candidates(self) -> tuple[Candidate, ...]:
         stated = stated_fields(self.opened.base, self._mechanism)
@@ -137,12 +152,18 @@ class MechanismSubject:
             content = Content(made, recording.load, motion=motion)
         else:
             commands = commands_of(recording, tuple(o.file.inputs), m.actuators, o.file.hold)
-            start = self._start(recording)
+            start = start_of(o, recording)
             content = Content(made, recording.load, commands=commands, start=start)
-            local = self._initial(start)
+            local = initial_state(o, start)
             speed = np.gradient(made.values[0], made.t)
-        mean_speed, _ = average(speed[None], made.edges)
-        known = samples(o.signals, made, mean_speed)
+        if m.mode == "planar":
+            phase = falls(-m.torque @ np.cos(made.values), made.edges)
+        else:
+            phase = phases(average(speed[None], made.edges)[0])
+        signals = o.signals
+        if recording.sigma is not None:
+            signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
+        known = samples(signals, made, phase)
         if isinstance(self._engine, Prescribed):
             known = _with_shake(known, self._engine.encoder_error(content.motion, made.t), made)
         local += tuple(
@@ -151,44 +172,6 @@ class MechanismSubject:
             for i, name in self._by_run
         )  # fmt: skip
         return Run(recording.name, recording.condition, known, local, content, recording.index)
-
-    def _start(self, recording: Recording) -> tuple[Array, Array]:
-        """Positions and rates (joints,) in which the run begins, as measured or stated."""
-        spec, n = self.opened.file.start, len(self._mechanism.joints)
-        q, v = np.zeros(n), np.zeros(n)
-        places, rates, at = [], [], []
-        near = recording.t < 0.5 / self.opened.pace
-        if near.sum() < 8:
-            near = np.arange(len(recording.t)) < 8
-        for k, s in enumerate(self.opened.signals):
-            if s.kind == "position":
-                t, x = recording.t[near], recording.columns[s.name][near]
-                some = np.isfinite(x)
-                fitted = np.polynomial.Polynomial.fit(t[some], x[some], 3)
-                places.append(float(x[some][0]))
-                rates.append(float(fitted.deriv()(0.0)))
-                at.append(k)
-        if at:
-            inverse = np.linalg.pinv(self.opened.mix[at])
-            q, v = inverse @ places, inverse @ rates
-        if spec.position != "measured":
-            q[:] = spec.position
-        if spec.velocity != "measured":
-            v[:] = spec.velocity
-        return q, v
-
-    def _initial(self, start: tuple[Array, Array]) -> tuple[Parameter, ...]:
-        spec = self.opened.file.start
-        if spec.spread == 0.0 or spec.settle:
-            return ()
-        wide = np.inf if spec.spread is None else spec.spread
-        free, found = np.inf, []
-        rows = (("angle", start[0], "rad", 1.0), ("rate", start[1], "rad/s", self.opened.pace))
-        for name, values, unit, times in rows:
-            for joint, value in zip(self._mechanism.joints, values, strict=True):
-                found.append(Parameter(f"{name}_{joint.name}", unit, float(value), -free, free,
-                                       1e-5 * times, wide * times))  # fmt: skip
-        return tuple(found)
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Measured minus simulated signals; what is lost in simulation is NaN, and no error."""
@@ -246,14 +229,17 @@ class MechanismSubject:
         return [request.run for request in requests]
 
     def experiments(self) -> Sequence[Experiment]:
-        """None: what a mechanism may do next is its owner's to plan."""
-        return ()
+        """Swings of a pendulum; what another mechanism may do next is its owner's to plan."""
+        if self.opened.pendulum is None:
+            return ()
+        return [Experiment(name, instruction, SET_UP + planned.t[-1] / 60.0, self._run(planned))
+                for name, instruction, planned in plans(self.opened)]  # fmt: skip
 
     def draw_measured(self, run: Run) -> Scene:
         """The signals as they were measured."""
         made = _content(run).cut
         rows = zip(self.opened.signals, made.values, strict=True)
-        return Scene(tuple(Drawn(s.name, made.t, row) for s, row in rows))
+        return Scene(tuple(Drawn(s.label, made.t, row) for s, row in rows))
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
         """The signals as simulated, and by how much those that were measured are larger."""
@@ -266,15 +252,19 @@ class MechanismSubject:
                 continue
             both = []
             for s, now, seen in zip(self.opened.signals, rows, made.values, strict=True):
-                both.append(Drawn(s.name, made.t, now))
-                both.append(Drawn(f"{s.name}, measured - simulated", made.t, seen - now))
+                q = self.scope.quantities[s.channel]
+                both.append(Drawn(s.label, made.t, now))
+                both.append(Drawn(f"{s.label}, measured - simulated [{q.unit}]", made.t,
+                                  q.factor * (seen - now)))  # fmt: skip
             found.append(Scene(tuple(both)))
         return found
 
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """The mechanism file with refitted base and named effects; see `patch`."""
+        """The file with refitted base and named effects; see `patch`."""
+        if self.opened.pendulum is not None:
+            return patch_pendulum(self.opened, self.opened.pendulum, base, effects, source), None
         of_cell = cell_patch(self.opened, base, effects) if self.opened.file.cell else None
         return patch_file(self.opened, base, effects, source), of_cell
 
@@ -307,8 +297,10 @@ class MechanismSubject:
 
     def model_text(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
-    ) -> str:
-        """Text of the MJCF after acceptance, to lie beside the model."""
+    ) -> str | None:
+        """Text of the MJCF after acceptance, to lie beside the model; a pendulum has none."""
+        if self.opened.pendulum is not None:
+            return None
         return accepted_xml(self.opened, base, effects)
 
 
@@ -337,6 +329,8 @@ def open_mechanism(
 
     Raises ConfigurationError for bad input, and where the stated model itself cannot be simulated.
     """
+    if read_yaml(path).get("kind") == "pendulum":  # steps by its fastest swing, whatever its values
+        return MechanismSubject(open_swings(path, folders), jobs, without)
     subject = MechanismSubject(open_all(path, folders), jobs, without)
     check_simulates(subject, str(path))
     return subject

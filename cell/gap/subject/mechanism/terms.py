@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from cell.gap.subject.mechanism.effect import Effect, per_joint
+from cell.gap.subject.mechanism.effect import MODES, Effect, per_joint
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -38,12 +38,11 @@ def _term(name: str, sentence: str, law: Callable[..., Array],
                   keys=1, law=law, modes=modes)  # fmt: skip
 
 
-BOTH = ("forward", "prescribed")
 TERMS = (
-    _term("constant", "a steady torque", _constant, lambda m: m.torque, BOTH),
-    _term("cubic", "rate^3", _cubic, lambda m: m.torque / m.rate**3, BOTH),
-    _term("cubic_spring", "angle^3", _cubic_spring, lambda m: m.torque, BOTH),
-    _term("bent_viscous", "|angle| rate", _bent_viscous, lambda m: m.torque / m.rate, BOTH),
+    _term("constant", "a steady torque", _constant, lambda m: m.torque, MODES),
+    _term("cubic", "rate^3", _cubic, lambda m: m.torque / m.rate**3, MODES),
+    _term("cubic_spring", "angle^3", _cubic_spring, lambda m: m.torque, MODES),
+    _term("bent_viscous", "|angle| rate", _bent_viscous, lambda m: m.torque / m.rate, MODES),
     _term("load_dry", "|load| sign(rate)", _load_dry, lambda m: m.torque / m.torque,
           ("prescribed",)),
 )  # fmt: skip

@@ -1,6 +1,7 @@
 """The pendulum as a subject: its physics and the files it reads."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,12 @@ import pytest
 import yaml
 
 from cell.gap.fit import fit
-from cell.gap.fitting.model import Model, Point, evidence, requests
-from cell.gap.subject.pendulum.chain import base_values, swings
-from cell.gap.subject.pendulum.dynamics import swing
-from cell.gap.subject.pendulum.file import PendulumFile
-from cell.gap.subject.pendulum.runs import make_run
-from cell.gap.subject.pendulum.scope import candidates
-from cell.gap.subject.pendulum.subject import Pendulum
+from cell.gap.subject.mechanism.chain import fields_of, levers
+from cell.gap.subject.mechanism.effects import registry
+from cell.gap.subject.mechanism.pendulum import mechanism_of, open_recordings, recording
+from cell.gap.subject.mechanism.pendulum_file import PendulumFile
+from cell.gap.subject.mechanism.subject import MechanismSubject
+from cell.gap.subject.subject import Request
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 from tests.support.swings import Made, make_swings, write_swings
@@ -43,12 +43,21 @@ def pendulum(n: int, **changes: Any) -> PendulumFile:
     return PendulumFile.model_validate(content(n, **changes))
 
 
-def released(file: PendulumFile, lift: float = 0.5, **effects: list[float]) -> Array:
-    n = len(file.links)
-    values = {name: np.array(v) for name, v in effects.items()}
-    angles = np.pi + lift * np.array([1.0, 1.3, -0.7][:n])[:, None]
-    chain = swings(file, base_values(file)[None], [values])
-    return swing(chain, angles, np.zeros((n, 1)), 0.002, 500)[:, :, :, 0]
+def subject_of(file: PendulumFile, t: Array, angles: Array) -> MechanismSubject:
+    """A pendulum with one recording of absolute angles (n, m) [rad] from rest, in steps of 2 ms."""
+    found = [recording("r", "r", t, angles, SIGMA, np.zeros(len(angles)))]
+    mechanism = replace(mechanism_of(file, "here"), step=0.002)
+    return MechanismSubject(open_recordings(Path("pendulum.yaml"), file, mechanism, found))
+
+
+def asked(subject: MechanismSubject, effects: dict[str, Array]) -> Request:
+    """Its run with the numbers of its file."""
+    run, base = subject.runs[0], np.array([p.start for p in subject.scope.base])
+    return Request(run, base, effects, np.array([p.start for p in run.local]))
+
+
+def residuals(subject: MechanismSubject, effects: dict[str, Array]) -> Array:
+    return subject.simulate([asked(subject, effects)])[0].mean
 
 
 # --- physics ---------------------------------------------------------------------------------
@@ -67,43 +76,62 @@ def released(file: PendulumFile, lift: float = 0.5, **effects: list[float]) -> A
 def test_chain_moves_as_an_independent_engine_says(effects: Any, law: Any) -> None:
     file, lift = pendulum(3), np.array([0.5, 0.65, -0.35])
     (made,) = make_swings(file, [lift], 0.0, np.random.default_rng(0), law, span=1.0)
-    near = made.angles[:, 0]
-    chain = swings(file, base_values(file)[None], [{k: np.array(v) for k, v in effects.items()}])
-    states = swing(chain, near[:, None], np.zeros((3, 1)), 0.002, 500)[:, 0, :, 0]
-    np.testing.assert_allclose(states[::5].T, made.angles, atol=1e-4)
+    left = residuals(subject_of(file, made.t, made.angles),
+                     {k: np.array(v) for k, v in effects.items()})  # fmt: skip
+    np.testing.assert_allclose(left, 0.0, atol=1e-4)
 
 
 def test_energy_is_kept_without_losses() -> None:
     free = content(2)
     for link in free["links"]:
         link["damping"] = 0.0
-    file = PendulumFile.model_validate(free)
-    states = released(file, 1.5)
-    chain = swings(file, base_values(file)[None], [{}])
-    lever, moment = chain.lever[:, :, 0], chain.moment[:, 0]
+    t, lift = np.arange(0.0, 1.0, 0.002), 1.5 * np.array([1.0, 1.3])
+    angles = np.repeat((np.pi + lift)[:, None], len(t), axis=1)
+    subject = subject_of(PendulumFile.model_validate(free), t, angles)
+    (states,), _, _ = subject._engine._simulate([subject._case(asked(subject, {}))])
+    lever, moment, _ = (x[0] for x in levers(fields_of(subject.opened.mechanism.model, 1)))
 
     def energy(theta: Array, omega: Array) -> float:
         inertia = lever * np.cos(theta[:, None] - theta[None])
-        return float(0.5 * omega @ inertia @ omega + 9.81 * moment @ np.cos(theta))
+        return float(0.5 * omega @ inertia @ omega - 9.81 * moment @ np.cos(theta))
 
-    first, last = energy(*states[0]), energy(*states[-1])
+    absolute = np.cumsum(states, axis=2)
+    first, last = energy(*absolute[0]), energy(*absolute[-1])
     assert abs(last - first) < 1e-6 * 9.81 * moment.sum()
 
 
-@pytest.mark.parametrize("candidate", candidates(pendulum(2)), ids=lambda c: c.name)
-def test_effect_at_null_changes_no_bit_and_otherwise_does(candidate: Any) -> None:
-    file = pendulum(2)
+def test_last_link_ends_where_it_is_stated_or_like_a_rod() -> None:
+    rod, stated = content(2), content(2)
+    stated["links"][-1]["length"] = 0.3
+    files = [PendulumFile.model_validate(c) for c in (rod, stated)]
+    ends = [levers(fields_of(mechanism_of(f, "here").model, 1))[2][0, -1] for f in files]
+    assert ends == [pytest.approx(0.1 + (3.0 * 3e-4 / 0.15) ** 0.5), 0.3]
+
+
+PLANAR = [e.name for e in registry().values() if e.applies(mechanism_of(pendulum(2), "here"))]
+
+
+def test_a_pendulum_can_have_what_its_contract_names() -> None:
+    assert PLANAR == ["air_drag", "dry_friction", "encoder_bias", "frame_tilt", "pivot_compliance",
+                      "quadratic_damping", "wire_spring"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PLANAR)
+def test_effect_at_null_changes_no_bit_and_otherwise_does(name: str) -> None:
     t = np.arange(0.0, 1.0, 0.01)
-    run = make_run(file, "r", "r", t, np.full((2, 100), np.pi + 0.4), SIGMA)
-    subject, runs = Pendulum(file, [run]), evidence([run])
-    plain = Model(subject.scope.base)
-    start = Point(np.array([p.start for p in plain.parameters]), runs.start())
-    without = subject.simulate(requests(plain, [run], start))[0].mean
-    model = Model(subject.scope.base, (candidate,))
-    for values, same in ((candidate.null, True), (np.array(candidate.probes[0][0]), False)):
-        point = Point(np.concatenate([start.shared, values]), start.local)
-        shown = subject.simulate(requests(model, [run], point))[0].mean
-        assert np.array_equal(shown, without) == same
+    subject = subject_of(pendulum(2), t, np.full((2, 100), np.pi + 0.4))
+    (candidate,) = (c for c in subject.scope.candidates if c.name == name)
+    plain = residuals(subject, {})
+    assert np.array_equal(residuals(subject, {name: candidate.null}), plain)
+    for values in candidate.probes[0]:
+        assert not np.array_equal(residuals(subject, {name: np.array(values)}), plain)
+
+
+def test_a_pendulum_that_is_let_go_falls_and_returns() -> None:
+    (made,) = make_swings(pendulum(1), [np.array([0.5])], SIGMA, np.random.default_rng(0))
+    phase = subject_of(pendulum(1), made.t, made.angles).runs[0].samples.phase
+    assert phase[0] == "fall"
+    assert set(phase) == {"fall", "return"}
 
 
 # --- files -----------------------------------------------------------------------------------

@@ -12,8 +12,10 @@ import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import fit
-from cell.gap.subject.pendulum.file import PendulumFile
-from cell.gap.subject.pendulum.subject import Pendulum, load_pendulum
+from cell.gap.subject.mechanism.patch import patch_pendulum
+from cell.gap.subject.mechanism.pendulum import load_pendulum, mechanism_of, open_recordings
+from cell.gap.subject.mechanism.pendulum_file import PendulumFile
+from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request, Residuals
 from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.schema import Verdict, read_verdict
@@ -127,13 +129,13 @@ def test_interrupted_fit_goes_on_where_it_stopped(
         fit(runs, file, out, progress=interrupting)
     assert not (out / "verdict.json").exists()
     simulated: list[int] = []
-    plain = Pendulum.simulate
+    plain = MechanismSubject.simulate
 
-    def counting(self: Pendulum, requests: Sequence[Request]) -> list[Residuals]:
+    def counting(self: MechanismSubject, requests: Sequence[Request]) -> list[Residuals]:
         simulated.append(len(requests))
         return plain(self, requests)
 
-    monkeypatch.setattr(Pendulum, "simulate", counting)
+    monkeypatch.setattr(MechanismSubject, "simulate", counting)
     resumed = fit(runs, file, out)
     assert sum(simulated) < 0.3 * resumed.simulations
     one = read_verdict(rubbing / "out" / "verdict.json")
@@ -143,7 +145,7 @@ def test_interrupted_fit_goes_on_where_it_stopped(
 
 def test_report_is_one_page_that_needs_nothing_else(rubbing: Path) -> None:
     page = (rubbing / "out" / "report.html").read_text()
-    assert "The hinges rub like dry friction" in page
+    assert "Joints rub like dry friction" in page
     assert page.count("<svg") >= 4
     known = ("www.w3.org", "purl.org", "creativecommons.org", "matplotlib.org", "d3js.org")
     addresses = re.findall(r"https?://([a-z0-9.]+)", page)
@@ -167,6 +169,8 @@ def test_accepted_effect_leaves_no_gap(rubbing: Path, copied: tuple[Path, Path])
     again = fit([rubbing / "runs"], file, out.parent / "again")
     assert again.verdict == "no_gap"
     assert again.base["dry_friction.torque_1"].value == pytest.approx(4e-4, rel=0.05)
+    assert list(pendulum.effects["dry_friction"]) == ["torque_1"]
+    assert [name for name in again.base if "." in name] == ["dry_friction.torque_1"]
 
 
 def test_undo_brings_the_file_back_byte_for_byte(copied: tuple[Path, Path]) -> None:
@@ -229,6 +233,23 @@ def test_drag_of_one_link_cannot_be_told_from_a_quadratic_hinge(tmp_path: Path) 
     assert verdict.verdict == "ambiguous"
     assert verdict.ambiguous == [["air_drag", "quadratic_damping"]]
     assert verdict.effects == []
+
+
+def test_effect_that_is_withheld_leaves_the_other_to_be_named(tmp_path: Path) -> None:
+    made = make_swings(PENDULUM, LIFTS, SIGMA, np.random.default_rng(3), drag)
+    file, runs = write_swings(tmp_path, PENDULUM, made, SIGMA)
+    verdict = fit([runs], file, tmp_path / "out", without=["air_drag"])
+    assert [e.name for e in verdict.effects] == ["quadratic_damping"]
+    assert verdict.effects[0].parameters["coefficient_1"].value == pytest.approx(1e-4, rel=0.1)
+
+
+def test_law_of_a_pendulum_is_accepted_by_the_names_of_its_file(tmp_path: Path) -> None:
+    file, _ = write_swings(tmp_path, PENDULUM, [], SIGMA)
+    mechanism = mechanism_of(PENDULUM, str(file))
+    opened = open_recordings(file, PENDULUM, mechanism, [])
+    patch = patch_pendulum(opened, PENDULUM, {}, {"term_cubic": {"amount": 1e-5}}, "a fit")
+    file.write_text(yaml.safe_dump(patch))
+    assert load_pendulum(file).effects == {"term_cubic": {"torque_1": 1e-5}}
 
 
 def test_magnet_under_the_pendulum_is_not_named(tmp_path: Path) -> None:

@@ -3,12 +3,10 @@
 import numpy as np
 
 from cell.gap.subject.mechanism.effect import Effect, Fields, single
-from cell.gap.subject.mechanism.model import Mechanism
-from drivers.types import Array
 
 
-def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
-    x, y = values
+def lean(fields: Fields, x: float, y: float) -> None:
+    """Turn gravity by angles about x, then y [rad]."""
     if x == 0.0 and y == 0.0:
         return
     gx, gy, gz = (float(g) for g in fields["opt.gravity"])
@@ -28,6 +26,6 @@ EFFECT = Effect(
     parameters=lambda _: tuple(
         p for axis in "xy" for p in single(axis, "rad", 0.002, signed=True, high=150.0)
     ),
-    edit=_edit,
+    edit=lambda _, values, fields: lean(fields, *map(float, values)),
     revealed_by="hold still in several poses, with a level on the base",
 )

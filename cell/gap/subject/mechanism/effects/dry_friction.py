@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint
+from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -24,6 +24,9 @@ def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Load, asymmetry and Stribeck peak; a pendulum's file has no keys for them."""
+    if mechanism.mode == "planar":
+        return ()
     ones = np.ones(len(mechanism.joints))
     rates = [
         Parameter(f"stribeck_velocity_{j.name}", "rad/s" if j.hinge else "m/s",
@@ -63,5 +66,6 @@ EFFECT = Effect(
     edit=add_to("dof_frictionloss"),
     holds=_largest,
     native=lambda m: m.native,
+    modes=MODES,
     revealed_by="slow motion there and back: the torque jumps with the sign of the rate",
 )

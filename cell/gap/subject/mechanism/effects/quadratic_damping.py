@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint
+from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -27,5 +27,6 @@ EFFECT = Effect(
     keys=1,
     law=law,
     edit=add_to("dof_dampingpoly"),
+    modes=MODES,
     revealed_by="fast motion against slow",
 )

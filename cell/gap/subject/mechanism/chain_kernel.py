@@ -1,64 +1,32 @@
-"""Compiled integration of chains of hinged links, one chain after another.
+"""Compiled integration of planar chains of hinged links, one chain after another.
 
-The equations are those of `dynamics`. Arrays have the chain as first axis; a coefficient of zero
-switches a force off.
+Absolute angles theta_i from upright, z up, x = sum l_j sin theta_j. Lagrange's equations:
+
+    sum_j a_ij cos(theta_i - theta_j) alpha_j + sum_j a_ij sin(theta_i - theta_j) omega_j^2
+        - b_i (g_x cos theta_i - g_z sin theta_i) = Q_i
+
+with levers a_ij = sum_k m_k d_ki d_kj + I_i delta_ij, moments b_i = sum_k m_k d_ki, and d_ki the
+lever of link i on the mass of link k (its length for i < k, its centre of mass for i = k).
+Arrays have the chain as first axis; a coefficient of zero switches a force off.
 """
-
-import math
 
 import numpy as np
 
 from drivers.strip.rod.compiled import entry, kernel
 from drivers.types import Array
 
-SMOOTH = 0.02  # rad/s over which dry friction changes sign
 PIVOT_SPAN = 0.004  # s over which the pivot's acceleration is differenced
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
-LAWS = (
-    "viscous",
-    "dry",
-    "quadratic",
-    "cubic",
-    "spring",
-    "cubic_spring",
-    "bent_viscous",
-    "constant",
-)
-"""Torques that oppose a joint, of its relative rate and of its bend from hanging straight."""
-_, DRY, QUADRATIC, CUBIC, SPRING, CUBIC_SPRING, BENT_VISCOUS, CONSTANT = range(len(LAWS))
 
 
 @kernel
-def _torque(law: int, rate: float, bend: float) -> float:
-    """Torque of a law of LAWS for a coefficient of one."""
-    found = rate  # viscous
-    if law == DRY:
-        found = math.tanh(rate / SMOOTH)
-    elif law == QUADRATIC:
-        found = abs(rate) * rate
-    elif law == CUBIC:
-        found = rate**3
-    elif law == SPRING:
-        found = bend
-    elif law == CUBIC_SPRING:
-        found = bend**3
-    elif law == BENT_VISCOUS:
-        found = abs(bend) * rate
-    elif law == CONSTANT:
-        found = 1.0
-    return found
-
-
-@kernel
-def _add_joints(laws: Array, joint: Array, y: Array, force: Array) -> None:
+def _add_joints(law, damping: Array, user: Array, y: Array, force: Array) -> None:  # type: ignore[no-untyped-def]
     """Add the torques of all joints to the generalised `force` (n,)."""
     n = len(force)
     for i in range(n):
         rate = y[1, i] - (y[1, i - 1] if i else 0.0)
         bend = y[0, i] - (y[0, i - 1] if i else np.pi)
-        torque = 0.0
-        for k in range(len(laws)):
-            torque -= joint[k, i] * _torque(laws[k], rate, bend)
+        torque = law(bend, rate, 0.0, user[i]) - damping[i] * rate
         force[i] += torque
         if i:
             force[i - 1] -= torque
@@ -104,20 +72,19 @@ def _solve(a: Array, x: Array) -> None:
 @kernel
 def _rigid(chain: tuple, y: Array, push: float, out: Array) -> None:  # type: ignore[type-arg]
     """Rate of change `out` (2, n) of a state; `push` [m/s^2] is the pivot's acceleration in x."""
-    lever, moment, gravity, length, laws, joint, drag, tilt, (s, c, inertia) = chain
+    law, lever, moment, gravity, length, damping, user, drag, (s, c, inertia) = chain
     n = len(moment)
     force = out[1]
     for i in range(n):
         s[i], c[i] = np.sin(y[0, i]), np.cos(y[0, i])
     for i in range(n):
-        lean = s[i] if tilt == 0.0 else s[i] * np.cos(tilt) + c[i] * np.sin(tilt)
         total = 0.0
         for j in range(n):
             inertia[i, j] = lever[i, j] * (c[i] * c[j] + s[i] * s[j])
             total += lever[i, j] * (s[i] * c[j] - c[i] * s[j]) * (y[1, j] * y[1, j])
-        force[i] = moment[i] * (gravity * lean - c[i] * push) - total
+        force[i] = moment[i] * ((gravity[0] - push) * c[i] - gravity[1] * s[i]) - total
         out[0, i] = y[1, i]
-    _add_joints(laws, joint, y, force)
+    _add_joints(law, damping, user, y, force)
     if drag != 0.0:
         _add_drag(drag, length, s, c, y[1], force)
     _solve(inertia, force)
@@ -136,9 +103,9 @@ def _pivot(chain: tuple, compliance: float, y: Array) -> float:  # type: ignore[
     """Acceleration of a compliant pivot: to first order it follows the pull at once.
 
     u = -C X'' with X = sum b_i sin theta_i, so that its acceleration is -C (X'')'' along the
-    rigid motion, differenced over +-REACH by midpoint steps.
+    rigid motion, differenced over +-PIVOT_SPAN by midpoint steps.
     """
-    moment = chain[1]
+    moment = chain[2]
     rigid, rate, ahead = np.empty_like(y), np.empty_like(y), np.empty_like(y)
     _rigid(chain, y, 0.0, rigid)
     here = _pull(moment, y, rigid)
@@ -182,15 +149,15 @@ def _advance(  # type: ignore[no-untyped-def]
 
 
 @entry
-def integrate(
+def integrate(  # type: ignore[no-untyped-def]
+    law,
     lever: Array,
     moment: Array,
     gravity: Array,
     length: Array,
-    laws: Array,
-    joint: Array,
+    damping: Array,
+    user: Array,
     drag: Array,
-    tilt: Array,
     compliance: Array,
     initial: Array,
     step: float,
@@ -198,14 +165,15 @@ def integrate(
 ) -> Array:
     """States (B, steps + 1, 2, n) from `initial` (B, 2, n), by RK4 with steps of `step` [s].
 
-    Of each chain: `lever` (n, n), `moment`, `length` (n,), `joint` (laws, n) the coefficients of
-    the numbered `laws` (laws,), and one number each of the others.
+    Of each chain: `lever` (n, n), `moment`, `length`, `damping` (n,), numbers `user` (n, slots) of
+    the compiled `law` of its joints, `gravity` (2,) in x and z, `drag` [kg/m^2] normal to the links
+    and `compliance` of the pivot [m/N].
     """
     count, _, n = initial.shape
     states = np.empty((count, steps + 1, 2, n))
     work, k = (np.empty(n), np.empty(n), np.empty((n, n))), np.empty((5, 2, n))
     for b in range(count):
-        own = (lever[b], moment[b], gravity[b], length[b], laws, joint[b], drag[b], tilt[b], work)
+        own = (law, lever[b], moment[b], gravity[b], length[b], damping[b], user[b], drag[b], work)
         states[b, 0] = initial[b]
         before = 0.0
         for i in range(steps):

@@ -2,7 +2,6 @@
 
 from typing import Annotated, Literal, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from drivers.settings import Metres, Settings, Unit
@@ -46,11 +45,21 @@ class PendulumFile(Settings):
             raise ValueError("the last link's com lies far beyond its end")
         return self
 
-    @property
-    def weights(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        """Gravity's torque on each link held level, with all that hangs from it (n,) [N m]."""
-        masses = np.array([link.mass for link in self.links])
-        below = masses.sum() - np.cumsum(masses)
-        lengths = np.array([link.length or 0.0 for link in self.links])
-        com = np.array([link.com for link in self.links])
-        return np.asarray(self.gravity * (masses * com + below * lengths))
+    def xml(self) -> str:
+        """MJCF of the chain, which hangs at zero; bodies and joints are called 1, 2, ..., a site
+        is where the last link is stated to end.
+        """
+        opened, above = "", 0.0
+        for i, link in enumerate(self.links, start=1):
+            moments = " ".join([repr(link.inertia)] * 3)
+            opened += (
+                f'<body name="{i}" pos="0 0 {-above!r}"><joint name="{i}" axis="0 1 0" '
+                f'damping="{link.damping!r}"/><inertial pos="0 0 {-link.com!r}" '
+                f'mass="{link.mass!r}" diaginertia="{moments}"/>'
+            )
+            above = link.length or 0.0
+        opened += f'<site pos="0 0 {-above!r}"/>' if above else ""
+        return (
+            f'<mujoco><compiler angle="radian"/><option gravity="0 0 {-self.gravity!r}"/>'
+            f"<worldbody>{opened}{'</body>' * len(self.links)}</worldbody></mujoco>\n"
+        )

@@ -1,0 +1,227 @@
+"""A pendulum's file and its measured swings, read as a planar chain of hinges."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cell.gap.subject.mechanism.base import Base
+from cell.gap.subject.mechanism.chain import fastest, fields_of, levers
+from cell.gap.subject.mechanism.effect import Fields
+from cell.gap.subject.mechanism.effects import torques
+from cell.gap.subject.mechanism.file import MechanismFile
+from cell.gap.subject.mechanism.library import check_effects
+from cell.gap.subject.mechanism.load import FORWARD_FLOOR, SMOOTH, Opened, zone_of
+from cell.gap.subject.mechanism.model import Joint, Mechanism, compile_model
+from cell.gap.subject.mechanism.pendulum_file import PendulumFile
+from cell.gap.subject.mechanism.runs import Recording, Signal, check_angle
+from cell.gap.subject.run_folders import (
+    HEADER_FILE,
+    RunFolder,
+    check_indices,
+    check_schema,
+    check_time,
+    column,
+    index_of,
+    read_table,
+)
+from cell.gap.subject.subject import Parameter
+from drivers.errors import ConfigurationError
+from drivers.settings import load, read_yaml
+from drivers.types import Array, frozen
+
+SWING_STEP = 0.08  # rad of the fastest small swing in one step
+SPARSEST = 0.8  # rad of it between two readings
+SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.005))
+"""Relative spread of what was weighed and measured."""
+
+
+def load_pendulum(path: Path) -> PendulumFile:
+    """Read the pendulum file at `path`.
+
+    Raises ConfigurationError where it is broken, or names an effect that the library lacks.
+    """
+    pendulum = load(path, PendulumFile)
+    check_effects(pendulum.effects, mechanism_of(pendulum, str(path)), str(path))
+    return pendulum
+
+
+def open_swings(path: Path, folders: Sequence[RunFolder]) -> Opened:
+    """The pendulum at `path` with its measured swings; ConfigurationError for anything broken."""
+    pendulum = load_pendulum(path)
+    heads = [_read_head(folder.path / HEADER_FILE, pendulum) for folder in folders]
+    mechanism = mechanism_of(pendulum, str(path))
+    fast = mechanism.joints[0].rate
+    found = [_read_swing(*pair, len(pendulum.links), fast)
+             for pair in zip(folders, heads, strict=True)]  # fmt: skip
+    check_indices([f.path for f in folders], [head.get("index") for head in heads])
+    found.sort(key=lambda r: r.index)
+    return open_recordings(path, pendulum, mechanism, found)
+
+
+def open_recordings(
+    path: Path, pendulum: PendulumFile, mechanism: Mechanism, found: Sequence[Recording]
+) -> Opened:
+    """A pendulum with its recordings, as a mechanism."""
+    names, n = [j.name for j in mechanism.joints], len(mechanism.joints)
+    signals = [Signal(name, "position", 0.0, zone_of(i, n), i, FORWARD_FLOOR, "angle")
+               for i, name in enumerate(names)]  # fmt: skip
+    described = MechanismFile.model_validate({
+        "schema": 1, "kind": "mechanism", "name": pendulum.name, "model": "",
+        "signals": {name: {"sensor": name, "sigma": 1.0} for name in names},
+        "effects": pendulum.effects,
+    })  # fmt: skip
+    pace = 0.5 * mechanism.joints[0].rate
+    return Opened(described, path, mechanism, tuple(_base(pendulum, mechanism)), tuple(found),
+                  tuple(signals), pace, np.tri(n), pendulum)  # fmt: skip
+
+
+def mechanism_of(pendulum: PendulumFile, origin: str) -> Mechanism:
+    """The chain that hangs at zero; its torques are those of its weight held level."""
+    xml = pendulum.xml()
+    model = compile_model(xml, origin, torques().slots, 0.01)
+    model.jnt_user[:, 3] = SMOOTH
+    _, (moment,), _ = levers(fields_of(model, 1))
+    fast = fastest(model)
+    joints = tuple(Joint(str(i + 1), True, i, i, -1, weight, fast, weight / fast**2)
+                   for i, weight in enumerate(map(float, pendulum.gravity * moment)))  # fmt: skip
+    # a bias of the first encoder is a tilted frame
+    encoders = tuple(j.name for j in joints[1:])
+    return Mechanism(pendulum.name, "planar", SWING_STEP / fast, xml, model, joints, (), encoders,
+                     (), native=False)  # fmt: skip
+
+
+def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
+    """Damping, centre of mass and inertia of each link, length of all but the last."""
+    found = []
+    for i, (link, joint) in enumerate(zip(pendulum.links, mechanism.joints, strict=True)):
+        most = joint.torque / joint.rate  # its links would hardly swing
+        parameter = Parameter(f"damping_{i + 1}", "N m s", link.damping, 0.0, most, 1e-5 * most,
+                              0.1 * most)  # fmt: skip
+        found.append(_number(parameter, "dof_damping", (i,), 1.0))
+    places = {"com": ("body_ipos", 1, 2, -1.0), "inertia": ("body_inertia", 1, slice(None), 1.0),
+              "length": ("body_pos", 2, 2, -1.0)}  # fmt: skip
+    for key, unit, spread in SPREADS:
+        field, first, at, sign = places[key]
+        for i, link in enumerate(pendulum.links[:-1] if key == "length" else pendulum.links):
+            v = float(getattr(link, key))
+            parameter = Parameter(f"{key}_{i + 1}", unit, v, 0.2 * v, 5.0 * v, 1e-3 * spread * v,
+                                  spread * v)  # fmt: skip
+            found.append(_number(parameter, field, (i + first, at), sign))
+    return found
+
+
+def _number(parameter: Parameter, field: str, at: tuple[Any, ...], sign: float) -> Base:
+    """A number of the model that stands `at` a place of a field."""
+
+    def put(fields: Fields, value: float) -> None:
+        fields[field][at] = sign * value
+
+    return Base(parameter, put)
+
+
+def _read_head(path: Path, pendulum: PendulumFile) -> dict[str, Any]:
+    """The head of a run; raises ConfigurationError, in one line, for anything broken in it."""
+    head = read_yaml(path)
+    check_schema(head, path)
+    name = head.get("pendulum")
+    if name is None and "strip" in head:
+        raise ConfigurationError(
+            f"{path}: pendulum: is missing, this is a run of the strip {head['strip']}; give its "
+            "strip file, or runs of the pendulum"
+        )
+    if name is None:
+        raise ConfigurationError(f"{path}: pendulum: is missing; add the pendulum's name")
+    if name != pendulum.name:
+        raise ConfigurationError(
+            f"{path}: pendulum: is {name}, but the file describes {pendulum.name}; give "
+            "runs of one pendulum and its file"
+        )
+    sigma = head.get("sigma")
+    angle = sigma.get("angle") if isinstance(sigma, dict) else None
+    if isinstance(angle, bool) or not isinstance(angle, int | float):
+        raise ConfigurationError(f"{path}: sigma.angle: is missing; add the noise in rad")
+    if not 0.0 < angle < 0.3:
+        raise ConfigurationError(
+            f"{path}: sigma.angle: {angle} is impossible; allowed: above 0, below 0.3 rad"
+        )
+    return head
+
+
+def _read_swing(folder: RunFolder, head: dict[str, Any], n: int, fast: float) -> Recording:
+    """The swing in a folder, angles from hanging; raises ConfigurationError for a broken one."""
+    path = folder.path / "angles.parquet"
+    table = read_table(path)
+    t = column(table, "t", path)
+    check_time(t, path, least=30)
+    angles = [column(table, f"theta_{i + 1}", path) for i in range(n)]
+    if f"theta_{n + 1}" in table:
+        raise ConfigurationError(f"{path}: theta_{n + 1}: {head['pendulum']} has {n} links only")
+    for i, angle in enumerate(angles):
+        check_angle(t, angle, path, f"theta_{i + 1}")
+    rates = None
+    if all(f"omega_{i + 1}" in table for i in range(n)):
+        rates = np.array([column(table, f"omega_{i + 1}", path) for i in range(n)])
+        _check_rates(np.gradient(angles, t, axis=1), rates, path)
+    step = float(np.median(np.diff(t)))
+    if step > SPARSEST / fast:
+        raise ConfigurationError(
+            f"{path}: t: rows are {step:g} s apart, at most {SPARSEST / fast:.2g} s shows this "
+            "pendulum's swings; t is in s"
+        )
+    return recording(
+        folder.name, str(head.get("condition", folder.name)), t, np.array(angles),
+        float(head["sigma"]["angle"]), None if rates is None else rates[:, 0],
+        index_of(head, folder.path / HEADER_FILE),
+    )  # fmt: skip
+
+
+def recording(
+    name: str, condition: str, t: Array, angles: Array, sigma: float, rates: Array | None = None,
+    index: int = 0,
+) -> Recording:  # fmt: skip
+    """A recording of absolute angles from upright (n, m) [rad], read with noise `sigma` [rad];
+    `rates` (n,) [rad/s] are those at the start.
+    """
+    columns = {str(i): frozen(a - np.pi) for i, a in enumerate(angles, start=1)}
+    return Recording(name, condition, index, frozen(t - t[0]), columns, None, sigma, rates)
+
+
+def _check_rates(slope: Array, rates: Array, path: Path) -> None:
+    """Refuse stated rates (n, m) that are none of the angles', of `slope` (n, m)."""
+    if float(np.quantile(np.abs(slope), 0.99)) < 0.1:
+        return
+    ratio = float((rates * slope).sum() / (slope * slope).sum())
+    if not 0.5 < ratio < 2.0:
+        raise ConfigurationError(
+            f"{path}: omega: is {ratio:.3g} times the rate of theta; t is in s, angles in rad, "
+            "rates in rad/s"
+        )
+
+
+def plans(opened: Opened) -> list[tuple[str, str, Recording]]:
+    """Releases from rest that could be measured next: name, instruction, and the angles as planned.
+
+    Each is as long as the measured runs unless it says otherwise.
+    """
+    n, fast = len(opened.mechanism.joints), opened.mechanism.joints[0].rate
+    span = float(np.median([r.t[-1] for r in opened.recordings])) if opened.recordings else 5.0
+    sigma = float(np.median([r.sigma or 1e-3 for r in opened.recordings] or [1e-3]))
+    whole, last = np.ones(n), np.eye(n)[-1]
+    rows = [
+        ("small swing", "let all links go together 6 degrees from hanging", 0.1 * whole, span),
+        ("medium swing", "let all links go together 30 degrees from hanging", 0.5 * whole, span),
+        ("large swing", "let all links go together 80 degrees from hanging", 1.4 * whole, span),
+        ("long small swing", "the same from 6 degrees, three times as long", 0.1 * whole, 3 * span),
+        ("hang still", "let it hang still and read the angles", 0.0 * whole, span),
+    ]
+    if n > 1:
+        rows.append(("last link alone", "hold the others straight, lift the last link "
+                     "60 degrees, let go", last, span))  # fmt: skip
+    found = []
+    for name, instruction, lift, lasting in rows:
+        t = np.arange(0.0, lasting, min(0.02, 0.05 / fast))
+        angles = np.repeat((np.pi + lift)[:, None], len(t), axis=1)
+        found.append((name, instruction, recording(name, name, t, angles, sigma, np.zeros(n))))
+    return found

@@ -1,1 +1,0 @@
-"""Measured free swings of planar hinge chains: the second subject of the gap workflow."""
