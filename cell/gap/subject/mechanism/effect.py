@@ -93,7 +93,8 @@ class Effect:
             for factor in self.probes
         )
         shape = self.shape(mechanism)
-        return Candidate(self.name, self.sentence, self.of, own, groups, self.revealed_by,
+        of = "strip" if mechanism.mode == "planar" else self.of  # as verdicts on pendulums state it
+        return Candidate(self.name, self.sentence, of, own, groups, self.revealed_by,
                          shape_parameters=shape)  # fmt: skip
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:

@@ -97,6 +97,7 @@ def test_verdict_file_is_the_contract_and_holds_only_numbers(rubbing: Path) -> N
     ]  # fmt: skip
     assert verdict["schema"] == 1
     assert list(verdict["effects"][0]) == ["name", "of", "parameters", "confidence"]
+    assert verdict["effects"][0]["of"] == "strip"
     assert set(verdict["effects"][0]["parameters"]["torque_1"]) == {"value", "low", "high", "unit"}
     assert set(verdict["base"]["damping_1"]) == {"value", "low", "high"}
     assert list(verdict["where"][0]) == ["channel", "phase", "zone", "condition", "z", "p"]
