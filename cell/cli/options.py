@@ -102,6 +102,9 @@ Configs = Annotated[
     Path | None,
     typer.Option("--configs", help="Folder with cell.yaml and strips/ [default: ./configs]."),
 ]
+FullSpeed = Annotated[
+    bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")]
 Cluster = Annotated[
     str | None,

@@ -13,14 +13,14 @@ from typing import Any, Literal
 
 from calibration.calibration import Calibration, save_calibration
 from cell.arm.arm_settings import at_speed, suit_to_arm
-from cell.arm.real_robot import is_real, slow_down
+from cell.arm.real_robot import slow_down
 from cell.calibrating.calibrate import calibration_of
 from cell.calibrating.calibration_in_use import check_usable, record_entry
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.devices.devices import Devices, DeviceSelection
-from cell.devices.open import DeviceFactory, open_cell
+from cell.devices.open import DeviceFactory, is_real, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.folding.feasible import check_feasible
 from cell.folding.fold_trace import FoldTrace

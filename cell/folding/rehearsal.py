@@ -9,8 +9,9 @@ import numpy as np
 from cell.arm.arm_prediction import fold_poses
 from cell.arm.arm_settings import at_speed, suit_to_arm
 from cell.arm.by_hand import by_hand, home_joints
-from cell.arm.real_robot import is_real, slow_down
+from cell.arm.real_robot import slow_down
 from cell.config.cell import CellFile
+from cell.devices.open import is_real
 from cell.folding.fold import Request
 from cell.folding.prediction import laid_at, simulate_policy
 from cell.orchestrator.outcome import Outcome
