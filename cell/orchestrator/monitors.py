@@ -44,6 +44,16 @@ def _arm_stale(snapshot: Snapshot, rules: Rules) -> str | None:
     return f"the arm's state is {1e3 * age:.0f} ms old, allowed {1e3 * limits.arm_age:.0f} ms"
 
 
+def _hand_stale(snapshot: Snapshot, rules: Rules) -> str | None:
+    age, limit = snapshot.time - snapshot.hand.stamp, rules.limits.hand_age
+    if abs(age) <= limit:
+        return None
+    return (
+        f"the hand's state is {1e3 * age:.0f} ms old, allowed {1e3 * limit:.0f} ms: whether it "
+        "still holds the strip is not known"
+    )
+
+
 def _setpoint_expired(snapshot: Snapshot, _: Rules) -> str | None:
     if not snapshot.arm.expired:
         return None
@@ -191,6 +201,7 @@ _HOLDING = frozenset({State.LIFT, State.FOLD, State.TOUCHED, State.LAY})
 MONITORS: tuple[Monitor, ...] = (
     Monitor("arm_pose_not_finite", _ALIVE, _not_finite),
     Monitor("arm_state_stale", _ALIVE, _arm_stale),
+    Monitor("hand_state_stale", _ALIVE, _hand_stale),
     Monitor("setpoint_expired", _FOLDING | {State.LAY}, _setpoint_expired),
     Monitor("overspeed", _ALIVE, _check_speed),
     Monitor("tracking_error", _ALIVE, _tracking),

@@ -26,6 +26,7 @@ class Cause(StrEnum):
     REACH = "arm_out_of_reach"
     NOT_FINITE = "arm_pose_not_finite"
     LOST = "arm_driver_lost"
+    ENDED = "arm_driver_ended"
     PLACE = "arm_out_of_place"
     WAY = "arm_way_blocked"
     TOOL = "arm_tool_differs"
@@ -48,6 +49,7 @@ REMEDY = {
     Cause.REACH: "stay nearer to the robot: see `cell fold --dry-run --arm fci`",
     Cause.NOT_FINITE: "keep the record and look for an update of the robot",
     Cause.UNHEARD: "find what held the cell up; the arm braked by itself",
+    Cause.ENDED: "the arm braked by itself; start again",
     Cause.LOST: "start again; the motion ended with the process",
     Cause.TOOL: "nothing has moved",
     Cause.MODEL: "nothing has moved; the cell knows the Franka Research 3 alone",
