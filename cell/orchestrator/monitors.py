@@ -195,14 +195,14 @@ def _calibration_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
 _WAITING = frozenset({State.CALIBRATE})  # for people
 _ALIVE = frozenset(State) - TERMINAL - {State.IDLE, State.STOPPING}
 SEEING = _ALIVE - {State.PREFLIGHT, State.CALIBRATE}
-_FOLDING = frozenset({State.LIFT, State.FOLD})
+FOLDING = frozenset({State.LIFT, State.FOLD})
 _HOLDING = frozenset({State.LIFT, State.FOLD, State.TOUCHED, State.LAY})
 
 MONITORS: tuple[Monitor, ...] = (
     Monitor("arm_pose_not_finite", _ALIVE, _not_finite),
     Monitor("arm_state_stale", _ALIVE, _arm_stale),
     Monitor("hand_state_stale", _ALIVE, _hand_stale),
-    Monitor("setpoint_expired", _FOLDING | {State.LAY}, _setpoint_expired),
+    Monitor("setpoint_expired", FOLDING | {State.LAY}, _setpoint_expired),
     Monitor("overspeed", _ALIVE, _check_speed),
     Monitor("tracking_error", _ALIVE, _tracking),
     Monitor("workspace", _ALIVE, _workspace),
@@ -212,8 +212,8 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("image_frozen", SEEING, _image_frozen),
     Monitor("image_reader_dead", SEEING, _reader_dead),
     Monitor("image_reading_overdue", SEEING, _reading_overdue),
-    Monitor("camera_moved", _FOLDING, _camera_moved),
-    Monitor("low_confidence", _FOLDING, _low_confidence),
+    Monitor("camera_moved", FOLDING, _camera_moved),
+    Monitor("low_confidence", FOLDING, _low_confidence),
     Monitor("state_overtime", _ALIVE - _WAITING, _state_overtime),
     Monitor("overtime", _ALIVE - _WAITING, _overtime),
     Monitor("calibration_overtime", _WAITING, _calibration_overtime),

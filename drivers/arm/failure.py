@@ -28,6 +28,7 @@ class Cause(StrEnum):
     LOST = "arm_driver_lost"
     ENDED = "arm_driver_ended"
     PLACE = "arm_out_of_place"
+    ASIDE = "arm_pushed_aside"
     WAY = "arm_way_blocked"
     TOOL = "arm_tool_differs"
     MODEL = "arm_limits_differ"
@@ -54,6 +55,7 @@ REMEDY = {
     Cause.TOOL: "nothing has moved",
     Cause.MODEL: "nothing has moved; the cell knows the Franka Research 3 alone",
     Cause.WAY: "nothing has moved; guide the arm by hand to where it stands free, then start again",
+    Cause.ASIDE: "see what pushed the arm, then `cell home`",
     Cause.PLACE: "bring the arm into the strip's plane with `cell home`",
 }
 

@@ -252,3 +252,26 @@ def test_way_home_that_was_asked_to_end_says_that_it_did_not_arrive() -> None:
         assert isinstance(fault := gone.exception(60.0), Fault)
         assert fault.name == Cause.ENDED
         assert server.robot.posture.at_rest
+
+
+@pytest.mark.parametrize(("aside", "halts"), [(0.01, False), (0.03, True), (-0.03, True)])
+def test_arm_that_is_pushed_out_of_the_strip_s_plane_brakes(aside: float, halts: bool) -> None:
+    """Along the plane the cell's monitor of tracking sees it, across it nobody else does."""
+    setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS))
+    setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
+    setup.steps(50)
+    read = setup.robot.read
+
+    def pushed(motion):
+        state = read(motion)
+        pose = np.reshape(state.O_T_EE, (4, 4)).T.copy()
+        pose[:3, 3] += aside * PLANE.matrix[:3, 1]
+        state.O_T_EE = columns(pose)
+        return state
+
+    setup.robot.read = pushed
+    setup.steps(300)
+    assert (setup.loop.halted is not None) is halts
+    if setup.loop.halted is not None:
+        assert setup.loop.halted.cause is Cause.ASIDE
+        assert "30 mm beside" in setup.loop.halted.words
