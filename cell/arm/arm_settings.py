@@ -1,9 +1,10 @@
 """The cell's settings for one run, as its speed and its arm change them."""
 
-from cell.arm.real_robot import is_real, slow_down
+from cell.arm.real_robot import slow_down
 from cell.config.cell import CellFile
 from cell.config.fold import FoldSettings
 from cell.devices.devices import DeviceSelection
+from cell.devices.open import is_real
 from drivers.settings import parse
 
 

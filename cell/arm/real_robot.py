@@ -1,26 +1,16 @@
 """What a robot that can hurt demands: its cell named, slow motion first, a strip laid again."""
 
 from collections.abc import Callable
-from ipaddress import ip_address
+from dataclasses import replace
 
 from cell.config.cell import CellFile
 from cell.devices.devices import DeviceSelection
+from cell.devices.open import is_real
 from drivers.errors import PreflightRefused
 from drivers.limits import MotionLimits
 
 FIRST_RUN_SPEED = 0.1  # share of the speed of first runs
 TIME_LIMITS = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run may be given
-
-
-def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
-    """Whether the chosen arm is a physical robot, not one emulated on this machine."""
-    address = settings.fci.address
-    if not choice.arm_driver(settings).real or address is None:
-        return False
-    try:
-        return not ip_address(address).is_loopback
-    except ValueError:
-        return address != "localhost"
 
 
 def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
@@ -36,6 +26,31 @@ def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
     if typed != settings.name:
         raise PreflightRefused(
             f"the cell's name was not typed; nothing has moved; type {settings.name!r} when asked"
+        )
+
+
+def agree(
+    settings: CellFile, choice: DeviceSelection, ask: Callable[[str], str], *, full_speed: bool
+) -> tuple[CellFile, DeviceSelection]:
+    """Settings and selection, once the operator has agreed to the motion of a real robot.
+
+    Its speeds are then those of a first run, unless `full_speed`.
+    """
+    if not is_real(settings, choice):
+        return settings, choice
+    confirm(settings, ask)
+    return settings if full_speed else slow_down(settings), replace(choice, agreed=True)
+
+
+def await_strip(ask: Callable[[str], str]) -> None:
+    """Wait until the operator has laid the strip again.
+
+    Raises PreflightRefused where nobody is there.
+    """
+    if not ask("Lay the strip again, flat and straight, then press Enter: "):
+        raise PreflightRefused(
+            "the input ended before Enter was pressed: nobody says that the strip lies there and "
+            "all keep clear; nothing has moved since the last fold"
         )
 
 

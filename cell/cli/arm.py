@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Arm, Configs, ask, check_names, length_option
+from cell.cli.options import Arm, Configs, FullSpeed, ask, check_names, length_option
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from cell.orchestrator.outcome import Outcome
 
 Strip = Annotated[str, typer.Option(help="Strip that lies, or will lie, on the desk.")]
-Quick = Annotated[bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")]
 Recover = Annotated[
     bool, typer.Option("--recover", help="Ask the robot to leave its reflex first.")
 ]
@@ -30,7 +29,7 @@ def home(
     arm: Arm = None,
     recover: Recover = False,
     reset_tool: ResetTool = False,
-    full_speed: Quick = False,
+    full_speed: FullSpeed = False,
     configs: Configs = None,
 ) -> None:
     """Bring the gripper over the strip's edge, in the posture from which a fold is followed."""
@@ -51,7 +50,10 @@ def home(
 
 
 def park(
-    arm: Arm = None, recover: Recover = False, full_speed: Quick = False, configs: Configs = None
+    arm: Arm = None,
+    recover: Recover = False,
+    full_speed: FullSpeed = False,
+    configs: Configs = None,
 ) -> None:
     """Fold the robot upright, out of the way; a twin of the cell's own just goes home."""
     from cell.arm import by_hand
@@ -72,7 +74,7 @@ def jog(
     z: Annotated[float, length_option("--z", "Up, as 20mm [mm].", "mm")] = 0.0,
     pitch: Annotated[float, typer.Option(help="Turn [deg].")] = 0.0,
     arm: Arm = None,
-    full_speed: Quick = False,
+    full_speed: FullSpeed = False,
     configs: Configs = None,
 ) -> None:
     """Move the gripper a little from where it is."""
@@ -122,14 +124,10 @@ def _agree_to_motion(
     settings: "CellFile", arm: str | None, full_speed: bool
 ) -> "tuple[CellFile, DeviceSelection]":
     """Settings and selection, once the operator has agreed to the motion of a real robot."""
-    from cell.arm.real_robot import confirm, is_real, slow_down
+    from cell.arm.real_robot import agree
     from cell.devices.devices import DeviceSelection
 
-    choice = DeviceSelection(arm=arm)
-    if not is_real(settings, choice):
-        return settings, choice
-    confirm(settings, ask)
-    return (settings if full_speed else slow_down(settings)), choice
+    return agree(settings, DeviceSelection(arm=arm), ask, full_speed=full_speed)
 
 
 def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:

@@ -6,7 +6,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Arm, Camera, Configs, Json, VizOption, length_parser, print_json
+from cell.cli.options import (
+    Arm,
+    Camera,
+    Configs,
+    FullSpeed,
+    Json,
+    VizOption,
+    ask,
+    length_parser,
+    print_json,
+)
 from cell.cli.wizard_sitting import sitting, terminal
 
 if TYPE_CHECKING:
@@ -106,7 +116,7 @@ def calibrate_camera(
         verdict, folder = lens_again(again, without or (), out), out or again
     else:
         folder = _session_folder(out, resume, settings.name, "camera")
-        devices = _open(settings, "twin", camera)  # no arm is needed
+        settings, devices = _open(settings, "twin", camera)  # no arm is needed
         if measured is None and devices.aids is None and resume is None:
             words = f"length of {settings.boards.columns} squares by a ruler [mm]"
             measured = typer.prompt(words, value_proc=_ruler)
@@ -139,6 +149,7 @@ def calibrate_homography(
         typer.Option("--accept-anyway", help="Take a refused calibration; every run then says so."),
     ] = False,
     arm: Arm = None,
+    full_speed: FullSpeed = False,
     camera: Camera = None,
     out: Out = None,
     again: From = None,
@@ -155,15 +166,14 @@ def calibrate_homography(
     from cell.calibrating import homography_wizard as wizard
 
     settings = _settings(configs)
-    if use:
-        _check_own(configs)
+    _check_own(configs, use=use)
     if again is not None:
         found = wizard.homography_again(
             again, without or (), out, settings.fold.speed, accept_anyway=accept_anyway
         )
     else:
         folder = _session_folder(out, resume, settings.name, "homography")
-        devices = _open(settings, arm, camera)
+        settings, devices = _open(settings, arm, camera, full_speed=full_speed)
         seen_through = _lens(lens, resume, devices.camera_identity)
         plan = None if poses is None else wizard.read_poses(poses)
         with sitting(folder, "homography", viz) as at:
@@ -194,6 +204,7 @@ def calibrate_check(
         Path | None, typer.Argument(help="calibration.yaml [default: the one that folds use].")
     ] = None,
     arm: Arm = None,
+    full_speed: FullSpeed = False,
     camera: Camera = None,
     interactive: Interactive = False,
     configs: Configs = None,
@@ -205,10 +216,9 @@ def calibrate_check(
     from cell.calibrating.calibrate import calibration_of
     from cell.calibrating.homography_wizard import check_calibration
 
-    settings = _settings(configs)
+    settings, devices = _open(_settings(configs), arm, camera, full_speed=full_speed)
     with terminal() as at:
         calibration = load_calibration(file) if file else calibration_of(settings, at.panel.ask)
-        devices = _open(settings, arm, camera)
         operator = at.operator(devices, interactive=interactive)
         verdict = check_calibration(
             settings, devices, calibration, operator, at.watch, at.interrupted
@@ -259,14 +269,19 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
     return out
 
 
-def _open(settings: "CellFile", arm: str | None, camera: str | None) -> "Devices":
-    """The cell's devices for a calibration, without a strip."""
+def _open(
+    settings: "CellFile", arm: str | None, camera: str | None, *, full_speed: bool = False
+) -> "tuple[CellFile, Devices]":
+    """The cell's settings and devices for a calibration, without a strip, once the operator has
+    agreed to the motion of a real robot.
+    """
+    from cell.arm.real_robot import agree
     from cell.calibrating.calibrate import NO_STRIP
     from cell.devices.devices import DeviceSelection
     from cell.devices.open import open_cell
 
-    choice = DeviceSelection(arm, camera)
-    return open_cell(settings, NO_STRIP, choice, calibrating=True)
+    settings, choice = agree(settings, DeviceSelection(arm, camera), ask, full_speed=full_speed)
+    return settings, open_cell(settings, NO_STRIP, choice, calibrating=True)
 
 
 def _lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
@@ -286,12 +301,12 @@ def _page(folder: Path) -> Path:
     return write_session_page(folder)
 
 
-def _check_own(configs: Path | None) -> None:
-    """Refuse to change the packaged configuration, before the arm has moved for it."""
+def _check_own(configs: Path | None, *, use: bool) -> None:
+    """Refuse to change the packaged configuration for --use, before the arm has moved for it."""
     from cell.config.places import PACKAGED, find_configs
     from drivers.errors import ConfigurationError
 
-    if find_configs(configs).folder == PACKAGED:
+    if use and find_configs(configs).folder == PACKAGED:
         raise ConfigurationError("--use: copy the configs folder; name the copy by --configs")
 
 

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,6 +12,7 @@ from cell.cli.options import (
     Arm,
     Camera,
     Configs,
+    FullSpeed,
     Json,
     Runs,
     VizOption,
@@ -75,9 +77,6 @@ Until = Annotated[
 ]
 NoTruth = Annotated[
     bool, typer.Option("--no-truth", help="Keep the twin's truth out of the record.")
-]
-FullSpeed = Annotated[
-    bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")
 ]
 DryRun = Annotated[
     bool, typer.Option("--dry-run", help="Predict the fold and check its limits; move nothing.")
@@ -146,7 +145,7 @@ def fold(
         sys.exit(_folded_until(wanted, until, as_json=as_json))
     if rehearse:
         sys.exit(_rehearse(base, as_json=as_json))
-    sys.exit(_fold_each(base, wanted, jobs, as_json=as_json))
+    sys.exit(_fold_each(wanted, jobs, as_json=as_json))
 
 
 def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
@@ -181,9 +180,7 @@ def _folded_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> 
     code = 1
     for request in wanted:
         made: list[FoldResult] = []
-        code = _fold_each(
-            request, [with_correction(request, "on")], 1, made.append, as_json=as_json
-        )
+        code = _fold_each([with_correction(request, "on")], 1, made.append, as_json=as_json)
         if code > 1 or (code == 0 and _offset(made) <= close):
             return code
         following = with_correction(request, "on").correction.total
@@ -198,7 +195,6 @@ def _offset(made: "list[FoldResult]") -> float:
 
 
 def _fold_each(
-    base: "Request",
     wanted: "Sequence[Request]",
     jobs: int,
     keep: "Callable[[FoldResult], None]" = lambda _: None,
@@ -206,7 +202,8 @@ def _fold_each(
     as_json: bool,
 ) -> int:
     """Fold, report and `keep` each result; the largest exit code."""
-    real = _real(base)
+    wanted = agree_to_fold(wanted)
+    real = wanted[0].choice.agreed
     code = 0
     try:
         for result in _results(wanted, 1 if real else jobs, quiet=as_json, real=real):
@@ -235,27 +232,32 @@ def _name_strip(strip: str, length: float | None, thickness: float | None) -> st
     return strip if length is None else name_of(length, thickness)
 
 
-def _real(base: "Request") -> bool:
-    """Whether a real robot will move; then the operator has typed the cell's name."""
-    from cell.arm.real_robot import confirm, is_real
+def agree_to_fold(wanted: "Sequence[Request]") -> "tuple[Request, ...]":
+    """The requests, once the operator of a real robot has agreed to its motion.
+
+    Raises PreflightRefused where that was not typed, or a check of real hardware failed.
+    """
+    from cell.arm.real_robot import confirm
     from cell.config.places import find_configs
-    from cell.devices.open import real_camera
+    from cell.devices.open import is_real, real_camera
     from cell.doctor.doctor import BRIEF, checks, refuse_red
 
+    base = wanted[0]
     configs = find_configs(base.configs)
     settings = configs.cell()
     real = is_real(settings, base.choice)
     if real or real_camera(settings, base.choice):
         refuse_red([*checks(configs, base.choice, base.runs, BRIEF)])
     if not real:
-        return False
+        return tuple(wanted)
     confirm(settings, ask)
-    return True
+    return tuple(replace(r, choice=replace(r.choice, agreed=True)) for r in wanted)
 
 
 def _results(
     wanted: "Sequence[Request]", jobs: int, *, quiet: bool, real: bool
 ) -> "Iterator[FoldResult]":
+    from cell.arm.real_robot import await_strip
     from cell.calibrating.calibrate import calibration_of
     from cell.folding.batch import each_of
     from cell.folding.fold import fold as fold_once
@@ -273,7 +275,7 @@ def _results(
         return
     for number, request in enumerate(wanted):
         if real and number > 0:
-            ask("Lay the strip again, flat and straight, then press Enter: ")
+            await_strip(ask)
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:
             calibration = calibration_of(settings, _remark, interrupted)
             try:
@@ -319,7 +321,7 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
     from cell.folding.rehearsal import rehearse
     from cell.orchestrator.interrupt import Interrupt
 
-    _real(request)
+    (request,) = agree_to_fold([request])
     with Interrupt() as interrupted:
         outcome = rehearse(request, interrupted)
     line = {"outcome": outcome.name, "reason": outcome.reason, "exit_code": outcome.exit_code}

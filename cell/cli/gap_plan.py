@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, Strip, check_names, print_json, while_busy
+from cell.cli.options import Configs, Json, Strip, ask, check_names, print_json, while_busy
 
 if TYPE_CHECKING:
     from cell.folding.fold import Request
@@ -34,6 +34,8 @@ def plan(
 ) -> None:
     """Fold the standard runs: speeds, heights, a hold, there and back, shakes, repeats."""
     check_names(configs, strip)
+    from cell.arm.real_robot import await_strip
+    from cell.cli.fold import agree_to_fold
     from cell.devices.devices import DeviceSelection
     from cell.folding.fold import Request
     from cell.folding.standard_runs import (
@@ -53,9 +55,10 @@ def plan(
     if dry_run:
         _announce(wanted)
         return
-    code = 0
+    wanted, code = agree_to_fold(wanted), 0
     with Interrupt() as interrupted:
-        results = while_busy("folding", fold_runs(wanted, jobs, interrupted))
+        folded = fold_runs(wanted, jobs, interrupted, lambda: await_strip(ask))
+        results = while_busy("folding", folded)
         for i, result in enumerate(results):
             _tell(i, len(wanted), wanted[i], result, as_json=as_json)
             code = max(code, 0 if went_as_planned(result) else result.exit_code)

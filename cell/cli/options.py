@@ -104,6 +104,9 @@ Configs = Annotated[
 ]
 Viz = Literal["save", "live", "off"]
 VizOption = Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")]
+FullSpeed = Annotated[
+    bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")]
 Cluster = Annotated[
     str | None,

@@ -9,6 +9,7 @@ class MonitorLimits(Settings):
     """Limits of the monitors. Every one has a value; none can be switched off."""
 
     arm_age: float = Field(0.05, gt=0, le=0.5)  # s
+    hand_age: float = Field(0.5, gt=0, le=2.0)  # s
     image_age: float = Field(0.25, gt=0, le=1.0)  # s, from which on the arm stands and waits
     image_wait: float = Field(0.15, gt=0, le=1.0)  # s that it waits for a younger image
     reading: float = Field(0.25, gt=0, le=1.0)  # s beside the loop, of one image

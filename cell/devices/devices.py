@@ -80,7 +80,8 @@ class Plant(Protocol):
 class DeviceSelection:
     """Devices selected on the command line; None where not given.
 
-    `index` is the number of runs that the strip on the desk has already been through.
+    `index` is the number of runs that the strip on the desk has already been through; `agreed`
+    whether an operator has agreed that a real robot moves.
     """
 
     arm: str | None = None
@@ -88,6 +89,7 @@ class DeviceSelection:
     plant: Path | None = None
     seed: int = 0
     index: int = 0
+    agreed: bool = False
 
     def arm_driver(self, settings: CellSettings) -> Driver:
         """The driver of the arm that is selected, or else that of the cell file."""

@@ -1,5 +1,6 @@
 """Opens the devices of a cell: the only place that selects drivers."""
 
+from ipaddress import ip_address
 from typing import Protocol
 
 import cv2
@@ -9,7 +10,7 @@ from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.real_camera import camera_settings
 from cell.devices.rig_correction import corrected_devices
 from cell.extras import require_library
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, PreflightRefused
 from drivers.strip.file import StripFile
 
 
@@ -29,6 +30,22 @@ def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
             require_library(driver.library)
     if choice.camera_driver(settings).section == "camera":
         camera_settings(settings)
+    if is_real(settings, choice) and settings.fci.in_lock_step:
+        raise ConfigurationError(
+            f"fci.lock_step: is true, but {settings.fci.address} is no twin on this machine: a "
+            "robot's time waits for nobody; leave the key away"
+        )
+
+
+def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
+    """Whether the chosen arm is a physical robot, not one emulated on this machine."""
+    address = settings.fci.address
+    if not choice.arm_driver(settings).real or address is None:
+        return False
+    try:
+        return not ip_address(address).is_loopback
+    except ValueError:
+        return address != "localhost"
 
 
 def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:
@@ -51,9 +68,16 @@ def open_cell(
 ) -> Devices:
     """Devices as configured and selected, compensated for the rig effects of the cell file.
 
-    On the twin without a plant file the plant equals the strip.
+    On the twin without a plant file the plant equals the strip. Raises PreflightRefused for a
+    physical robot where nobody agreed to its motion.
     """
     check_drivers(settings, choice)
+    if is_real(settings, choice) and not choice.agreed:
+        raise PreflightRefused(
+            f"the arm is a real robot at {settings.fci.address}, and nobody was asked whether it "
+            "may move; commands that ask: `cell fold`, `cell calibrate`, `cell home`, `cell park`, "
+            "`cell jog`, `cell open`; elsewhere choose arm twin"
+        )
     cv2.setNumThreads(1)  # beside the strip and the record, more threads only wait for each other
     arm, camera = choice.arm_driver(settings), choice.camera_driver(settings)
     devices: Devices = arm.load()(settings, strip, choice, calibrating=calibrating)

@@ -3,11 +3,10 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from cell.arm.real_robot import is_real
 from cell.config.cell import CellFile
 from cell.config.places import Configs
 from cell.devices.devices import DeviceSelection
-from cell.devices.open import real_camera
+from cell.devices.open import is_real, real_camera
 from cell.doctor import devices, machine
 from cell.doctor.check import Check, State
 from drivers.errors import CellError, PreflightRefused

@@ -3,10 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from cell.arm.real_robot import is_real
 from cell.config.cell import CellFile
 from cell.config.length import metres
-from cell.devices.open import real_camera
+from cell.devices.open import is_real, real_camera
 from cell.folding.fold import Request
 from cell.learning.correction import Correction, learned_correction, subject_of
 from cell.learning.experience import Experience, Memory, ruler_experience

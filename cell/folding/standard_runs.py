@@ -36,13 +36,21 @@ def standard_requests(base: Request) -> tuple[Request, ...]:
 
 
 def fold_runs(
-    wanted: Sequence[Request], jobs: int = 1, interrupted: Callable[[], bool] = lambda: False
+    wanted: Sequence[Request],
+    jobs: int = 1,
+    interrupted: Callable[[], bool] = lambda: False,
+    lay_again: Callable[[], None] = lambda: None,
 ) -> Iterator[FoldResult]:
-    """Results of the runs in their order, `jobs` at a time; none begins once `interrupted`."""
-    if jobs > 1:
+    """Results of the runs in their order, `jobs` at a time; none begins once `interrupted`.
+
+    One robot folds one after the other; `lay_again` waits for the strip before each but the first.
+    """
+    if jobs > 1 and not wanted[0].choice.agreed:
         yield from side_by_side(wanted, jobs)
         return
-    for request in wanted:
+    for number, request in enumerate(wanted):
+        if number > 0 and request.choice.agreed:
+            lay_again()
         if interrupted():
             return
         yield fold(request, interrupted=interrupted)

@@ -48,6 +48,16 @@ def _arm_stale(snapshot: Snapshot, rules: Rules) -> str | None:
     return f"the arm's state is {1e3 * age:.0f} ms old, allowed {1e3 * limits.arm_age:.0f} ms"
 
 
+def _hand_stale(snapshot: Snapshot, rules: Rules) -> str | None:
+    age, limit = snapshot.time - snapshot.hand.stamp, rules.limits.hand_age
+    if abs(age) <= limit:
+        return None
+    return (
+        f"the hand's state is {1e3 * age:.0f} ms old, allowed {1e3 * limit:.0f} ms: whether it "
+        "still holds the strip is not known"
+    )
+
+
 def _setpoint_expired(snapshot: Snapshot, _: Rules) -> str | None:
     if not snapshot.arm.expired:
         return None
@@ -189,13 +199,14 @@ def _calibration_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
 _WAITING = frozenset({State.CALIBRATE})  # for people
 _ALIVE = frozenset(State) - TERMINAL - {State.IDLE, State.STOPPING}
 SEEING = _ALIVE - {State.PREFLIGHT, State.CALIBRATE}
-_FOLDING = frozenset({State.LIFT, State.FOLD})
+FOLDING = frozenset({State.LIFT, State.FOLD})
 _HOLDING = frozenset({State.LIFT, State.FOLD, State.TOUCHED, State.LAY})
 
 MONITORS: tuple[Monitor, ...] = (
     Monitor("arm_pose_not_finite", _ALIVE, _not_finite),
     Monitor("arm_state_stale", _ALIVE, _arm_stale),
-    Monitor("setpoint_expired", _FOLDING | {State.LAY}, _setpoint_expired),
+    Monitor("hand_state_stale", _ALIVE, _hand_stale),
+    Monitor("setpoint_expired", FOLDING | {State.LAY}, _setpoint_expired),
     Monitor("overspeed", _ALIVE, _check_speed),
     Monitor("tracking_error", _ALIVE, _tracking),
     Monitor("workspace", _ALIVE, _workspace),
@@ -205,8 +216,8 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("image_frozen", SEEING, _image_frozen),
     Monitor("image_reader_dead", SEEING, _reader_dead),
     Monitor("image_reading_overdue", SEEING, _reading_overdue),
-    Monitor("camera_moved", _FOLDING, _camera_moved),
-    Monitor("low_confidence", _FOLDING, _low_confidence),
+    Monitor("camera_moved", FOLDING, _camera_moved),
+    Monitor("low_confidence", FOLDING, _low_confidence),
     Monitor("state_overtime", _ALIVE - _WAITING, _state_overtime),
     Monitor("overtime", _ALIVE - _WAITING, _overtime),
     Monitor("calibration_overtime", _WAITING, _calibration_overtime),
@@ -214,17 +225,27 @@ MONITORS: tuple[Monitor, ...] = (
 
 
 def slow_for_images(command: Command, snapshot: Snapshot, limits: MonitorLimits) -> Command:
-    """The `command`, slower by how far the newest image is older than usual: at the allowed age a
-    driven arm stands, and a move to a pose is held until a younger image has come.
+    """The `command`, slower by how far the newest image is older than usual: at the allowed age, or
+    where the images are in doubt, a driven arm stands, and a move to a pose is held until a younger
+    or better image has come.
     """
     frame = snapshot.view.frame
     if frame is None or snapshot.state not in SEEING:
         return command
     left = (limits.image_age - (snapshot.time - frame.stamp)) / (1.0 - USUAL_AGE) / limits.image_age
+    if _in_doubt(snapshot):
+        left = -1.0
     if isinstance(command, Drive) and left < 1.0:
         share, rate = max(left, 0.0), command.velocity
         return Drive(Velocity(share * rate.vx, share * rate.vz, share * rate.pitch_rate))
     return Hold() if isinstance(command, MoveTo) and left < 0.0 else command
+
+
+def _in_doubt(snapshot: Snapshot) -> bool:
+    """Whether an image speaks against the camera; its monitor waits for more of them to name it."""
+    view = snapshot.view
+    measured = snapshot.state in FOLDING and (view.doubtful_since is not None or view.moved > 0)
+    return view.identical > 1 or measured
 
 
 def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:

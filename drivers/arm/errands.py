@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers.arm.clear_way import clear_way, solids_of
+from drivers.arm.ending import Ending
 from drivers.arm.failure import Cause, Failed, Failure, decode, encode, one_line
 from drivers.arm.process import Task
 from drivers.arm.retreat import retreat
@@ -97,12 +98,18 @@ def _do_task(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, 
     if errand["reset_tool"]:
         robot.reset_tool()
     robot.require_tool()
+    ending = Ending()
+
+    def left() -> bool:
+        return ending() or pipe.poll()
+
     if errand["recover"]:
-        retreat(robot, task.settings, pipe.poll)
+        retreat(robot, task.settings, left)
     robot.configure(task.settings.collision)
     guard, reached = robot.guard(), list(robot.state().q)
     way = clear_way(np.array(reached), np.array(errand["joints"]), solids_of(task.installation))
     for joints in way:
-        if not pipe.poll():
-            reached = follow_joints(robot, joints.tolist(), errand["share"], guard, pipe.poll)
+        if not left():
+            reached = follow_joints(robot, joints.tolist(), errand["share"], guard, left)
+    ending.check()
     return {"joints": reached}

@@ -26,7 +26,9 @@ class Cause(StrEnum):
     REACH = "arm_out_of_reach"
     NOT_FINITE = "arm_pose_not_finite"
     LOST = "arm_driver_lost"
+    ENDED = "arm_driver_ended"
     PLACE = "arm_out_of_place"
+    ASIDE = "arm_pushed_aside"
     WAY = "arm_way_blocked"
     TOOL = "arm_tool_differs"
     MODEL = "arm_limits_differ"
@@ -48,10 +50,12 @@ REMEDY = {
     Cause.REACH: "stay nearer to the robot: see `cell fold --dry-run --arm fci`",
     Cause.NOT_FINITE: "keep the record and look for an update of the robot",
     Cause.UNHEARD: "find what held the cell up; the arm braked by itself",
+    Cause.ENDED: "the arm braked by itself; start again",
     Cause.LOST: "start again; the motion ended with the process",
     Cause.TOOL: "nothing has moved",
     Cause.MODEL: "nothing has moved; the cell knows the Franka Research 3 alone",
     Cause.WAY: "nothing has moved; guide the arm by hand to where it stands free, then start again",
+    Cause.ASIDE: "see what pushed the arm, then `cell home`",
     Cause.PLACE: "bring the arm into the strip's plane with `cell home`",
 }
 

@@ -26,6 +26,7 @@ TICKS_BETWEEN_LOOKS = 10  # ticks between looks ahead
 VELOCITY_STATES = 8  # states over which the velocity is measured
 # m/s and rad/s of its setpoint at which a robot may be commanded to stand
 REST_SPEEDS = (1e-4, 3e-4)
+BESIDE = 0.02  # m from the strip's plane at which the arm brakes
 SLOW_SPEED = 0.01  # m/s and rad/s
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
@@ -227,6 +228,9 @@ class Loop:
         if not isfinite(sum(here)):
             self._halt(Cause.NOT_FINITE, "the robot reported a pose that is not a number")
             here = self._path[-1][:3] if self._path else here
+        beside = self._plane.place(pose)[1]
+        if abs(beside) > BESIDE:
+            self._halt(Cause.ASIDE, f"the hand is {1e3 * abs(beside):.0f} mm beside its plane")
         self._path.append((*here, state.time.to_sec()))
         if self._joints is not None:
             self._joints.add(self.ticks * TICK if self._lock_step else self._now(), state)
@@ -241,7 +245,7 @@ class Loop:
                 *rate,
                 *self._position,
                 *self._plane.force(self._touch.beyond_tare(state)),
-                self._plane.place(pose)[1],
+                beside,
                 self.success,
                 self._profile.moving or not calm,
                 self._profile.expired,

@@ -7,6 +7,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from drivers.arm.by_joints import ByJoints
+from drivers.arm.ending import Ending
 from drivers.arm.failure import Cause, Failed, Failure, decode, encode, one_line
 from drivers.arm.joint_log import JointLog, Timing
 from drivers.arm.latest import Latest
@@ -17,6 +18,8 @@ from drivers.arm.scheduling import schedule
 from drivers.arm.settings import FciSettings
 from drivers.clock import WallClock
 from drivers.installation import Installation
+
+BETWEEN_LOOKS = 0.1  # s between looks, where no message comes, whether to end
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,21 +69,25 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
         guard=robot.guard(),
         joints=joints,
     )
+    ending = Ending()
     loop.begin()
     pipe.send_bytes(encode({"ready": True}))
     drive = _in_lock_step if task.lock_step else _by_itself
     timing = Timing()
-    drive(loop, pipe, timing, clock)
+    drive(loop, pipe, timing, clock, ending)
     loop.end()
     if loop.halted is not None:
         raise Failed(loop.halted)
+    ending.check()
     pipe.send_bytes(encode({"ended": True, "timing": timing.content()}))
     pipe.send_bytes(joints.content())
 
 
-def _in_lock_step(loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClock) -> None:
+def _in_lock_step(
+    loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClock, ending: Ending
+) -> None:
     """Step as far as the cell allows and confirm each time, until the cell closes or dies."""
-    while (message := _receive(pipe)) is not None and "until" in message:
+    while (message := _receive(pipe, ending)) is not None and "until" in message:
         while loop.ticks < message["until"]:
             loop.step()
             if loop.halted is not None:
@@ -88,16 +95,21 @@ def _in_lock_step(loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClo
         pipe.send_bytes(b"{}")
 
 
-def _by_itself(loop: Loop, pipe: Connection, timing: Timing, clock: WallClock) -> None:
+def _by_itself(
+    loop: Loop, pipe: Connection, timing: Timing, clock: WallClock, ending: Ending
+) -> None:
     """Step on the robot's clock until the cell closes or dies."""
-    while loop.halted is None and not pipe.poll():
+    while loop.halted is None and not pipe.poll() and not ending():
         loop.step()
         timing.update(clock.now(), loop.success)
 
 
-def _receive(pipe: Connection) -> dict[str, Any] | None:
+def _receive(pipe: Connection, ending: Ending) -> dict[str, Any] | None:
     try:
-        return decode(pipe.recv_bytes())
+        while not pipe.poll(BETWEEN_LOOKS):
+            if ending():
+                return None
+        return None if ending() else decode(pipe.recv_bytes())
     except (EOFError, OSError):
         return None
 

@@ -96,6 +96,7 @@ REMEDIES = (
     ("arm_state", "find what else computes on this machine: `cell doctor`"),
     ("setpoint", "find what else computes on this machine: `cell doctor`"),
     ("arm_", "see [recovery](reflex-recovery.md): look, then `cell home --recover`"),
+    ("hand_state", "check the hand in Desk and the network; then `cell open`, in air"),
     ("motion", "see [recovery](reflex-recovery.md): look, then `cell home --recover`"),
     ("tracking", "look what holds the arm; check load and tool: `cell doctor`"),
     ("overspeed", "keep the record; check robot and limits: `cell doctor`"),

@@ -38,6 +38,7 @@ def showing(**changes) -> Snapshot:
 BROKEN = {
     "arm_pose_not_finite": replace(GOOD, arm=replace(ARM, pose=Pose(math.nan, 0.2, 0.0))),
     "arm_state_stale": replace(GOOD, arm=replace(ARM, stamp=9.9)),
+    "hand_state_stale": replace(GOOD, hand=replace(HAND, stamp=9.4)),
     "setpoint_expired": replace(GOOD, arm=replace(ARM, expired=True)),
     "overspeed": replace(GOOD, arm=replace(ARM, velocity=Velocity(0.6, 0.0, 0.0))),
     "tracking_error": replace(GOOD, arm=replace(ARM, commanded=Pose(0.43, 0.2, 1.5))),
@@ -56,6 +57,7 @@ BROKEN = {
         time=121.0,
         entered=100.0,
         arm=replace(ARM, stamp=121.0),
+        hand=replace(HAND, stamp=121.0),
         view=replace(GOOD.view, frame=replace(FRAME, stamp=121.0)),
     ),
     "calibration_overtime": replace(GOOD, state=State.CALIBRATE, entered=-LIMITS.calibration),
@@ -63,6 +65,7 @@ BROKEN = {
 
 
 AHEAD = {
+    "hand_state_stale": replace(GOOD, hand=replace(HAND, stamp=11.0)),
     "arm_state_stale": replace(GOOD, arm=replace(ARM, stamp=10.5)),
     "image_stale": showing(frame=replace(FRAME, stamp=40.0)),
 }
@@ -70,6 +73,7 @@ MOVING = {State.GRASP, State.LIFT, State.FOLD, State.TOUCHED, State.LAY, State.R
 WATCHED = {
     "arm_pose_not_finite": MOVING | {State.PREFLIGHT, State.CALIBRATE},
     "arm_state_stale": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "hand_state_stale": MOVING | {State.PREFLIGHT, State.CALIBRATE},
     "setpoint_expired": {State.LIFT, State.FOLD, State.LAY},
     "overspeed": MOVING | {State.PREFLIGHT, State.CALIBRATE},
     "tracking_error": MOVING | {State.PREFLIGHT, State.CALIBRATE},

@@ -1,8 +1,10 @@
 """A gap in the images is bridged by waiting; a camera that is gone ends the run."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import cell.orchestrator.run as orchestrator
@@ -147,3 +149,52 @@ class Watch:
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """No event counts."""
+
+
+DOUBTS = [{"identical": 2}, {"doubtful_since": 9.99}, {"moved": 1}]
+
+
+@pytest.mark.parametrize("doubt", DOUBTS, ids=["repeated", "not believed", "moved"])
+def test_arm_waits_at_the_first_image_that_speaks_against_the_camera(doubt) -> None:
+    doubted = replace(GOOD, view=replace(GOOD.view, **doubt))
+    assert slow_for_images(Drive(FAST), doubted, LIMITS) == Drive(Velocity(0.0, 0.0, 0.0))
+    assert slow_for_images(MoveTo(PLACE), doubted, LIMITS) == Hold()
+    assert slow_for_images(CloseHand(), doubted, LIMITS) == CloseHand()
+
+
+def test_what_was_measured_before_does_not_hold_the_lay() -> None:
+    for doubt in DOUBTS[1:]:
+        left = replace(GOOD, state=State.LAY, view=replace(GOOD.view, **doubt))
+        assert slow_for_images(Drive(FAST), left, LIMITS) == Drive(FAST)
+
+
+STANDS = Drive(Velocity(0.0, 0.0, 0.0))
+
+
+def show(bench: Bench, content: Callable[[int], int]) -> None:
+    """Twenty images a second, the n-th of the drive as grey as `content` of n says."""
+    read, clock, shown = bench.camera.read, bench.clock, list[Frame]()
+
+    def showing(after: float, timeout: float) -> Frame | None:
+        frame = read(after, timeout)
+        if frame is None or clock.now() < DRIVEN:
+            return frame
+        if shown and frame.stamp < shown[-1].stamp + 0.0499:
+            return None
+        shown.append(replace(frame, image=np.full((2, 2, 3), content(len(shown)), np.uint8)))
+        return shown[-1]
+
+    bench.camera.read = showing
+
+
+def test_image_sent_twice_makes_the_arm_wait_and_ends_no_run(bench) -> None:
+    show(bench, lambda number: number // 2)
+    assert bench.run().name == "path_done"
+    assert STANDS in bench.arm.commands
+
+
+def test_arm_of_a_frozen_camera_stands_before_the_fault_is_named(bench) -> None:
+    show(bench, lambda number: min(number, 10))
+    assert bench.run().name == "image_frozen"
+    last = [command for command in bench.arm.commands if isinstance(command, Drive)][-4:]
+    assert last == [STANDS] * 4

@@ -127,3 +127,15 @@ def test_window_follows_the_calipers() -> None:
     assert (window.thinnest, window.thickest) == pytest.approx((0.0004, 0.003))
     assert HandLimits().around(0.0002, 0.0002).thinnest == pytest.approx(0.0001)
     assert HandLimits(thickest=0.002).around(0.001, 0.002).thickest == pytest.approx(0.002)
+
+
+def test_silent_hand_grows_old_though_it_last_said_that_it_holds() -> None:
+    with driven(0.0009, DENIM) as (server, hand, _):
+        hand.grasp()
+        assert rested(hand).grasped
+        server._hand_port.publish = server._hand_port.repeat = lambda *_: None
+        clock = WallClock()
+        clock.wait_until(clock.now() + 0.2)
+        state = hand.state()
+        assert state.grasped
+        assert state.arrival - state.stamp > 0.1

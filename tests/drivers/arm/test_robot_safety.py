@@ -1,6 +1,10 @@
 """What protects people and robot is set, read and obeyed: thresholds, guards, scheduler, forces."""
 
 import os
+import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
+from multiprocessing import active_children
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,6 +30,7 @@ from drivers.errors import Fault
 from drivers.fci_server.faults import ContactFault
 from drivers.fci_server.hand_wire import HandCommand
 from drivers.fci_server.server import RobotServer
+from drivers.fci_server.wire import Mode
 from drivers.geometry import CellInRobot
 from drivers.installation import Installation
 from drivers.limits import AxisLimits, MotionLimits
@@ -213,3 +218,60 @@ def test_command_over_a_limit_never_reaches_the_loop(command, name: str) -> None
         command(arm)
     assert refused.value.name == name
     assert not orders
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP], ids=["terminate", "hang up"])
+def test_signal_to_all_processes_brakes_the_arm_and_does_not_drop_it(number: int) -> None:
+    """A closed terminal or a shutdown sends it to the process of the arm, too."""
+    with served() as server:
+        bridge = Bridge(task(server))
+        try:
+            for until in range(10, 210, 10):
+                bridge.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
+                bridge.advance(until)
+            assert bridge.report()[0].vx < -0.05
+            os.kill(bridge.process, number)
+            with pytest.raises(Fault) as fault:
+                bridge.advance(220)
+            assert fault.value.name == Cause.ENDED
+            assert abs(bridge._reports.read().vx) < 1e-2
+            assert server.robot.posture.at_rest
+            assert server.robot.mode is Mode.IDLE
+        finally:
+            bridge.close()
+
+
+def test_way_home_that_was_asked_to_end_says_that_it_did_not_arrive() -> None:
+    with served() as server, ThreadPoolExecutor(1) as beside:
+        gone = beside.submit(go_to, task(server), near(0.3), 0.2)
+        deadline = time.monotonic() + 60.0
+        while server.robot.ticks < 100 and time.monotonic() < deadline:
+            time.sleep(0.005)
+        for process in active_children():
+            os.kill(process.pid, signal.SIGTERM)
+        assert isinstance(fault := gone.exception(60.0), Fault)
+        assert fault.name == Cause.ENDED
+        assert server.robot.posture.at_rest
+
+
+@pytest.mark.parametrize(("aside", "halts"), [(0.01, False), (0.03, True), (-0.03, True)])
+def test_arm_that_is_pushed_out_of_the_strip_s_plane_brakes(aside: float, halts: bool) -> None:
+    """Along the plane the cell's monitor of tracking sees it, across it nobody else does."""
+    setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS))
+    setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
+    setup.steps(50)
+    read = setup.robot.read
+
+    def pushed(motion):
+        state = read(motion)
+        pose = np.reshape(state.O_T_EE, (4, 4)).T.copy()
+        pose[:3, 3] += aside * PLANE.matrix[:3, 1]
+        state.O_T_EE = columns(pose)
+        return state
+
+    setup.robot.read = pushed
+    setup.steps(300)
+    assert (setup.loop.halted is not None) is halts
+    if setup.loop.halted is not None:
+        assert setup.loop.halted.cause is Cause.ASIDE
+        assert "30 mm beside" in setup.loop.halted.words

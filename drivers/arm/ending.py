@@ -1,0 +1,32 @@
+"""Signals that end programs, heard by a process that moves the arm: it brakes first."""
+
+import signal
+
+from drivers.arm.failure import Cause, Failed, Failure
+
+SIGNALS = (signal.SIGTERM, signal.SIGHUP)
+
+
+class Ending:
+    """Whether this process was asked to end since this was made.
+
+    A closed terminal or a shutdown asks every process at once. One that died of it in a motion
+    would leave it to the robot to notice that its commands stay away.
+    """
+
+    def __init__(self) -> None:
+        self._heard = False
+        for number in SIGNALS:
+            signal.signal(number, self._hear)
+
+    def __call__(self) -> bool:
+        """Whether that is so."""
+        return self._heard
+
+    def check(self) -> None:
+        """Raise Failed if that is so; to be called once the arm rests."""
+        if self._heard:
+            raise Failed(Failure(Cause.ENDED, "the process of the arm was asked to end"))
+
+    def _hear(self, *_: object) -> None:
+        self._heard = True
