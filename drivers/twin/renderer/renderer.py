@@ -7,6 +7,7 @@ import numpy as np
 from drivers.errors import ConfigurationError
 from drivers.twin.renderer.curve import Curve, expose
 from drivers.twin.renderer.gripper import Outline, draw_hand, draw_pointer, extent, outlines
+from drivers.twin.renderer.kernels import splat
 from drivers.twin.renderer.lamps import arm_shadow, dim, flicker
 from drivers.twin.renderer.lint import draw_lint
 from drivers.twin.renderer.look import StripLook
@@ -16,7 +17,7 @@ from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.ribbon import PITCH, faces, near_edge, project, weave
 from drivers.twin.renderer.sensor import blur, noise_bank, reach
 from drivers.twin.renderer.shadow import shadow_band, shadow_profile
-from drivers.twin.renderer.splat import Cloud, paint
+from drivers.twin.renderer.splat import Cloud
 from drivers.twin.renderer.stage import bgr, stage
 from drivers.twin.renderer.window import Window
 from drivers.twin.scene import Scene
@@ -74,7 +75,7 @@ class Renderer:
         hand = outlines(middle, self._look.width / 2, -self._look.thickness / 2)
         image = self._resting.copy()
         window = Window.around(
-            [*((cloud.u, cloud.v) for cloud in clouds), extent(hand, middle, self._optics)],
+            [*(cloud.pixels for cloud in clouds), extent(hand, middle, self._optics)],
             (self._settings.width, self._settings.height),
             reach(self._settings.lens_blur),
         )
@@ -127,7 +128,7 @@ class Renderer:
         optics = self._optics.seen_from(window.origin)
         draw_hand(part, hand, optics, self._gripper)
         for cloud in clouds:
-            paint(part, cloud.seen_from(window.origin), self._colour, window.of(self._light))
+            splat(part, cloud.points, cloud.tint, self._colour, self._light, window.origin)
         if scene.pointer:
             draw_pointer(part, scene, optics, self._gripper)
 
