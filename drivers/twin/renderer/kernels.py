@@ -13,14 +13,19 @@ PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of
 
 
 @entry
-def plane(points: Array, y: float, pose: Array, lens: Array) -> Array:
-    """Pixels (n, 2) of points (n, 2) of x, z [m] in the plane at `y` [m].
-
-    Of the camera `pose` (4, 3) is its centre and rotation, `lens` (5,) focal length, principal
-    point [px], and radial distortion.
+def plane(
+    points: Array,
+    y: float,
+    centre: Array,
+    m: Array,
+    focal: float,
+    principal: tuple[float, float],
+    distortion: tuple[float, float],
+) -> Array:
+    """Pixels (n, 2) of points (n, 2) of x, z [m] in the plane at `y` [m], for the camera at
+    `centre` (3,) whose rotation is `m` (3, 3); see `Optics`.
     """
-    centre, m = pose[0], pose[1:]
-    focal, u, v, k1, k2 = lens
+    (u, v), (k1, k2) = principal, distortion
     pixels = np.empty((len(points), 2))
     for i in range(len(points)):
         x, z = points[i, 0] - centre[0], points[i, 1] - centre[2]

@@ -70,10 +70,9 @@ class Optics:
 
     def plane(self, points: Array, y: float = 0.0) -> Array:
         """Pixels (..., 2) of points (..., 2) of x, z [m] in the plane at `y` [m]."""
-        pose = np.vstack([self.centre, self.rotation])
-        lens = np.array([self.focal, *self.principal, *self.distortion])
         flat = np.array(points, dtype=np.float64).reshape(-1, 2)
-        return plane(flat, float(y), pose, lens).reshape(points.shape)
+        camera = self.centre, self.rotation, self.focal, self.principal, self.distortion
+        return plane(flat, y, *camera).reshape(points.shape)
 
     def _through_lens(self, right: Array, down: Array, forward: Array) -> Array:
         inverse = 1 / forward

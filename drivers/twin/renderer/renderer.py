@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.errors import ConfigurationError
 from drivers.twin.renderer.curve import Curve, expose
-from drivers.twin.renderer.gripper import Outline, draw_hand, draw_pointer, extent, outlines
+from drivers.twin.renderer.gripper import Outline, draw_hand, draw_pointer, extent, faces_of, outlines
 from drivers.twin.renderer.kernels import splat
 from drivers.twin.renderer.lamps import arm_shadow, dim, flicker
 from drivers.twin.renderer.lint import draw_lint
@@ -73,9 +73,10 @@ class Renderer:
         curve = expose(scenes, self._spacing) if middle.strip else None
         clouds = () if curve is None else self._clouds(curve)
         hand = outlines(middle, self._look.width / 2, -self._look.thickness / 2)
+        faces_of_hand = faces_of(hand, self._optics)
         image = self._resting.copy()
         window = Window.around(
-            [*(cloud.pixels for cloud in clouds), extent(hand, middle, self._optics)],
+            [*(cloud.pixels for cloud in clouds), extent(faces_of_hand, middle, self._optics)],
             (self._settings.width, self._settings.height),
             reach(self._settings.lens_blur),
         )
@@ -83,7 +84,8 @@ class Renderer:
             part = window.of(self._sharp).copy()
             if curve is not None:
                 self._shadow.cast(part, window.origin, shadow_profile(curve))
-            self._draw(part, window, middle, clouds, hand)
+            draw_hand(part, hand, faces_of_hand, window.origin, self._gripper)
+            self._draw(part, window, middle, clouds)
             if curve is not None and self._contact_bias:
                 self._draw_lint(part, window, middle)
             window.put(blur(part, self._settings.lens_blur), image)
@@ -117,19 +119,13 @@ class Renderer:
         draw_lint(part, window.of(self._sharp), scene, optics, self._contact_bias, look)
 
     def _draw(
-        self,
-        part: Image,
-        window: Window,
-        scene: Scene,
-        clouds: Sequence[Cloud],
-        hand: Sequence[Outline],
+        self, part: Image, window: Window, scene: Scene, clouds: Sequence[Cloud]
     ) -> None:
-        """Draw the moving parts, far to near, into `part`, the pixels of `window`."""
-        optics = self._optics.seen_from(window.origin)
-        draw_hand(part, hand, optics, self._gripper)
+        """Draw what moves before the hand, far to near, into `part`, the pixels of `window`."""
         for cloud in clouds:
             splat(part, cloud.points, cloud.tint, self._colour, self._light, window.origin)
         if scene.pointer:
+            optics = self._optics.seen_from(window.origin)
             draw_pointer(part, scene, optics, self._gripper)
 
 
