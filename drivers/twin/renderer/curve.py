@@ -70,7 +70,7 @@ def smooth(points: Array, arc: Array) -> Array:
 
 
 def through_nodes(nodes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
-    """Points and derivatives (m, 2) at increasing `s` of the cubic Hermite curve through `nodes` (n, 2).
+    """Points and derivatives (m, 2) at increasing `s` of a cubic Hermite curve through `nodes`.
 
     A node's slope is that of the parabola through it and its neighbours.
     """

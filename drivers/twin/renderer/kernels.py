@@ -40,9 +40,7 @@ def plane(
 
 
 @entry
-def interpolate(
-    nodes: Array, slopes: Array, arc: Array, s: Array
-) -> tuple[Array, Array]:
+def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
     """Points and derivatives (m, 2) at increasing `s` (m,) of the cubic Hermite curve through
     `nodes` (n, 2) with `slopes` (n, 2) at arc lengths `arc` (n,).
     """
@@ -89,10 +87,7 @@ def sow(
     for i in range(len(rows)):
         along = int(s[i] * cells) & (len(weave) - 1)
         for row in range(rows[i]):
-            if width == 0:
-                depth = (2 * row + 1) / rows[i] - 1
-            else:
-                depth = (row + 0.5) * (1 / rows[i])
+            depth = (2 * row + 1) / rows[i] - 1 if width == 0 else (row + 0.5) * (1 / rows[i])
             y = depth * width
             u, v = start[i, 0] + depth * across[i, 0], start[i, 1] + depth * across[i, 1]
             if len(motion):
@@ -177,9 +172,6 @@ def splat(
             alpha = min(coverage / FULL, 1.0)
             ink = glow / max(coverage, 1e-12) * light[origin[1] + v, origin[0] + u] * alpha
             for c in range(3):
-                if tint.shape[1] == 0:
-                    mixed = colour[c]
-                else:
-                    mixed = sums[i, j, 2 + c] / max(glow, 1e-12)
+                mixed = colour[c] if tint.shape[1] == 0 else sums[i, j, 2 + c] / max(glow, 1e-12)
                 level = image[v, u, c] * (1 - alpha) + ink * mixed + 0.5
                 image[v, u, c] = np.uint8(min(level, 255.0))

@@ -6,7 +6,14 @@ import numpy as np
 
 from drivers.errors import ConfigurationError
 from drivers.twin.renderer.curve import Curve, expose
-from drivers.twin.renderer.gripper import Outline, draw_hand, draw_pointer, extent, faces_of, outlines
+from drivers.twin.renderer.gripper import (
+    Outline,
+    draw_hand,
+    draw_pointer,
+    extent,
+    faces_of,
+    outlines,
+)
 from drivers.twin.renderer.kernels import splat
 from drivers.twin.renderer.lamps import arm_shadow, dim, flicker
 from drivers.twin.renderer.lint import draw_lint
@@ -22,7 +29,16 @@ from drivers.twin.renderer.stage import bgr, stage
 from drivers.twin.renderer.window import Window
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Image
+from drivers.types import Image, Pose, frozen
+
+_SPECK = Scene(
+    stamp=0.0,
+    points=frozen(np.linspace((0.0, 0.0), (0.01, 0.0), 9)),
+    arc=frozen(np.linspace(0.0, 0.01, 9)),
+    gripper=Pose(0.0, 0.1, 0.0),
+    finger_width=0.0,
+    holds_strip=False,
+)
 
 
 class Renderer:
@@ -61,6 +77,7 @@ class Renderer:
         self._gripper = bgr(settings.surroundings.gripper) * settings.gain
         self._contact_bias = contact_bias
         self._spacing = PITCH * settings.distance / settings.focal
+        self.render([_SPECK], 0)  # compiles what no control loop may wait for
 
     def render(self, scenes: Sequence[Scene], sequence: int) -> Image:
         """Frame `sequence`, (height, width, 3) BGR, of `scenes`: moments of its exposure in order.
@@ -118,9 +135,7 @@ class Renderer:
         look = (self._colour * glow, self._look.thickness)
         draw_lint(part, window.of(self._sharp), scene, optics, self._contact_bias, look)
 
-    def _draw(
-        self, part: Image, window: Window, scene: Scene, clouds: Sequence[Cloud]
-    ) -> None:
+    def _draw(self, part: Image, window: Window, scene: Scene, clouds: Sequence[Cloud]) -> None:
         """Draw what moves before the hand, far to near, into `part`, the pixels of `window`."""
         for cloud in clouds:
             splat(part, cloud.points, cloud.tint, self._colour, self._light, window.origin)
