@@ -25,7 +25,7 @@ from cell.folding.feasible import check_feasible
 from cell.folding.fold_trace import FoldTrace
 from cell.folding.learned import offer
 from cell.folding.result import FoldResult
-from cell.folding.steady import punctual, without_long_collections
+from cell.folding.steady import punctual
 from cell.learning.correction import Correction, experience_of, subject_of
 from cell.learning.experience import Memory
 from cell.orchestrator.context import FoldContext
@@ -197,7 +197,7 @@ def conduct(
     """
     try:
         devices.connect()
-        with without_long_collections(), punctual(devices.real_time):
+        with punctual(devices.real_time):
             outcome = run.execute()
     except KeyboardInterrupt:
         outcome = Outcome.of(INTERRUPTED_AT_ONCE, devices.clock.now())

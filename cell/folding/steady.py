@@ -32,7 +32,8 @@ def without_long_collections() -> Iterator[None]:
 def punctual(real_time: bool) -> Iterator[None]:
     """Give the thread of the control loop precedence over those that only record or show, within
     the block; `real_time` is false where no wall clock matters. Threads get real-time priority
-    where this user may have it, else short slices of processor time; memory is locked.
+    where this user may have it, else short slices of processor time; memory is locked, and garbage
+    collection is short.
     """
     if not real_time:
         yield
@@ -43,7 +44,8 @@ def punctual(real_time: bool) -> Iterator[None]:
     if not take_priority(PRIORITY):
         wake_promptly()
     try:
-        yield
+        with without_long_collections():
+            yield
     finally:
         sys.setswitchinterval(interval)
         os.sched_setscheduler(0, *before)

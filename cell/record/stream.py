@@ -35,14 +35,14 @@ class StreamFile:
     """
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
-        self._schema = schema
+        self._row = pa.struct(list(schema))
         self._file = new_file(path)
         self._write(schema.serialize())
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Append one row, a value for each column."""
-        columns = [pa.array([row[field.name]], field.type) for field in self._schema]
-        self._write(pa.record_batch(columns, schema=self._schema).serialize())
+        rows = pa.array([row], self._row)
+        self._write(pa.RecordBatch.from_struct_array(rows).serialize())
 
     def __enter__(self) -> Self:
         return self

@@ -46,7 +46,7 @@ from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.fci import robot_devices, start_joints
 from cell.devices.open import open_cell
 from cell.folding.fold import Request, fold
-from cell.folding.steady import punctual, without_long_collections
+from cell.folding.steady import punctual
 from cell.orchestrator.context import ManualContext
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
@@ -339,7 +339,7 @@ def idle(bench: Bench, seconds: float) -> list[Late]:
     context = ManualContext(settings.controller, lambda _: pause(seconds))
     try:
         devices.connect()
-        with without_long_collections(), punctual(True):
+        with punctual(True):
             outcome = Run(devices, context, Record()).execute()
     finally:
         devices.close()

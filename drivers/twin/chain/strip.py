@@ -26,6 +26,7 @@ PULL = 2e-5  # m beyond a strip's reach: some three times its weight
 # rad that a hinge turns in a step when the chain has lost its way; 0.9 is known
 LOST_TURN = np.pi
 STATE_SPEC = mujoco.mjtState.mjSTATE_INTEGRATION
+EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)  # arrays compare slowly with a member
 
 
 class ChainStrip:
@@ -88,8 +89,8 @@ class ChainStrip:
 
     def grip_force(self) -> Array:
         """Force (2,) [N] along x and z of the strip on the gripper during the last step."""
-        welded = self._data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-        rows = np.flatnonzero(welded)[:3]  # the weld is the only one; its first rows are x, y, z
+        # the weld is the only one; its first rows are x, y, z
+        rows = np.flatnonzero(self._data.efc_type == EQUALITY)[:3]
         if len(rows) < 3:
             return np.zeros(2)
         x, _, z = self._data.efc_force[rows]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.twin.renderer.kernels import interpolate
 from drivers.twin.scene import Scene
 from drivers.types import Array
 
@@ -69,16 +70,9 @@ def smooth(points: Array, arc: Array) -> Array:
 
 
 def through_nodes(nodes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
-    """Points and derivatives (m, 2) at `s` of the cubic Hermite curve through `nodes` (n, 2).
+    """Points and derivatives (m, 2) at increasing `s` of a cubic Hermite curve through `nodes`.
 
     A node's slope is that of the parabola through it and its neighbours.
     """
     slopes = np.gradient(nodes, arc, axis=0, edge_order=2 if len(arc) > 2 else 1)
-    i = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(arc) - 2)
-    h = (arc[i + 1] - arc[i])[:, None]
-    t = ((s - arc[i]) / h[:, 0])[:, None]
-    p0, p1, m0, m1 = nodes[i], nodes[i + 1], slopes[i], slopes[i + 1]
-    chord = (p1 - p0) / h
-    c2 = 3 * chord - 2 * m0 - m1
-    c3 = m0 + m1 - 2 * chord
-    return p0 + h * t * (m0 + t * (c2 + t * c3)), m0 + t * (2 * c2 + 3 * t * c3)
+    return interpolate(nodes, np.ascontiguousarray(slopes), arc.copy(), s)

@@ -48,10 +48,26 @@ def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
     return placed
 
 
-def draw_hand(image: Image, parts: Sequence[Outline], optics: Optics, colour: Array) -> None:
-    """Boxes with darker sides and a lit front, drawn into `image` (h, w, 3) in place."""
-    for part in parts:
-        near, far = (optics.plane(part.corners, y) for y in (part.front, part.back))
+def faces_of(parts: Sequence[Outline], optics: Optics) -> list[tuple[Array, Array]]:
+    """Corners (m, 2) [px] of the front and the back of each box."""
+    return [
+        (optics.plane(part.corners, part.front), optics.plane(part.corners, part.back))
+        for part in parts
+    ]
+
+
+def draw_hand(
+    image: Image,
+    parts: Sequence[Outline],
+    faces: Sequence[tuple[Array, Array]],
+    origin: tuple[int, int],
+    colour: Array,
+) -> None:
+    """Boxes with darker sides and a lit front, drawn in place into `image` (h, w, 3), which begins
+    at `origin` (u, v) of the one that their `faces` count from.
+    """
+    for part, face in zip(parts, faces, strict=True):
+        near, far = (corners - origin for corners in face)
         hull = cv2.convexHull(np.concatenate([near, far]).astype(np.float32))[:, 0]
         fill(image, hull, colour * 0.7 * part.shade)
         fill(image, near, colour * part.shade)
@@ -79,9 +95,11 @@ def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Ar
     part[:] = part + cover * (colour - part) + 0.5
 
 
-def extent(parts: Sequence[Outline], scene: Scene, optics: Optics) -> tuple[Array, Array]:
-    """Pixels u and v (k,) that bound the hand and the object it holds."""
-    sides = [optics.plane(part.corners, y) for part in parts for y in (part.front, part.back)]
+def extent(
+    faces: Sequence[tuple[Array, Array]], scene: Scene, optics: Optics
+) -> tuple[Array, Array]:
+    """Pixels u and v (k,) that bound the hand, of these `faces`, and the object it holds."""
+    sides = [corners for face in faces for corners in face]
     if scene.pointer:
         centre = np.array([scene.gripper.x, scene.gripper.z])
         sides.append(optics.plane(centre + PLATE * np.array([(-1, -1), (1, 1), (1, -1), (-1, 1)])))
@@ -91,6 +109,8 @@ def extent(parts: Sequence[Outline], scene: Scene, optics: Optics) -> tuple[Arra
 
 def above(outline: Array, floor: float) -> Array:
     """The part (m, 2) of a convex outline of x, z that stands above `floor` [m]."""
+    if (outline[:, 1] >= floor).all():
+        return outline
     kept: list[Array] = []
     for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         if here[1] >= floor:

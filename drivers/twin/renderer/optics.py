@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.twin.renderer.kernels import plane
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array
 
@@ -69,10 +70,9 @@ class Optics:
 
     def plane(self, points: Array, y: float = 0.0) -> Array:
         """Pixels (..., 2) of points (..., 2) of x, z [m] in the plane at `y` [m]."""
-        x, z = points[..., 0] - self.centre[0], points[..., 1] - self.centre[2]
-        depth = (y - self.centre[1]) * self.rotation[:, 1]
-        m = self.rotation
-        return self._through_lens(*(m[j, 0] * x + m[j, 2] * z + depth[j] for j in range(3)))
+        flat = np.array(points, dtype=np.float64).reshape(-1, 2)
+        camera = self.centre, self.rotation, self.focal, self.principal, self.distortion
+        return plane(flat, y, *camera).reshape(points.shape)
 
     def _through_lens(self, right: Array, down: Array, forward: Array) -> Array:
         inverse = 1 / forward

@@ -6,7 +6,15 @@ import numpy as np
 
 from drivers.errors import ConfigurationError
 from drivers.twin.renderer.curve import Curve, expose
-from drivers.twin.renderer.gripper import Outline, draw_hand, draw_pointer, extent, outlines
+from drivers.twin.renderer.gripper import (
+    Outline,
+    draw_hand,
+    draw_pointer,
+    extent,
+    faces_of,
+    outlines,
+)
+from drivers.twin.renderer.kernels import splat
 from drivers.twin.renderer.lamps import arm_shadow, dim, flicker
 from drivers.twin.renderer.lint import draw_lint
 from drivers.twin.renderer.look import StripLook
@@ -16,12 +24,21 @@ from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.ribbon import PITCH, faces, near_edge, project, weave
 from drivers.twin.renderer.sensor import blur, noise_bank, reach
 from drivers.twin.renderer.shadow import shadow_band, shadow_profile
-from drivers.twin.renderer.splat import Cloud, paint
+from drivers.twin.renderer.splat import Cloud
 from drivers.twin.renderer.stage import bgr, stage
 from drivers.twin.renderer.window import Window
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Image
+from drivers.types import Image, Pose, frozen
+
+_SPECK = Scene(
+    stamp=0.0,
+    points=frozen(np.linspace((0.0, 0.0), (0.01, 0.0), 9)),
+    arc=frozen(np.linspace(0.0, 0.01, 9)),
+    gripper=Pose(0.0, 0.1, 0.0),
+    finger_width=0.0,
+    holds_strip=False,
+)
 
 
 class Renderer:
@@ -60,6 +77,7 @@ class Renderer:
         self._gripper = bgr(settings.surroundings.gripper) * settings.gain
         self._contact_bias = contact_bias
         self._spacing = PITCH * settings.distance / settings.focal
+        self.render([_SPECK], 0)  # compiles what no control loop may wait for
 
     def render(self, scenes: Sequence[Scene], sequence: int) -> Image:
         """Frame `sequence`, (height, width, 3) BGR, of `scenes`: moments of its exposure in order.
@@ -72,9 +90,10 @@ class Renderer:
         curve = expose(scenes, self._spacing) if middle.strip else None
         clouds = () if curve is None else self._clouds(curve)
         hand = outlines(middle, self._look.width / 2, -self._look.thickness / 2)
+        faces_of_hand = faces_of(hand, self._optics)
         image = self._resting.copy()
         window = Window.around(
-            [*((cloud.u, cloud.v) for cloud in clouds), extent(hand, middle, self._optics)],
+            [*(cloud.pixels for cloud in clouds), extent(faces_of_hand, middle, self._optics)],
             (self._settings.width, self._settings.height),
             reach(self._settings.lens_blur),
         )
@@ -82,7 +101,8 @@ class Renderer:
             part = window.of(self._sharp).copy()
             if curve is not None:
                 self._shadow.cast(part, window.origin, shadow_profile(curve))
-            self._draw(part, window, middle, clouds, hand)
+            draw_hand(part, hand, faces_of_hand, window.origin, self._gripper)
+            self._draw(part, window, middle, clouds)
             if curve is not None and self._contact_bias:
                 self._draw_lint(part, window, middle)
             window.put(blur(part, self._settings.lens_blur), image)
@@ -115,20 +135,12 @@ class Renderer:
         look = (self._colour * glow, self._look.thickness)
         draw_lint(part, window.of(self._sharp), scene, optics, self._contact_bias, look)
 
-    def _draw(
-        self,
-        part: Image,
-        window: Window,
-        scene: Scene,
-        clouds: Sequence[Cloud],
-        hand: Sequence[Outline],
-    ) -> None:
-        """Draw the moving parts, far to near, into `part`, the pixels of `window`."""
-        optics = self._optics.seen_from(window.origin)
-        draw_hand(part, hand, optics, self._gripper)
+    def _draw(self, part: Image, window: Window, scene: Scene, clouds: Sequence[Cloud]) -> None:
+        """Draw what moves before the hand, far to near, into `part`, the pixels of `window`."""
         for cloud in clouds:
-            paint(part, cloud.seen_from(window.origin), self._colour, window.of(self._light))
+            splat(part, cloud.points, cloud.tint, self._colour, self._light, window.origin)
         if scene.pointer:
+            optics = self._optics.seen_from(window.origin)
             draw_pointer(part, scene, optics, self._gripper)
 
 

@@ -1,13 +1,14 @@
 """The strip's surface as material points: its near cut edge and the faces behind it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from drivers.twin.renderer.curve import Curve
+from drivers.twin.renderer.kernels import sow
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics
-from drivers.twin.renderer.splat import Cloud, Indices
+from drivers.twin.renderer.splat import Cloud
 from drivers.types import Array
 
 GRAIN = 0.0005  # m, grid of the weave
@@ -17,7 +18,6 @@ DEPTH_PITCH = 0.65  # px, across its faces
 EDGE_RADIUS = 0.001  # m of half a thickness by which the corners of a cut edge are rounded off
 LENS_PROBE = 0.001  # m, over which the lens counts as linear
 LIGHT_DIRECTION = np.array([-0.35, 0.94])  # where the light comes from, in the plane
-PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
 AMBIENT = 0.62
 CUT = 1.08  # brightness of the cut edge, seen from the front
 BACK_BRIGHTNESS = 0.93  # brightness of the side that lies on the desk
@@ -25,20 +25,10 @@ BACK_BRIGHTNESS = 0.93  # brightness of the side that lies on the desk
 
 @dataclass(frozen=True, slots=True)
 class Weave:
-    """Brightness of the material: `face` (i, j) by arc length and y, `cut` (i,) by arc length."""
+    """Brightness of the material: `face` (i, j) by arc length and y, `cut` (i, 1) by arc length."""
 
     face: Array
     cut: Array
-
-    def at(self, s: Array, y: Array) -> Array:
-        """Brightness of the face at arc lengths and depths (n,) [m]."""
-        i = (s * (1 / GRAIN)).astype(np.int64) & (WEAVE_ROWS - 1)
-        j = (y * (1 / GRAIN)).astype(np.int64) & (WEAVE_COLUMNS - 1)
-        return np.asarray(self.face.reshape(-1)[i * WEAVE_COLUMNS + j])
-
-    def cut_at(self, s: Array) -> Array:
-        """Brightness of the cut edge at arc lengths (n,) [m]."""
-        return np.asarray(self.cut[(s * (1 / GRAIN)).astype(np.int64) & (WEAVE_ROWS - 1)])
 
 
 def weave(depth: float, rng: np.random.Generator) -> Weave:
@@ -52,7 +42,7 @@ def weave(depth: float, rng: np.random.Generator) -> Weave:
     )
     face = 1 + depth * (0.5 * twill + 0.5 * warp + 0.6 * weft + 0.7 * slubs)
     yarns = rng.normal(size=WEAVE_ROWS // 2).repeat(2) + rng.normal(size=WEAVE_ROWS // 8).repeat(8)
-    return Weave(*(np.clip(part, 0.3, 1.7) for part in (face, 1 + depth * yarns)))
+    return Weave(*(np.clip(part, 0.3, 1.7) for part in (face, 1 + depth * yarns[:, None])))
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +50,13 @@ class Seen:
     """The midline in the image, at y = 0: `near` (m, 2) [px] and the images of displacements there.
 
     `along` (m, 2) [px] is a sample's piece of the curve, `half` (m, 2) half a thickness along the
-    normal, `motion` (m, 2) the path during the exposure, None at rest.
+    normal, `motion` (m, 2) the path during the exposure, empty at rest.
     """
 
     near: Array
     along: Array
     half: Array
-    motion: Array | None
+    motion: Array
 
 
 def project(curve: Curve, optics: Optics, look: StripLook) -> Seen:
@@ -80,7 +70,7 @@ def project(curve: Curve, optics: Optics, look: StripLook) -> Seen:
         return np.asarray(by_x * step[:, :1] + by_z * step[:, 1:])
 
     half = offsets(curve.normals * (look.thickness / 2))
-    motion = None if curve.motion is None else offsets(curve.motion)
+    motion = np.empty((0, 2)) if curve.motion is None else offsets(curve.motion)
     return Seen(near, offsets(curve.steps), half, motion)
 
 
@@ -89,16 +79,12 @@ def faces(curve: Curve, picture: Seen, optics: Optics, look: StripLook, material
     across = optics.plane(curve.points, look.width) - picture.near
     area, length = _area(picture.along, across), np.hypot(*picture.along.T)
     rows = np.ceil(area / length / DEPTH_PITCH).astype(np.int64)
-    which = np.repeat(np.arange(len(rows)), rows)
-    row = np.arange(len(which)) - np.repeat(np.cumsum(rows) - rows, rows)
-    share = 1 / np.maximum(rows, 1)
-    depth = (row + 0.5) * share[which]
-    near = _surface(curve, picture, optics, look)
-    u, v = (near[which, j] + depth * across[which, j] for j in range(2))
-    s, y = curve.s[which], depth * look.width
-    shade = _lit(curve, optics)[which] * material.at(s, y)
-    cloud = Cloud(u, v, (area * share)[which], shade, look.tint(s, y))
-    return _blur(cloud, picture, which, row)
+    near, shade = _surface(curve, picture, optics, look), _lit(curve, optics)
+    each = area * (1 / np.maximum(rows, 1))
+    grid = (1 / GRAIN, look.width)
+    return _cloud(
+        sow(near, across, picture.motion, rows, each, shade, curve.s, material.face, grid), look
+    )
 
 
 def near_edge(curve: Curve, picture: Seen, look: StripLook, material: Weave) -> Cloud:
@@ -106,14 +92,17 @@ def near_edge(curve: Curve, picture: Seen, look: StripLook, material: Weave) -> 
     midline.
     """
     thickness = 2 * float(np.hypot(*picture.half.T).max())
-    rows = max(int(np.ceil(thickness / PITCH)), 2)
-    depth = (2 * np.arange(rows) + 1) / rows - 1
-    u, v = ((picture.near[:, j, None] + depth * picture.half[:, j, None]).ravel() for j in range(2))
-    area = _area(picture.along, 2 * picture.half) / rows
-    shade = CUT * material.cut_at(curve.s)
-    which, row = np.divmod(np.arange(len(u)), rows)
-    tint = look.tint(curve.s[which], np.zeros(len(which)))
-    return _blur(Cloud(u, v, area[which], shade[which], tint), picture, which, row)
+    rows = np.full(len(curve.s), max(int(np.ceil(thickness / PITCH)), 2))
+    each, shade = _area(picture.along, 2 * picture.half) / rows, np.full(len(curve.s), CUT)
+    near, half, grid = picture.near, picture.half, (1 / GRAIN, 0.0)
+    return _cloud(
+        sow(near, half, picture.motion, rows, each, shade, curve.s, material.cut, grid), look
+    )
+
+
+def _cloud(points: Array, look: StripLook) -> Cloud:
+    tint = look.tint(points[4], points[5])
+    return Cloud(points, np.empty((0, 0)) if tint is None else tint)
 
 
 def _surface(curve: Curve, picture: Seen, optics: Optics, look: StripLook) -> Array:
@@ -130,22 +119,6 @@ def _surface(curve: Curve, picture: Seen, optics: Optics, look: StripLook) -> Ar
 def _area(along: Array, across: Array) -> Array:
     """(m,) area of parallelograms [px^2]."""
     return np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0])
-
-
-def _blur(cloud: Cloud, picture: Seen, which: Indices, row: Indices) -> Cloud:
-    """`cloud` with each point at a random instant of the exposure, so that neighbours together
-    blur.
-
-    `which` (n,) are the samples of the curve that the points belong to, `row` their rows there.
-    """
-    if picture.motion is None:
-        return cloud
-    instant = which * PLANE_SEQUENCE[0] + row * PLANE_SEQUENCE[1]
-    instant -= np.floor(instant) + 0.5
-    u, v = (
-        place + instant * picture.motion[which, j] for j, place in enumerate((cloud.u, cloud.v))
-    )
-    return replace(cloud, u=u, v=v)
 
 
 def _facing(curve: Curve, optics: Optics) -> Array:

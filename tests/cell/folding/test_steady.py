@@ -35,5 +35,6 @@ def test_a_run_that_fails_leaves_the_collector_as_it_was() -> None:
 def test_the_loop_goes_first_on_the_wall_clock_alone_and_not_afterwards(real_time) -> None:
     before = sys.getswitchinterval(), os.sched_getscheduler(0)
     with punctual(real_time):
+        assert (gc.get_freeze_count() > 0) is real_time
         assert (sys.getswitchinterval() < before[0]) is real_time
     assert (sys.getswitchinterval(), os.sched_getscheduler(0)) == before

@@ -1,0 +1,177 @@
+"""Compiled loops over the strip's material points, from the midline to the pixels."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.strip.rod.compiled import entry, kernel
+from drivers.types import Array, Image
+
+Indices = NDArray[np.int64]
+
+FULL = 0.96  # coverage from which a pixel counts as filled: what sampling may leave open
+PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
+
+
+@entry
+def plane(
+    points: Array,
+    y: float,
+    centre: Array,
+    m: Array,
+    focal: float,
+    principal: tuple[float, float],
+    distortion: tuple[float, float],
+) -> Array:
+    """Pixels (n, 2) of points (n, 2) of x, z [m] in the plane at `y` [m], for the camera at
+    `centre` (3,) whose rotation is `m` (3, 3); see `Optics`.
+    """
+    (u, v), (k1, k2) = principal, distortion
+    pixels = np.empty((len(points), 2))
+    for i in range(len(points)):
+        x, z = points[i, 0] - centre[0], points[i, 1] - centre[2]
+        right = m[0, 0] * x + m[0, 2] * z + (y - centre[1]) * m[0, 1]
+        down = m[1, 0] * x + m[1, 2] * z + (y - centre[1]) * m[1, 1]
+        inverse = 1 / (m[2, 0] * x + m[2, 2] * z + (y - centre[1]) * m[2, 1])
+        a, b = right * inverse, down * inverse
+        r2 = a * a + b * b
+        scale = (1 + r2 * (k1 + k2 * r2)) * focal
+        pixels[i, 0], pixels[i, 1] = a * scale + u, b * scale + v
+    return pixels
+
+
+@entry
+def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
+    """Points and derivatives (m, 2) at increasing `s` (m,) of the cubic Hermite curve through
+    `nodes` (n, 2) with `slopes` (n, 2) at arc lengths `arc` (n,).
+    """
+    points, derivatives = np.empty((len(s), 2)), np.empty((len(s), 2))
+    i = 0
+    for k in range(len(s)):
+        while i < len(arc) - 2 and arc[i + 1] <= s[k]:
+            i += 1
+        h = arc[i + 1] - arc[i]
+        t = (s[k] - arc[i]) / h
+        for c in range(2):
+            p0, m0, m1 = nodes[i, c], slopes[i, c], slopes[i + 1, c]
+            chord = (nodes[i + 1, c] - p0) / h
+            c2 = 3 * chord - 2 * m0 - m1
+            c3 = m0 + m1 - 2 * chord
+            points[k, c] = p0 + h * t * (m0 + t * (c2 + t * c3))
+            derivatives[k, c] = m0 + t * (2 * c2 + 3 * t * c3)
+    return points, derivatives
+
+
+@entry
+def sow(
+    start: Array,
+    across: Array,
+    motion: Array,
+    rows: Indices,
+    area: Array,
+    shade: Array,
+    s: Array,
+    weave: Array,
+    grid: tuple[float, float],
+) -> Array:
+    """Material points (6, n): u and v [px], area [px^2], brightness, arc length and depth [m].
+
+    Sample i of a curve, at arc length `s`, bears `rows` of them, each of `area`, evenly from
+    `start` (m, 2) on over `across` (m, 2). Their brightness is `shade` times the `weave`, whose
+    rows and columns are powers of two; `grid` is how many of those a metre has, and the width [m]
+    that `across` stands for; 0 for an edge, seen to either side of `start`. They move by `motion`
+    (m, 2), empty at rest: each is shown at an instant such that neighbours together blur.
+    """
+    found = np.empty((6, rows.sum()))
+    cells, width = grid
+    n = 0
+    for i in range(len(rows)):
+        along = int(s[i] * cells) & (len(weave) - 1)
+        for row in range(rows[i]):
+            depth = (2 * row + 1) / rows[i] - 1 if width == 0 else (row + 0.5) * (1 / rows[i])
+            y = depth * width
+            u, v = start[i, 0] + depth * across[i, 0], start[i, 1] + depth * across[i, 1]
+            if len(motion):
+                instant = i * PLANE_SEQUENCE[0] + row * PLANE_SEQUENCE[1]
+                instant -= np.floor(instant) + 0.5
+                u, v = u + instant * motion[i, 0], v + instant * motion[i, 1]
+            found[0, n], found[1, n], found[2, n] = u, v, area[i]
+            found[3, n] = shade[i] * weave[along, int(y * cells) & (weave.shape[1] - 1)]
+            found[4, n], found[5, n] = s[i], y
+            n += 1
+    return found
+
+
+@kernel
+def _gather(
+    sums: Array, points: Array, tint: Array, corner: tuple[int, int], low: int, right: int
+) -> None:
+    """Add to `sums` (rows, columns, channels), of which the first pixel is `corner`, what `points`
+    leave in one of the four pixels about each: in the lower ones, in the right ones.
+    """
+    u0, v0 = corner
+    for k in range(points.shape[1]):
+        u, v = points[0, k] - u0, points[1, k] - v0
+        j, i = int(u), int(v)
+        if u < 0 or v < 0 or j >= sums.shape[1] - 1 or i >= sums.shape[0] - 1:
+            continue
+        a, b = u - j, v - i
+        share = points[2, k] * a
+        if right == 0:
+            share = points[2, k] - share
+        share = share * b if low == 1 else share - share * b
+        glow = share * points[3, k]
+        pixel = sums[i + low, j + right]
+        pixel[0] += share
+        pixel[1] += glow
+        for c in range(tint.shape[1]):
+            pixel[2 + c] += glow * tint[k, c]
+
+
+@kernel
+def _bounds(points: Array, corner: tuple[int, int], size: tuple[int, int]) -> tuple[int, ...]:
+    """First row and column and the number of each that hold what `points` leave in an image of
+    `size` (rows, columns) whose first pixel is `corner`.
+    """
+    top, left, bottom, right = size[0], size[1], -2, -2
+    for k in range(points.shape[1]):
+        u, v = points[0, k] - corner[0], points[1, k] - corner[1]
+        if u >= 0 and v >= 0 and u < size[1] - 1 and v < size[0] - 1:
+            i, j = int(v), int(u)
+            top, left = min(top, i), min(left, j)
+            bottom, right = max(bottom, i), max(right, j)
+    return top, left, max(bottom + 2 - top, 0), max(right + 2 - left, 0)
+
+
+@entry
+def splat(
+    image: Image,
+    points: Array,
+    tint: Array,
+    colour: Array,
+    light: NDArray[np.float32],
+    origin: tuple[int, int],
+) -> None:
+    """Lay material points over `image`, a part of the whole one from `origin` (u, v) on, in place.
+
+    Each spreads its area bilinearly over the four nearest pixels, which keeps its first moment;
+    what a pixel gathers is its coverage. The ink is `colour` (3,) BGR, or where `tint` (n, 3) is
+    not empty its mean by brightness, under the `light` of the whole image.
+    """
+    rows, columns = image.shape[0], image.shape[1]
+    top, left, height, width = _bounds(points, origin, (rows, columns))
+    sums = np.zeros((height, width, 2 + tint.shape[1]))
+    for low in range(2):
+        for right in range(2):
+            _gather(sums, points, tint, (origin[0] + left, origin[1] + top), low, right)
+    for i in range(height):
+        for j in range(width):
+            coverage, glow = sums[i, j, 0], sums[i, j, 1]
+            if coverage == 0:
+                continue
+            v, u = top + i, left + j
+            alpha = min(coverage / FULL, 1.0)
+            ink = glow / max(coverage, 1e-12) * light[origin[1] + v, origin[0] + u] * alpha
+            for c in range(3):
+                mixed = colour[c] if tint.shape[1] == 0 else sums[i, j, 2 + c] / max(glow, 1e-12)
+                level = image[v, u, c] * (1 - alpha) + ink * mixed + 0.5
+                image[v, u, c] = np.uint8(min(level, 255.0))
