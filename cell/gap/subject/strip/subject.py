@@ -73,6 +73,7 @@ class Strip:
         self._jobs, self._scatter = jobs, tuple(scatter)
         self._simulation = Simulation(COARSE, jobs)
         self._rough = Simulation(ROUGH, jobs, SELDOM)
+        self._known: dict[Look, Residuals] = {}
         self._described = lru_cache(DESCRIBED)(partial(_describe, strip, self._scope.base))
         self._runs = prepare(self._measured, strip, self._floors, self._simulation, jobs, scatter)
         self._replicates = replicates(self._runs)
@@ -106,10 +107,15 @@ class Strip:
         ]
 
     def _compare(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
-        """Each motion against its run, a portion at a time: motions are large, residuals small.
+        """Each motion against its run, once, a portion at a time: motions are large, and forgotten;
+        residuals are small, and kept.
 
         Motions of one length together, in the order in which they are asked, as they are simulated.
         """
+        found = {look: self._known[look] for look in asked if look in self._known}
+        return found | self._compare_new({k: v for k, v in asked.items() if k not in found})
+
+    def _compare_new(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
         first = {look[1]: i for i, look in reversed(list(enumerate(asked)))}
         order = sorted(asked, key=lambda k: (k[2], asked[k][1].way.duration, first[k[1]]))
         seen: dict[Look, Residuals] = {}
@@ -121,6 +127,7 @@ class Strip:
                     shown = simulated(drives)
                     found = pool.map(_held_against, folds, drives, shown)
                     seen.update(zip(portion, found, strict=True))
+        self._known.update(seen)
         return seen
 
     def draw_measured(self, run: Run) -> Scene:
