@@ -11,7 +11,14 @@ import argparse
 import sys
 from pathlib import Path
 
-from cell.exam.studies.confidence import calibrate, judged, leave_each_out, names, reliable, shares
+from cell.exam.studies.confidence import (
+    calibrate,
+    leave_each_out,
+    names,
+    reliable,
+    shares,
+    verdicts_in,
+)
 from cell.gap.verdict.confidence import calibration
 from drivers.files import replace_file
 from drivers.yaml_edit import dump_text
@@ -20,7 +27,7 @@ from drivers.yaml_edit import dump_text
 def main() -> int:
     """Print the tables; 1 where no verdict names."""
     asked = _arguments()
-    outcomes = judged(asked.ledgers)
+    outcomes = verdicts_in(asked.ledgers)
     found, without = names(outcomes)
     if not found:
         sys.stderr.write("no verdict in these ledgers names and has signs; give others\n")

@@ -90,7 +90,7 @@ def names_to_withhold(case: Case) -> list[str]:
     return sorted({hidden, *registry()[hidden].looks_like})
 
 
-def judged(ledgers: Sequence[Path]) -> list[Outcome]:
+def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
     """The verdicts in `ledgers` of exams and of this study, lines of JSON, as `measure` gives them.
 
     A case is named after its ledger too: seeds of one number may have drawn others there.

@@ -10,7 +10,7 @@ from cell.gap.selection.posterior import Posterior
 
 
 @dataclass(frozen=True, slots=True)
-class Separation:
+class Distinction:
     """What sets an effect apart from its rivals. Source: set by hand.
 
     Fitted predictions differ by so many sigma (`distance`), and the effect is rather there than
@@ -21,7 +21,7 @@ class Separation:
     inclusion: float = 0.5
 
 
-SEPARATION = Separation()
+DISTINCTION = Distinction()
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def rivals(
             lead = believed.lead(accepted.model.names) - believed.lead(other.model.names)
             refuted |= lead > needed
         worth = margin(other, base, by).gain > MIN_GAIN
-        if worth and (ahead.distance < SEPARATION.distance or not refuted):
+        if worth and (ahead.distance < DISTINCTION.distance or not refuted):
             found.append(Alternative(other, ahead.gain, ahead.distance))
     return sorted(found, key=lambda r: r.behind)
 
@@ -82,7 +82,7 @@ def more_probable(
     The model of no effect does not count: whether there is a gap at all is decided elsewhere.
     """
     found = []
-    doubted = (e for e in accepted.model.names if sets.inclusion[e] < SEPARATION.inclusion)
+    doubted = (e for e in accepted.model.names if sets.inclusion[e] < DISTINCTION.inclusion)
     for effect in sorted(doubted):
         names = next(m.names for m in sets.models if effect not in m.names)
         other = fits.of(names)

@@ -51,22 +51,24 @@ def simulate_all(
     rod.reset(models, _starts(models, paths) if any(path.hanging for path in paths) else None)
     stride = every or len(poses) + 1
     piece = max(1, round(PIECE_TIME / dt) // max(every, 1)) * max(every, 1)
-    count, nodes = rod.arc().shape
-    memory = np.empty((piece // stride, count, nodes, 2))
-    kept = np.empty((count, len(poses) // stride, nodes, 2), precision)
+    memory = np.empty((piece // stride, *rod.arc().shape, 2))
+    kept = [np.empty((count // stride, *memory.shape[2:]), precision) for count in counts]
     shown = []
     for begin in range(0, len(poses), piece):
         *channels, shapes = rod.follow(poses[begin : begin + piece], dt, every, memory)
-        first = begin // stride
-        kept[:, first : first + len(shapes)] = shapes.swapaxes(0, 1)
+        for i, mine in enumerate(kept):
+            rows = mine[begin // stride :][: len(shapes)]
+            rows[:] = shapes[: len(rows), i]
         shown.append(channels)
         rod.retire(np.array(counts) <= begin + piece)
         if not rod.living.any():
             break
-    seen = Showing._make([*map(np.concatenate, zip(*shown, strict=True)), kept])
+    channels = [np.concatenate(pieces) for pieces in zip(*shown, strict=True)]
+    seen = [Showing._make([*(c[:, i] for c in channels), mine]) for i, mine in enumerate(kept)]
+    counts = [min(count, len(channels[0])) for count in counts]
     return [
-        _motion(seen, poses, i, path, min(count, len(seen.contact_x)), rod.touch[i], dt, every)
-        for i, (path, count) in enumerate(zip(paths, counts, strict=True))
+        _motion(one, poses[:, i], path, count, rod.touch[i], dt, stride)
+        for i, (one, path, count) in enumerate(zip(seen, paths, counts, strict=True))
     ]
 
 
@@ -89,14 +91,13 @@ def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array
 def _motion(
     seen: Showing,
     poses: Array,
-    i: int,
     path: GripperPath,
     count: int,
     touch: Touch | None,
     dt: float,
-    every: int,
+    stride: int,
 ) -> StripMotion:
-    """The motion of strip i: its first `count` steps, fewer where its layers touched."""
+    """The motion of one strip: its first `count` steps, fewer where its layers touched."""
     if touch is not None and touch.time > count * dt:
         touch = None
     if touch is not None:
@@ -104,11 +105,11 @@ def _motion(
         touch = Touch(path.t[0] + touch.time, touch.x, touch.to_grasped, touch.to_fixed)
     return StripMotion(
         t=path.t[0] + dt * np.arange(1, count + 1),
-        poses=poses[:count, i],
-        contact_x=seen.contact_x[:count, i],
-        tip=seen.tip[:count, i],
-        holding_force=seen.holding_force[:count, i],
-        grip_force=seen.grip_force[:count, i],
-        shapes=seen.shapes[i, : count // max(every, 1)],
+        poses=poses[:count],
+        contact_x=seen.contact_x[:count],
+        tip=seen.tip[:count],
+        holding_force=seen.holding_force[:count],
+        grip_force=seen.grip_force[:count],
+        shapes=seen.shapes[: count // stride],
         touch=touch,
     )

@@ -12,11 +12,11 @@ from cell.exam.studies.confidence import (
     Name,
     calibrate,
     fit_calibration,
-    judged,
     log_loss,
     names,
     reliable,
     shares,
+    verdicts_in,
 )
 from cell.gap.verdict.confidence import Calibration, Signs, calibration
 
@@ -95,7 +95,7 @@ def test_without_a_name_the_calibration_is_what_was_known_before() -> None:
 
 def test_the_package_holds_what_the_verdicts_of_its_source_give() -> None:
     source = [LEDGERS / f"confidence-{seed}.jsonl" for seed in (7301, 7302)]
-    found = Calibration.model_validate(calibrate(judged(source)))
+    found = Calibration.model_validate(calibrate(verdicts_in(source)))
     assert found.source.startswith("67 verdicts that name, 10 of them wrong")
     assert found.intercept == pytest.approx(calibration().intercept, abs=1e-3)
     for sign, w in calibration().weights.items():
@@ -104,6 +104,6 @@ def test_the_package_holds_what_the_verdicts_of_its_source_give() -> None:
 
 def test_verdicts_of_exams_count_as_those_of_the_study_do() -> None:
     ledgers = [LEDGERS / f"{kind}-7419.jsonl" for kind in ("single", "pair")]
-    found, without = names(judged(ledgers))
+    found, without = names(verdicts_in(ledgers))
     assert len(found) == len({name.case for name in found}) == 21
     assert (sum(name.right for name in found), without) == (20, 0.0)

@@ -180,7 +180,7 @@ class Simulation:
 
     def _thin_out(self, motion: StripMotion) -> SimulatedMotion:
         arc = lattice(1.0, self.grain.segments)
-        shapes = motion.shapes.astype(np.float32)  # a view would keep the whole batch
+        shapes = motion.shapes.astype(np.float32, copy=False)
         if not len(shapes):
             flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
             shapes = flat[None].astype(np.float32)
