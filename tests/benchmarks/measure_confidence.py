@@ -56,7 +56,11 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("ledgers", type=Path, nargs="+")
     parser.add_argument("--fit", type=Path)
-    return parser.parse_args()
+    asked = parser.parse_args()
+    for path in asked.ledgers:
+        if not path.is_file():
+            parser.error(f"{path}: no such file; give ledgers, lines of JSON")
+    return asked
 
 
 if __name__ == "__main__":

@@ -93,7 +93,8 @@ def names_to_withhold(case: Case) -> list[str]:
 def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
     """The verdicts in `ledgers` of exams and of this study, lines of JSON, as `measure` gives them.
 
-    A case is named after its ledger too: seeds of one number may have drawn others there.
+    A case is named after its ledger too: seeds of one number may have drawn others there. Verdicts
+    from before signs were kept have none.
     """
     lines = [(path, json.loads(line)) for path in ledgers
              for line in path.read_text(encoding="utf-8").splitlines()]  # fmt: skip
@@ -103,6 +104,7 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
         if scored is not None:
             values = {
                 **scored,
+                "signs": scored.get("signs"),
                 "case": f"{path.stem}/{scored['case']}",
                 "without": without,
                 "is_named": scored["verdict"] == "named",

@@ -11,7 +11,7 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.model import Evidence
 from drivers.types import Array
 
-MIN_GAIN = 4.0  # nats, 55 times as likely; between "strong" and "decisive" of Kass and Raftery 1995
+MIN_GAIN = 4.0  # nats, 55 times as likely: "strong" (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
 ALPHA = 0.01  # probability of a false alarm, family-wise; customary
 
 

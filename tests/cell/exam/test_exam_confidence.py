@@ -107,3 +107,4 @@ def test_verdicts_of_exams_count_as_those_of_the_study_do() -> None:
     found, without = names(verdicts_in(ledgers))
     assert len(found) == len({name.case for name in found}) == 21
     assert (sum(name.right for name in found), without) == (20, 0.0)
+    assert names(verdicts_in([LEDGERS / "images-9201.jsonl"])) == ([], 0.0)
