@@ -27,35 +27,58 @@ def between(shapes: Any, places: Any) -> Any:
 
 
 @kernel
-def curvature(curve: Any, q: int) -> Any:
-    """Curvature [1/m] at node q from the turn of its two segments, 0 at the ends."""
-    if q == 0 or q == len(curve) - 1:
-        return 0.0
-    ux, uz = curve[q, 0] - curve[q - 1, 0], curve[q, 1] - curve[q - 1, 1]
-    vx, vz = curve[q + 1, 0] - curve[q, 0], curve[q + 1, 1] - curve[q, 1]
-    first, second = math.hypot(ux, uz), math.hypot(vx, vz)
+def chord(curve: Any, q: int) -> Any:
+    """Segment q of a curve: its way (x, z) [m] and its length [m]."""
+    x, z = curve[q + 1, 0] - curve[q, 0], curve[q + 1, 1] - curve[q, 1]
+    return x, z, math.hypot(x, z)
+
+
+@kernel
+def curvature(before: Any, after: Any) -> Any:
+    """Curvature [1/m] at the node between two chords, from the turn of the one to the other."""
+    (ux, uz, first), (vx, vz, second) = before, after
     return 2.0 * (ux * vz - uz * vx) / (first * second * (first + second))
 
 
 @kernel
-def beside(curve: Any, q: int, x: float, z: float) -> Any:
-    """Distance to segment q, and signed distance to the arc that stands on it, left positive."""
-    last = len(curve) - 2
-    xa, za = curve[q, 0], curve[q, 1]
-    xb, zb = curve[q + 1, 0], curve[q + 1, 1]
-    length = math.hypot(xb - xa, zb - za)
-    tx, tz = (xb - xa) / length, (zb - za) / length
-    along = ((x - xa) * tx + (z - za) * tz) / length
-    across = (z - za) * tx - (x - xa) * tz
+def beside(curve: Any, q: int, chosen: Any, bend: float, x: float, z: float) -> Any:
+    """Distance to segment q with the chord `chosen`, and signed distance to the arc of the mean
+    curvature `bend` [1/m] that stands on it, left positive.
+    """
+    dx, dz, length = chosen
+    tx, tz = dx / length, dz / length
+    along = ((x - curve[q, 0]) * tx + (z - curve[q, 1]) * tz) / length
+    across = (z - curve[q, 1]) * tx - (x - curve[q, 0]) * tz
     low = 0.0 if q > 0 else -math.inf
-    high = 1.0 if q < last else math.inf
+    high = 1.0 if q < len(curve) - 2 else math.inf
     inside = min(max(along, low), high)
     off = (along - inside) * length
     distance = math.hypot(across, off)
-    bend = 0.5 * (curvature(curve, q) + curvature(curve, q + 1))
     share = min(max(inside, 0.0), 1.0)
     bulge = 0.5 * bend * length * length * share * (1.0 - share)
     return distance, math.copysign(distance, across) + bulge
+
+
+@kernel
+def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
+    """Signed distance of (x, z) to the nearer of the two segments at node q; a curve has no
+    curvature at its ends.
+    """
+    last = len(curve) - 1
+    best, found = math.inf, 0.0
+    here = chord(curve, max(q - 1, 0))
+    bend = curvature(chord(curve, q - 2), here) if q > 1 else 0.0
+    for segment in range(max(q - 1, 0), min(q + 1, last)):
+        ahead, bend_ahead = here, 0.0
+        if segment + 1 < last:
+            ahead = chord(curve, segment + 1)
+            bend_ahead = curvature(here, ahead)
+        mean = 0.5 * (bend + bend_ahead)
+        distance, signed = beside(curve, segment, here, mean, x, z)
+        if distance < best:
+            best, found = distance, signed
+        here, bend = ahead, bend_ahead
+    return found
 
 
 @kernel
@@ -110,17 +133,12 @@ def signed_distances(
     (k, nodes, 2) with nodes at `arc` (nodes,) [m]; its foot lies within SEARCH_SPAN of `near` (n,)
     [m]. Segments count as arcs.
     """
-    last, curves = shapes.shape[1] - 1, between(shapes, places)
+    curves = between(shapes, places)
     for p in range(len(points)):
         curve, x, z = curves[image[p]], points[p, 0], points[p, 1]
         low, high = around(arc, near[p])
         q = nearest(curve, low, high, x, z)
-        best, found[p] = math.inf, 0.0
-        for segment in (q - 1, q):
-            if 0 <= segment < last:
-                distance, signed = beside(curve, segment, x, z)
-                if distance < best:
-                    best, found[p] = distance, signed
+        found[p] = signed_distance(curve, q, x, z)
 
 
 @entry

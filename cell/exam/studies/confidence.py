@@ -14,6 +14,7 @@ import numpy as np
 from scipy import optimize
 
 from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Case as StudyCase
 from cell.campaign.study import Fit, Ledger, Outcome, Study, Values
 from cell.config.places import find_configs
 from cell.exam.case import Case
@@ -87,6 +88,30 @@ def names_to_withhold(case: Case) -> list[str]:
     """
     hidden = sorted(case.effects or case.answer)[0]
     return sorted({hidden, *registry()[hidden].looks_like})
+
+
+def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
+    """The verdicts in `ledgers` of exams and of this study, lines of JSON, as `measure` gives them.
+
+    A case is named after its ledger too: seeds of one number may have drawn others there. Verdicts
+    from before signs were kept have none.
+    """
+    lines = [(path, json.loads(line)) for path in ledgers
+             for line in path.read_text(encoding="utf-8").splitlines()]  # fmt: skip
+    found: list[Outcome] = []
+    for path, line in lines:
+        scored, without = line["outcome"], line.get("without", [])
+        if scored is not None:
+            values = {
+                **scored,
+                "signs": scored.get("signs"),
+                "case": f"{path.stem}/{scored['case']}",
+                "without": without,
+                "is_named": scored["verdict"] == "named",
+                "is_right": scored["result"] in RIGHT_RESULTS and not without,
+            }
+            found.append(Outcome(StudyCase(len(found), 0, {}), values))
+    return found
 
 
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:

@@ -9,7 +9,8 @@ from cell.gap.selection.likelihood import MIN_GAIN, LikelihoodScale
 from cell.gap.selection.screening import Probed
 from cell.gap.subject.subject import Parameter
 
-DETECTED_SIGMA = 8.0  # after the base is refitted, at which cross-validation too is sure of it
+# after the base is refitted, at which cross-validation too is sure of it; set by hand
+DETECTED_SIGMA = 8.0
 
 
 def detectable(

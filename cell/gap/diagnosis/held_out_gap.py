@@ -12,7 +12,7 @@ from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.subject.subject import Quantity, Words
 from drivers.types import Array
 
-DRAWS = 2000
+DRAWS = 2000  # of runs, for the interval of the shrink; set by hand
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,8 @@ from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from drivers.types import Array
 
-DRIFT = 0.25  # relative scatter of the amplitude between conditions that a cause may show
+# relative scatter of the amplitude between conditions that a cause may show; set by hand
+DRIFT = 0.25
 
 
 @dataclass(frozen=True, slots=True)

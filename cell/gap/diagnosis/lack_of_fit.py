@@ -15,9 +15,22 @@ from cell.gap.fitting.projection import Projection
 from cell.gap.subject.subject import Run
 from drivers.types import Array
 
-BIN_TIME = 0.3  # s of one bin in which repeats are compared
-DRAWS = 400
-FEWEST_OTHERS = 6  # runs that a model must describe before one may go another way
+
+@dataclass(frozen=True, slots=True)
+class Testing:
+    """How a lack of fit is tested. Source: set by hand.
+
+    Repeats are compared in bins of `bin_time` [s], as long as the samples of a strip; noise is
+    drawn so many times (`draws`); so many runs (`described`) must be described before one more may
+    go another way.
+    """
+
+    bin_time: float = 0.3
+    draws: int = 400
+    described: int = 6
+
+
+TESTING = Testing()
 
 
 def pure_error(
@@ -65,7 +78,7 @@ def _rows_by_bin(run: Run) -> dict[tuple[str, str, str, int], list[int]]:
     rows: dict[tuple[str, str, str, int], list[int]] = defaultdict(list)
     s = run.samples
     for i in range(len(s)):
-        key = (str(s.channel[i]), str(s.phase[i]), str(s.zone[i]), int(s.t[i] / BIN_TIME))
+        key = (str(s.channel[i]), str(s.phase[i]), str(s.zone[i]), int(s.t[i] / TESTING.bin_time))
         rows[key].append(i)
     return rows
 
@@ -83,7 +96,7 @@ class Misfit:
 def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> Misfit:
     """Largest standardised mean square over channels and conditions against bootstrapped noise.
 
-    `noise` (N, DRAWS) are residuals that noise alone would leave (`noise_left`); `allowed` (N,)
+    `noise` (N, draws) are residuals that noise alone would leave (`noise_left`); `allowed` (N,)
     divides the residuals first (`slack`); a wild one counts as much as the fit lets it count.
     """
     r = robust.clip_residuals(np.concatenate(estimate.residuals) / allowed)
@@ -110,13 +123,13 @@ def _groups(estimate: Estimate) -> dict[tuple[str, str], NDArray[np.int64]]:
 
 
 def noise_left(about: Projection, rng: np.random.Generator) -> Array:
-    """Residuals (N, DRAWS) that unit noise, and what differs from run to run, leave after a fit.
+    """Residuals (N, draws) that unit noise, and what differs from run to run, leave after a fit.
 
     Parametric bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
     """
-    noise = rng.standard_normal((len(about.residual), DRAWS))
+    noise = rng.standard_normal((len(about.residual), TESTING.draws))
     if about.scatter.shape[1]:
-        noise += about.scatter @ rng.standard_normal((about.scatter.shape[1], DRAWS))
+        noise += about.scatter @ rng.standard_normal((about.scatter.shape[1], TESTING.draws))
     return about.left(noise)
 
 
@@ -139,7 +152,7 @@ def outlying_run(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:
     """The run that departs most from the model, if others bear that out, and its samples (N,)."""
     squares = [float(np.mean(robust.clip_residuals(r) ** 2)) for r in estimate.residuals]
     owner = np.repeat(np.arange(len(squares)), [len(r) for r in estimate.residuals])
-    if len(squares) <= FEWEST_OTHERS:
+    if len(squares) <= TESTING.described:
         return None, np.zeros(len(owner), dtype=bool)
     worst = int(np.argmax(squares))
     return estimate.evidence.runs[worst].name, owner == worst

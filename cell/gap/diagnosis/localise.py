@@ -10,7 +10,7 @@ from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
 from drivers.types import Array
 
-FEWEST_SAMPLES = 4  # samples that make a bin
+FEWEST_SAMPLES = 4  # samples that make a bin; set by hand
 
 
 @dataclass(frozen=True, slots=True)

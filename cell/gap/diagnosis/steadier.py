@@ -12,7 +12,7 @@ from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from drivers.types import Array
 
-REMEDY_SHARE = 0.5  # of a spread, that a remedy would leave
+REMEDY_SHARE = 0.5  # of a spread, that a remedy would leave; set by hand
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,18 @@ from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Run
 from drivers.types import Array
 
-FOLDS = 8
-SILENT = 10.0  # times the variance: other runs hold less than a tenth of what is known
+
+@dataclass(frozen=True, slots=True)
+class Folding:
+    """At most so many folds (`most`); what the other runs know with `silent` times the variance, a
+    tenth of what all know, they say nothing of. Source: set by hand.
+    """
+
+    most: int = 8
+    silent: float = 10.0
+
+
+FOLDING = Folding()
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +54,7 @@ class Validated:
         return self.charged + [float(robust.bounded_loss(r / scale).sum()) for r in self.left_out]
 
 
-def folds(runs: Sequence[Run], most: int = FOLDS) -> list[list[int]]:
+def folds(runs: Sequence[Run], most: int = FOLDING.most) -> list[list[int]]:
     """Run numbers by fold: whole conditions, dealt in turn; single runs where all are alike."""
     conditions = list(dict.fromkeys(run.condition for run in runs))
     label = [conditions.index(run.condition) for run in runs]
@@ -110,7 +120,7 @@ def _only_here(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Mask
         np.diag(normal_equations.covariance(_equations(estimate, runs)))[:count]
         for runs in (range(len(estimate.evidence.runs)), keep)
     )
-    return np.asarray((without > SILENT * with_all) & (np.arange(count) >= base))
+    return np.asarray((without > FOLDING.silent * with_all) & (np.arange(count) >= base))
 
 
 def _equations(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Normal:

@@ -1,7 +1,7 @@
 """How well the width of an interval is known, where it rests on spreads of few runs."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,14 +10,25 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
 from drivers.types import Array
 
-LOG_STEP = 0.1  # of the logarithm of a spread, by which it is tried
-USUAL_WORTH = 5.0  # what is usual in laboratories says as much of a spread as six runs do
 
-INFINITELY_MANY = 1e6  # as good as infinitely many
+@dataclass(frozen=True, slots=True)
+class Freedom:
+    """How the degrees of freedom of a variance are found. Source: set by hand.
+
+    The logarithm of a spread is moved by `step`; what is usual in laboratories says as much of a
+    spread as six runs do, so that there are `least`; `most` are as good as infinitely many.
+    """
+
+    step: float = 0.1
+    least: float = 5.0
+    most: float = 1e6
+
+
+FREEDOM = Freedom()
 
 
 def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]) -> Array:
-    """Degrees of freedom (size,) of the variance of each unknown, USUAL_WORTH or more.
+    """Degrees of freedom (size,) of the variance of each unknown, `FREEDOM.least` or more.
 
     2 V^2 / var V, by how the variance V goes with the logarithm of each spread and how well that
     is known (Satterthwaite 1946, An approximate distribution of estimates of variance components).
@@ -26,11 +37,11 @@ def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequenc
     doubt = np.zeros_like(whole)
     for spread in scatter:
         more, less = (
-            _variance(estimate, inefficiency, {spread.name: float(np.exp(side * LOG_STEP))})
+            _variance(estimate, inefficiency, {spread.name: float(np.exp(side * FREEDOM.step))})
             for side in (1.0, -1.0)
         )
-        doubt += ((more - less) / (2.0 * LOG_STEP) * spread.error) ** 2
-    return np.clip(2.0 * whole**2 / np.maximum(doubt, 1e-300), USUAL_WORTH, INFINITELY_MANY)
+        doubt += ((more - less) / (2.0 * FREEDOM.step) * spread.error) ** 2
+    return np.clip(2.0 * whole**2 / np.maximum(doubt, 1e-300), FREEDOM.least, FREEDOM.most)
 
 
 def _variance(estimate: Estimate, inefficiency: float, factors: dict[str, float]) -> Array:

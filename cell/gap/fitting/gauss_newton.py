@@ -16,7 +16,8 @@ from cell.gap.fitting.tasks import Task
 from cell.gap.subject.subject import Residuals
 from drivers.types import Array
 
-FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0  # nats that a further step must promise: in the end, to compare
+# nats that a further step must promise: in the end, to compare; set by hand, small beside MIN_GAIN
+FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Run
 from drivers.types import Array
 
-LOST_RESIDUAL = 10.0  # whitened residual of a sample that the model cannot show
+LOST_RESIDUAL = 10.0  # whitened residual of a sample that the model cannot show; set by hand
 
 
 @dataclass(frozen=True, slots=True)

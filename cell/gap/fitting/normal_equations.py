@@ -11,7 +11,8 @@ from cell.gap.fitting.model import Evidence, Model, Point
 from drivers.types import Array
 
 Mask = NDArray[np.bool_]
-RIDGE = 1e-9  # relative; keeps directions that nothing determines where they are
+# relative; keeps directions that nothing determines where they are; far above rounding errors
+RIDGE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,8 @@ from cell.gap.fitting.secants import linearise
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.tasks import Simulate, run_one
 
-SPREAD_RATIO = 0.7  # of a spread, below which it was in part the response to an effect
+# of a spread, below which it was in part the response to an effect; set by hand
+SPREAD_RATIO = 0.7
 
 
 def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:

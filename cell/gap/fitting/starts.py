@@ -13,9 +13,18 @@ from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.subject.subject import Subject
 from drivers.types import Array
 
-START_COUNT = 3
-# steps from a drawn start, in which it comes farther than the stated values or never
-START_ITERATIONS = 4
+
+@dataclass(frozen=True, slots=True)
+class Starts:
+    """From how many values the base is fitted, the stated ones among them, and in how many `steps`
+    a drawn start comes farther than those or never. Source: set by hand.
+    """
+
+    count: int = 3
+    steps: int = 4
+
+
+STARTS = Starts()
 
 
 def refit_base(
@@ -28,9 +37,9 @@ def refit_base(
     first = run_one(simulate, refit(model, evidence, Point(nominal, evidence.start())))
     if all(np.mean(r**2) < 1.0 for r in first.residuals):
         return first
-    points = [_draw_start(model, rng) for _ in range(START_COUNT - 1)]
+    points = [_draw_start(model, rng) for _ in range(STARTS.count - 1)]
     tasks = [
-        refit(model, evidence, Point(p, evidence.start()), None, ROUGH_GAIN, START_ITERATIONS)
+        refit(model, evidence, Point(p, evidence.start()), None, ROUGH_GAIN, STARTS.steps)
         for p in points
     ]
     begun = best([first, *run_all(simulate, tasks)])

@@ -6,8 +6,8 @@ from typing import Any
 from cell.gap.report import figures
 from cell.gap.report.sentence import motion
 from cell.gap.report.units import in_small_unit, interval, number, probability, unit
-from cell.gap.selection.choice import MATERIAL
-from cell.gap.verdict.compose import PLACE_SIGNIFICANCE
+from cell.gap.selection.choice import EARNED
+from cell.gap.verdict.compose import LISTED
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Compared, Verdict
 
@@ -22,7 +22,7 @@ def where(found: Findings) -> dict[str, str]:
 
 def _where(found: Findings) -> str:
     places = found.places
-    strong = [place for place in places if place.p < PLACE_SIGNIFICANCE]
+    strong = [place for place in places if place.p < LISTED.significance]
     if not strong:
         return "Nowhere beyond what noise does."
     first = strong[0]
@@ -32,7 +32,7 @@ def _where(found: Findings) -> str:
         "places disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
         "parameters were refitted."
     )
-    alone = sum(place.p < PLACE_SIGNIFICANCE for place in found.fitted.places)
+    alone = sum(place.p < LISTED.significance for place in found.fitted.places)
     if found.judged.places and alone < len(strong):
         text += (
             f" By itself {alone or 'none'} of them would stand out from noise and from what "
@@ -49,7 +49,7 @@ def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
         "What each effect gains in predicting runs that the fit had not seen, in nats (4 nats: "
         "55 times as likely). A further effect is taken for "
         f"{found.by.least:.0f} nats, p below 0.01 over all candidates, and at least "
-        f"{100 * MATERIAL:.0f} % of the excess gap that was left."
+        f"{100 * EARNED.removed:.0f} % of the excess gap that was left."
     )
     model_error = max((e.model_error for e in found.accepted.model.effects), default=0.0)
     if model_error:

@@ -14,7 +14,20 @@ from cell.gap.selection.posterior import Posterior
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
-BLIND_SHARE = 0.9  # of what was known before: a fit that says less says nothing
+
+@dataclass(frozen=True, slots=True)
+class Earned:
+    """What an effect must do to be accepted, as shares. Source: set by hand.
+
+    It must remove the share `removed` of the excess gap. A fit that leaves more than the share
+    `blind` of the spread that was known of an amount says nothing of it.
+    """
+
+    removed: float = 0.25
+    blind: float = 0.9
+
+
+EARNED = Earned()
 
 
 def is_significant(estimate: Estimate, effect: Candidate, by: LikelihoodScale) -> bool:
@@ -31,12 +44,9 @@ def is_significant(estimate: Estimate, effect: Candidate, by: LikelihoodScale) -
         first += len(other.parameters)
     for i, p in enumerate(effect.parameters, start=first):
         far = abs(estimate.shared[i] - p.start) > special.ndtri(0.975) * spread[i]
-        if not p.shape and (far or spread[i] > BLIND_SHARE * p.spread):
+        if not p.shape and (far or spread[i] > EARNED.blind * p.spread):
             return True
     return False
-
-
-MATERIAL = 0.25  # of the excess gap that a step must remove
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +115,7 @@ def by_evidence(choice: Choice, sets: Posterior) -> Choice:
 
 def _is_earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale) -> bool:
     gain = _beyond_model_error(ahead.each, before, fits, by)
-    return gain > by.least and ahead.p < ALPHA and ahead.removed > MATERIAL
+    return gain > by.least and ahead.p < ALPHA and ahead.removed > EARNED.removed
 
 
 def _step(

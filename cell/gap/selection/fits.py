@@ -7,7 +7,8 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.starts import best
 from cell.gap.selection.likelihood import LikelihoodScale, likelihood_scale, margin
 
-GAIN_SHARE = 0.5  # of the best model's gain, from which models of its size are looked at too
+# of the best model's gain, from which models of its size are looked at too; set by hand
+GAIN_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,24 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.model import Evidence
 from drivers.types import Array
 
-MIN_GAIN = 4.0  # nats
-ALPHA = 0.01
-SYSTEMATIC = 0.35  # of the floor, that may lie wholly in the direction of one effect
-# of what a model gained, that a rival must lie behind: responses are true to 15 %
-RIVAL_SHARE = 0.02
+MIN_GAIN = 4.0  # nats, 55 times as likely: "strong" (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
+ALPHA = 0.01  # probability of a false alarm, family-wise; customary
+
+
+@dataclass(frozen=True, slots=True)
+class ModelError:
+    """How wrong a right model may be. Source: set by hand.
+
+    The share `aligned` of the floor may lie wholly in the direction of one effect; responses are
+    true to 15 %, so that a rival must lie behind by the share `law`, its square, of what a model
+    gained.
+    """
+
+    aligned: float = 0.35
+    law: float = 0.02
+
+
+MODEL_ERROR = ModelError()
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +53,7 @@ class LikelihoodScale:
         A law that is nearly that of the measured thing is wrong by a share of what it explains:
         of relative error e in its response, e^2.
         """
-        return self.least + RIVAL_SHARE * max(0.0, gained)
+        return self.least + MODEL_ERROR.law * max(0.0, gained)
 
 
 def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
@@ -53,9 +66,9 @@ def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
 
 
 def _false_gain(evidence: Evidence) -> float:
-    """Nats that an effect gains whose response is SYSTEMATIC times the floor in every sample."""
+    """Nats that an effect gains whose response is the share `aligned` of the floor everywhere."""
     shares = [
-        np.sum((SYSTEMATIC * run.samples.floor / scale) ** 2)
+        np.sum((MODEL_ERROR.aligned * run.samples.floor / scale) ** 2)
         for run, scale in zip(evidence.runs, evidence.scales, strict=True)
     ]
     return 0.5 * float(np.sum(shares))

@@ -8,8 +8,20 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
 from cell.gap.selection.posterior import Posterior
 
-RIVAL_DISTANCE = 3.0  # sigma between fitted predictions
-SMALLEST_INCLUSION = 0.5  # probability that an effect is there
+
+@dataclass(frozen=True, slots=True)
+class Distinction:
+    """What sets an effect apart from its rivals. Source: set by hand.
+
+    Fitted predictions differ by so many sigma (`distance`), and the effect is rather there than
+    not: its probability of `inclusion` is at least this.
+    """
+
+    distance: float = 3.0
+    inclusion: float = 0.5
+
+
+DISTINCTION = Distinction()
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +53,7 @@ def rivals(
             lead = believed.lead(accepted.model.names) - believed.lead(other.model.names)
             refuted |= lead > needed
         worth = margin(other, base, by).gain > MIN_GAIN
-        if worth and (ahead.distance < RIVAL_DISTANCE or not refuted):
+        if worth and (ahead.distance < DISTINCTION.distance or not refuted):
             found.append(Alternative(other, ahead.gain, ahead.distance))
     return sorted(found, key=lambda r: r.behind)
 
@@ -65,12 +77,13 @@ def _beside(
 def more_probable(
     accepted: Validated, fits: Fits, by: LikelihoodScale, sets: Posterior
 ) -> list[Alternative]:
-    """The most probable fitted model without each accepted effect under `SMALLEST_INCLUSION`.
+    """The most probable fitted model without each accepted effect that is rather absent than there.
 
     The model of no effect does not count: whether there is a gap at all is decided elsewhere.
     """
     found = []
-    for effect in sorted(e for e in accepted.model.names if sets.inclusion[e] < SMALLEST_INCLUSION):
+    doubted = (e for e in accepted.model.names if sets.inclusion[e] < DISTINCTION.inclusion)
+    for effect in sorted(doubted):
         names = next(m.names for m in sets.models if effect not in m.names)
         other = fits.of(names)
         if names and other is not None:

@@ -1,6 +1,7 @@
 """The verdict as it is written: from findings to the document of `verdict`."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
@@ -30,10 +31,25 @@ from cell.gap.verdict.schema import (
     WhereBin,
 )
 
-PLACE_SIGNIFICANCE = 0.05  # family-wise probability below which a place is listed
-MOST_PLACES = 24
-SETS = 20  # of effects, the most probable, that are listed
-TELLING = 1.0  # sigma below which an experiment is not worth its minutes
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """What a verdict lists. Source: set by hand, but for the customary `significance`.
+
+    Places of a smaller family-wise probability than `significance`, at most so many (`places`); so
+    many `sets` of effects, the most probable; experiments that separate by `separation` [sigma] or
+    more; numbers that deviate from what is stated by more than so many standard deviations
+    (`tolerated`) of what was known before, 95 %, where no range is stated.
+    """
+
+    significance: float = 0.05
+    places: int = 24
+    sets: int = 20
+    separation: float = 1.0
+    tolerated: float = 2.0
+
+
+LISTED = Listed()
 
 
 def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
@@ -116,7 +132,7 @@ def _base(found: Findings) -> dict[str, Interval]:
 
 
 def _where(found: Findings) -> list[WhereBin]:
-    seen = [place for place in found.places if place.p < PLACE_SIGNIFICANCE][:MOST_PLACES]
+    seen = [place for place in found.places if place.p < LISTED.significance][: LISTED.places]
     return [
         WhereBin(channel=w.channel, phase=w.phase, zone=w.zone, condition=w.condition, z=w.z, p=w.p)
         for w in seen
@@ -141,7 +157,7 @@ def _posterior(found: Findings) -> Probable:
     own = {found.accepted.model.names, *(r.model.model.names for r in found.judged.rivals)}
     ahead = sets.ahead(lambda names: names in own)
     return Probable(
-        models=[ProbableSet(names=sorted(m.names), p=m.p) for m in sets.models[:SETS]],
+        models=[ProbableSet(names=sorted(m.names), p=m.p) for m in sets.models[: LISTED.sets]],
         inclusion=sets.inclusion,
         left=float(np.sqrt(mean_square(clip_wild(after.residuals, 1.0)))),
         correlation=robust.correlation(after.evidence.runs, after.residuals),
@@ -226,11 +242,8 @@ def _advice(found: Findings) -> list[Recommended]:
             minutes=a.experiment.minutes,
         )
         for a in found.advised.experiments
-        if a.sigma >= TELLING
+        if a.sigma >= LISTED.separation
     ]
-
-
-TOLERATED = 2.0  # standard deviations of what was known before, without a stated range: 95 %
 
 
 def deviations(base: Sequence[Parameter], found: Mapping[str, Interval]) -> list[Deviation]:
@@ -260,6 +273,6 @@ def _range_of(p: Parameter) -> tuple[float, float]:
     """The range that the file allows, as files state the value."""
     if p.tolerated is not None:
         return p.tolerated
-    reach = TOLERATED * p.spread
+    reach = LISTED.tolerated * p.spread
     ends = p.stated_value(max(p.start - reach, p.low)), p.stated_value(p.start + reach)
     return min(ends), max(ends)

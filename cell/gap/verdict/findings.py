@@ -24,7 +24,7 @@ from cell.gap.selection.screening import Probed, Table
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
 
-UNSTEADY = 3.0  # times the stated noise by which repeats may differ
+UNSTEADY = 3.0  # times the stated noise by which repeats may differ; set by hand
 
 
 @dataclass(frozen=True, slots=True)

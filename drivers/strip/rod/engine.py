@@ -91,12 +91,15 @@ class Rod:
             touch=self.touch,
         )
 
-    def follow(self, poses: Array, dt: float, every: int = 0) -> Showing:
+    def follow(
+        self, poses: Array, dt: float, every: int = 0, memory: Array | None = None
+    ) -> Showing:
         """`advance` with the observables of every step, and the shapes of each `every`th step, 0
-        for none.
+        for none; in `memory` (m or more, n, nodes, 2) where it is given.
         """
         count = len(poses) // every if every else 0
-        shapes = np.full((count, *self.shapes().shape), np.nan)
+        shapes = np.empty((count, *self._batch.arc.shape, 2)) if memory is None else memory[:count]
+        shapes.fill(np.nan)
         shown = self._march(poses, dt, shapes, max(every, 1))
         tip = shown[:, :, of.TIP_X : of.TIP_Z + 1]
         grip = shown[:, :, of.GRIP_X : of.GRIP_Z + 1]

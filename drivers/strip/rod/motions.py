@@ -37,28 +37,38 @@ def simulate_all(
     *,
     dt: float = 0.005,
     every: int = 0,
+    precision: type[np.floating] = np.float64,
 ) -> list[StripMotion]:
     """Simulate each of `models` along its own path in one batch; see `simulate` for one.
 
     True grip paths follow from the models' rigs. Every `every`th step keeps its shape, 0 for none;
-    `shapes` then has (k // every, nodes, 2). A motion ends at its layer_touch or at the end of its
-    path.
+    `shapes` then has (k // every, nodes, 2), rounded to `precision`. A motion ends at its
+    layer_touch or at the end of its path.
     """
     paths = [_true(model, path) for model, path in zip(models, paths, strict=True)]
     counts = [max(1, round((path.t[-1] - path.t[0]) / dt)) for path in paths]
     poses = np.stack([_sample(path, dt, max(counts)) for path in paths], axis=1)
     rod.reset(models, _starts(models, paths) if any(path.hanging for path in paths) else None)
+    stride = every or len(poses) + 1
     piece = max(1, round(PIECE_TIME / dt) // max(every, 1)) * max(every, 1)
+    memory = np.empty((piece // stride, *rod.arc().shape, 2))
+    kept = [np.empty((count // stride, *memory.shape[2:]), precision) for count in counts]
     shown = []
     for begin in range(0, len(poses), piece):
-        shown.append(rod.follow(poses[begin : begin + piece], dt, every))
+        *channels, shapes = rod.follow(poses[begin : begin + piece], dt, every, memory)
+        for i, mine in enumerate(kept):
+            rows = mine[begin // stride :][: len(shapes)]
+            rows[:] = shapes[: len(rows), i]
+        shown.append(channels)
         rod.retire(np.array(counts) <= begin + piece)
         if not rod.living.any():
             break
-    seen = Showing(*(np.concatenate(channel) for channel in zip(*shown, strict=True)))
+    channels = [np.concatenate(pieces) for pieces in zip(*shown, strict=True)]
+    seen = [Showing._make([*(c[:, i] for c in channels), mine]) for i, mine in enumerate(kept)]
+    counts = [min(count, len(channels[0])) for count in counts]
     return [
-        _motion(seen, poses, i, path, min(count, len(seen.contact_x)), rod.touch[i], dt, every)
-        for i, (path, count) in enumerate(zip(paths, counts, strict=True))
+        _motion(one, poses[:, i], path, count, rod.touch[i], dt, stride)
+        for i, (one, path, count) in enumerate(zip(seen, paths, counts, strict=True))
     ]
 
 
@@ -81,27 +91,25 @@ def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array
 def _motion(
     seen: Showing,
     poses: Array,
-    i: int,
     path: GripperPath,
     count: int,
     touch: Touch | None,
     dt: float,
-    every: int,
+    stride: int,
 ) -> StripMotion:
-    """The motion of strip i: its first `count` steps, fewer where its layers touched."""
+    """The motion of one strip: its first `count` steps, fewer where its layers touched."""
     if touch is not None and touch.time > count * dt:
         touch = None
     if touch is not None:
         count = min(count, int(np.ceil(touch.time / dt - 1e-9)))
         touch = Touch(path.t[0] + touch.time, touch.x, touch.to_grasped, touch.to_fixed)
-    shapes = seen.shapes[: count // every, i] if every else np.empty((0, *seen.shapes.shape[2:]))
     return StripMotion(
         t=path.t[0] + dt * np.arange(1, count + 1),
-        poses=poses[:count, i],
-        contact_x=seen.contact_x[:count, i],
-        tip=seen.tip[:count, i],
-        holding_force=seen.holding_force[:count, i],
-        grip_force=seen.grip_force[:count, i],
-        shapes=shapes,
+        poses=poses[:count],
+        contact_x=seen.contact_x[:count],
+        tip=seen.tip[:count],
+        holding_force=seen.holding_force[:count],
+        grip_force=seen.grip_force[:count],
+        shapes=seen.shapes[: count // stride],
         touch=touch,
     )

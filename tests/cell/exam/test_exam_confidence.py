@@ -1,13 +1,11 @@
 """The calibration of the stated confidence, from verdicts held against the truth."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cell.campaign.study import Case, Outcome
-from cell.exam.scoring.score import RIGHT_RESULTS
 from cell.exam.studies.confidence import (
     OUTSIDE_SHARE,
     SIGN_WEIGHTS,
@@ -18,8 +16,11 @@ from cell.exam.studies.confidence import (
     names,
     reliable,
     shares,
+    verdicts_in,
 )
 from cell.gap.verdict.confidence import Calibration, Signs, calibration
+
+LEDGERS = Path(__file__).parents[3] / "runbooks" / "exam"
 
 
 def drawn(count: int, seed: int = 0) -> list[Name]:
@@ -93,17 +94,17 @@ def test_without_a_name_the_calibration_is_what_was_known_before() -> None:
 
 
 def test_the_package_holds_what_the_verdicts_of_its_source_give() -> None:
-    outcomes = []
-    for seed in (7301, 7302):
-        ledger = Path(__file__).parents[3] / "runbooks" / "exam" / f"confidence-{seed}.jsonl"
-        for line in map(json.loads, ledger.read_text(encoding="utf-8").splitlines()):
-            scored, without = line["outcome"], line["without"]
-            named = scored["verdict"] == "named"
-            right = scored["result"] in RIGHT_RESULTS and not without
-            facts = {**scored, "without": without, "is_named": named, "is_right": right}
-            outcomes.append(Outcome(Case(len(outcomes), seed, {}), facts))
-    found = Calibration.model_validate(calibrate(outcomes))
+    source = [LEDGERS / f"confidence-{seed}.jsonl" for seed in (7301, 7302)]
+    found = Calibration.model_validate(calibrate(verdicts_in(source)))
     assert found.source.startswith("67 verdicts that name, 10 of them wrong")
     assert found.intercept == pytest.approx(calibration().intercept, abs=1e-3)
     for sign, w in calibration().weights.items():
         assert found.weights[sign].weight == pytest.approx(w.weight, abs=1e-3)
+
+
+def test_verdicts_of_exams_count_as_those_of_the_study_do() -> None:
+    ledgers = [LEDGERS / f"{kind}-7419.jsonl" for kind in ("single", "pair")]
+    found, without = names(verdicts_in(ledgers))
+    assert len(found) == len({name.case for name in found}) == 21
+    assert (sum(name.right for name in found), without) == (20, 0.0)
+    assert names(verdicts_in([LEDGERS / "images-9201.jsonl"])) == ([], 0.0)

@@ -117,10 +117,10 @@ def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRu
 
 
 def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
-    _check_kind(folder)
     try:
         recorded = _with_pitch(read_run(folder))
     except ConfigurationError as error:
+        _check_kind(folder)
         raise ConfigurationError(str(error).splitlines()[0]) from None
     if recorded.result is None and is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")

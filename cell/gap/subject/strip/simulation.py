@@ -170,7 +170,9 @@ class Simulation:
         rod = Rod(self.grain.segments, strict=False, tolerance=self.grain.tolerance)
         models, ways = [d.model for d in drives], [d.way for d in drives]
         every = max(1, round(SHAPE_PERIOD / self.grain.dt))
-        motions = simulate_all(rod, models, ways, dt=self.grain.dt, every=every)
+        motions = simulate_all(
+            rod, models, ways, dt=self.grain.dt, every=every, precision=np.float32
+        )
         return [
             None if failed else self._thin_out(motion)
             for motion, failed in zip(motions, rod.failed, strict=True)
@@ -178,7 +180,7 @@ class Simulation:
 
     def _thin_out(self, motion: StripMotion) -> SimulatedMotion:
         arc = lattice(1.0, self.grain.segments)
-        shapes = motion.shapes.astype(np.float32)
+        shapes = motion.shapes.astype(np.float32, copy=False)
         if not len(shapes):
             flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
             shapes = flat[None].astype(np.float32)

@@ -11,6 +11,7 @@ import numpy as np
 
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
+from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned_runs
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.patch import patch_file
@@ -73,6 +74,7 @@ class Strip:
         self._jobs, self._scatter = jobs, tuple(scatter)
         self._simulation = Simulation(COARSE, jobs)
         self._rough = Simulation(ROUGH, jobs, SELDOM)
+        self._known: dict[Look, tuple[Comparison, Residuals]] = {}
         self._described = lru_cache(DESCRIBED)(partial(_describe, strip, self._scope.base))
         self._runs = prepare(self._measured, strip, self._floors, self._simulation, jobs, scatter)
         self._replicates = replicates(self._runs)
@@ -106,10 +108,22 @@ class Strip:
         ]
 
     def _compare(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
-        """Each motion against its run, a portion at a time: motions are large, residuals small.
+        """Each motion against its run, once, a portion at a time: motions are large, and forgotten;
+        residuals are small, and kept.
 
         Motions of one length together, in the order in which they are asked, as they are simulated.
         """
+        found = {}
+        for look, (fold, _) in asked.items():
+            comparison, residuals = self._known.get(look, (None, None))
+            if residuals is not None and comparison is fold.comparison:
+                found[look] = residuals
+        new = {look: each for look, each in asked.items() if look not in found}
+        compared = self._compare_new(new)
+        self._known |= {look: (new[look][0].comparison, r) for look, r in compared.items()}
+        return found | compared
+
+    def _compare_new(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
         first = {look[1]: i for i, look in reversed(list(enumerate(asked)))}
         order = sorted(asked, key=lambda k: (k[2], asked[k][1].way.duration, first[k[1]]))
         seen: dict[Look, Residuals] = {}

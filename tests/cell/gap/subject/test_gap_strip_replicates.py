@@ -1,11 +1,15 @@
 """Runs along one path share the simulations of rough responses."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
 
 from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.strip.compare import Comparison
+from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.strip.simulation import Simulation
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.subject import Request
@@ -52,6 +56,30 @@ def test_a_rough_response_is_simulated_once_for_all_replicates(
     monkeypatch.setattr(Simulation, "_simulate_batches", counted)
     responses(strip, rough=True)
     assert len(simulated) == 2 * len(set(NAMES))
+
+
+def test_a_motion_that_is_asked_again_is_not_compared_again(
+    strip: Strip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = responses(strip, rough=False)
+    monkeypatch.setattr(Comparison, "__call__", None)
+    for before, again in zip(first, responses(strip, rough=False), strict=True):
+        np.testing.assert_array_equal(again, before)
+
+
+def test_runs_of_one_name_and_path_are_compared_each_with_its_own_measurement(
+    strip: Strip,
+) -> None:
+    known = strip.runs[0]
+    comparison = cast(Fold, known.content).comparison
+    moved = replace(comparison.run, contact_x=comparison.run.contact_x + 0.001)
+    fold = replace(cast(Fold, known.content), comparison=replace(comparison, run=moved))
+    base = np.array([p.start for p in strip.scope.base])
+    runs = (known, replace(known, content=fold))
+    asked = [Request(run, base, {}, np.zeros(len(run.local))) for run in runs]
+    here, there = (strip.simulate([request])[0] for request in asked)
+    seen = known.samples.channel == "contact_x"
+    np.testing.assert_allclose((there.mean - here.mean)[seen], 0.001, atol=1e-9)
 
 
 def test_a_response_along_the_path_of_a_replicate_is_that_along_its_own(strip: Strip) -> None:

@@ -1,0 +1,67 @@
+"""Whether names came true as often as stated, in ledgers of exams and of `cell study confidence`.
+
+python -m tests.benchmarks.measure_confidence LEDGER... [--fit FILE]
+
+Prints three reliability tables: what each verdict stated, what this version states of its signs,
+and what a calibration of all other cases states. With --fit the calibration of all of them is
+written to FILE, as cell/gap/verdict/confidence.yaml holds it.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from cell.exam.studies.confidence import (
+    calibrate,
+    leave_each_out,
+    names,
+    reliable,
+    shares,
+    verdicts_in,
+)
+from cell.gap.verdict.confidence import calibration
+from drivers.files import replace_file
+from drivers.yaml_edit import dump_text
+
+
+def main() -> int:
+    """Print the tables; 1 where no verdict names."""
+    asked = _arguments()
+    outcomes = verdicts_in(asked.ledgers)
+    found, without = names(outcomes)
+    if not found:
+        sys.stderr.write("no verdict in these ledgers names and has signs; give others\n")
+        return 1
+    known = [o.values for o in outcomes if o.values["is_named"] and o.values["signs"]]
+    stated = [(v["confidence"], v["is_right"]) for v in known if v["confidence"] is not None]
+    by = calibration()
+    tables = {
+        "Stated then": stated,
+        "Stated by this version": [(by.probability(n.signs), n.right) for n in found],
+        "Left out one by one": leave_each_out(found, shares(found, without)),
+    }
+    for title, claims in tables.items():
+        sys.stdout.write(f"{title}:\n\n{reliable(claims)}\n\n")
+    content = calibrate(outcomes)
+    sys.stdout.write(f"{content['source']}\n")
+    if asked.fit:
+        names_of = ", ".join(path.name for path in asked.ledgers)
+        content["source"] += f" From {names_of}."
+        content.pop("belongs_to")
+        replace_file(asked.fit, dump_text(content).encode())
+    return 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("ledgers", type=Path, nargs="+")
+    parser.add_argument("--fit", type=Path)
+    asked = parser.parse_args()
+    for path in asked.ledgers:
+        if not path.is_file():
+            parser.error(f"{path}: no such file; give ledgers, lines of JSON")
+    return asked
+
+
+if __name__ == "__main__":
+    sys.exit(main())
