@@ -93,7 +93,7 @@
         if (e.closest("defs, [id^=legend_]")) continue;
         const [x, y] = [+e.getAttribute("x"), +e.getAttribute("y")];
         if (e.tagName === "path") {
-          e.setAttribute("d", e.getAttribute("d").replace(pairs, (_, a, b) => `${X(+a).toFixed(3)} ${Y(+b).toFixed(3)}`));
+          e.setAttribute("d", (e.getAttribute("d") ?? "").replace(pairs, (_, a, b) => `${X(+a).toFixed(3)} ${Y(+b).toFixed(3)}`));
         } else if (e.tagName === "use") {
           e.setAttribute("x", X(x));
           e.setAttribute("y", Y(y));

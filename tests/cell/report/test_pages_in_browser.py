@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calibration.calibration import load_calibration
 from cell.gap.report.page import write_report as write_gap_report
 from cell.record.run import read_run
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
-from cell.report.calibration_page import write_calibration_report
+from cell.report.calibration_page import calibration_report, write_calibration_report
 from cell.report.compare import write_comparison
 from cell.report.page import write_report
 from cell.report.runs_page import write_runs_page
@@ -225,6 +227,16 @@ def test_figures_of_a_fold_fit_a_phone_without_scrolling(reader: Browser, finish
     t, ticks = first + 0.3 * (last - first), read_run(finished).ticks
     wanted = 1e3 * float(np.interp(t, ticks.t, ticks.x))
     assert float(re.search(r"gripper x (\S+) mm", said)[1]) == pytest.approx(wanted, abs=4.0)
+
+
+def test_curves_beyond_the_image_are_no_error_on_a_phone(
+    reader: Browser, finished: Path, tmp_path: Path
+) -> None:
+    whole, page = load_calibration(finished / "calibration.yaml"), tmp_path / "calibration.html"
+    half = replace(whole, lens=replace(whole.lens, width=whole.lens.width // 2))
+    page.write_text(calibration_report(half, "half"), "utf-8")
+    assert re.search(r"<path clip-path(?!.* d=)", page.read_text("utf-8"))
+    assert not reader.problems(page, LOOKS[0])
 
 
 def test_both_ends_of_a_band_are_read(reader: Browser, pages: list[Path]) -> None:
