@@ -20,7 +20,7 @@ from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Folding:
+class CrossValidation:
     """At most so many folds (`most`); what the other runs know with `silent` times the variance, a
     tenth of what all know, they say nothing of. Source: set by hand.
     """
@@ -29,7 +29,7 @@ class Folding:
     silent: float = 10.0
 
 
-FOLDING = Folding()
+CROSS_VALIDATION = CrossValidation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Validated:
         return self.charged + [float(robust.bounded_loss(r / scale).sum()) for r in self.left_out]
 
 
-def folds(runs: Sequence[Run], most: int = FOLDING.most) -> list[list[int]]:
+def folds(runs: Sequence[Run], most: int = CROSS_VALIDATION.most) -> list[list[int]]:
     """Run numbers by fold: whole conditions, dealt in turn; single runs where all are alike."""
     conditions = list(dict.fromkeys(run.condition for run in runs))
     label = [conditions.index(run.condition) for run in runs]
@@ -120,7 +120,7 @@ def _only_here(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Mask
         np.diag(normal_equations.covariance(_equations(estimate, runs)))[:count]
         for runs in (range(len(estimate.evidence.runs)), keep)
     )
-    return np.asarray((without > FOLDING.silent * with_all) & (np.arange(count) >= base))
+    return np.asarray((without > CROSS_VALIDATION.silent * with_all) & (np.arange(count) >= base))
 
 
 def _equations(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Normal:
