@@ -1,6 +1,17 @@
 """A few of the hostile files that `python -m tests.benchmarks.fuzz_readers` draws by thousands."""
 
-from tests.benchmarks.fuzz_readers import fuzz_acceptance, fuzz_documents, fuzz_folders
+import time
+
+import pytest
+
+from tests.benchmarks.fuzz_readers import (
+    TooLong,
+    asleep,
+    fuzz_acceptance,
+    fuzz_documents,
+    fuzz_folders,
+    limited,
+)
 
 
 def test_hostile_documents_are_read_or_refused(tmp_path) -> None:
@@ -16,3 +27,12 @@ def test_hostile_run_folders_are_read_or_refused(tmp_path) -> None:
     assert took["folders"] == 5
     assert took["salvage read"] > 2
     assert took["report read"] > 0
+
+
+def test_only_sleep_counts_as_waiting() -> None:
+    before, ends = asleep(), time.thread_time() + 0.1
+    while time.thread_time() < ends:
+        pass
+    assert asleep() - before < 0.1
+    with pytest.raises(TooLong), limited(0.02):
+        time.sleep(5.0)
