@@ -199,14 +199,14 @@ def _calibration_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
 _WAITING = frozenset({State.CALIBRATE})  # for people
 _ALIVE = frozenset(State) - TERMINAL - {State.IDLE, State.STOPPING}
 SEEING = _ALIVE - {State.PREFLIGHT, State.CALIBRATE}
-FOLDING = frozenset({State.LIFT, State.FOLD})
+_FOLDING = frozenset({State.LIFT, State.FOLD})
 _HOLDING = frozenset({State.LIFT, State.FOLD, State.TOUCHED, State.LAY})
 
 MONITORS: tuple[Monitor, ...] = (
     Monitor("arm_pose_not_finite", _ALIVE, _not_finite),
     Monitor("arm_state_stale", _ALIVE, _arm_stale),
     Monitor("hand_state_stale", _ALIVE, _hand_stale),
-    Monitor("setpoint_expired", FOLDING | {State.LAY}, _setpoint_expired),
+    Monitor("setpoint_expired", _FOLDING | {State.LAY}, _setpoint_expired),
     Monitor("overspeed", _ALIVE, _check_speed),
     Monitor("tracking_error", _ALIVE, _tracking),
     Monitor("workspace", _ALIVE, _workspace),
@@ -216,8 +216,8 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("image_frozen", SEEING, _image_frozen),
     Monitor("image_reader_dead", SEEING, _reader_dead),
     Monitor("image_reading_overdue", SEEING, _reading_overdue),
-    Monitor("camera_moved", FOLDING, _camera_moved),
-    Monitor("low_confidence", FOLDING, _low_confidence),
+    Monitor("camera_moved", _FOLDING, _camera_moved),
+    Monitor("low_confidence", _FOLDING, _low_confidence),
     Monitor("state_overtime", _ALIVE - _WAITING, _state_overtime),
     Monitor("overtime", _ALIVE - _WAITING, _overtime),
     Monitor("calibration_overtime", _WAITING, _calibration_overtime),
@@ -226,26 +226,22 @@ MONITORS: tuple[Monitor, ...] = (
 
 def slow_for_images(command: Command, snapshot: Snapshot, limits: MonitorLimits) -> Command:
     """The `command`, slower by how far the newest image is older than usual: at the allowed age, or
-    where the images are in doubt, a driven arm stands, and a move to a pose is held until a younger
-    or better image has come.
+    where the newest image repeats the one before, a driven arm stands, and a move to a pose is held
+    until a younger or another image has come.
+
+    An image that cannot be read does not hold the arm: what comes of where the strip stands passes
+    by moving on, and would last at rest.
     """
     frame = snapshot.view.frame
     if frame is None or snapshot.state not in SEEING:
         return command
     left = (limits.image_age - (snapshot.time - frame.stamp)) / (1.0 - USUAL_AGE) / limits.image_age
-    if _in_doubt(snapshot):
+    if snapshot.view.identical > 1:
         left = -1.0
     if isinstance(command, Drive) and left < 1.0:
         share, rate = max(left, 0.0), command.velocity
         return Drive(Velocity(share * rate.vx, share * rate.vz, share * rate.pitch_rate))
     return Hold() if isinstance(command, MoveTo) and left < 0.0 else command
-
-
-def _in_doubt(snapshot: Snapshot) -> bool:
-    """Whether an image speaks against the camera; its monitor waits for more of them to name it."""
-    view = snapshot.view
-    measured = snapshot.state in FOLDING and (view.doubtful_since is not None or view.moved > 0)
-    return view.identical > 1 or measured
 
 
 def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
