@@ -41,6 +41,7 @@ from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.watch import Mode, watching
+from drivers.arm.clearance import desk_end
 from drivers.errors import CellError, Fault
 from drivers.files import MEGABYTE, read_bytes, replace_file
 from drivers.strip.describe import load_plant
@@ -112,7 +113,9 @@ def fold(
     calibration = calibration or calibration_of(settings)
     check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
     calibration = corrected_calibration(calibration, settings, strip)
-    check_feasible(settings, strip, policy, calibration)
+    has_hand = request.choice.arm_driver(settings).real
+    desk = desk_end(settings.installation, strip.length) if has_hand else 0.0
+    check_feasible(settings, strip, policy, calibration, desk)
     begun = time.perf_counter()
     header = run_header(request, settings, strip, calibration, devices.camera.rate)
     header |= {} if correction is None else {"learning": correction.facts()}
@@ -120,7 +123,7 @@ def fold(
     writer = RunWriter.create(
         request.runs, header, keep, patient=devices.plant is not None, film=request.film
     )
-    context = FoldContext(settings.controller, strip, policy, calibration)
+    context = FoldContext(settings.controller, strip, policy, calibration, desk=desk)
     context.place = 0.0 if correction is None else correction.place
     with writer.under_way(), _measuring(context, devices, sight):
         outcome, truth = _record_fold(

@@ -10,6 +10,7 @@ import numpy as np
 from cell.config.monitor_limits import MonitorLimits
 from cell.orchestrator.snapshot import Command, Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import TERMINAL, State
+from drivers.arm.clearance import require_clear
 from drivers.errors import Fault
 from drivers.limits import Workspace
 from drivers.types import Velocity
@@ -22,10 +23,13 @@ USUAL_AGE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Limits of the monitors and the cell's workspace."""
+    """Limits of the monitors and the cell's workspace; the `desk` [m] ends there for the hand, 0
+    where the arm has none.
+    """
 
     limits: MonitorLimits
     workspace: Workspace
+    desk: float = 0.0
 
 
 Check = Callable[[Snapshot, Rules], str | None]
@@ -258,12 +262,13 @@ def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
     ]
     if reasons:
         raise Fault(*reasons[0])
-    _check_command(command, rules)
+    _check_command(snapshot, command, rules)
 
 
-def _check_command(command: Command, rules: Rules) -> None:
+def _check_command(snapshot: Snapshot, command: Command, rules: Rules) -> None:
     if isinstance(command, MoveTo):
         rules.workspace.check(command.pose)
+        require_clear([snapshot.arm.commanded, command.pose], rules.desk)
     if isinstance(command, Drive):
         rate = command.velocity
         if not np.isfinite([rate.vx, rate.vz, rate.pitch_rate]).all():
