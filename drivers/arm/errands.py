@@ -98,16 +98,16 @@ def _do_task(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, 
     if errand["reset_tool"]:
         robot.reset_tool()
     robot.require_tool()
-    ending = Ending()
+    ending, solids = Ending(), solids_of(task.installation)
 
     def left() -> bool:
         return ending() or pipe.poll()
 
     if errand["recover"]:
-        retreat(robot, task.settings, left)
+        retreat(robot, task.settings, left, solids)
     robot.configure(task.settings.collision)
     guard, reached = robot.guard(), list(robot.state().q)
-    way = clear_way(np.array(reached), np.array(errand["joints"]), solids_of(task.installation))
+    way = clear_way(np.array(reached), np.array(errand["joints"]), solids)
     for joints in way:
         if not left():
             reached = follow_joints(robot, joints.tolist(), errand["share"], guard, left)

@@ -3,10 +3,12 @@
 import pytest
 
 from cell.arm.by_hand import by_hand, jog
+from cell.arm.real_robot import slow_down
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.orchestrator.calibrating import calibrate
 from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.monitors import Rules
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import OpenHand
 from drivers.errors import Fault
@@ -48,3 +50,11 @@ def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(last) 
         return
     with pytest.raises(Fault, match="into the desk at x 300"):
         next(phase)
+
+
+def test_monitors_know_the_limits_of_the_motion(monkeypatch) -> None:
+    seen: list[Rules] = []
+    monkeypatch.setattr("cell.orchestrator.run.check_all", lambda *given: seen.append(given[2]))
+    slow = slow_down(SETTINGS)
+    by_hand(slow, DeviceSelection(arm="twin"), jog(0.0, 0.001, 0.0))
+    assert {rules.motion for rules in seen} == {slow.installation.limits}
