@@ -14,8 +14,8 @@ from cell.orchestrator.states import TERMINAL, State
 from drivers.arm.clearance import require_clear
 from drivers.errors import Fault
 from drivers.limits import MotionLimits, Workspace
+from drivers.strip.grip_path import LIFT_TRAVEL
 from drivers.types import Velocity
-from policies.path import LIFT_TRAVEL
 
 MOVED_IMAGES = 2  # images in a row
 # of the allowed age of an image, up to which nothing slows down; the twin's are at most 0.6 old
