@@ -192,5 +192,5 @@ def test_contact_on_the_way_home_ends_in_a_quick_stop_that_the_cell_commands(
         follow_joints(robot, goal, 1.0, ForceGuard(20.0), lambda: False)
     assert robot.ended
     assert not robot.robot.errors
-    assert robot.robot.time - met[0] < (150 if share == 0.0 else 1000)
+    assert robot.robot.time - met[0] < (100 if share == 0.0 else 400)
     assert robot.robot.posture.q[0] < goal[0] - 0.05
