@@ -131,7 +131,8 @@ def fold(
         )
     if correction is not None:
         _learn(request, settings, strip, outcome, writer.folder)
-    return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
+    warning = _warning(outcome, context.warning)
+    return _result(request, strip, calibration, outcome, writer.folder, truth, begun, warning)
 
 
 @contextmanager
@@ -313,10 +314,11 @@ def _weights(checkpoint: Path | None) -> dict[str, Any]:
     return {"checkpoint": {"file": str(checkpoint), "sha256": digest}}
 
 
-def _warning(outcome: Outcome) -> str | None:
-    """What the operator should know of the strip, if anything."""
+def _warning(outcome: Outcome, preflight: str) -> str | None:
+    """What the operator should know: of the strip, and what `preflight` found; None for nothing."""
     agreed = outcome.agreement
-    return None if agreed is None or agreed.like_model else agreed.sentence()
+    unlike = "" if agreed is None or agreed.like_model else agreed.sentence()
+    return "\n  ".join(filter(None, (unlike, preflight))) or None
 
 
 def _result(
@@ -327,6 +329,7 @@ def _result(
     folder: Path,
     truth: Mapping[str, Any],
     begun: float,
+    warning: str | None,
 ) -> FoldResult:
     touch = outcome.touch
     return FoldResult(
@@ -346,7 +349,7 @@ def _result(
         calibration=calibration.id,
         exit_code=outcome.exit_code,
         predicted=None if outcome.predicted is None else outcome.predicted.sentence(),
-        warning=_warning(outcome),
+        warning=warning,
         like_model=None if outcome.agreement is None else outcome.agreement.like_model,
         correction=request.correction.sentence(),
     )

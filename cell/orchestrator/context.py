@@ -32,6 +32,7 @@ class FoldContext:
     layer_touch once it is seen, `laid` the fold after the retreat, `predicted` the policy's latest
     prediction. On the wall clock `beside` measures the images. The grasped edge is laid at `place`
     [m]. The plant is not part of it. The `desk` [m] ends there for the arm's hand, 0 for none.
+    A `warning` of the preflight is for the operator.
     """
 
     settings: CellSettings
@@ -45,6 +46,7 @@ class FoldContext:
     beside: Beside | None = None
     place: float = 0.0
     desk: float = 0.0
+    warning: str = ""
 
 
 @dataclass(slots=True)
