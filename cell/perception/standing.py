@@ -23,7 +23,7 @@ FEWEST_PATCHES = 2  # that must be found to state a shift
 ALONG = 1.0  # px by which most of them must have moved alike
 PATCH_SIGMA = 0.3  # px, standard deviation of a patch's place by its structure and the noise
 NOISE_WINDOW = 1.5  # px over which noise is averaged
-WATCHED, UNWATCHED = "camera is watched", "camera is not watched"  # names of the check
+CAMERA_WATCHED, UNWATCHED = "camera is watched", "camera is not watched"  # names of the check
 NAN = float("nan")
 
 
@@ -77,7 +77,7 @@ class Standing:
         if not watched:
             reason += ": a camera that is nudged in this fold would not be noticed"
         return PreflightCheck(
-            WATCHED if watched else UNWATCHED,
+            CAMERA_WATCHED if watched else UNWATCHED,
             True,
             reason,
             "put something with a pattern where the strip does not hide it, or light it better",

@@ -118,10 +118,8 @@ def test_way_home_and_fold_of_an_emulated_robot_say_so(configs, monkeypatch, cap
     file.write_text(file.read_text().replace(NOWHERE, "127.0.0.5"))
     monkeypatch.setattr("drivers.arm.errands.go_to", lambda *_, **__: None)
     run(monkeypatch, "park", "--configs", configs)
-    assert (
-        capsys.readouterr().out
-        == "the arm is parked (emulated robot at 127.0.0.5, on this machine)\n"
-    )
+    remark = "emulated robot at 127.0.0.5, on this machine"
+    assert capsys.readouterr().out == f"the arm is parked ({remark})\n"
     made = FoldResult("runs/one", "denim", "adaptive", 0, "layer_touch", "", 0, 0.001)
     monkeypatch.setattr("cell.cli.fold._results", lambda *_, **__: iter([made]))
     for words, out in (((), True), (("--json",), False)):

@@ -11,7 +11,7 @@ from cell.orchestrator.recorder import Record
 from cell.orchestrator.states import Event
 from cell.orchestrator.steps import Pictured
 from cell.perception.checks import PreflightCheck
-from cell.perception.standing import UNWATCHED, WATCHED
+from cell.perception.standing import CAMERA_WATCHED, UNWATCHED
 from drivers.types import Frame
 from policies.registry import make_policy
 from tests.cell.orchestrator.test_monitors import GOOD, POSE
@@ -38,7 +38,7 @@ def at_once(value: object):
     return step
 
 
-@pytest.mark.parametrize("name", [WATCHED, UNWATCHED])
+@pytest.mark.parametrize("name", [CAMERA_WATCHED, UNWATCHED])
 def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
     monkeypatch, name: str
 ) -> None:

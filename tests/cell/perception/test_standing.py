@@ -9,7 +9,7 @@ import pytest
 from cell.perception.beside import StripSight, Subject
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
-from cell.perception.standing import FEWEST_PATCHES, UNWATCHED, WATCHED, Standing
+from cell.perception.standing import CAMERA_WATCHED, FEWEST_PATCHES, UNWATCHED, Standing
 from drivers.strip.describe import load_strip
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.renderer import Renderer
@@ -73,7 +73,7 @@ def test_where_nothing_is_found_again_nothing_is_told(standing: Standing, lifted
 
 def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(standing: Standing) -> None:
     found = standing.check()
-    assert (found.name, found.passed) == (WATCHED, True)
+    assert (found.name, found.passed) == (CAMERA_WATCHED, True)
     one = replace(standing, corners=standing.corners[:1], patches=standing.patches[:1])
     found = one.check()
     assert (found.name, found.passed) == (UNWATCHED, True)
@@ -84,4 +84,4 @@ def test_process_beside_the_loop_says_so_too() -> None:
     arc = np.linspace(0, DENIM.length, 61)
     flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
     sight = StripSight(Subject(CALIBRATION, SETTINGS, DENIM))
-    assert sight.inspect(Frame(0.0, 0.0, "test", 0, flat))[-1].name == WATCHED
+    assert sight.inspect(Frame(0.0, 0.0, "test", 0, flat))[-1].name == CAMERA_WATCHED
