@@ -45,7 +45,7 @@ def test_hand_is_not_driven_into_the_desk() -> None:
 
 def test_way_between_two_clear_poses_may_not_lead_through_the_desk() -> None:
     with pytest.raises(Fault, match="into the desk"):
-        require_clear([Pose(0.65, 0.0, 0.0), Pose(-0.1, 0.0, 0.0)], 0.6)
+        require_clear([Pose(0.65, 0.0, 0.0), Pose(-0.3, 0.0, 0.0)], 0.6)
 
 
 def test_hand_that_begins_inside_the_desk_may_leave_it_and_go_no_deeper() -> None:
