@@ -27,8 +27,11 @@ class Mounting(Settings):
 
 
 class Installation(Settings):
-    """Mounting, limits and workspace of any arm of this cell, real or not, from the cell file."""
+    """Mounting, limits and workspace of any arm of this cell, real or not, from the cell file, and
+    where its `desk` ends along the strip [m].
+    """
 
     limits: MotionLimits = MotionLimits()
     workspace: Workspace = Workspace()
     mounting: Mounting = Mounting()
+    desk: float | None = Field(None, gt=0, le=3, exclude_if=lambda end: end is None)

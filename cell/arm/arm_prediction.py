@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.config.cell import CellFile
 from cell.devices.fold_path import whole_path
-from drivers.arm.clearance import RISE, desk_clearance
+from drivers.arm.clearance import RISE, desk_clearance, desk_end
 from drivers.arm.reach import Reach, dense, plan_reach
 from drivers.strip.file import StripFile
 from drivers.types import Array
@@ -63,7 +63,8 @@ def predict_arm(
     """For a strip carried along `trace` (k, 2) [m] from take-over to touch, laid at `end` [m]."""
     installation = settings.fci.limit(settings.installation)
     path, speeds = fold_poses(settings, strip, trace, end)
-    clearance = float(desk_clearance(dense(path, speeds)[0], strip.length).min())
+    desk = desk_end(installation, strip.length)
+    clearance = float(desk_clearance(dense(path, speeds)[0], desk).min())
     return ArmPrediction(plan_reach(installation, path, speeds), clearance)
 
 

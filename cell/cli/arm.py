@@ -10,9 +10,12 @@ from cell.cli.options import Arm, Configs, FullSpeed, ask, check_names, length_o
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from cell.config.cell import CellFile
     from cell.devices.devices import DeviceSelection
-    from cell.orchestrator.outcome import Outcome
+    from cell.orchestrator.snapshot import Snapshot
+    from cell.orchestrator.steps import Motion
 
 Strip = Annotated[str, typer.Option(help="Strip that lies, or will lie, on the desk.")]
 Recover = Annotated[
@@ -38,15 +41,15 @@ def home(
     from cell.config.places import find_configs
 
     found = find_configs(configs)
-    settings, choice = _agree_to_motion(found.cell(), arm, full_speed)
+    settings, choice = _agree_to_motion(found.cell(), arm, full_speed, recover=recover)
     lying = found.strip(strip)
     if _at_address(settings, choice):
         share = 1.0 if full_speed else 0.1
         joints = by_hand.home_joints(settings, lying)
         by_hand.go_joints(settings, joints, share, recover=recover, reset_tool=reset_tool)
-        sys.stdout.write("the arm is home\n")
+        _say("the arm is home", settings, choice)
         return
-    _end(by_hand.by_hand(settings, choice, by_hand.to(by_hand.home_pose(settings, lying))))
+    _move(settings, choice, by_hand.to(by_hand.home_pose(settings, lying)))
 
 
 def park(
@@ -60,13 +63,14 @@ def park(
     from cell.calibrating.calibrate import NO_STRIP
     from cell.config.places import find_configs
 
-    settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed)
+    found = find_configs(configs).cell()
+    settings, choice = _agree_to_motion(found, arm, full_speed, recover=recover)
     if _at_address(settings, choice):
         share = 1.0 if full_speed else 0.1
         by_hand.go_joints(settings, by_hand.PARKED, share, recover=recover)
-        sys.stdout.write("the arm is parked\n")
+        _say("the arm is parked", settings, choice)
         return
-    _end(by_hand.by_hand(settings, choice, by_hand.to(by_hand.home_pose(settings, NO_STRIP))))
+    _move(settings, choice, by_hand.to(by_hand.home_pose(settings, NO_STRIP)))
 
 
 def jog(
@@ -84,8 +88,7 @@ def jog(
     from cell.config.places import find_configs
 
     settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed)
-    motion = by_hand.jog(x, z, radians(pitch))
-    _end(by_hand.by_hand(settings, choice, motion))
+    _move(settings, choice, by_hand.jog(x, z, radians(pitch)))
 
 
 def open_hand(arm: Arm = None, configs: Configs = None) -> None:
@@ -94,7 +97,7 @@ def open_hand(arm: Arm = None, configs: Configs = None) -> None:
     from cell.config.places import find_configs
 
     settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed=False)
-    _end(by_hand.by_hand(settings, choice, by_hand.open_fingers))
+    _move(settings, choice, by_hand.open_fingers)
 
 
 def register(strip: Strip = "denim", configs: Configs = None) -> None:
@@ -121,19 +124,38 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 
 
 def _agree_to_motion(
-    settings: "CellFile", arm: str | None, full_speed: bool
+    settings: "CellFile", arm: str | None, full_speed: bool, *, recover: bool = False
 ) -> "tuple[CellFile, DeviceSelection]":
-    """Settings and selection, once the operator has agreed to the motion of a real robot."""
+    """Settings and selection, once the operator has agreed to the motion of a real robot, at which
+    the doctor has looked: not to `recover`, which must always be possible.
+    """
     from cell.arm.real_robot import agree
     from cell.devices.devices import DeviceSelection
+    from cell.doctor.doctor import check_motion
 
-    return agree(settings, DeviceSelection(arm=arm), ask, full_speed=full_speed)
+    choice = DeviceSelection(arm=arm)
+    if not recover:
+        check_motion(settings, choice)
+    return agree(settings, choice, ask, full_speed=full_speed)
 
 
 def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:
     return choice.arm_driver(settings).real and settings.fci.address is not None
 
 
-def _end(outcome: "Outcome") -> None:
-    sys.stdout.write(f"{outcome.name}: {outcome.reason}\n")
+def _move(
+    settings: "CellFile", choice: "DeviceSelection", motion: "Callable[[Snapshot], Motion]"
+) -> None:
+    """Carry out one `motion`, say what came of it, and end with its exit code."""
+    from cell.arm.by_hand import by_hand
+
+    outcome = by_hand(settings, choice, motion)
+    _say(f"{outcome.name}: {outcome.reason}", settings, choice)
     sys.exit(outcome.exit_code)
+
+
+def _say(text: str, settings: "CellFile", choice: "DeviceSelection") -> None:
+    from cell.devices.open import emulation
+
+    remark = emulation(settings, choice)
+    sys.stdout.write(f"{text} ({remark})\n" if remark else f"{text}\n")

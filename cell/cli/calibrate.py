@@ -273,14 +273,17 @@ def _open(
     settings: "CellFile", arm: str | None, camera: str | None, *, full_speed: bool = False
 ) -> "tuple[CellFile, Devices]":
     """The cell's settings and devices for a calibration, without a strip, once the operator has
-    agreed to the motion of a real robot.
+    agreed to the motion of a real robot, at which the doctor has looked.
     """
     from cell.arm.real_robot import agree
     from cell.calibrating.calibrate import NO_STRIP
     from cell.devices.devices import DeviceSelection
     from cell.devices.open import open_cell
+    from cell.doctor.doctor import check_motion
 
-    settings, choice = agree(settings, DeviceSelection(arm, camera), ask, full_speed=full_speed)
+    choice = DeviceSelection(arm, camera)
+    check_motion(settings, choice, camera=True)
+    settings, choice = agree(settings, choice, ask, full_speed=full_speed)
     return settings, open_cell(settings, NO_STRIP, choice, calibrating=True)
 
 

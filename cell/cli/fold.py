@@ -203,11 +203,13 @@ def _fold_each(
 ) -> int:
     """Fold, report and `keep` each result; the largest exit code."""
     wanted = agree_to_fold(wanted)
-    real = wanted[0].choice.agreed
+    real, remark = wanted[0].choice.agreed, _emulation(wanted[0])
     code = 0
+    if remark and as_json:
+        _remark(remark)
     try:
         for result in _results(wanted, 1 if real else jobs, quiet=as_json, real=real):
-            _tell(result, as_json=as_json)
+            _tell(result, remark, as_json=as_json)
             keep(result)
             code = max(code, result.exit_code)
     except CellError as error:
@@ -300,13 +302,20 @@ def _as_result(request: "Request", made: "FoldResult | CellError") -> "FoldResul
     return made
 
 
-def _tell(result: "FoldResult", *, as_json: bool) -> None:
+def _emulation(request: "Request") -> str:
+    from cell.devices.open import emulation
+
+    return emulation(request.read_files()[0], request.choice)
+
+
+def _tell(result: "FoldResult", remark: str, *, as_json: bool) -> None:
     if as_json:
         print_json(result.line())
         if result.exit_code != 0:
             _remark(": ".join(filter(None, (result.run, result.outcome, result.reason))))
     elif result.run:
-        sys.stdout.write(f"{result.sentence()}\n  record: {result.run}\n")
+        lines = (result.sentence(), remark, f"record: {result.run}")
+        sys.stdout.write("\n  ".join(filter(None, lines)) + "\n")
     else:
         _remark(result.reason)
     sys.stdout.flush()
@@ -325,7 +334,8 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
     with Interrupt() as interrupted:
         outcome = rehearse(request, interrupted)
     line = {"outcome": outcome.name, "reason": outcome.reason, "exit_code": outcome.exit_code}
-    text = json.dumps(line) if as_json else f"{outcome.name}: {outcome.reason}"
+    words = filter(None, (f"{outcome.name}: {outcome.reason}", _emulation(request)))
+    text = json.dumps(line) if as_json else "\n  ".join(words)
     sys.stdout.write(text + "\n")
     return outcome.exit_code
 

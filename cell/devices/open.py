@@ -48,6 +48,16 @@ def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
         return address != "localhost"
 
 
+def emulation(settings: CellFile, choice: DeviceSelection) -> str:
+    """What moves where a robot was chosen and none is there; empty for one, and for another arm."""
+    address = settings.fci.address
+    if not choice.arm_driver(settings).real or is_real(settings, choice):
+        return ""
+    if address is None:
+        return "emulated robot: fci.address in cell.yaml is empty"
+    return f"emulated robot at {address}, on this machine"
+
+
 def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:
     """Raise ConfigurationError for a real camera without a calibration; the twin makes its own."""
     if real_camera(settings, choice) and settings.calibration is None:

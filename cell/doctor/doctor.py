@@ -58,6 +58,18 @@ def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterato
             yield devices.network(address, seconds)
 
 
+def check_motion(settings: CellFile, choice: DeviceSelection, *, camera: bool = False) -> None:
+    """Look at a real robot before it moves by hand, and with `camera` at a real one; nothing is
+    asked of another arm. Raises PreflightRefused where a check failed.
+    """
+    if not is_real(settings, choice):
+        return
+    found = [machine.versions(), machine.cores(), *_arm(settings, choice, BRIEF)]
+    if camera and real_camera(settings, choice):
+        found.append(devices.camera(settings))
+    refuse_red(found)
+
+
 def refuse_red(found: Sequence[Check]) -> None:
     """Raise PreflightRefused where a check failed; nothing has moved."""
     red = [check for check in found if check.state is State.FAIL]

@@ -142,6 +142,17 @@ def hand(change: Callable[[HandState], HandState]) -> Injection:
     return Injection(strike)
 
 
+def silent_hand(scene: Scene) -> None:
+    """The hand's first state from now on, for ever: it says no more."""
+    kept: list[HandState] = []
+
+    def change(state: HandState) -> HandState:
+        kept.append(state)
+        return kept[0]
+
+    scene.cell.hand.reports = change
+
+
 def stuck_hand(scene: Scene) -> None:
     """The fingers do not move any more, and say that they do."""
     scene.cell.hand.deaf = True
@@ -232,6 +243,7 @@ FAULTS: Mapping[str, Injection] = {
     "robot: driver killed": Injection(lambda s: s.cell.kill_driver(), "fci"),
     "hand: strip slips out": Injection(lambda s: s.cell.drop_strip()),
     "hand: width 0": hand(lambda s: replace(s, width=0.0, grasped=False)),
+    "hand: silent": Injection(silent_hand),
     "hand: stuck": Injection(stuck_hand),
     "policy: no number": decides(without_number),
     "policy: hangs": decides(hanging),

@@ -6,12 +6,14 @@ import numpy as np
 
 from calibration.calibration import Calibration
 from cell.config.settings import CellSettings
-from drivers.errors import CellError, PreflightRefused
+from cell.devices.fold_path import whole_path
+from drivers.arm.clearance import require_clear
+from drivers.errors import CellError, Fault, PreflightRefused
 from drivers.installation import Installation
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
-from drivers.types import Array
+from drivers.types import Array, Pose
 from policies.policy import Policy
 from policies.rollout import Rollout, roll_out
 from policies.sensing import Sensing
@@ -19,6 +21,7 @@ from policies.sensing import Sensing
 SEGMENTS = 60  # of the model that draws the path; millimetres do not matter here
 ARM_REACH = 0.78  # m from its base that a Panda's hand reaches over a desk, pointing down
 PATH_ERROR = 0.005  # m that the path may be drawn wrong by
+APPROACH_POINTS, RETREAT_POINTS = 3, 3  # of the gripper's path, before and after the fold
 
 
 WIDTH_RANGE = (0.005, 0.20)  # m, both ends folded through images, seen within 1 mm of the truth
@@ -37,9 +40,14 @@ def outside_scope(strip: StripFile) -> Iterator[str]:
 
 
 def check_feasible(
-    settings: CellSettings, strip: StripFile, policy: Policy, calibration: Calibration
+    settings: CellSettings,
+    strip: StripFile,
+    policy: Policy,
+    calibration: Calibration,
+    desk: float = 0.0,
 ) -> None:
-    """Raise PreflightRefused for a strip that this cell cannot see, reach or fold.
+    """Raise PreflightRefused for a strip that this cell cannot see, reach or fold, or where the
+    hand would meet a desk that ends at `desk` [m], 0 for an arm without a hand's body.
 
     The gripper's path is that of `policy` in the model; it is reset.
     """
@@ -50,9 +58,20 @@ def check_feasible(
         *_outside_workspace(path, settings.installation),
         *_out_of_reach(path, settings.installation),
         *_out_of_view(path, strip, calibration),
+        *(_into_desk(path, settings, strip, desk) if desk else ()),
     ]
     if problems:
         raise PreflightRefused("\n".join(problems))
+
+
+def _into_desk(path: Array, settings: CellSettings, strip: StripFile, desk: float) -> Iterator[str]:
+    carry = path[APPROACH_POINTS - 1 : -RETREAT_POINTS]
+    home, limits = settings.fold.clear_height, settings.installation.limits
+    whole, _ = whole_path(strip.length, home, settings.fold, limits, carry)
+    try:
+        require_clear([Pose(*pose) for pose in whole.tolist()], desk)
+    except Fault as fault:
+        yield f"desk: {fault}"
 
 
 def gripper_path(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:

@@ -41,6 +41,7 @@ from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.watch import Mode, watching
+from drivers.arm.clearance import desk_end
 from drivers.errors import CellError, Fault
 from drivers.files import MEGABYTE, read_bytes, replace_file
 from drivers.strip.describe import load_plant
@@ -112,7 +113,9 @@ def fold(
     calibration = calibration or calibration_of(settings)
     check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
     calibration = corrected_calibration(calibration, settings, strip)
-    check_feasible(settings, strip, policy, calibration)
+    has_hand = request.choice.arm_driver(settings).real
+    desk = desk_end(settings.installation, strip.length) if has_hand else 0.0
+    check_feasible(settings, strip, policy, calibration, desk)
     begun = time.perf_counter()
     header = run_header(request, settings, strip, calibration, devices.camera.rate)
     header |= {} if correction is None else {"learning": correction.facts()}
@@ -120,7 +123,7 @@ def fold(
     writer = RunWriter.create(
         request.runs, header, keep, patient=devices.plant is not None, film=request.film
     )
-    context = FoldContext(settings.controller, strip, policy, calibration)
+    context = FoldContext(settings.controller, strip, policy, calibration, desk=desk)
     context.place = 0.0 if correction is None else correction.place
     with writer.under_way(), _measuring(context, devices, sight):
         outcome, truth = _record_fold(
@@ -128,7 +131,8 @@ def fold(
         )
     if correction is not None:
         _learn(request, settings, strip, outcome, writer.folder)
-    return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
+    warning = _warning(outcome, context.warning)
+    return _result(request, strip, calibration, outcome, writer.folder, truth, begun, warning)
 
 
 @contextmanager
@@ -310,10 +314,11 @@ def _weights(checkpoint: Path | None) -> dict[str, Any]:
     return {"checkpoint": {"file": str(checkpoint), "sha256": digest}}
 
 
-def _warning(outcome: Outcome) -> str | None:
-    """What the operator should know of the strip, if anything."""
+def _warning(outcome: Outcome, preflight: str) -> str | None:
+    """What the operator should know: of the strip, and what `preflight` found; None for nothing."""
     agreed = outcome.agreement
-    return None if agreed is None or agreed.like_model else agreed.sentence()
+    unlike = "" if agreed is None or agreed.like_model else agreed.sentence()
+    return "\n  ".join(filter(None, (unlike, preflight))) or None
 
 
 def _result(
@@ -324,6 +329,7 @@ def _result(
     folder: Path,
     truth: Mapping[str, Any],
     begun: float,
+    warning: str | None,
 ) -> FoldResult:
     touch = outcome.touch
     return FoldResult(
@@ -343,7 +349,7 @@ def _result(
         calibration=calibration.id,
         exit_code=outcome.exit_code,
         predicted=None if outcome.predicted is None else outcome.predicted.sentence(),
-        warning=_warning(outcome),
+        warning=warning,
         like_model=None if outcome.agreement is None else outcome.agreement.like_model,
         correction=request.correction.sentence(),
     )

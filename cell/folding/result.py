@@ -23,8 +23,8 @@ class FoldResult:
     `displacement` is as measured by the camera, `edge_offset` the offset between the laid edges
     with the sign of d; values named true come from the twin only. `predicted` is the policy's
     prediction as text, `like_model` whether the strip behaved like the model (None where nothing
-    judged it), and `warning` says that it did not; `correction` says by how much the aim was
-    corrected.
+    judged it), and `warning` says that it did not, or what the preflight found; `correction` says
+    by how much the aim was corrected.
     """
 
     run: str
@@ -65,7 +65,8 @@ class FoldResult:
     def sentence(self) -> str:
         """What happened, for the operator."""
         if self.displacement is None:
-            return f"{self.strip}: {self.outcome}: {self.reason}"
+            warning = "" if self.warning is None else f"\n  {self.warning}"
+            return f"{self.strip}: {self.outcome}: {self.reason}{warning}"
         folded = "folded" if self.exit_code == 0 else f"not folded ({self.outcome})"
         text = f"{self.strip}: {folded}, displacement {1e3 * self.displacement:+.1f} mm"
         if self.displacement_true is not None:
@@ -82,6 +83,6 @@ class FoldResult:
             text += f"\n  {self.correction}"
         if self.warning is not None:
             text += f"\n  {self.warning}"
-        if self.exit_code != 0 and self.reason != self.warning:
+        if self.exit_code != 0 and self.reason not in (self.warning or ""):
             text += f"\n  {self.reason}"
         return text

@@ -24,6 +24,7 @@ from cell.orchestrator.steps import (
     still_picture,
     turn,
 )
+from drivers.arm.clearance import require_clear
 from drivers.errors import CellError
 from drivers.types import Pose
 
@@ -41,12 +42,14 @@ def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -
     return Event.NEEDS_CALIBRATION
 
 
-def calibrate(cell: CalibrationContext, record: Record, _: Snapshot) -> Phase:
+def calibrate(cell: CalibrationContext, record: Record, begin: Snapshot) -> Phase:
     """Phase that measures the map to the plane, the latency, and the landmarks; or checks one."""
+    points = _points(cell)
+    first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
+    require_clear([first, *points.plan], cell.desk)
     yield from open_hand()
     yield from _answer(cell, POINTER_IN)
     yield from close_hand()
-    points = _points(cell)
     yield from turn(points.plan[0].pitch)
     yield from _touch_all(cell, points, record)
     if cell.old is not None:

@@ -17,6 +17,7 @@ from cell.orchestrator.vision import Reader
 from cell.perception.beside import Beside
 from cell.perception.laid_fold import LaidFold
 from cell.perception.measurement import SeenTouch
+from drivers.arm.clearance import desk_end
 from drivers.strip.file import StripFile
 from drivers.types import Pose
 from policies.policy import Policy
@@ -30,7 +31,8 @@ class FoldContext:
     `reader` reads images once preflight has accepted the image of the strip. `seen_touch` is the
     layer_touch once it is seen, `laid` the fold after the retreat, `predicted` the policy's latest
     prediction. On the wall clock `beside` measures the images. The grasped edge is laid at `place`
-    [m]. The plant is not part of it.
+    [m]. The plant is not part of it. The `desk` [m] ends there for the arm's hand, 0 for none.
+    A `warning` of the preflight is for the operator.
     """
 
     settings: CellSettings
@@ -43,6 +45,8 @@ class FoldContext:
     predicted: FoldPrediction | None = None
     beside: Beside | None = None
     place: float = 0.0
+    desk: float = 0.0
+    warning: str = ""
 
 
 @dataclass(slots=True)
@@ -67,6 +71,11 @@ class CalibrationContext:
     check: CheckVerdict | None = None
     reader: None = None
 
+    @property
+    def desk(self) -> float:
+        """Where the desk ends for the hand [m]."""
+        return desk_end(self.settings.installation)
+
 
 @dataclass(slots=True)
 class ManualContext:
@@ -78,6 +87,11 @@ class ManualContext:
     motion: Callable[[Snapshot], Motion]
     end: Pose | None = None
     reader: None = None
+
+    @property
+    def desk(self) -> float:
+        """Where the desk ends for the hand [m]."""
+        return desk_end(self.settings.installation)
 
 
 Context = FoldContext | CalibrationContext | ManualContext

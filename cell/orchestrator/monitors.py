@@ -3,15 +3,18 @@ which the first to trip stops the run.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import degrees, pi
 
 import numpy as np
 
 from cell.config.monitor_limits import MonitorLimits
 from cell.orchestrator.snapshot import Command, Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import TERMINAL, State
+from drivers.arm.clearance import require_clear
 from drivers.errors import Fault
-from drivers.limits import Workspace
+from drivers.limits import MotionLimits, Workspace
+from drivers.strip.grip_path import LIFT_TRAVEL
 from drivers.types import Velocity
 
 MOVED_IMAGES = 2  # images in a row
@@ -22,10 +25,23 @@ USUAL_AGE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Limits of the monitors and the cell's workspace."""
+    """Limits of the monitors and of the arm's motion, and the cell's workspace; the `desk` [m] ends
+    there for the hand, 0 where the arm has none.
+    """
 
     limits: MonitorLimits
     workspace: Workspace
+    desk: float = 0.0
+    motion: MotionLimits = field(default_factory=MotionLimits)
+
+    @property
+    def tracking_turn(self) -> float:
+        """Allowed error of the pitch [rad]: what the arm turns while it moves by the allowed error
+        of its place, both at full speed, and no more than a lift turns on that way.
+        """
+        axes = self.motion
+        ratio = axes.pitch.velocity / max(axes.x.velocity, axes.z.velocity)
+        return self.limits.tracking_error * min(ratio, pi / 2 / LIFT_TRAVEL)
 
 
 Check = Callable[[Snapshot, Rules], str | None]
@@ -130,23 +146,32 @@ def _camera_moved(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _check_speed(snapshot: Snapshot, rules: Rules) -> str | None:
-    limits = rules.limits
+    limits, moving = rules.limits, snapshot.arm.velocity
     allowed = limits.speed * limits.overspeed
-    if snapshot.arm.velocity.speed <= allowed:
-        return None
-    return f"the gripper moves at {snapshot.arm.velocity.speed:.3f} m/s, allowed {allowed:.3f} m/s"
+    if not moving.speed <= allowed:
+        return f"the gripper moves at {moving.speed:.3f} m/s, allowed {allowed:.3f} m/s"
+    turning, most = abs(moving.pitch_rate), rules.motion.pitch.velocity * limits.overspeed
+    if not turning <= most:
+        return f"the gripper turns at {turning:.2f} rad/s, allowed {most:.2f} rad/s"
+    return None
 
 
 def _tracking(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
     measured, commanded = snapshot.arm.pose, snapshot.arm.commanded
     error = float(np.hypot(measured.x - commanded.x, measured.z - commanded.z))
-    if error <= limits.tracking_error:
-        return None
-    return (
-        f"the gripper is {1e3 * error:.1f} mm from where it was commanded, "
-        f"allowed {1e3 * limits.tracking_error:.1f} mm"
-    )
+    if not error <= limits.tracking_error:
+        return (
+            f"the gripper is {1e3 * error:.1f} mm from where it was commanded, "
+            f"allowed {1e3 * limits.tracking_error:.1f} mm"
+        )
+    turned, most = abs(measured.pitch - commanded.pitch), rules.tracking_turn
+    if not turned <= most:
+        return (
+            f"the gripper is turned by {degrees(turned):.1f} deg from where it was commanded, "
+            f"allowed {degrees(most):.1f} deg"
+        )
+    return None
 
 
 def _workspace(snapshot: Snapshot, rules: Rules) -> str | None:
@@ -254,12 +279,13 @@ def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
     ]
     if reasons:
         raise Fault(*reasons[0])
-    _check_command(command, rules)
+    _check_command(snapshot, command, rules)
 
 
-def _check_command(command: Command, rules: Rules) -> None:
+def _check_command(snapshot: Snapshot, command: Command, rules: Rules) -> None:
     if isinstance(command, MoveTo):
         rules.workspace.check(command.pose)
+        require_clear([snapshot.arm.commanded, command.pose], rules.desk)
     if isinstance(command, Drive):
         rate = command.velocity
         if not np.isfinite([rate.vx, rate.vz, rate.pitch_rate]).all():

@@ -34,6 +34,7 @@ from cell.perception.laid import Loop, edge_offset, laid_length
 from cell.perception.laid_fold import LaidFold
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import inspect
+from cell.perception.standing import UNWATCHED
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
@@ -60,6 +61,10 @@ def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     record.describe(preflight=facts)
     if reader is None or not all(check.passed for check in checks):
         raise PreflightRefused(_failures(checks))
+    for check in checks:
+        if check.name == UNWATCHED:
+            cell.warning = f"{check.reason}; {check.remedy}"
+            record.event(frame.stamp, "camera_unwatched", reason=cell.warning)
     cell.reader = reader
     return Event.CHECKED
 
@@ -73,7 +78,8 @@ def _inspect(
         if seen.appearance is None:
             return seen.checks, None
         known = (cell.settings, cell.strip, cell.calibration, seen.appearance)
-        return seen.checks, StripReader.of(*known)
+        reader = StripReader.of(*known)
+        return (*seen.checks, reader.standing.check()), reader
     snapshot = yield Hold()
     cell.beside.ask(INSPECT, frame, snapshot.arm.pose, snapshot.time)
     while (checks := cell.beside.checks()) is None:

@@ -57,7 +57,8 @@ class Run:
         self._observers = observers
         self._interrupted = interrupted
         settings = context.settings
-        self._rules = Rules(settings.monitors, settings.installation.workspace)
+        place = settings.installation
+        self._rules = Rules(settings.monitors, place.workspace, context.desk, place.limits)
         self._machine = Machine()
         self._entered = 0.0
         self._phase: Phase | None = None

@@ -58,11 +58,11 @@ class StripReader:
         perception: Perception,
         touch: LayerTouch,
         latency: float,
-        standing: Standing | None = None,
+        standing: Standing,
     ) -> None:
         """With the colours found at preflight, in `perception`, and what stood still then."""
         self._perception, self._touch, self.latency = perception, touch, latency
-        self._standing = standing
+        self.standing = standing
         self._seen: Seen | None = None
 
     @classmethod
@@ -83,8 +83,7 @@ class StripReader:
         """Read `frame` now."""
         measurement = self._perception.look(frame, gripper)
         touch = self._touch.update(measurement, gripper) if touches else None
-        shift = nan if self._standing is None else self._standing.shift(frame.image, gripper)
-        self._seen = Seen(measurement, touch, shift)
+        self._seen = Seen(measurement, touch, self.standing.shift(frame.image, gripper))
 
     def take(self) -> Seen | None:
         """What the image showed, once."""

@@ -87,10 +87,11 @@ class StripSight:
         """The checks of an image before the grasp; the strip's colours are kept."""
         s = self._subject
         seen = inspect(frame, s.calibration, s.settings, s.strip)
-        if seen.appearance is not None:
-            self._perception = Perception(s.calibration, s.settings, s.strip, seen.appearance)
-            self._standing = Standing.of(seen.appearance, s.calibration, s.settings, s.strip)
-        return seen.checks
+        if seen.appearance is None:
+            return seen.checks
+        self._perception = Perception(s.calibration, s.settings, s.strip, seen.appearance)
+        self._standing = Standing.of(seen.appearance, s.calibration, s.settings, s.strip)
+        return *seen.checks, self._standing.check()
 
     def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> Seen:
         """The strip in `frame`; raises Fault `no_perception` before an image was accepted."""

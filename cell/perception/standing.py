@@ -9,6 +9,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from calibration.landmarks import MATCH_CORRELATION, grey_of, peak
 from cell.perception.appearance import Appearance
+from cell.perception.checks import PreflightCheck
 from cell.perception.region import HIGH_HEIGHT, without_hand, zones
 from cell.perception.region import whole as all_of
 from cell.perception.settings import PerceptionSettings
@@ -22,6 +23,7 @@ FEWEST_PATCHES = 2  # that must be found to state a shift
 ALONG = 1.0  # px by which most of them must have moved alike
 PATCH_SIGMA = 0.3  # px, standard deviation of a patch's place by its structure and the noise
 NOISE_WINDOW = 1.5  # px over which noise is averaged
+CAMERA_WATCHED, UNWATCHED = "camera is watched", "camera is not watched"  # names of the check
 NAN = float("nan")
 
 
@@ -66,6 +68,20 @@ class Standing:
         patches = tuple(soft[v : v + PATCH_SIZE, u : u + PATCH_SIZE].copy() for u, v in corners)
         places = np.array(corners, dtype=np.float64).reshape(-1, 2)
         return cls(places, patches, np.array(weights), calibration)
+
+    def check(self) -> PreflightCheck:
+        """Whether a camera that is nudged would be noticed; a fold without it goes on."""
+        found = len(self.patches)
+        watched = found >= FEWEST_PATCHES
+        reason = f"{found} places that stand still are seen, {FEWEST_PATCHES} are needed"
+        if not watched:
+            reason += ": a camera that is nudged in this fold would not be noticed"
+        return PreflightCheck(
+            CAMERA_WATCHED if watched else UNWATCHED,
+            True,
+            reason,
+            "put something with a pattern where the strip does not hide it, or light it better",
+        )
 
     def shift(self, image: Image, gripper: Pose) -> float:
         """How far the scene appears moved in `image` (height, width, 3), in the plane of the near

@@ -5,7 +5,7 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-from drivers.arm.clearance import RISE
+from drivers.arm.clearance import RISE, desk_end
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.franka import limits
 from drivers.franka.body import Box, Solids, apart
@@ -22,15 +22,15 @@ WAY_STEP = 0.005  # m
 JOINT_ROOM = 0.03  # rad from a joint's end
 UPRIGHT = frozen([0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398])  # rad, over everything
 
-# Of the cell, in its frame [m]: the desk ends where the gripper's workspace does; the clamp of the
-# fixed edge stands no higher than this. Both are to be checked by hand on the first day.
+# Of the cell, in its frame [m]: how wide the desk is; the clamp of the fixed edge stands no higher
+# than this. Both are to be checked by hand on the first day.
 DESK_EDGE, CLAMP_LENGTH, CLAMP_HEIGHT, DESK_DEPTH, FLOOR_SIZE = 0.3, 0.08, 0.04, 1.0, 3.0
 UNDER = 0.1  # m under the desk: published shapes of the wrist reach 9 cm below a hand lying flat
 
 
 def solids_of(installation: Installation) -> Solids:
     """Desk, clamp and floor, as the mounting places them."""
-    end = installation.workspace.x[1]
+    end = desk_end(installation)
     boxes = (
         Box("desk", (-CLAMP_LENGTH, -DESK_EDGE, -DESK_DEPTH), (end, DESK_EDGE, 0.0)),
         Box("clamp", (-CLAMP_LENGTH, -DESK_EDGE, 0.0), (0.0, DESK_EDGE, CLAMP_HEIGHT)),

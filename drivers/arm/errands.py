@@ -17,6 +17,7 @@ from drivers.arm.scheduling import schedule
 from drivers.arm.way import follow_joints
 
 ERRAND_TIMEOUT = 180.0  # s of an errand
+REST_RATE = 0.01  # rad/s of a joint that stands, the noise of its measurement included
 
 
 def go_to(
@@ -98,18 +99,24 @@ def _do_task(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, 
     if errand["reset_tool"]:
         robot.reset_tool()
     robot.require_tool()
-    ending = Ending()
+    ending, solids = Ending(), solids_of(task.installation)
 
     def left() -> bool:
         return ending() or pipe.poll()
 
     if errand["recover"]:
-        retreat(robot, task.settings, left)
+        retreat(robot, task.settings, left, solids)
     robot.configure(task.settings.collision)
     guard, reached = robot.guard(), list(robot.state().q)
-    way = clear_way(np.array(reached), np.array(errand["joints"]), solids_of(task.installation))
+    way = clear_way(np.array(reached), np.array(errand["joints"]), solids)
     for joints in way:
         if not left():
+            guard = robot.guard() if _rests(robot.state()) else guard
             reached = follow_joints(robot, joints.tolist(), errand["share"], guard, left)
     ending.check()
     return {"joints": reached}
+
+
+def _rests(state: Any) -> bool:
+    """Whether all joints stand, so that what the robot feels can be the tare of this posture."""
+    return bool(max(abs(rate) for rate in state.dq) < REST_RATE)

@@ -2,15 +2,18 @@
 
 from collections.abc import Callable
 from itertools import islice
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
+from drivers.arm.clear_way import ARM_CLEARANCE, CLEARANCE_TOLERANCE
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.arm.force import ForceGuard
 from drivers.arm.settings import CollisionSettings, FciSettings
 from drivers.arm.way import follow_joints
 from drivers.franka import limits
+from drivers.franka.body import Solids
 from drivers.franka.inverse import straight
 from drivers.types import Array
 
@@ -22,28 +25,33 @@ FREE = 0.3  # share of the allowed force at rest from which the arm counts as fr
 JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
 
 
-def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None:
+def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids: Solids) -> None:
     """Bring a `robot` at rest out of what presses on its gripper; does nothing where nothing
     presses.
 
     The reflexes are loosened for it, as they would stop it at once, and set again by the caller.
-    Raises Failed where the force rises on the way, or does not leave the arm within AWAY.
+    Raises Failed where the force is no number or rises on the way, where the way leads towards one
+    of the `solids`, or does not free the arm within AWAY.
     """
     state = robot.state()
     force = np.array(state.O_F_ext_hat_K[:3])
     size = float(np.linalg.norm(force))
     if size <= settings.rest:
         return
-    goal = _beside(np.array(state.q), force / size)
+    if not isfinite(size):
+        words = "the robot reports a force that is no number; look at its log before it moves again"
+        raise Failed(Failure(Cause.PRESSED, words))
+    way = _beside(np.array(state.q), force / size)
+    _require_room(way, solids)
     robot.configure(_loosen(settings.collision, size))
     guard = ForceGuard(size + FORCE_RISE)
 
     def free(now: Any) -> bool:
         return float(np.linalg.norm(now.O_F_ext_hat_K[:3])) < FREE * settings.rest
 
-    follow_joints(robot, goal.tolist(), SPEED_SHARE, guard, left, free)
+    follow_joints(robot, way[-1].tolist(), SPEED_SHARE, guard, left, free)
     after = float(np.linalg.norm(robot.state().O_F_ext_hat_K[:3]))
-    if after > settings.rest:
+    if not after <= settings.rest:
         words = (
             f"the gripper still feels {after:.1f} N after a retreat of {1e3 * AWAY:.0f} mm from "
             f"{size:.1f} N, allowed {settings.rest:.1f} N"
@@ -52,12 +60,27 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None
 
 
 def _beside(joints: Array, direction: Array) -> Array:
-    """Joints (7,) [rad] that move the tip by AWAY along `direction` (3,) without turning it."""
-    *_, joints = islice(straight(joints, PLACE_STEP * direction), round(AWAY / PLACE_STEP))
-    if limits.margins(joints).min() < JOINT_MARGIN:
+    """Joints (n, 7) [rad] from `joints` on that move the tip by AWAY along `direction` (3,) without
+    turning it.
+    """
+    places = islice(straight(joints, PLACE_STEP * direction), round(AWAY / PLACE_STEP))
+    way = np.array([joints, *places])
+    if not limits.margins(way[-1]).min() >= JOINT_MARGIN:
         words = "no way leads out of the contact: a joint is at its end; free the arm by hand"
         raise Failed(Failure(Cause.PRESSED, words))
-    return joints
+    return way
+
+
+def _require_room(way: Array, solids: Solids) -> None:
+    """Raise Failed where the arm comes nearer to one of the `solids` on `way` (n, 7) [rad] than it
+    begins, and than ARM_CLEARANCE.
+    """
+    gaps = solids.clearance(way)
+    allowed = np.minimum(gaps[0] - CLEARANCE_TOLERANCE, ARM_CLEARANCE)
+    for box, gap, least in zip(solids.boxes, gaps.T, allowed, strict=True):
+        if not gap.min() >= least:
+            words = f"the way out of the contact leads towards the {box.name}; free the arm by hand"
+            raise Failed(Failure(Cause.PRESSED, words))
 
 
 def _loosen(collision: CollisionSettings, force: float) -> CollisionSettings:

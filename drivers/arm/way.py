@@ -20,6 +20,8 @@ AXES = 7
 JOINT_SPEED = 0.5  # rad/s
 JOINT_ACCELERATION = 1.5  # rad/s^2
 JOINT_JERK = 50.0  # rad/s^3 at full speed
+HARD_ACCELERATION, HARD_JERK = 8.0, 2000.0  # rad/s^2, rad/s^3 of a stop out of contact
+HARD_TAKING_UP = 30.0  # 1/s, likewise: a robot that hears nothing for 15 ms still turns it around
 ROUNDING = 3e-7  # rad: more than the rounding of the state
 CHANGE_TOLERANCE = 1e-6  # rad/s^2, likewise
 GOAL_TOLERANCE = 5e-5  # rad from the goal, from which nothing is corrected any more
@@ -65,6 +67,7 @@ class Way:
         self._planner, self._output = (ruckig.Ruckig(AXES, TICK), ruckig.OutputParameter(AXES))
         self._goal: Numbers | None = goal
         self._speed, self._acceleration = share * JOINT_SPEED, share * JOINT_ACCELERATION
+        self._jerk, self._taking_up = JOINT_JERK, TAKING_UP
         self._time = state.time.to_sec()
         self._here, self._sent = Course(start, [0.0] * AXES, [0.0] * AXES), start
         self._planned, self._missed = True, False
@@ -97,10 +100,14 @@ class Way:
         )
         self._here = go_on(self._here, self._sent, state, ticks)
 
-    def brake(self) -> None:
-        """Come to rest wherever that is."""
+    def brake(self, *, hard: bool = False) -> None:
+        """Come to rest wherever that is; `hard` as quickly as any joint may."""
         self._goal, self._acceleration = None, JOINT_ACCELERATION
-        self._plan.max_acceleration = [JOINT_ACCELERATION] * AXES
+        if hard:
+            self._acceleration, self._jerk = HARD_ACCELERATION, HARD_JERK
+            self._taking_up = HARD_TAKING_UP
+        self._plan.max_acceleration = [self._acceleration] * AXES
+        self._plan.max_jerk = [self._jerk] * AXES
         self._plan.control_interface = ruckig.ControlInterface.Velocity
         self._plan.target_velocity = self._plan.target_acceleration = [0.0] * AXES
 
@@ -123,8 +130,8 @@ class Way:
         return [self._joint(*joint) for joint in zip(*self._here, wanted, strict=True)]
 
     def _joint(self, place: float, rate: float, change: float, wanted: float) -> float:
-        asked = _within(TAKING_UP * (wanted - rate), self._acceleration)
-        change += _within(asked - change, JOINT_JERK * TICK)
+        asked = _within(self._taking_up * (wanted - rate), self._acceleration)
+        change += _within(asked - change, self._jerk * TICK)
         return place + TICK * (rate + TICK * change)
 
 
@@ -139,21 +146,23 @@ def follow_joints(
     """Bring `robot` to `joints` (7,) [rad], or to rest once it is `left` or its state is `enough`;
     returns where it stands then.
 
-    Raises Failed at what the `guard` objects to.
+    Raises Failed at what the `guard` objects to, once the robot stands.
     """
     motion = robot.start_joints()
     state = robot.read(motion)
-    way = Way(state, joints, share)
+    way, objection = Way(state, joints, share), ""
     while not (way.arrived and _stands(state)):
-        if left() or enough(state):
+        if not objection and (left() or enough(state)):
             way.brake()
         robot.write_joints(motion, way.tick())
         state = robot.read(motion)
         way.keep_up(state)
-        objection = guard.objection(state)
+        objection = objection or guard.objection(state)
         if objection:
-            raise Failed(Failure(Cause.CONTACT, objection))
+            way.brake(hard=True)
     robot.write_joints(motion, list(state.q_d), last=True)
+    if objection:
+        raise Failed(Failure(Cause.CONTACT, objection))
     return list(state.q)
 
 

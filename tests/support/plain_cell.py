@@ -127,7 +127,8 @@ class Bench:
         strip = Configs(CHECKOUT_CONFIGS).strip("denim")
         context = FoldContext(settings.controller, strip, Triangular(), calibration=None)
         touch = SimpleNamespace(update=lambda measurement, gripper: None)
-        here = StripReader(SimpleNamespace(look=sight_of), touch, latency=0.0)
+        standing = SimpleNamespace(shift=lambda image, gripper: math.nan)
+        here = StripReader(SimpleNamespace(look=sight_of), touch, 0.0, standing)
         context.reader = self.reader or here
         devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)
         return Run(devices, context, self.record, self.observers, self.interrupted).execute()

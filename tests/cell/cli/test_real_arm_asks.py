@@ -14,7 +14,9 @@ from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_drivers, open_cell
 from cell.folding.fold import Request
+from cell.folding.result import FoldResult
 from cell.folding.standard_runs import fold_runs, standard_requests
+from cell.orchestrator.outcome import Outcome
 from drivers.errors import ConfigurationError, PreflightRefused
 from drivers.strip.describe import load_strip
 from tests.cell.cli.test_command_errors import run
@@ -59,11 +61,72 @@ def test_nothing_moves_without_the_cell_s_name(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.stdin", io.StringIO("yes\n"))
     monkeypatch.setattr("cell.doctor.doctor.checks", lambda *_: iter(()))
+    monkeypatch.setattr("cell.doctor.doctor._arm", lambda *_: iter(()))
     assert run(monkeypatch, *words, "--configs", configs) == 3
     said = capsys.readouterr().err
     assert "Type the cell's name" in said
     assert "nothing has moved" in said
     assert connections == []
+
+
+@pytest.mark.parametrize("words", [words for words in COMMANDS if words[0] != "gap"], ids=" ".join)
+def test_doctor_looks_at_a_real_robot_before_anybody_is_asked(
+    words, configs, connections, monkeypatch, capsys, tmp_path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO("twin-cell\n"))
+    assert run(monkeypatch, *words, "--configs", configs) == 3
+    said = capsys.readouterr().err
+    assert f"robot: no robot answers at {NOWHERE}; switch the robot on" in said
+    assert "Type the cell's name" not in said
+    assert connections == []
+
+
+@pytest.mark.parametrize("command", ["home", "park"])
+def test_recovery_is_possible_whatever_the_doctor_finds(
+    command, configs, connections, monkeypatch, capsys
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("twin-cell\n"))
+    run(monkeypatch, command, "--recover", "--configs", configs)
+    assert "Type the cell's name" in capsys.readouterr().err
+    assert connections == ["drivers.arm.errands.go_to"]
+
+
+@pytest.mark.parametrize(
+    ("arm", "address", "said"),
+    [
+        ("twin", None, "moved: the gripper is at x 600, z 160 mm, pitch 0 deg\n"),
+        ("fci", None, "pitch 0 deg (emulated robot: fci.address in cell.yaml is empty)\n"),
+        ("fci", "127.0.0.5", "pitch 0 deg (emulated robot at 127.0.0.5, on this machine)\n"),
+    ],
+)
+def test_motion_of_an_emulated_robot_says_so(
+    arm, address, said, configs, monkeypatch, capsys
+) -> None:
+    file = configs / "cell.yaml"
+    text = file.read_text().replace(f"fci: {{address: {NOWHERE}}}", "")
+    file.write_text(text + (f"fci: {{address: {address}}}\n" if address else ""))
+    place = "the gripper is at x 600, z 160 mm, pitch 0 deg"
+    came = Outcome("moved", place, 0, None, None, 1.0)
+    monkeypatch.setattr("cell.arm.by_hand.by_hand", lambda *_: came)
+    assert run(monkeypatch, "jog", "--z", "10mm", "--arm", arm, "--configs", configs) == 0
+    assert capsys.readouterr().out.endswith(said)
+
+
+def test_way_home_and_fold_of_an_emulated_robot_say_so(configs, monkeypatch, capsys) -> None:
+    file = configs / "cell.yaml"
+    file.write_text(file.read_text().replace(NOWHERE, "127.0.0.5"))
+    monkeypatch.setattr("drivers.arm.errands.go_to", lambda *_, **__: None)
+    run(monkeypatch, "park", "--configs", configs)
+    remark = "emulated robot at 127.0.0.5, on this machine"
+    assert capsys.readouterr().out == f"the arm is parked ({remark})\n"
+    made = FoldResult("runs/one", "denim", "adaptive", 0, "layer_touch", "", 0, 0.001)
+    monkeypatch.setattr("cell.cli.fold._results", lambda *_, **__: iter([made]))
+    for words, out in (((), True), (("--json",), False)):
+        run(monkeypatch, "fold", "--strip", "denim", *words, "--configs", configs)
+        said = capsys.readouterr()
+        assert (f"  {remark}\n  record" in said.out) == out
+        assert (f"cell: {remark}" in said.err) != out
 
 
 def test_a_program_that_folds_does_not_move_it_either(configs, connections, tmp_path) -> None:

@@ -1,12 +1,14 @@
 """Each spoiled image differs from the good one in the way that its fault says."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cell.devices import failing
-from drivers.types import Frame
+from cell.folding.faults import FAULTS
+from drivers.types import Frame, HandState
 
 RNG = np.random.default_rng(0)
 
@@ -53,3 +55,11 @@ def test_padding_spoils_no_jpeg_and_holes_leave_none_whole_or_another_image(hole
     seen = failing.jpeg(holes=holes)(NEXT, GOOD)
     same = seen is not None and np.abs(seen.image.astype(int) - NEXT.image).max() < 60
     assert same is not holes
+
+
+def test_silent_hand_says_for_ever_what_it_said_last() -> None:
+    said = [HandState(t, t, "made", 0.001, grasped=True, moving=False) for t in (1.0, 1.5, 2.0)]
+    hand = failing.FailingHand(SimpleNamespace(state=lambda: said.pop(0)))
+    assert hand.state().stamp == 1.0
+    FAULTS["hand: silent"].strike(SimpleNamespace(cell=SimpleNamespace(hand=hand)))
+    assert [hand.state().stamp for _ in range(2)] == [1.5, 1.5]

@@ -1,10 +1,14 @@
 """What the cell cannot see, reach or fold is refused before anything moves, and says why."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from calibration.calibration import Calibration
 from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
 from cell.folding.feasible import check_feasible
+from cell.folding.fold import Request, fold
 from drivers.errors import PreflightRefused
 from policies.registry import make_policy
 from tests.support.twin_calibration import twin_calibration
@@ -15,14 +19,14 @@ def seen_by() -> Calibration:
     return twin_calibration(find_configs(None).cell().twin.camera)
 
 
-def refusal(seen_by: Calibration, policy: str = "triangular", **changes) -> str:
+def refusal(seen_by: Calibration, policy: str = "triangular", desk: float = 0.0, **changes) -> str:
     configs = find_configs(None)
     settings = configs.cell()
     strip = configs.strip("denim").model_copy(update=changes)
     made = make_policy(policy)
     made.reset(strip, settings.fold.speed, 1)
     try:
-        check_feasible(settings.controller, strip, made, seen_by)
+        check_feasible(settings.controller, strip, made, seen_by, desk)
     except PreflightRefused as refused:
         return str(refused)
     return ""
@@ -47,3 +51,27 @@ def test_ordinary_strips_are_folded(seen_by, policy) -> None:
 )
 def test_what_the_cell_cannot_do_is_refused_with_its_reason(seen_by, changes, says) -> None:
     assert says in refusal(seen_by, **changes)
+
+
+@pytest.mark.parametrize(("desk", "says"), [(0.0, ""), (0.6, ""), (0.85, "mm into the desk at x ")])
+def test_fold_whose_hand_would_meet_the_desk_is_refused(seen_by, desk, says) -> None:
+    said = refusal(seen_by, desk=desk)
+    assert says in said
+    assert bool(said) == bool(says)
+
+
+@pytest.mark.parametrize(("arm", "refused"), [("fci", True), ("twin", False)])
+def test_fold_asks_for_the_hand_of_its_arm(seen_by, tmp_path, monkeypatch, arm, refused) -> None:
+    configs = find_configs(None)
+    place = configs.cell().installation.model_copy(update={"desk": 0.85})
+    files = configs.cell().model_copy(update={"installation": place}), configs.strip("denim")
+    choice = DeviceSelection(arm=arm)
+    request = Request(
+        "denim", "triangular", None, choice, tmp_path, None, "none", False, "off", files=files
+    )
+    monkeypatch.setattr("cell.folding.fold.check_usable", lambda *_: None)
+    devices = SimpleNamespace(camera=SimpleNamespace(rate="opened"))
+    monkeypatch.setattr("cell.folding.fold.run_header", lambda *_: pytest.fail("got through"))
+    with pytest.raises(PreflightRefused if refused else pytest.fail.Exception) as ended:
+        fold(request, calibration=seen_by, opened=lambda *_, **__: devices)
+    assert ("into the desk" in str(ended.value)) == refused

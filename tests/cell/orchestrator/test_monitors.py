@@ -11,8 +11,13 @@ from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.perception.measurement import StripMeasurement
 from drivers.errors import Fault
-from drivers.limits import Workspace
+from drivers.limits import AxisLimits, MotionLimits, Workspace
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose, Velocity
+
+
+def turned(by: float) -> Pose:
+    return replace(POSE, pitch=POSE.pitch + by)
+
 
 LIMITS = MonitorLimits()
 RULES = Rules(LIMITS, Workspace())
@@ -115,6 +120,10 @@ def test_monitor_stops_before_the_command(name: str) -> None:
         (replace(GOOD, arm=replace(ARM, commanded=Pose(0.4, 0.24, 1.5))), "tracking_error"),
         (replace(GOOD, arm=replace(ARM, force=(0.0, -30.0))), "force"),
         (replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, -0.6, 0.0))), "overspeed"),
+        (replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, 0.0, -3.3))), "overspeed"),
+        (replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, 0.0, math.nan))), "overspeed"),
+        (replace(GOOD, arm=replace(ARM, commanded=turned(0.2))), "tracking_error"),
+        (replace(GOOD, arm=replace(ARM, commanded=turned(-0.2))), "tracking_error"),
         *(
             (replace(GOOD, arm=replace(ARM, pose=pose, commanded=pose)), "workspace")
             for pose in (Pose(-0.2, 0.2, 1.5), Pose(0.9, 0.2, 1.5), Pose(0.4, 0.6, 1.5))
@@ -125,6 +134,19 @@ def test_monitors_watch_every_direction(snapshot: Snapshot, name: str) -> None:
     with pytest.raises(Fault) as stopped:
         check_all(snapshot, Hold(), RULES)
     assert stopped.value.name == name
+
+
+def test_pitch_has_a_limit_of_the_arm_s_motion_however_slow_that_is() -> None:
+    assert RULES.tracking_turn == pytest.approx(0.015 * 2.6 / 0.2)
+    check_all(replace(GOOD, arm=replace(ARM, commanded=turned(0.19))), Hold(), RULES)
+    slow = AxisLimits(velocity=0.001, acceleration=1.0, jerk=10.0)
+    creeping = replace(RULES, motion=MotionLimits(x=slow, z=slow))
+    assert creeping.tracking_turn == pytest.approx(0.015 * math.pi / 2 / 0.1)
+    lazy = replace(RULES, motion=MotionLimits(pitch=slow))
+    turning = replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, 0.0, 0.01)))
+    check_all(turning, Hold(), RULES)
+    with pytest.raises(Fault, match="turns at"):
+        check_all(turning, Hold(), lazy)
 
 
 @pytest.mark.parametrize("name", AHEAD)

@@ -1,12 +1,15 @@
 """A camera that moves in a fold is told from the scene, whatever its light; nothing else is."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
+from cell.perception.beside import StripSight, Subject
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
-from cell.perception.standing import FEWEST_PATCHES, Standing
+from cell.perception.standing import CAMERA_WATCHED, FEWEST_PATCHES, UNWATCHED, Standing
 from drivers.strip.describe import load_strip
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.renderer import Renderer
@@ -66,3 +69,19 @@ def test_a_moved_camera_is_told(standing: Standing, lifted: Image, x: float, z: 
 def test_where_nothing_is_found_again_nothing_is_told(standing: Standing, lifted: Image) -> None:
     assert np.isnan(standing.shift(np.full_like(lifted, 255), ABOVE))
     assert np.isnan(standing.shift(moved(lifted, 0.03, 0.0), ABOVE))
+
+
+def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(standing: Standing) -> None:
+    found = standing.check()
+    assert (found.name, found.passed) == (CAMERA_WATCHED, True)
+    one = replace(standing, corners=standing.corners[:1], patches=standing.patches[:1])
+    found = one.check()
+    assert (found.name, found.passed) == (UNWATCHED, True)
+    assert found.reason.startswith("1 places that stand still are seen, 2 are needed: a camera")
+
+
+def test_process_beside_the_loop_says_so_too() -> None:
+    arc = np.linspace(0, DENIM.length, 61)
+    flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
+    sight = StripSight(Subject(CALIBRATION, SETTINGS, DENIM))
+    assert sight.inspect(Frame(0.0, 0.0, "test", 0, flat))[-1].name == CAMERA_WATCHED

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
+from drivers.arm.clear_way import solids_of
 from drivers.arm.errands import go_to
 from drivers.arm.failure import Cause, Failed
 from drivers.arm.force import Drift, ForceGuard, Tare
@@ -16,16 +17,18 @@ from drivers.arm.plane import StripPlane
 from drivers.arm.retreat import retreat
 from drivers.arm.settings import FciSettings
 from drivers.errors import Fault
+from drivers.franka.body import Box, Solids
 from drivers.motion import TICK
 from tests.drivers.arm.fake_robot import FakeRobot
 from tests.drivers.arm.lossy_robot import LossyRobot
 from tests.drivers.arm.served import COLLISION, near, served, task
-from tests.drivers.arm.test_loop import JOINTS, PLANE, START, begun_with, columns
+from tests.drivers.arm.test_loop import INSTALLATION, JOINTS, PLANE, START, begun_with, columns
 
 OFFSET = [2.0, -3.0, 4.0, 0.5, 0.0, 0.1]  # N, N m, at rest and touching nothing
 TORQUES = [0.5, -1.0, 0.2, 0.0, 0.1, 0.0, 0.0]
 TARE = Tare(tuple(OFFSET), tuple(TORQUES))
 STIFF = 2000.0  # N/m
+SOLIDS = solids_of(INSTALLATION)
 
 
 def state(force=(0.0, 0.0, 0.0), torques=(0.0,) * 7) -> SimpleNamespace:
@@ -164,7 +167,7 @@ class Pressed(LossyRobot):
 
 def test_retreat_leaves_a_contact_along_its_force_and_no_further() -> None:
     robot = Pressed(lambda y: -max(20.0 + STIFF * y, 0.0))  # free 10 mm away
-    retreat(robot, FciSettings(), lambda: False)
+    retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert -0.02 < robot.moved[1] < -0.008
     assert np.abs(robot.moved[[0, 2]]).max() < 1e-3
     assert robot.ended
@@ -174,7 +177,7 @@ def test_retreat_leaves_a_contact_along_its_force_and_no_further() -> None:
 def test_retreat_that_frees_nothing_ends_after_its_way() -> None:
     robot = Pressed(lambda _: -20.0)  # somebody who follows
     with pytest.raises(Failed, match=r"still feels 20\.0 N after a retreat of 30 mm") as failed:
-        retreat(robot, FciSettings(), lambda: False)
+        retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert failed.value.failure.cause is Cause.PRESSED
     assert robot.moved == pytest.approx([0.0, -0.03, 0.0], abs=2e-3)
     assert robot.ended
@@ -183,12 +186,50 @@ def test_retreat_that_frees_nothing_ends_after_its_way() -> None:
 def test_retreat_ends_where_the_force_rises() -> None:
     robot = Pressed(lambda y: -20.0 + 2 * STIFF * y)  # clamped: it grows along the way out
     with pytest.raises(Failed, match=r"met 28\.\d N, allowed 28\.0 N"):
-        retreat(robot, FciSettings(), lambda: False)
+        retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert -0.003 < robot.moved[1] < 0.0
+
+
+def test_force_that_is_no_number_begins_no_retreat_and_ends_one() -> None:
+    robot = Pressed(lambda _: float("nan"))
+    with pytest.raises(Failed, match="a force that is no number") as failed:
+        retreat(robot, FciSettings(), lambda: False, SOLIDS)
+    assert failed.value.failure.cause is Cause.PRESSED
+    assert not robot.thresholds
+    assert robot.robot.ticks == 0
+    robot = Pressed(lambda y: -20.0 if y > -0.005 else float("nan"))
+    with pytest.raises(Failed, match="met nan N"):
+        retreat(robot, FciSettings(), lambda: False, SOLIDS)
+    assert robot.moved[1] > -0.01
+
+
+@pytest.mark.parametrize(("room", "free"), [(0.1, True), (0.031, False), (-0.01, False)])
+def test_retreat_does_not_lead_towards_what_stands_there(room: float, free: bool) -> None:
+    """A wall beside the arm, `room` [m] from it: what comes nearer is not begun."""
+    robot = Pressed(lambda y: -max(20.0 + STIFF * y, 0.0))
+    edge = robot.place[1] - 1.0
+    far = Solids(np.eye(4), (Box("wall", (-3.0, edge - 1.0, -3.0), (3.0, edge, 3.0)),))
+    edge += float(far.clearance(np.array(JOINTS))[0]) - room
+    wall = Solids(np.eye(4), (Box("wall", (-3.0, edge - 1.0, -3.0), (3.0, edge, 3.0)),))
+    if free:
+        retreat(robot, FciSettings(), lambda: False, wall)
+        assert robot.ended
+        return
+    with pytest.raises(Failed, match="leads towards the wall; free the arm by hand"):
+        retreat(robot, FciSettings(), lambda: False, wall)
+    assert robot.robot.ticks == 0
+
+
+def test_retreat_from_what_stands_there_may_begin_too_near() -> None:
+    robot = Pressed(lambda y: -max(20.0 + STIFF * y, 0.0))
+    edge = robot.place[1] - 0.02
+    wall = Solids(np.eye(4), (Box("wall", (-3.0, edge, -3.0), (3.0, edge + 1.0, 3.0)),))
+    retreat(robot, FciSettings(), lambda: False, wall)
+    assert robot.ended
 
 
 def test_arm_that_nothing_presses_does_not_retreat() -> None:
     robot = Pressed(lambda _: 2.0)
-    retreat(robot, FciSettings(), lambda: False)
+    retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert not robot.thresholds
     assert robot.robot.ticks == 0

@@ -1,9 +1,12 @@
 """The 1 kHz loops on a network that loses commands: the robot goes on by itself meanwhile."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from drivers.arm.departure import FADE_TICKS, Departure
+from drivers.arm.failure import Failed
 from drivers.arm.force import ForceGuard
 from drivers.arm.messages import Kind
 from drivers.arm.plane import StripPlane
@@ -166,3 +169,28 @@ def offset(place: list[float], turn: list[float]) -> np.ndarray:
     moved = np.eye(4)
     moved[:3, :3], moved[:3, 3] = rotation(np.array(turn)), place
     return moved
+
+
+@pytest.mark.parametrize(("worst", "share"), [(1, 0.0), *LOSSES[:3]])
+@pytest.mark.parametrize("at", [100, 350, 600])
+def test_contact_on_the_way_home_ends_in_a_quick_stop_that_the_cell_commands(
+    worst: int, share: float, at: int
+) -> None:
+    robot = LossyRobot(JOINTS, 5, worst, share)
+    read, met = robot.read, list[int]()
+
+    def pressed(motion: object) -> SimpleNamespace:
+        state = read(motion)
+        if robot.robot.time > at:
+            met.append(robot.robot.time)
+            state.O_F_ext_hat_K = [0.0, 0.0, 30.0, 0.0, 0.0, 0.0]
+        return state
+
+    robot.read = pressed
+    goal = [JOINTS[0] + 0.4, *JOINTS[1:]]
+    with pytest.raises(Failed, match=r"met 30\.0 N, allowed 20\.0 N"):
+        follow_joints(robot, goal, 1.0, ForceGuard(20.0), lambda: False)
+    assert robot.ended
+    assert not robot.robot.errors
+    assert robot.robot.time - met[0] < (100 if share == 0.0 else 400)
+    assert robot.robot.posture.q[0] < goal[0] - 0.05

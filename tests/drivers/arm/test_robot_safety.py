@@ -13,6 +13,7 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 import drivers.arm.robot
+from drivers.arm import errands
 from drivers.arm.arm import FciArm
 from drivers.arm.bridge import Bridge
 from drivers.arm.errands import go_to
@@ -75,6 +76,46 @@ def test_guard_stops_the_way_home() -> None:
             go_to(task(server), near(0.3), 1.0)
         assert fault.value.name == "arm_contact"
         assert server.robot.posture.q[0] < near(0.2)[0]
+        assert server.robot.posture.at_rest
+        assert server.robot.mode is Mode.IDLE  # commanded to stand, not dropped in motion
+
+
+class NeverEnding:
+    def __call__(self) -> bool:
+        return False
+
+    def check(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(("rate", "tares"), [(0.002, 3), (0.05, 1)])
+def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rate, tares) -> None:
+    taken: list[float] = []
+
+    class Still(LossyRobot):
+        def __init__(self, *_: object) -> None:
+            super().__init__(JOINTS, 1, 1, share=0.0)
+            self.require_ready = self.require_tool = lambda: None
+            self.configure = lambda _: None
+
+        def state(self) -> SimpleNamespace:
+            found = self.read(None)
+            found.dq = [0.0] * 6 + [-rate]
+            return found
+
+        def guard(self) -> ForceGuard:
+            taken.append(self.state().q[0])
+            return ForceGuard(20.0)
+
+    way = [np.array(near(0.02)), np.array(near(0.04))]
+    monkeypatch.setattr("drivers.arm.robot.Robot", Still)
+    monkeypatch.setattr(errands, "clear_way", lambda *_: way)
+    monkeypatch.setattr(errands, "schedule", lambda _: None)
+    monkeypatch.setattr(errands, "Ending", NeverEnding)
+    errand = {"joints": near(0.04), "share": 1.0, "recover": False, "reset_tool": False}
+    given = SimpleNamespace(address="", settings=FciSettings(), installation=INSTALLATION)
+    errands._do_task(given, errand, SimpleNamespace(poll=lambda: False))
+    assert taken == pytest.approx([JOINTS[0], JOINTS[0], near(0.02)[0]][:tares], abs=1e-4)
 
 
 def test_reported_force_points_as_the_cell_s_axes_do() -> None:

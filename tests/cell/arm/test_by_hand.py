@@ -1,0 +1,60 @@
+"""The arm by hand and in a calibration: never into the desk."""
+
+import pytest
+
+from cell.arm.by_hand import by_hand, jog
+from cell.arm.real_robot import slow_down
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from cell.orchestrator.calibrating import calibrate
+from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.monitors import Rules
+from cell.orchestrator.recorder import Record
+from cell.orchestrator.snapshot import OpenHand
+from drivers.errors import Fault
+from drivers.types import Pose
+from tests.cell.orchestrator.test_monitors import GOOD
+from tests.support.twin_calibration import twin_calibration
+
+SETTINGS = find_configs(None).cell()
+
+
+def stating(desk: float | None):
+    place = SETTINGS.installation.model_copy(update={"desk": desk})
+    return SETTINGS.model_copy(update={"installation": place})
+
+
+@pytest.mark.parametrize(
+    ("desk", "x", "z", "name"),
+    [
+        (None, -0.1, -0.14, "hand_meets_desk"),
+        (0.6, -0.1, -0.14, "hand_meets_desk"),
+        (None, 0.05, -0.12, "hand_meets_desk"),  # nobody said that the desk ends with the strip
+        (0.6, 0.05, -0.12, "moved"),
+        (None, -0.1, -0.05, "moved"),
+    ],
+)
+def test_jog_does_not_drive_the_hand_into_the_desk(desk, x, z, name) -> None:
+    outcome = by_hand(stating(desk), DeviceSelection(arm="twin"), jog(x, z, 0.0))
+    assert outcome.name == name
+    assert outcome.exit_code == (0 if name == "moved" else 4)
+
+
+@pytest.mark.parametrize("last", [Pose(0.3, 0.05, 1.57), Pose(0.3, 0.02, 0.0)])
+def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(last) -> None:
+    lens = twin_calibration(SETTINGS.twin.camera).lens
+    plan = (*(Pose(0.1 + 0.03 * i, 0.05, 1.57) for i in range(15)), last)
+    phase = calibrate(CalibrationContext(SETTINGS.controller, lens, plan=plan), Record(), GOOD)
+    if last.pitch:
+        assert next(phase) == OpenHand()
+        return
+    with pytest.raises(Fault, match="into the desk at x 300"):
+        next(phase)
+
+
+def test_monitors_know_the_limits_of_the_motion(monkeypatch) -> None:
+    seen: list[Rules] = []
+    monkeypatch.setattr("cell.orchestrator.run.check_all", lambda *given: seen.append(given[2]))
+    slow = slow_down(SETTINGS)
+    by_hand(slow, DeviceSelection(arm="twin"), jog(0.0, 0.001, 0.0))
+    assert {rules.motion for rules in seen} == {slow.installation.limits}

@@ -1,0 +1,71 @@
+"""What the preflight leaves in the record, and for the operator."""
+
+import numpy as np
+import pytest
+
+from cell.config.places import find_configs
+from cell.folding.result import FoldResult
+from cell.orchestrator import phases
+from cell.orchestrator.context import FoldContext
+from cell.orchestrator.recorder import Record
+from cell.orchestrator.states import Event
+from cell.orchestrator.steps import Pictured
+from cell.perception.checks import PreflightCheck
+from cell.perception.standing import CAMERA_WATCHED, UNWATCHED
+from drivers.types import Frame
+from policies.registry import make_policy
+from tests.cell.orchestrator.test_monitors import GOOD, POSE
+
+CONFIGS = find_configs(None)
+FRAME = Frame(1.0, 1.0, "test", 0, np.zeros((2, 2, 3), np.uint8))
+
+
+class Noted(Record):
+    def __init__(self) -> None:
+        self.events: list[tuple[str, dict[str, object]]] = []
+
+    def event(self, time: float, kind: str, **facts: object) -> None:
+        self.events.append((kind, facts))
+
+
+def at_once(value: object):
+    """A step that takes no tick and ends with `value`."""
+
+    def step(*_: object):
+        yield from ()
+        return value
+
+    return step
+
+
+@pytest.mark.parametrize("name", [CAMERA_WATCHED, UNWATCHED])
+def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
+    monkeypatch, name: str
+) -> None:
+    found = PreflightCheck(name, True, "1 place, 2 are needed", "put something there")
+    monkeypatch.setattr(phases, "_camera_checks", at_once(()))
+    monkeypatch.setattr(phases, "move", at_once(GOOD))
+    monkeypatch.setattr(phases, "still_picture", at_once(Pictured(1.0, FRAME, POSE)))
+    monkeypatch.setattr(phases, "_inspect", at_once(((found,), object())))
+    policy = make_policy("triangular")
+    context = FoldContext(CONFIGS.cell().controller, CONFIGS.strip("denim"), policy, None)
+    record = Noted()
+    with pytest.raises(StopIteration) as end:
+        next(phases.preflight(context, record, GOOD))
+    assert end.value.value is Event.CHECKED
+    kinds = [kind for kind, _ in record.events]
+    assert record.events[0][1]["checks"][0]["name"] == name
+    assert ("camera_unwatched" in kinds) == (name == UNWATCHED)
+    said = "1 place, 2 are needed; put something there" if name == UNWATCHED else ""
+    assert context.warning == said
+
+
+@pytest.mark.parametrize("displacement", [None, 0.001])
+def test_warning_is_a_line_of_its_own_whatever_came_of_the_fold(displacement) -> None:
+    result = FoldResult(
+        "", "denim", "adaptive", 0, "unlike_model", "it is stiff", 1, displacement,
+        warning="it is stiff\n  the camera is not watched",
+    )  # fmt: skip
+    lines = result.sentence().splitlines()
+    assert lines[-1] == "  the camera is not watched"
+    assert sum("it is stiff" in line for line in lines) == (2 if displacement is None else 1)
