@@ -252,6 +252,8 @@ def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[
                 place = f"folder {took['folders']}: over {again:.1f} s"
                 raise SystemExit(f"{place}: {changes}") from None
         took["folders"] += 1
+        if took["folders"] % 1000 == 0:
+            print(f"{took['folders']} of {count} folders", flush=True)
 
     spoiled = spoilers(whole)
     _drawn(st.tuples(spoiled) | st.tuples(spoiled, spoiled), check, count, start)

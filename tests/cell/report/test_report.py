@@ -25,6 +25,7 @@ from cell.report.kit import page as filled
 from cell.report.overlay import fold_tips, key_pictures, window_on
 from cell.report.page import report, write_report
 from cell.report.runs_page import write_runs_page
+from cell.report.timing import timing_figure
 from cell.report.verdict import verdict, verdict_of
 from cell.report.words import millimetres, outcome_title, seconds
 from drivers.errors import ConfigurationError
@@ -145,6 +146,12 @@ def test_dead_run_is_explained(dead_page):
     assert "43 images seen" in text
     assert "429 rows" in text
     assert dead_page.count("<svg") == 3
+
+
+def test_costs_that_are_no_numbers_are_left_out(finished, monkeypatch):
+    signalling = np.array([0x7FF0000000000001], np.uint64).view(np.float64)  # of flipped bits
+    monkeypatch.setattr(Salvage, "costs", lambda _: np.append(signalling, [0.002, np.inf]))
+    assert "median 2" in timing_figure(Salvage.of(finished))
 
 
 def test_run_that_died_at_once_is_explained(tmp_path):
