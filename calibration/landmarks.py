@@ -13,6 +13,7 @@ from pydantic import Field
 from calibration.homography import Homography
 from calibration.lens import Lens
 from drivers.errors import ConfigurationError
+from drivers.pictures import LARGEST_SIDE, sides
 from drivers.settings import Settings
 from drivers.types import Array, Frame, Image, Pose
 
@@ -57,10 +58,12 @@ class Landmark(Settings):
     def patch(self) -> Image:
         """Grey levels (side, side); a broken one is a ConfigurationError."""
         try:
-            content = np.frombuffer(b64decode(self.png, validate=True), dtype=np.uint8)
+            content = b64decode(self.png, validate=True)
         except ValueError:
-            content = np.empty(0, dtype=np.uint8)
-        image = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE) if len(content) else None
+            content = b""
+        if not all(0 < side <= LARGEST_SIDE for side in sides(content)):
+            raise ConfigurationError("landmarks: png: is no picture; calibrate again")
+        image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
         if image is None:
             raise ConfigurationError("landmarks: png: is no picture; calibrate again")
         return np.asarray(image, dtype=np.uint8)

@@ -34,8 +34,12 @@ def read_picture(path: Path, side: int = LARGEST_SIDE) -> Image:
 
 
 def sides(content: bytes) -> tuple[int, int]:
-    """Width and height [px] that a PNG or JPEG declares; zeros for anything else."""
+    """Width and height [px] that a PNG or JPEG declares; zeros for anything else, and for a PNG
+    that ends within one of its chunks: OpenCV sets aside the memory that a chunk says it takes.
+    """
     if content.startswith(b"\x89PNG\r\n\x1a\n") and content[12:16] == b"IHDR":
+        if not _holds_its_chunks(content):
+            return 0, 0
         return int.from_bytes(content[16:20]), int.from_bytes(content[20:24])
     at = 2 if content.startswith(b"\xff\xd8") else len(content)
     while at + 9 <= len(content) and content[at] == 0xFF:
@@ -44,6 +48,16 @@ def sides(content: bytes) -> tuple[int, int]:
             return int.from_bytes(width), int.from_bytes(height)
         at += 1 if content[at + 1] == 0xFF else 2 + int.from_bytes(content[at + 2 : at + 4])
     return 0, 0
+
+
+def _holds_its_chunks(png: bytes) -> bool:
+    at = 8
+    while at + 12 <= len(png):
+        ends = png[at + 4 : at + 8] == b"IEND"
+        at += 12 + int.from_bytes(png[at : at + 4])
+        if ends:
+            break
+    return at <= len(png)
 
 
 def _decode(content: bytes) -> Image | None:

@@ -2,16 +2,19 @@
 
 import os
 import struct
+from base64 import b64encode
 from contextlib import suppress
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
+from calibration.landmarks import Landmark
 from calibration.lens import Lens, read_lens, write_camera_info
 from calibration.wizard.session import read_latency, read_rows
 from drivers.errors import ConfigurationError
-from drivers.pictures import read_picture
+from drivers.pictures import read_picture, sides
 from drivers.types import frozen
 from tests.support.board_sessions import LENS
 
@@ -61,3 +64,16 @@ def test_picture_of_sixty_thousand_pixels_is_refused_before_it_is_decoded(tmp_pa
     (tmp_path / "p.png").write_bytes(head + b"\x08\x02\x00\x00\x00" + b"\x00" * 40)
     with pytest.raises(ConfigurationError, match="60000 x 60000 px"):
         read_picture(tmp_path / "p.png")
+
+
+def test_chunk_of_gigabytes_is_refused_before_memory_is_set_aside(tmp_path: Path) -> None:
+    whole = cv2.imencode(".png", np.zeros((4, 144, 3), np.uint8))[1].tobytes()
+    at = whole.index(b"IDAT") - 4
+    content = whole[:at] + b"\x93" + whole[at + 1 :]  # 2.5 GB, by one byte
+    (tmp_path / "p.png").write_bytes(content)
+    assert (sides(whole), sides(content)) == ((144, 4), (0, 0))
+    with pytest.raises(ConfigurationError, match="not a picture"):
+        read_picture(tmp_path / "p.png")
+    mark = Landmark(kind="tip", left=0, top=0, png=b64encode(content).decode("ascii"))
+    with pytest.raises(ConfigurationError, match="is no picture"):
+        mark.patch()
