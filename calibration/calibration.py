@@ -125,7 +125,7 @@ def make_calibration(
 
 
 def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
-    """The calibration with other `facts`, keywords of `make_calibration`, and its own new id."""
+    """A copy with other `facts`, keywords of `make_calibration`, and its own new id."""
     kept = {name: getattr(calibration, name) for name in KEYWORDS}
     return make_calibration(
         facts.pop("lens", calibration.lens),

@@ -99,7 +99,7 @@ def _check_inside(points: Array, size: tuple[int, int]) -> None:
 
 
 def checked_lens(lens: Lens, origin: str) -> Lens:
-    """`lens`, if a camera can have it; else a ConfigurationError that names `origin`.
+    """Return `lens` if a camera can have it; else raise a ConfigurationError that names `origin`.
 
     Focal lengths must be finite and of the order of the image, its centre near the image, the
     distortion finite and bounded.
@@ -189,7 +189,7 @@ class CameraFile(Settings):
         return checked_lens(lens, origin)
 
     def content(self) -> dict[str, Any]:
-        """Plain mapping for YAML or JSON."""
+        """The lens as a plain mapping for YAML or JSON."""
         return self.model_dump(mode="json")
 
 

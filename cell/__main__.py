@@ -31,7 +31,7 @@ def _run() -> int | str | None:
 
 
 def _answer(error: Exception) -> int:
-    """Show `error` in one line, or the help of a group that was given nothing; the exit code."""
+    """Show `error` in one line, or the help of a bare command group; returns the exit code."""
     from typer import Abort, BadParameter
 
     usage: type = BadParameter.__mro__[1]  # of all misuse; no version of Typer exports it
@@ -53,7 +53,7 @@ def _show_usage(error: Any) -> int:
 
 
 def _cell_error(error: Exception) -> CellError:
-    """`error` as one of the cell's own: a library that is missing, or a defect."""
+    """`error` as a CellError: a missing library, or a defect of this program."""
     from cell.extras import FEATURES, missing_library
     from drivers.errors import Unexpected
 

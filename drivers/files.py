@@ -1,5 +1,5 @@
-"""The door of all files: reading only what is regular and of bounded size, writing whole files that
-follow no link, locks on folders.
+"""Access to files: reads regular ones of bounded size, writes whole files and follows no links,
+locks folders.
 """
 
 import errno
@@ -128,7 +128,7 @@ def new_file(path: Path) -> FileIO:
 
 
 def own_file(path: Path) -> None:
-    """Make sure that a regular file stands at `path`, for a writer that opens it by name.
+    """Ensure a regular file at `path`, for a writer that opens it by name.
 
     Raises OSError where a link, a pipe or another special file stands there.
     """

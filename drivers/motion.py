@@ -108,7 +108,7 @@ class MotionProfile:
         self._follow(_STILL)
 
     def resume(self, pose: Pose, velocity: Velocity, acceleration: Velocity, lost: int) -> None:
-        """Go on from where the arm came by itself in `lost` ticks without a setpoint."""
+        """Continue from where the arm came by itself in `lost` ticks without a setpoint."""
         self._age += lost
         self._position = [pose.x, pose.z, pose.pitch]
         self._velocity = [velocity.vx, velocity.vz, velocity.pitch_rate]

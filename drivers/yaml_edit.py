@@ -60,12 +60,12 @@ def _change(node: Any, value: Any) -> None:
 
 
 def _same(node: Sequence[Any], value: Sequence[Any], besides: int) -> bool:
-    """Whether two lists agree in all but so many entries."""
+    """Whether two lists agree in all entries but `besides` of them."""
     return len([1 for one, other in zip(node, value, strict=True) if one != other]) <= besides
 
 
 def _merge(old: Any, new: Any) -> Any:
-    """`old` where it says the same as `new`, changed in place where it can be, or else `new`."""
+    """`old` where it equals `new`, changed in place where it can be, or else `new`."""
     if old == new and isinstance(old, bool) == isinstance(new, bool):
         return old
     if isinstance(old, MutableMapping) and isinstance(new, Mapping):

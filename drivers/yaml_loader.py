@@ -26,7 +26,7 @@ class BoundedLoader(yaml.SafeLoader):
         self._sizes: dict[str, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """The next node; an alias counts as often as what it stands for."""
+        """The next node of the document; an alias counts as often as the node it stands for."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         anchor: Any = getattr(event, "anchor", None)
         if self.check_event(yaml.AliasEvent):
@@ -46,7 +46,7 @@ class BoundedLoader(yaml.SafeLoader):
         return node
 
     def compose_scalar_node(self, anchor: Any) -> Any:
-        """A scalar; a number with too many digits is refused before it is converted."""
+        """The next scalar; a number with too many digits is refused before it is converted."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         node = super().compose_scalar_node(anchor)
         if node.tag in NUMBER_TAGS and len(node.value) > MOST_DIGITS:

@@ -1,4 +1,4 @@
-"""Policies by name."""
+"""Policies by name: their factories and their appearance in figures."""
 
 import re
 from pathlib import Path as FilePath
@@ -17,7 +17,7 @@ def policy_names() -> tuple[str, ...]:
 
 
 def look_of(name: str) -> Look:
-    """Colour and marker of a policy in figures; plain ones of an unknown name."""
+    """Colour and marker of a policy in figures; plain ones for an unknown name."""
     return entries()[name].look if name in entries() else Look()
 
 

@@ -21,7 +21,7 @@ NO_SHAPES = (np.empty((0, 0, 2)), np.empty((0, 0)))
 
 @runtime_checkable
 class Marching(Protocol):
-    """An engine that executes several steps in one call."""
+    """Protocol of an engine that executes several steps in one call."""
 
     def advance(self, poses: Array, dt: float) -> Observables:
         """Advance by a step of `dt` [s] to each of `poses` (k, n, 3) in turn."""
@@ -120,7 +120,7 @@ class _Loop:
         self._march = engine.advance if isinstance(engine, Marching) else self._step
 
     def lift(self, path: Path, count: int) -> None:
-        """Along `path` from rest until the grippers stand at the take-over height."""
+        """Move along `path` from rest until the grippers stand at the take-over height."""
         speed = self._settings.speed
         rise = path.points[np.argmax(path.points[:, 1]), 1]
         height = min(TAKEOVER_HEIGHT, 0.9 * float(rise))
@@ -138,7 +138,7 @@ class _Loop:
         self._velocity = np.tile(step / self._dt, (count, 1))
 
     def follow(self, decision: Decision) -> bool:
-        """Move as decided until the next decision; returns whether every fold has ended."""
+        """Carry out `decision` until the next one; returns whether every fold has ended."""
         if self._has_ended(decision):
             return True
         self._advance(self._lead(decision))

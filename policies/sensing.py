@@ -46,13 +46,13 @@ class Sensing:
 
     @property
     def sigmas(self) -> Array:
-        """Noise (STATE_SIZE,) of contact, tip x and tip z [m]."""
+        """Noise (STATE_SIZE,) [m] of contact, tip x and tip z, one standard deviation."""
         tip_z = self.tip_sigma if self.tip_z_sigma is None else self.tip_z_sigma
         return np.array([self.contact_sigma, self.tip_sigma, tip_z])
 
     @property
     def biases(self) -> Array:
-        """One-sigma biases (STATE_SIZE,) [m]."""
+        """Biases (STATE_SIZE,) [m] of contact, tip x and tip z, one standard deviation."""
         return np.array([self.contact_bias, self.tip_bias, self.tip_bias])
 
 
@@ -130,8 +130,8 @@ class Draws:
 
 
 class Eye:
-    """Simulated camera: stores the state of n strips at each decision and returns it as images
-    would.
+    """Simulated camera: stores the state of n strips at each decision and returns it as a camera
+    would measure it.
 
     The strips come in `groups` equal groups which get the same noise and the same delays. Without
     `profile` no profiles are measured.
@@ -201,7 +201,7 @@ class Eye:
         )
 
     def _spoil(self, time: float) -> Shown:
-        """The newest image of each strip, with its noise."""
+        """The newest image of each strip, with noise added."""
         near = (self._newest + self._back) % len(self._recent)
         far = (near + 1) % len(self._recent)
         true = (1 - self._share) * self._recent[near, self._lane]
@@ -217,7 +217,7 @@ class Eye:
         return Shown(time - self._delay, state, profile)
 
     def _blur(self, profile: Array) -> Array:
-        """Profiles with noise on all points but the last one, which the arm measures."""
+        """Profiles with noise on all points but the last, which the arm measures."""
         noise = self._draws.normal(self._points, 2) * self._sensing.profile_sigma
         noise = noise * self._factor[:, None, None] + self._shift
         noise[:, -1] = 0.0

@@ -23,7 +23,7 @@ INCHES_PER_MM = 1 / 25.4  # inches
 
 
 def paper(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
-    """The smallest sheet [mm, wide and high] that holds the board; ConfigurationError for none."""
+    """Smallest sheet [mm, wide and high] that holds the board; ConfigurationError without one."""
     square = 1e3 * settings.square
     wide = (settings.columns + 2 * QUIET_ZONE) * square
     high = (settings.rows + 2 * QUIET_ZONE) * square + FOOT

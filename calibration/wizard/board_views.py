@@ -113,19 +113,19 @@ class BoardViews:
 
     @property
     def views(self) -> tuple[BoardView, ...]:
-        """All accepted views."""
+        """All accepted views of the board."""
         return tuple(self._views.values())
 
     def gates(self) -> tuple[Gate, ...]:
-        """Coverage so far, gate by gate."""
+        """Coverage by the views so far, gate by gate."""
         return coverage(self.views, self._lens or guessed_lens((1280, 720)), self._settings)
 
     def verdict(self) -> LensVerdict:
-        """The verdict on the views so far."""
+        """The verdict on the lens from the views so far."""
         return lens_verdict(self._views, self._size, self._length, self._settings)
 
     def _refuse(self, frame: Frame, look: BoardLook) -> str | None:
-        """Why this image shows no usable view, or None."""
+        """Reason why this image shows no usable view, or None."""
         size = (frame.image.shape[1], frame.image.shape[0])
         if self._size is not None and size != self._size:
             return (
@@ -145,7 +145,7 @@ class BoardViews:
         return None
 
     def _unseen(self, look: BoardLook, size: tuple[int, int]) -> str:
-        """Why too few corners are seen: too close, too far, or not there."""
+        """Reason why too few corners are detected: too close, too far, or no board."""
         settings = self._settings
         need = f"{look.corners} corners of the board are seen, {settings.corners} are needed"
         width = look.side * settings.columns * settings.square / settings.marker
@@ -171,14 +171,14 @@ class BoardViews:
             self.skip()
 
     def _fitted_so_far(self, size: tuple[int, int]) -> Lens:
-        """The lens as far as it is known, to compute the board's tilt."""
+        """Lens fitted to the views so far, to compute the board's tilt."""
         if len(self._views) < max(FEWEST_VIEWS, MINIMUM_VIEWS):
             return guessed_lens(size)
         return fit_views(self.views, size).lens
 
 
 def _meets(wanted: WantedView, shown: Placement, width: float) -> bool:
-    """Whether a view is close enough to the requested one."""
+    """Whether the `shown` view is close enough to the `wanted` one."""
     misses = (
         abs(shown.x - wanted.x),
         abs(shown.y - wanted.y),

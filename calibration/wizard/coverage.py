@@ -113,7 +113,7 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """One coverage requirement: how much the views `have` of the `need`, and the remedy."""
+    """One coverage requirement: how much of its `need` the views `have`, and the remedy."""
 
     name: str
     have: float
@@ -128,12 +128,12 @@ class Gate:
 
     @property
     def passed(self) -> bool:
-        """Whether enough is covered."""
+        """Whether the views cover enough."""
         return self.have >= self.need
 
     @property
     def ratio(self) -> str:
-        """`have` of `need` in figures, whole ones where views are counted."""
+        """`have` of `need` as text, in whole numbers where views are counted."""
         digits = 0 if self.unit else 2
         return f"{self.have:.{digits}f} of {self.need:.{digits}f}"
 
@@ -142,7 +142,7 @@ class Gate:
 
 
 def guessed_lens(size: tuple[int, int]) -> Lens:
-    """A lens accurate enough to compute a board's tilt, for images of `size` [px]."""
+    """Typical lens for images of `size` [px], accurate enough to compute a board's tilt."""
     width, height = size
     focal = GUESS * width
     matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]])
@@ -216,7 +216,7 @@ def _range(values: Sequence[float]) -> float:
 
 
 def _cells(views: Sequence[BoardView], lens: Lens) -> float:
-    """Share of the image's cells that corners reach."""
+    """Share of the image's grid cells in which board corners were seen."""
     if not views:
         return 0.0
     points = np.vstack([view.image for view in views]) / (lens.width, lens.height)

@@ -40,7 +40,7 @@ class LatencySettings(Settings):
 
 @dataclass(frozen=True, slots=True)
 class SeenStep:
-    """One image of the pointer under way: its stamp [s] and the disc's centre (2,) [px]."""
+    """One image of the moving pointer: its stamp [s] and the disc's centre (2,) [px]."""
 
     stamp: float
     pixel: Array
@@ -85,12 +85,12 @@ class LatencySteps:
 
     @property
     def left(self) -> int:
-        """Number of moves still required."""
+        """Number of moves of the arm still required."""
         return len(self._queue)
 
     @property
     def arm(self) -> Array:
-        """(n, 3) arm measurements: stamp [s], x, z [m]."""
+        """Arm measurements (n, 3): stamp [s], x, z [m]."""
         return np.reshape(self._arm, (-1, 3))
 
     @property
@@ -99,7 +99,7 @@ class LatencySteps:
         return tuple(self._seen)
 
     def ask(self) -> Pose | None:
-        """The next pose of the pointer; None when enough was seen."""
+        """The next pose of the pointer; None once enough images have shown it."""
         return self._queue[0] if self._queue else None
 
     def record_arrival(self) -> None:
@@ -119,7 +119,7 @@ class LatencySteps:
         return centre is not None
 
     def verdict(self, lens: Lens, homography: Homography) -> LatencyVerdict:
-        """The latency, through the map that the touched points gave."""
+        """The verdict on the latency, through the map that the touched points gave."""
         return latency_verdict(self.arm, self._seen, lens, homography, self._settings)
 
 
@@ -152,7 +152,7 @@ def latency_verdict(
 def _drift(
     arm: Array, stamps: Array, along: Array, latency: float, settings: LatencySettings
 ) -> tuple[str, ...]:
-    """A latency that changes evenly over the steps: two clocks that do not run alike."""
+    """Latency that changes linearly over the steps: two clocks at different rates."""
     from scipy.optimize import least_squares
 
     since = stamps - stamps.mean()

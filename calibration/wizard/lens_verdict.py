@@ -61,7 +61,7 @@ def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
 
 
 def _frame(outline: Array) -> tuple[Array, float]:
-    """Middle (2,) and half the longer side [m] of a pattern with corners (4, 2)."""
+    """Middle (2,) and half the longer side [m] of a pattern with corners `outline` (4, 2)."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     return 0.5 * (low + high), 0.5 * float((high - low).max())
 
@@ -73,7 +73,7 @@ def _grid(outline: Array) -> Array:
 
 
 def _shape(board: Array, middle: Array, reach: float) -> Array:
-    """Heights (n, 3) of the three bows at points (n, 2) or (n, 3) of the board."""
+    """Heights (n, 3) of the three modes of a bow at points (n, 2) or (n, 3) of the board."""
     x, y = ((board[:, :2] - middle) / reach).T
     return np.stack([x * x, y * y, x * y], axis=1)
 
@@ -180,12 +180,12 @@ def lens_lines(verdict: LensVerdict) -> tuple[Line, ...]:
 
 
 def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
-    """The lens from `views` of the board in images of `size` [px]; as `fit_lens`."""
+    """Fit the lens to `views` of the board in images of `size` [px]; errors as of `fit_lens`."""
     return fit_lens([view.board for view in views], [view.image for view in views], size)
 
 
 def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
-    """A board that is not flat, which makes the focal length wrong by percents and little else."""
+    """Reasons for refusal: a board that is not flat, which falsifies the focal length."""
     return reasons(
         (found.height_mm > max(settings.bow_mm, SEEN_SIGMA * found.sigma_mm),
          f"the board is bent by {found.height_mm:.1f} mm (+- {found.sigma_mm:.1f}), allowed "
@@ -194,7 +194,7 @@ def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
 
 
 def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[str, ...]:
-    """Defects of the lens itself.
+    """Reasons for refusal: defects of the lens itself.
 
     Noise of the corners explains a difference of halves with twice the deviation of the whole; what
     exceeds that, and the tolerance, has another cause.
@@ -220,7 +220,7 @@ def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[
 
 
 def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str, ...]:
-    """Difference between the ruler and the stated squares, which images cannot reveal."""
+    """Reasons for refusal: the ruler contradicts the stated squares, unseen in images."""
     stated = settings.width
     if length is None:
         return (

@@ -1,4 +1,4 @@
-"""Verdicts on touched points: on the map that they make, and on a calibration already in use."""
+"""Verdicts on touched points: on the map fitted to them, and on a calibration already in use."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -57,7 +57,7 @@ class TouchVerdict(Verdict):
     grade: Grade = Grade.REFUSED
 
     def lines(self) -> list[Line]:
-        """Lines on the map and its points, worst news last."""
+        """Lines for the operator on the map and its points, worst news last."""
         lines = []
         if self.homography is not None:
             lines = [
@@ -158,8 +158,8 @@ def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
 
 
 def _shift(off: Array, settings: TouchSettings) -> Iterator[str]:
-    """A shift that all errors `off` (n, 2) [mm] share: larger than a good map's error and than
-    their differences, so that it is no loose pointer.
+    """Shift shared by all errors `off` (n, 2) [mm]: larger than a good map's error and than their
+    differences, which excludes a loose pointer.
     """
     shared = np.median(off, axis=0)
     apart = float(np.hypot(*(off - shared).T).max())
@@ -172,7 +172,7 @@ def _shift(off: Array, settings: TouchSettings) -> Iterator[str]:
 
 
 def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings) -> tuple[str, ...]:
-    """What explains bad touches as a whole: a mirrored plane, or a camera that moved among them."""
+    """Explanations for bad touches as a whole: a mirrored plane, or a camera that moved."""
     middle = np.mean([touched.place for touched in touches], axis=0)
     around = solved.homography.to_image(
         middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
@@ -237,7 +237,7 @@ def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -
 
 
 def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, ...]:
-    """Defects of the map's numbers."""
+    """Reasons for refusal: defects of the map's numbers."""
     rejected = "; ".join(str(point) for point in verdict.rejected)
     return reasons(
         (verdict.held_out < FEWEST_POINTS,
@@ -257,7 +257,7 @@ def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, .
 
 
 def _point_reasons(solved: Solved, settings: TouchSettings) -> tuple[str, ...]:
-    """Defects of the points themselves."""
+    """Reasons for refusal: defects of the touched points themselves."""
     numbers = {p.number for p in (*solved.used, *solved.decide, *solved.off)}
     stubborn = ", ".join(str(p.number) for p in solved.stubborn)
     area = (settings.x_max - settings.x_min) * (settings.z_max - settings.z_min)

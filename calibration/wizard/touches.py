@@ -152,7 +152,7 @@ def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> So
 
 
 def _newest(touches: Sequence[Touched]) -> list[Touched]:
-    """The second touch of a pose where there is one, ordered by place."""
+    """Touches of distinct poses, the second touch where there is one, ordered by place."""
     by_number = {p.number: p for p in sorted(touches, key=lambda p: (p.number, p.again))}
     return sorted(by_number.values(), key=lambda p: (p.place[0], p.place[1], p.number))
 
@@ -160,7 +160,7 @@ def _newest(touches: Sequence[Touched]) -> list[Touched]:
 def _repeats(
     again: Touched, firsts: dict[int, Touched], solved: Solved, settings: TouchSettings
 ) -> bool:
-    """Whether a second touch has the same error as the first: then the map is wrong there."""
+    """Whether a second touch has the same error as the first, so that the map is wrong there."""
     first = firsts.get(again.number)
     if first is None or not again.again:
         return False
@@ -184,8 +184,8 @@ MOVE_SIGMA = 3.8  # sigma by which a move must be seen: the slow tests of `test_
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """All touches after the point `after` are seen shifted: by `shift_mm` in the plane, which a
-    turn of the camera by `mrad` makes.
+    """A move of the camera after the point `after`: later touches are seen shifted by `shift_mm` in
+    the plane, as a turn of the camera by `mrad` makes.
     """
 
     after: int
@@ -220,7 +220,7 @@ def camera_move(
 
 
 def _start(homography: Homography, places: Array) -> Array:
-    """The map's eight numbers on places over their own middle and reach."""
+    """The homography's eight numbers, over the middle and reach of `places`."""
     middle, reach = _frame(places)
     matrix = homography.inverse @ np.array(
         [[reach, 0.0, middle[0]], [0.0, reach, middle[1]], [0.0, 0.0, 1.0]]

@@ -78,7 +78,7 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
 
 @contextmanager
 def _alone(path: Path) -> Iterator[None]:
-    """Hold a lock while the file at `path` is made, where locks exist; other processes wait."""
+    """Hold a lock while the file at `path` is made, for other processes, where locks exist."""
     with ExitStack() as held:
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -109,7 +109,7 @@ def calibrate_homography(
 def _begin(
     settings: CellFile, devices: Devices, lens: Lens, folder: Path, plan: Sequence[Pose] | None
 ) -> tuple[Session, tuple[Pose, ...]]:
-    """A new session and its poses, those of `plan` if given; or the session that `folder` holds."""
+    """Start a new session with its poses, or those of `plan`; or resume the one in `folder`."""
     facts = {"lens": CameraFile.of(lens, devices.camera_identity), "touches": settings.touches}
     facts |= {"latency": settings.latency}
     size, locks = (lens.width, lens.height), dict(devices.camera_locks())
@@ -215,7 +215,7 @@ def assemble(
     landmarks: Landmarks | None = None,
     accept_anyway: bool = False,
 ) -> Calibration:
-    """A calibration from these parts; defects are a CellError, or recorded when overridden."""
+    """Make a calibration from these parts; defects are a CellError, or recorded if overridden."""
     reasons = refusals(touches, latency)
     if touches is None or touches.homography is None or (reasons and not accept_anyway):
         raise CellError("homography failed: " + "; ".join(reasons))
@@ -255,7 +255,7 @@ def _accept(
     *,
     accept_anyway: bool,
 ) -> Calibration | None:
-    """The calibration of a session, None where it is refused."""
+    """Make the calibration of a session; None where it is refused."""
     try:
         return assemble(
             lens,
@@ -287,7 +287,7 @@ def _keep_verdict(folder: Path, found: TouchSession, speed: float) -> None:
 
 
 def _touches(folder: Path, session: Session, without: Collection[int]) -> list[Touched]:
-    """Accepted points; of those with one number, first or second touch, the last one counts."""
+    """Accepted points of a session; the last touch of a pose counts."""
     touches: dict[tuple[int, bool], Touched] = {}
     for row, image in taken_images(folder, session, without):
         if row.pose is None:

@@ -85,14 +85,14 @@ ANSWERS = {ENTER: Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
 
 
 class TwinOperator:
-    """Performs on the twin what `person` agrees to."""
+    """Simulated hands: performs on the twin what `person` agrees to."""
 
     def __init__(self, aids: CalibrationAids, person: Operator) -> None:
         self._aids = aids
         self._person = person
 
     def answer(self, question: Question) -> Answer | None:
-        """The person's answer, after the pointer was put in or removed."""
+        """The person's answer, after the pointer was mounted or removed on the twin."""
         answer = self._person.answer(question)
         if answer is not None and question.ask in {Ask.POINTER_IN, Ask.POINTER_OUT}:
             self._aids.hold_pointer(question.ask is Ask.POINTER_IN)

@@ -97,7 +97,7 @@ def calibrate_lens(
 
 
 def lens_again(folder: Path, without: Collection[int], out: Path | None) -> LensVerdict:
-    """The lens of the session in `folder`, `without` some images; into `out` where given.
+    """Fit the lens of the session in `folder` again, `without` some images, into `out` if given.
 
     Boards are detected anew in the saved images. Raises ConfigurationError for broken files.
     """
@@ -138,7 +138,7 @@ def _show_board(
     watch: SessionFolder,
     interrupted: Callable[[], bool],
 ) -> None:
-    """Ask for one view after the other until none is wanted."""
+    """Request views of the board one after the other until enough are accepted."""
     size, seen = watch.session.image, None
     while (wanted := views.ask()) is not None:
         _check(interrupted)
@@ -195,7 +195,7 @@ def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
 
 
 def _live(devices: Devices) -> Source:
-    """Images of the live camera, a tenth of a second apart; a person holds the board."""
+    """Images of the live camera, a tenth of a second apart, while a person holds the board."""
     newest = [-1.0]
 
     def look(_: WantedView) -> Frame:

@@ -45,13 +45,13 @@ class WizardPanel:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop, leaving the last view visible, without a question."""
+        """End the live view, leaving the last one visible, without a question."""
         if self._live is not None:
             self.ask("")
             self._live.stop()
 
     def __call__(self, news: News) -> None:
-        """Show the news."""
+        """Show the wizard's news."""
         answer = news.answer
         self._news = news
         if answer:
@@ -99,7 +99,7 @@ class WizardPanel:
 
 
 def verdict_text(lines: Iterable[Line]) -> Text:
-    """A verdict, coloured, a line a fact."""
+    """Coloured text of a verdict, a line a fact."""
     text = Text()
     for line in lines:
         text.append(f"{MARKS[line.level]} {line.text}\n", style=STYLES[line.level])
@@ -107,7 +107,7 @@ def verdict_text(lines: Iterable[Line]) -> Text:
 
 
 def views_table(news: ViewNews) -> Table:
-    """What the views cover, beside the board as it is wanted and as it is seen."""
+    """Table of the coverage by views, beside the board as requested and as seen."""
     table = Table.grid(padding=(0, 2))
     table.add_row(
         gates_table(news.gates), *([] if news.sketch is None else [sketch_text(news.sketch)])
@@ -116,7 +116,7 @@ def views_table(news: ViewNews) -> Table:
 
 
 def sketch_text(sketch: Sketch) -> Text:
-    """The image's frame with the board in it: yellow as it is wanted, green as it is seen."""
+    """Sketch of the board in the image's frame: yellow as requested, green as seen."""
     columns, rows = SKETCH
     size = np.array([2 * columns, 4 * rows])
     scale = size / sketch.size
@@ -144,7 +144,7 @@ def _dots(corners: Array | None, scale: Array) -> NDArray[np.intp]:
 
 
 def gates_table(gates: Sequence[Gate]) -> Table:
-    """What the views cover: a bar for each gate."""
+    """Table of the coverage by views: a bar for each gate."""
     table = Table.grid(padding=(0, 1))
     for _ in range(3):
         table.add_column(no_wrap=True, overflow="ellipsis")

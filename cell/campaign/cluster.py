@@ -1,4 +1,4 @@
-"""Parts on a Dask cluster that the user started: it only hands out; the journal decides.
+"""Campaign on a Dask cluster that the user started: Dask distributes parts; the journal decides.
 
 Known traps and what is done here: a part runs in a process of its own beside the Dask worker, so
 that a part that holds the interpreter cannot look like a dead worker (distributed#6324), and one
@@ -143,7 +143,7 @@ def _start_runner(tries: int) -> "LoopRunner":
 def _shift(
     client: "Client", parts: list[Part], folder: Path, here: Mapping[str, str], limit: float | None
 ) -> Iterator[Record]:
-    """Records until all parts have one or the scheduler is gone; one part a thread at a time."""
+    """Yield records until all parts have one or the scheduler is gone; a part for each thread."""
     from distributed import wait
 
     waiting, killed = parts[::-1], Counter[str]()
@@ -170,7 +170,7 @@ def _shift(
 
 
 def _threads(client: "Client") -> int:
-    """Threads of all workers; 0 where the scheduler does not answer."""
+    """Number of threads of all workers; 0 where the scheduler does not answer."""
     try:
         return sum(client.nthreads().values())
     except (OSError, TimeoutError):
@@ -219,13 +219,13 @@ def remote(part: Part, folder: str, there: Mapping[str, str], limit: float | Non
 
 @cache
 def _crews() -> "SimpleQueue[Crew]":
-    """Processes of this worker that have nothing to do."""
+    """Idle processes of this worker, kept for its next parts."""
     return SimpleQueue()
 
 
 @cache
 def _own_folder() -> Path:
-    """A journal of this worker alone, where the client's folder is not here."""
+    """Journal folder of this worker alone, used where the client's folder is not reachable."""
     return Path(mkdtemp(prefix="campaign-"))
 
 
@@ -246,7 +246,7 @@ def _check(client: "Client", address: str, patience: float) -> None:
 
 
 def _difference(here: Mapping[str, str], there: object) -> str:
-    """What `there` has otherwise; empty where nothing."""
+    """Names of the versions in `there` that differ from `here`; empty where none does."""
     if not isinstance(there, Mapping):
         return f"cannot run the cell ({there})"
     other = [f"{n} {there.get(n)}, here {here[n]}" for n in here if there.get(n) != here[n]]

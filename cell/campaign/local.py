@@ -1,4 +1,4 @@
-"""Parts side by side in processes of this machine."""
+"""Campaign on this machine: parts measured side by side in processes."""
 
 import time
 from collections import Counter, deque
@@ -19,7 +19,7 @@ TRIES = 2  # of a part that kills its process: the first may have been the machi
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """`jobs` processes; a part may take `limit` [s] of wall time, for ever where None."""
+    """Engine of `jobs` processes; a part may take `limit` [s] of wall time, any time where None."""
 
     jobs: int = 1
     limit: float | None = None
@@ -37,7 +37,7 @@ class Local:
 
 @dataclass(slots=True)
 class Task:
-    """A part under way in the process of `worker`, since `begun` [s]; None while that starts."""
+    """A part in the process of `worker`, since `begun` [s]; None while the process starts."""
 
     part: Part
     worker: Worker
@@ -45,7 +45,7 @@ class Task:
 
 
 class Crew:
-    """Up to `size` processes, kept from one call to the next."""
+    """Pool of up to `size` processes, kept from one call to the next."""
 
     def __init__(self, size: int) -> None:
         self._size = size
@@ -87,7 +87,7 @@ class Crew:
                 yield found
 
     def close(self) -> None:
-        """End all processes, idle or not: what is finished is in the journal."""
+        """End all processes, idle or not; finished parts are in the journal."""
         for worker in (*self._idle, *(task.worker for task in self._busy)):
             worker.kill()
         self._idle, self._busy = [], []
@@ -102,7 +102,7 @@ class Crew:
         task.worker.begin(measure, part, folder, dict(versions))
 
     def _collect(self, task: Task) -> Record | Died | str | None:
-        """What came of a part; None where its process is ready to begin with it."""
+        """Result of a part; None where its process is ready to begin with it."""
         try:
             found: Record | CellError | None = task.worker.result()
         except Died as died:

@@ -1,4 +1,4 @@
-"""One part measured in a process of its own, and its record written there."""
+"""Measures one part in a process of its own, and writes its record there."""
 
 import fcntl
 import json
@@ -62,7 +62,7 @@ def plain(outcome: Mapping[str, Any] | BaseModel) -> dict[str, Any]:
 
 
 def set_aside(part: Part, reason: str, folder: Path, versions: Mapping[str, str]) -> Record:
-    """The record of a part that gave none itself, stored as well."""
+    """Store and return a record for `part` that gave none itself, with the `reason`."""
     facts: dict[str, Any] = {"state": "set_aside", "reason": reason, "versions": dict(versions)}
     record = Record(schema=1, key=part.key, of=part.of, host=os.uname().nodename, **facts)
     Journal(folder).put(record)
@@ -94,7 +94,7 @@ def prepare(_stop: StopSignal | None = None) -> None:
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder of compiled code, which lies on this host."""
+    """Hold the lock of the folder of compiled code, which belongs to this host."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)  # for as long as the other compiles
@@ -104,6 +104,6 @@ def _alone(folder: Path) -> Iterator[None]:
 
 
 def _processor() -> float:
-    """Processor time [s] of this process and of the children that it has waited for."""
+    """Processor time [s] of this process and of its children that have ended."""
     both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(used.ru_utime + used.ru_stime for used in both)

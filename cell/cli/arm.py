@@ -126,8 +126,8 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 def _agree_to_motion(
     settings: "CellFile", arm: str | None, full_speed: bool, *, recover: bool = False
 ) -> "tuple[CellFile, DeviceSelection]":
-    """Settings and selection, once the operator has agreed to the motion of a real robot, at which
-    the doctor has looked: not to `recover`, which must always be possible.
+    """Settings and selection, once the operator has agreed to the motion of a real robot. The
+    doctor checks the robot first, except to `recover`, which must always be possible.
     """
     from cell.arm.real_robot import agree
     from cell.devices.devices import DeviceSelection
@@ -146,7 +146,7 @@ def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:
 def _move(
     settings: "CellFile", choice: "DeviceSelection", motion: "Callable[[Snapshot], Motion]"
 ) -> None:
-    """Carry out one `motion`, say what came of it, and end with its exit code."""
+    """Carry out one `motion`, print its result, and exit with its code."""
     from cell.arm.by_hand import by_hand
 
     outcome = by_hand(settings, choice, motion)

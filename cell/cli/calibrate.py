@@ -288,7 +288,7 @@ def _open(
 
 
 def _lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
-    """The lens of the session that goes on, of the file, or the newest of this camera."""
+    """The lens of the resumed session, of the file, or the newest of this camera."""
     from calibration.lens import read_lens
     from cell.calibrating.homography_wizard import lens_of
     from cell.calibrating.lens_wizard import newest_lens
@@ -305,7 +305,7 @@ def _page(folder: Path) -> Path:
 
 
 def _check_own(configs: Path | None, *, use: bool) -> None:
-    """Refuse to change the packaged configuration for --use, before the arm has moved for it."""
+    """Refuse --use for the packaged configuration before the arm has moved."""
     from cell.config.places import PACKAGED, find_configs
     from drivers.errors import ConfigurationError
 
@@ -314,7 +314,7 @@ def _check_own(configs: Path | None, *, use: bool) -> None:
 
 
 def _use(configs: Path | None, found: "TouchSession", again: Path | None) -> Path | None:
-    """Name the calibration of a session in cell.yaml; None where there is none."""
+    """Name the session's calibration in cell.yaml; None where there is none."""
     from calibration.calibration import load_calibration
     from cell.calibrating.calibration_in_use import use_calibration
     from cell.config.places import find_configs

@@ -1,4 +1,4 @@
-"""`cell fold`."""
+"""The command `cell fold`: folds a strip and reports the result."""
 
 import json
 import sys
@@ -170,8 +170,8 @@ def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
 
 
 def _folded_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> int:
-    """Fold one after the other, each corrected by those before, until the edges lie as close as
-    `until`; the last fold's exit code, 1 where none came as close.
+    """Fold repeatedly, each fold corrected by those before, until the edges lie as close as
+    `until`; returns the last fold's exit code, 1 where none came as close.
     """
     from cell.config.length import metres
     from cell.folding.correct import with_correction
@@ -290,7 +290,7 @@ def _results(
 
 
 def _as_result(request: "Request", made: "FoldResult | CellError") -> "FoldResult":
-    """One fold's own trouble ends that fold alone; Ctrl-C, given twice, ends the batch."""
+    """Convert a fold's own error to a result, so that a batch goes on; Ctrl-C twice ends it."""
     from cell.folding.result import FoldResult
     from cell.orchestrator.interrupt import Interrupted
 

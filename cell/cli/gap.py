@@ -1,4 +1,4 @@
-"""`cell gap`: where simulation and measurement disagree, and why."""
+"""The command `cell gap`: finds where simulation and measurement disagree, and why."""
 
 import json
 import os
@@ -185,8 +185,8 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
 
 
 def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
-    """By how much the runs differ for no reason, and whether less of it would separate more than
-    the best motion, which separates by `planned` sigma.
+    """Differences between repeated runs, and whether smaller ones would separate more than the best
+    motion, which separates by `planned` sigma.
     """
     from cell.gap.report.repeats import remedies
     from cell.gap.verdict.accept import RECORD
@@ -198,7 +198,7 @@ def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
 
 
 def _summary(verdict: "Verdict") -> Iterator[str]:
-    """The verdict in a few lines, first what is not as the file states."""
+    """The verdict in a few lines, deviations from the file first."""
     from cell.gap.report.sentence import deviation
 
     if verdict.deviates:
@@ -242,7 +242,7 @@ def _one_of(
 
 
 def _next(verdict: "Verdict", out: Path, option: str, *, law: bool) -> str:
-    """The command to type next."""
+    """The command that the user types next."""
     from cell.gap.verdict.accept import BASE_PATCH
 
     if verdict.verdict == "named" or (out / BASE_PATCH).is_file():

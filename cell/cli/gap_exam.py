@@ -1,4 +1,4 @@
-"""`cell gap exam`."""
+"""The command `cell gap exam`: hides causes in plants and scores the workflow's verdicts."""
 
 import os
 import sys
@@ -105,7 +105,7 @@ def exam(
 
 
 def _steps(*, make: bool, judge: bool) -> "Steps":
-    """Which steps are asked for; both alone are a ConfigurationError."""
+    """The steps of the exam that are requested; both options alone are a ConfigurationError."""
     from drivers.errors import ConfigurationError
 
     if make and judge:
@@ -116,7 +116,7 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
 def _check_places(
     out: Path, report: Path | None, beside: "Sequence[Path]", *, made: bool
 ) -> "list[Entry]":
-    """The entries of the exams `beside`, once all places can be used: an exam takes hours.
+    """Check that all places are writable, as an exam takes hours; the entries of exams `beside`.
 
     Raises ConfigurationError where one cannot, or where `out` holds no runs that are to be `made`.
     """
@@ -140,7 +140,7 @@ def _check_places(
 def _command(
     tier: str, count: int, seed: int, repeats: int, kind: str | None, force: float | None
 ) -> str:
-    """What makes the same exam again."""
+    """Command line that repeats the same exam."""
     again = f" --repeats {repeats}" if repeats > 1 else ""
     again += f" --kind {kind}" if kind else ""
     again += f" --force {force:g}" if force else ""

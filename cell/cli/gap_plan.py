@@ -1,4 +1,4 @@
-"""`cell gap plan`."""
+"""The command `cell gap plan`: folds the standard runs for a comparison with the model."""
 
 import sys
 from pathlib import Path
@@ -68,7 +68,7 @@ def plan(
 
 
 def _next(strip: str, folder: Path, configs: Path | None) -> str:
-    """The command to type next, with the very files."""
+    """The command that the user types next, with these files."""
     from cell.config.places import find_configs
 
     file = near(find_configs(configs).strip_path(strip))
@@ -76,7 +76,7 @@ def _next(strip: str, folder: Path, configs: Path | None) -> str:
 
 
 def near(file: Path) -> Path:
-    """`file` from the working directory, where it lies below."""
+    """Path of `file` relative to the working directory, where it lies below."""
     return file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file
 
 
@@ -91,7 +91,7 @@ def _announce(wanted: "tuple[Request, ...]") -> None:
 
 
 def _gave(result: "FoldResult") -> str:
-    """What a run gave, in a few words."""
+    """Result of a run, in a few words."""
     if result.displacement is None:
         return str(result.outcome)
     return f"{result.outcome}, displacement {1e3 * result.displacement:.1f} mm"

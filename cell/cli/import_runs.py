@@ -45,7 +45,7 @@ def import_runs(
 
 
 def _summary(run: "Run") -> str:
-    """What was understood of a run: where its gripper starts and ends, and what was seen."""
+    """Summary of an imported run: where its gripper starts and ends, and its quantities."""
     ticks = run.ticks
     if not len(ticks.t):
         return f"{run.name}: no rows"
@@ -57,7 +57,7 @@ def _summary(run: "Run") -> str:
 
 
 def _place(x: float, z: float) -> str:
-    """A place of the gripper [m], in mm."""
+    """A gripper's position [m] as text in mm."""
     return f"x {round(1e3 * x)}, z {round(1e3 * z)} mm"
 
 

@@ -64,7 +64,7 @@ def _text(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
 
 
 def why_lost(outlet: Outlet | None) -> str:
-    """Why the printed text did not arrive; empty where it did or nobody was reading."""
+    """Reason why the printed text did not arrive; empty where it did or nobody was reading."""
     if outlet is None or outlet.failure is None or outlet.failure.errno in GONE_ERRNOS:
         return ""
     return outlet.failure.strerror or "no reason given"

@@ -154,7 +154,7 @@ def _check_name(strip: str) -> None:
 
 
 def _own(found: "Found") -> "Found":
-    """Configuration that may be written: the package's own is gone with its next version."""
+    """The folder of configuration, unless it is the package's own, which updates replace."""
     from cell.config.places import PACKAGED
     from drivers.errors import ConfigurationError
 

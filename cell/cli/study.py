@@ -1,4 +1,4 @@
-"""`cell study`."""
+"""The command `cell study`: measures a property of the cell over many cases."""
 
 import re
 import sys
@@ -109,7 +109,7 @@ def _measure(
 
 
 def _show(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
-    """Print table or JSON, write the page; whether the bars are kept, and whether cases failed."""
+    """Print table or JSON and write the page; whether bars are kept, and whether cases failed."""
     from cell.studies.campaign import kept_outcomes
     from cell.studies.page import write_page
     from cell.studies.table import keeps_bars, markdown, rows

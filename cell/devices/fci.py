@@ -1,4 +1,4 @@
-"""A Franka arm: with the twin's strip and camera, which follow its measured poses, or alone."""
+"""Opens a Franka arm: with the twin's strip and camera, which follow its poses, or alone."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -39,7 +39,7 @@ class Surroundings:
     follower: Follower | None = None
 
     def between(self) -> float | None:
-        """Thickness [m] of the object between the fingers; None for nothing."""
+        """Thickness [m] of the object between the fingers; None without one."""
         return None if self.follower is None else self.follower.between()
 
     def force(self, tip: Array, time: float) -> Array:
@@ -106,8 +106,8 @@ def robot_devices(
     *,
     calibrating: bool = False,
 ) -> Devices:
-    """The robot at the cell's address and a real `camera` on the wall clock: nothing is simulated
-    beside them. Raises ConfigurationError where no address is named.
+    """Devices of the robot at the cell's address and a real `camera` on the wall clock: nothing is
+    simulated beside them. Raises ConfigurationError where no address is named.
     """
     address = settings.fci.address
     if address is None:
@@ -168,7 +168,7 @@ def start_joints(
 
 
 def _serve(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
-    """An emulated robot in its own thread: in lock-step the cell waits while it computes."""
+    """Start an emulated robot in its own thread: in lock-step the cell waits while it computes."""
     installation = settings.fci.limit(settings.installation)
     home = settings.twin.arm.home_height
     start = start_joints(installation, settings.fold, strip.length, home)
@@ -190,7 +190,7 @@ def _serve(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> 
 
 
 def _gripping(settings: CellFile, strip: StripFile) -> CellFile:
-    """The cell with a hand that takes for held what is as thick as `strip`."""
+    """The cell's settings with a hand that counts an object as thick as `strip` as held."""
     low, high = strip.spread.get("thickness", (strip.thickness, strip.thickness))
     hand = settings.fci.hand.around(low, high)
     return settings.model_copy(update={"fci": settings.fci.model_copy(update={"hand": hand})})
@@ -203,7 +203,7 @@ def _alone(settings: CellFile, choice: DeviceSelection) -> bool:
 
 
 class NoCamera:
-    """Satisfies `drivers.protocols.Camera` where the driver of the camera puts its own instead."""
+    """A camera without images, replaced when the selected camera's driver is opened."""
 
     rate = 0.0
 
@@ -212,11 +212,11 @@ class NoCamera:
         raise Fault("camera_closed", "no camera was opened")
 
     def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
-        """No image: this camera has none."""
+        """None: this camera delivers no image."""
         return None
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""
 
 
 def _check_rig(desk: Desk) -> None:

@@ -1,4 +1,4 @@
-"""The real camera with another arm, both on the wall clock."""
+"""Combines the real camera with another arm, both on the wall clock."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from drivers.twin.real_time_clock import RealTimeClock
 
 
 def camera_settings(settings: CellFile) -> V4l2Settings:
-    """The cell file's camera; a cell file without one is a ConfigurationError."""
+    """Camera settings of the cell file; ConfigurationError where it has none."""
     if settings.camera is None:
         raise ConfigurationError(
             "cell.yaml: camera: is missing, camera v4l2 needs it; `cell camera` lists what is "

@@ -21,7 +21,7 @@ AS_CALIBRATED = Observation()
 
 
 def correct_calibration(calibration: Calibration, model: StripModel) -> Calibration:
-    """The calibration compensated for the effects of `model`, so that it gives true places.
+    """The calibration compensated for the effects of `model`, so that it gives true positions.
 
     Corrects places, contact_x and stamps, all over the true desk. Without such effects the same
     object is returned; with some, a new calibration with its own id and without landmarks, which
@@ -41,7 +41,7 @@ def correct_calibration(calibration: Calibration, model: StripModel) -> Calibrat
 
 
 def _truth_of(model: StripModel) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """`true_points` as a matrix (3, 3) on homogeneous places."""
+    """The transform `true_points` as a matrix (3, 3) on homogeneous coordinates."""
     origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
     return np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
 
@@ -142,7 +142,7 @@ class CorrectedArm:
         self._reported = reported
 
     def _drift(self, rate: Velocity) -> Array:
-        """Velocity (3,) of the offsets while they grow at the arm's `rate`."""
+        """Velocity (3,) of the rig's offsets while they grow as the arm moves at `rate`."""
         if self._start is None or not 0 < self._share < 1:
             return np.zeros(3)
         way = (self._reported - self._start)[:2]

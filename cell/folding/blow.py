@@ -1,4 +1,4 @@
-"""One fold that a fault strikes, and what came of it."""
+"""One fold under a fault of the campaign, and its result."""
 
 import resource
 from collections.abc import Callable, Iterator, Mapping
@@ -38,7 +38,7 @@ CAMERA_RATE = 20.0  # Hz: an image is the dearest part of a simulated fold
 
 @dataclass(frozen=True, slots=True)
 class Blow:
-    """The fault called `fault` in `state`, seeded by `seed`."""
+    """A case of the campaign: the fault called `fault` in `state`, seeded by `seed`."""
 
     fault: str
     state: str
@@ -46,10 +46,10 @@ class Blow:
 
 
 class Striker:
-    """Observer that strikes once: a while after `state` began, at once where it lasts no tick."""
+    """Observer that triggers the fault once: a while after `state` began, or at once."""
 
     def __init__(self, blow: Blow, scene: Callable[[], Scene]) -> None:
-        """For the fold that `scene` gives once it is opened; times are the world's [s]."""
+        """Observe the fold that `scene` gives once it is opened; times are the world's [s]."""
         self._blow, self._scene = blow, scene
         self._begun: float | None = None
         self.at: float | None = None
@@ -61,7 +61,7 @@ class Striker:
         return self._blow.state == "STOPPING" and self._begun is not None
 
     def see(self, snapshot: Snapshot) -> None:  # noqa: ARG002
-        """Strike when it is time."""
+        """Trigger the fault when it is due."""
         begun = self._begun
         if begun is None or self.at is not None or self._blow.state == "STOPPING":
             return
@@ -89,7 +89,7 @@ class Striker:
 
 
 def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, Any]:
-    """What came of `blow` in a fold recorded in `folder`; plain values [s, m].
+    """Result of `blow` in a fold recorded in `folder`; plain values [s, m].
 
     `verdict` is stopped (by a named fault), harmless (the fold went through and its measurement is
     right), not struck (the state never came), else undetected.
@@ -128,7 +128,7 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
 def _came(
     blow: Blow, striker: Striker, result: FoldResult, motion: Array, place: Installation
 ) -> Mapping[str, Any]:
-    """Plain values of what came of it; `motion` (n, 4) as in `Failing`."""
+    """The result as plain values; `motion` (n, 4) as in `Failing`."""
     whole = _whole(result, spares=FAULTS[blow.fault].spares)
     facts = {
         "verdict": _verdict(striker, result),
@@ -168,7 +168,7 @@ def _verdict(striker: Striker, result: FoldResult) -> str:
 
 
 def _within(motion: Array, rates: Array, place: Installation) -> bool:
-    """Whether no limit of the arm was exceeded, and no border of its workspace."""
+    """Whether the arm stayed within its limits and its workspace."""
     limits, box = place.limits, place.workspace
     quick = all(
         np.abs(rates[:, i]).max() <= LIMIT_FACTOR * axis.velocity
@@ -205,7 +205,7 @@ def _request(blow: Blow, folder: Path) -> Request:
 
 
 def _configure(folder: Path) -> Path:
-    """A folder with this campaign's cell: fewer images, and a policy that may hang less long."""
+    """Folder with this campaign's cell: fewer images, and a policy that may hang less long."""
     from cell.record.documents import write_document
 
     made = folder / "configs"
@@ -223,7 +223,7 @@ def _configure(folder: Path) -> Path:
 
 
 def _two_mm(calibration: Calibration) -> tuple[float, float]:
-    """How 2 mm along the desk appear in the image [px]."""
+    """Shift in the image [px] of 2 mm along the desk."""
     here, there = calibration.to_image(np.array([(0.2, 0.0), (0.202, 0.0)]))
     x, y = (there - here).tolist()
     return x, y
@@ -231,7 +231,7 @@ def _two_mm(calibration: Calibration) -> tuple[float, float]:
 
 @contextmanager
 def _space_again() -> Iterator[None]:
-    """Lift what fills the disk, afterwards."""
+    """Remove the limit on file sizes that fills the disk."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         yield

@@ -1,4 +1,4 @@
-"""Corrects folds by what the cell learned from earlier ones, and lets it learn from them."""
+"""Corrects folds by biases learned from earlier ones, and updates these from new folds."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -41,7 +41,7 @@ def _learns(settings: CellFile, request: Request, learning: str | None, memory: 
 
 
 def learn_from_ruler(run: Path, edges: float, cell: str, folder: Path | None = None) -> Experience:
-    """What the cell called `cell` learns from the edges of `run`, `edges` [m] apart by a ruler.
+    """Update the bias of `cell` by a ruler: the edges of `run` are `edges` [m] apart.
 
     `folder` as in `Memory`. Raises ConfigurationError as `ruler_experience` does, and where nothing
     can be kept.

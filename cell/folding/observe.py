@@ -1,4 +1,4 @@
-"""A film of a fold, read by the cell's perception into a run folder, without an arm."""
+"""Reads a film of a fold by the cell's perception into a run folder, without an arm."""
 
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -135,7 +135,7 @@ def _read(
     overlay: FilmWriter,
     progress: Progress,
 ) -> tuple[list[Held], SeenTouch | None]:
-    """What the images show up to the touch of the layers, beyond which nobody holds the end."""
+    """Measurements from images up to the touch of the layers, after which nobody holds the end."""
     read: list[Held] = []
     touch: SeenTouch | None = None
     for frame in frames:
@@ -152,7 +152,7 @@ def _read(
 
 
 def _draw(image: Image, held: Held, calibration: Calibration) -> Image:
-    """A copy of `image` (h, w, 3) with what was read, and a cross at the held end."""
+    """A copy of `image` (h, w, 3) with its measurements drawn, and a cross at the held end."""
     seen = held.measurement
     curve = seen.profile if _sure(held) else np.empty((0, 2))
     drawn = draw_sight(image, calibration, curve, seen.contact_x, np.array(seen.tip))

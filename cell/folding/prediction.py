@@ -33,7 +33,7 @@ UNKNOWN_SPREADS = {"bending_length": 0.1, "retardation_time": 0.5}
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Expected result [m]; `low` and `high` over what is not known of the strip, None: no touch."""
+    """Predicted result [m]; `low` and `high` over the strip's uncertainty, None without a touch."""
 
     strip: str
     policy: str
@@ -44,7 +44,7 @@ class Prediction:
     arm: ArmPrediction | None = None
 
     def line(self) -> dict[str, Any]:
-        """The object that `cell fold --dry-run --json` prints."""
+        """The prediction as the object that `cell fold --dry-run --json` prints."""
         x_min, x_max, z_min, z_max = self.reach
         return {
             "strip": self.strip,
@@ -112,7 +112,7 @@ def simulate_policy(
 
 
 def laid_at(folds: Folds) -> float | None:
-    """Where the first fold lays its edge, x [m]; None where its layers do not touch."""
+    """Position x [m] of the edge laid by the first fold; None where its layers do not touch."""
     touch = folds.touch[0]
     return None if touch is None else touch.x - touch.to_grasped
 
@@ -120,7 +120,7 @@ def laid_at(folds: Folds) -> float | None:
 def _arm(
     settings: CellFile, strip: StripFile, request: Request, folds: Folds
 ) -> ArmPrediction | None:
-    """Whether a Franka arm can follow the nominal fold, if that is what is asked."""
+    """Prediction of whether a Franka arm can follow the nominal fold; None for another arm."""
     if not request.choice.arm_driver(settings).real:
         return None
     return predict_arm(settings, strip, folds.trace[:, 0], laid_at(folds))

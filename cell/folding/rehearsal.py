@@ -1,4 +1,4 @@
-"""The fold in the air: the whole path of the gripper, raised, with nothing between the fingers."""
+"""Rehearses a fold in the air: the gripper's whole path, raised, with nothing in the fingers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -32,14 +32,14 @@ APPROACH_POINT = 3  # left out here; then to the grasp
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """Raised poses (n, 3) of x, z [m], pitch [rad], and speeds (n,) [m/s] of the moves to them."""
+    """Raised path of a rehearsal: poses (n, 3) of x, z [m], pitch [rad], speeds (n,) [m/s]."""
 
     path: Array
     speeds: Array
     limits: MotionLimits
 
     def motion(self, _: Snapshot) -> Motion:
-        """Approach, grasp, fold, lay, release, retreat."""
+        """The whole motion: approach, grasp, fold, lay, release, retreat."""
         begin, end = APPROACH_POINT - 1, len(self.path) - 2
         yield from move(Pose(*self.path[0].tolist()))
         yield from open_hand()
@@ -50,8 +50,8 @@ class Rehearsal:
         return (yield from self._follow(end, len(self.path) - 1))
 
     def _follow(self, first: int, last: int) -> Motion:
-        """Along the path from point `first` to point `last`, to rest there and at each corner: in
-        passing, it would be cut by what the arm needs to turn its speed around.
+        """Move along the path from point `first` to point `last` with a stop at each corner:
+        without stops, the arm would cut the corners.
         """
         stops = [first, *self._corners(first, last), last]
         for begin, end in pairwise(stops[:-1]):

@@ -64,7 +64,7 @@ def replay(folder: Path) -> Replay:
 
 @dataclass(frozen=True, slots=True)
 class _Decided:
-    """A recorded decision: image, gripper position [m], time [s], decision."""
+    """A recorded decision with its image, gripper position [m] and time [s]."""
 
     sequence: int
     time: float

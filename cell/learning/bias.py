@@ -69,7 +69,7 @@ class _Learner:
         self._before: tuple[float, Experience] | None = None  # surprise of the fold before
 
     def learn(self, experience: Experience) -> None:
-        """Add the next experience; begin an epoch where it and the one before disagree with all."""
+        """Add the next experience; two in a row that disagree with all start a new epoch."""
         if experience.kind == "ruler":
             self._rows.append(((self._rig,), experience.rig, self._settings.ruler))
             return
@@ -87,7 +87,7 @@ class _Learner:
         self._add(experience)
 
     def _begin(self, surprise: float, first: Experience) -> None:
-        """An epoch that begins with the fold before, which differed by `surprise`."""
+        """Start an epoch with the fold before, which differed by `surprise`."""
         if abs(surprise) <= OUTLIER_SIGMAS:
             self._rows.pop(self._epoch_folds[-1])
         self._runs.append(first.run)
@@ -95,7 +95,7 @@ class _Learner:
         self._add(first)
 
     def _surprise(self, experience: Experience) -> float:
-        """Sigmas by which a fold differs from the bias so far; 0 for the first of an epoch."""
+        """Deviation of a fold from the bias so far, in sigmas; 0 for the first of an epoch."""
         if not self._epoch_folds:
             return 0.0
         mean, variance = self._predict(self._of(experience.strip, experience.specimen))

@@ -40,7 +40,7 @@ READER = TypeAdapter(Experience)
 
 
 def _experience(line: dict[str, Any]) -> Experience | None:
-    """The experience of a line; None for a line that holds none."""
+    """The experience in a line; None for an invalid line."""
     try:
         return READER.validate_python(line)
     except ValidationError:
@@ -48,21 +48,21 @@ def _experience(line: dict[str, Any]) -> Experience | None:
 
 
 class Memory:
-    """The experiences of one cell, oldest first, and whether the operator switched learning off."""
+    """Stored experiences of one cell, oldest first, and whether learning is switched off."""
 
     def __init__(self, cell: str, folder: Path | None = None) -> None:
-        """Keep what `cell` learns in `folder`, by default the user's data folder."""
+        """Store the experiences of `cell` in `folder`, by default the user's data folder."""
         self.folder = folder or data_folder() / "learning"
         self.path = self.folder / f"{cell}.jsonl"
         self._off = self.folder / f"{cell}.off"
 
     @property
     def is_off(self) -> bool:
-        """Whether `cell learn off` was the last word."""
+        """Whether learning was switched off by the last command."""
         return self._off.exists()
 
     def switch(self, *, on: bool) -> None:
-        """Learn again, or no longer; nothing is lost.
+        """Switch learning on or off; no experience is lost.
 
         Raises ConfigurationError where the folder cannot be written.
         """
@@ -111,7 +111,7 @@ class Memory:
 
 
 def data_folder() -> Path:
-    """Folder for what cannot be computed again."""
+    """Folder for data that cannot be computed again."""
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "folding-cell"
 
 

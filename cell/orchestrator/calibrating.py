@@ -66,7 +66,7 @@ def calibrate(cell: CalibrationContext, record: Record, begin: Snapshot) -> Phas
 
 
 def _points(cell: CalibrationContext) -> TouchedPoints:
-    """The points that are fitted, or the few that check an old calibration."""
+    """The points to touch: those to be fitted, or the few that check an old calibration."""
     settings = cell.settings.touches
     if cell.old is None:
         return TouchedPoints(cell.lens, settings, cell.plan)
@@ -130,7 +130,7 @@ def _step(steps: LatencySteps, pose: Pose) -> Doing:
 
 
 def _remember(cell: CalibrationContext, points: TouchedPoints) -> Doing:
-    """Take landmarks from a picture of the empty hand; without a visible tip there are none."""
+    """Record landmarks from a picture of the empty hand; none where no finger tip is visible."""
     yield from open_hand()
     yield from _answer(cell, POINTER_OUT)
     pose = cell.settings.landmarks.pose
@@ -149,7 +149,7 @@ def _remember(cell: CalibrationContext, points: TouchedPoints) -> Doing:
 
 
 def _answer(cell: CalibrationContext, question: Question) -> Answering:
-    """Hold until the operator has answered."""
+    """Hold the arm until the operator has answered."""
     while (answer := cell.operator.answer(question)) is None:
         yield Hold()
     yield Hold()

@@ -12,7 +12,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupted(CellError):
-    """Stopped from the keyboard outside a fold, which records that itself."""
+    """An operation was interrupted from the keyboard; a fold records that itself."""
 
     exit_code = 130
 

@@ -33,10 +33,10 @@ class Observer(Protocol):
     """Observer of a run, such as the live view or the progress line. Must not block or fail."""
 
     def see(self, snapshot: Snapshot) -> None:
-        """Called on every tick."""
+        """Observe a tick; called on every one."""
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Called on every event."""
+        """Observe an event; called on every one."""
 
 
 class Run:
@@ -97,7 +97,7 @@ class Run:
             self._stop(StopReason.by(error))
 
     def _turn_at(self, due: float) -> None:
-        """The cycle of the loop at `due` [s]."""
+        """Execute the cycle of the control loop due at `due` [s]."""
         if self._under_way and self._interrupted():
             self._stop(INTERRUPTED)
         if self._under_way:
@@ -132,7 +132,7 @@ class Run:
         self._show(lambda observer: observer.see(snapshot))
 
     def _decide(self, snapshot: Snapshot) -> Command | None:
-        """The phase's next command; when a phase ends, the next state's phase takes over."""
+        """Next command of the phase; when a phase ends, the next state's phase takes over."""
         try:
             if self._phase is not None:
                 return self._phase.send(snapshot)
@@ -143,7 +143,7 @@ class Run:
         return None if self._machine.over else self._decide(snapshot)
 
     def _brake(self, due: float) -> None:
-        """One whole cycle of braking, even when late; recorded and shown as far as possible."""
+        """Execute a whole cycle of braking, even when late; recorded and shown if possible."""
         now = self._devices.clock.now()
         if now >= due:
             due = now + 1.0 / self._context.settings.fold.control_rate
@@ -213,7 +213,7 @@ class Run:
             self._recorder.frame(view.frame)
 
     def _send(self, command: Command) -> None:
-        """Send the command to its device; one already under way is not repeated."""
+        """Send the command to its device, unless the same is already under way."""
         arm, hand = self._devices.arm, self._devices.hand
         if isinstance(command, Drive):
             arm.set_velocity(command.velocity)

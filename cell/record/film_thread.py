@@ -1,4 +1,4 @@
-"""Films a run while it goes on, without holding it up."""
+"""Films a run in a thread without delaying it."""
 
 import queue
 import threading
@@ -15,7 +15,7 @@ HANGS = "the film breaks off: its encoder hangs"
 
 
 class FilmThread:
-    """Films into the file at `path`; an image that finds no room is left out of it.
+    """Writes a film into the file at `path`; an image for which the queue has no room is left out.
 
     The encoder has a process of its own, beside a control loop on the wall clock: a thread that
     lost its core while it held the interpreter would hold up the loop. Where the clock is virtual,
@@ -50,7 +50,7 @@ class FilmThread:
         return self._count - 1
 
     def close(self) -> None:
-        """Wait until the film is whole, or its encoder hangs."""
+        """Wait until the film is complete, or its encoder hangs."""
         with suppress(queue.Full):
             self._waiting.put(None, timeout=ENCODER_TIMEOUT)
         self._thread.join(ENCODER_TIMEOUT)

@@ -22,8 +22,8 @@ UNDER_WAY, DIED, BROKEN = "under way", "died", "broken"
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """One run: `outcome` as recorded, or `under way`, `died`, `broken`; lengths [m], times [s],
-    `speed` [m/s], None where not known; `size` on disk [bytes]; `tags` with commas.
+    """One run in a listing: `outcome` as recorded, or `under way`, `died`, `broken`; lengths [m],
+    times [s], `speed` [m/s], None where not known; `size` on disk [bytes]; `tags` with commas.
 
     `touch` is the time of the layer touch, `predicted` the displacement that the policy expected.
     """
@@ -53,7 +53,7 @@ class RunRow:
 
     @property
     def name(self) -> str:
-        """Name of the folder."""
+        """Name of the run's folder."""
         return self.folder.name
 
 

@@ -1,4 +1,4 @@
-"""Reading of a run with broken parts, as far as possible."""
+"""Reads a run with broken parts, as far as possible."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -55,7 +55,7 @@ class Salvage(Run):
         return cls(folder, header, ticks, profile, result, said, run.parts)
 
     def _once(self, read: Callable[[Run], Found], empty: Callable[[], Found]) -> Found:
-        """What `read` finds in the folder the first time, or its empty value."""
+        """Result of `read` on the folder, cached, or `empty` where that fails."""
         name = read.__name__
         if name not in self.parts:
             self.parts[name] = _part(lambda: read(self), empty, self.noted)
@@ -63,11 +63,11 @@ class Salvage(Run):
         return found
 
     def events(self) -> tuple[Event, ...]:
-        """Events; none where they cannot be read."""
+        """Events of the run; none where they cannot be read."""
         return self._once(Run.events, lambda: ())
 
     def origin(self) -> float:
-        """The cell's clock at t = 0 [s]; 0 where the run does not state it."""
+        """Cell's clock [s] at t = 0 of the run; 0 where the run does not state it."""
         return self._once(Run.origin, float)
 
     def sights(self) -> Sights:
@@ -102,7 +102,7 @@ EMPTY_TABLES = Tables(
 
 
 def _table(folder: Path, header: Header, name: str, problems: list[str]) -> tuple[pa.Table, str]:
-    """Table `name` (ticks or profile), or its rows from the streams; and its source."""
+    """Table `name` (ticks or profile) or its rows from the streams, and its source."""
     path, stream = folder / f"{name}.parquet", folder / TICK_STREAM
     try:
         if path.exists():

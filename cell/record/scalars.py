@@ -1,4 +1,4 @@
-"""Single values of a YAML document that a program wrote, without building the document."""
+"""Reads single values of a YAML document that a program wrote, without building the document."""
 
 from collections.abc import Iterator
 
@@ -53,7 +53,7 @@ def _scalars(text: str) -> Iterator[tuple[str, Scalar]]:
 
 
 def _pass(path: list[str | int | None]) -> None:
-    """A value has ended: in a mapping, a key comes next."""
+    """Advance the path after a value: in a mapping, a key comes next."""
     if path and path[-1] != ITEM:
         path[-1] = None
 

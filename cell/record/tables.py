@@ -1,4 +1,4 @@
-"""Parquet tables of a run, made from its streams; the same rows give the same bytes."""
+"""Makes the Parquet tables of a run from its streams; the same rows give the same bytes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,7 +67,7 @@ def _tables(ticks: pa.Table, sights: pa.Table) -> Tables:
 
 
 def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
-    """Ticks of the loop, with each contact in the row nearest to its image's stamp.
+    """Table of ticks, with each contact in the row nearest to its image's stamp.
 
     A row whose stamp did not advance contains no new measurement and is left out, and so are one
     of an arm that reported no number, which no reader takes, and columns of computing time, which
@@ -106,14 +106,14 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
 
 
 def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
-    """(k,) rows of the increasing `t` (n,), two at least, nearest to `stamps` (k,)."""
+    """Rows (k,) of the increasing `t` (n,), two at least, nearest to `stamps` (k,)."""
     after = np.clip(np.searchsorted(t, stamps), 1, t.size - 1)
     nearer = stamps - t[after - 1] <= t[after] - stamps
     return np.asarray(np.where(nearer, after - 1, after), dtype=np.intp)
 
 
 def profile_table(sights: pa.Table) -> pa.Table:
-    """Points t, i, x, z of all images, in the order of their stamps."""
+    """Table of points t, i, x, z of all images, in the order of their stamps."""
     counts = [len(points) for points in sights["profile_x"].to_pylist()]
     return pa.table(
         {
@@ -126,8 +126,8 @@ def profile_table(sights: pa.Table) -> pa.Table:
 
 
 def joint_table(rows: Array, origin: float) -> pa.Table:
-    """Ticks of a robot's joints, rows (n, 29) of t [s] on the cell's clock, q, dq, q_d and tau_J,
-    as columns `t` from `origin` on, negative before it, and `q_1` to `tau_J_7`.
+    """Table of a robot's joints from rows (n, 29) of t [s] on the cell's clock, q, dq, q_d and
+    tau_J: columns `t` from `origin` on, negative before it, and `q_1` to `tau_J_7`.
     """
     columns = {"t": pa.array(rows[:, 0] - origin)}
     for k, field in enumerate(("q", "dq", "q_d", "tau_J")):

@@ -1,4 +1,4 @@
-"""A page that compares runs: numbers, curves over one another, settings that differ."""
+"""A page that compares runs: numbers, overlaid curves, differing settings."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -40,7 +40,7 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
 
 
 def comparison(runs: Sequence[Run], place: Path) -> str:
-    """The page that compares `runs`, for a file in the folder `place`."""
+    """Page that compares `runs`, for a file in the folder `place`."""
     title = f"{len(runs)} runs of {', '.join(sorted({run.header.strip for run in runs}))}"
     settings, differences = _differences(runs)
     return page(
@@ -83,7 +83,7 @@ def _numbers(run: Run, place: Path) -> tuple[str | Link, ...]:
 
 
 def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Settings that are not the same in all runs: a row a setting, a column a run."""
+    """Table of settings that differ among the runs: a row a setting, a column a run."""
     settings = [dict(facts(run)) | dict(_flat(run.header.config or {}, "cell")) for run in runs]
     keys = dict.fromkeys(key for each in settings for key in each)
     rows = [
@@ -137,6 +137,6 @@ def _colour(number: int) -> str:
 
 
 def _short(run: Run) -> str:
-    """A name of a run for headings: its last four characters, policy and seed."""
+    """Short name of a run for headings: its last four characters, policy and seed."""
     seed = "" if run.header.seed is None else f"#{run.header.seed}"
     return " ".join(filter(None, (run.name[-4:], run.header.policy, seed)))

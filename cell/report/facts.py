@@ -1,4 +1,4 @@
-"""Facts of a run as rows of text: settings, checks, events."""
+"""Facts of a run as rows of text for its page: settings, checks, events."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -25,7 +25,7 @@ Rows = list[tuple[str, str]]
 
 
 def measures(run: Run) -> Rows:
-    """The main numbers of the run."""
+    """Rows of the run's main numbers."""
     result, rows = run.result, Rows()
     if result is not None and result.l1 is not None:
         rows.append(("upper layer l1", millimetres(result.l1)))
@@ -48,14 +48,14 @@ def _duration(run: Run) -> float | None:
 
 
 def facts(run: Run) -> Rows:
-    """Settings of the run: the header, nested keys joined by dots; long lists are counted."""
+    """Rows of the run's settings: nested keys joined by dots; long lists are counted."""
     content = run.header.model_dump(by_alias=True, exclude_none=True)
     rows = [(key, _text(key, value)) for key, value in _flat(content)]
     return [(key, text) for key, text in rows if text]
 
 
 def checks(run: Run) -> list[tuple[str, str, str]]:
-    """Checks before the motion: name, result, reason; the remedy too where one failed."""
+    """Rows of the checks before the motion: name, result, reason; a remedy where one failed."""
     listed = [event.facts.get("checks") for event in run.events() if event.kind == PREFLIGHT]
     return [
         _check(item)
@@ -67,7 +67,7 @@ def checks(run: Run) -> list[tuple[str, str, str]]:
 
 
 def listed_events(run: Run) -> list[tuple[str, str, str]]:
-    """Events: time, kind, facts. Kinds that come with every frame are only counted."""
+    """Rows of events: time, kind, facts. Kinds that come with every frame are only counted."""
     events = [event for event in run.events() if event.kind not in SHOWN_ELSEWHERE]
     counts = Counter(event.kind for event in events)
     rare = [event for event in events if counts[event.kind] <= FREQUENT]
@@ -80,7 +80,7 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
 
 
 def remains(run: Run) -> Rows:
-    """Files of a run that died."""
+    """Files left by a run that died."""
     notes = run.frame_index()
     kept = sum(note.file is not None for note in notes)
     source = TICK_STREAM if (run.folder / TICK_STREAM).exists() else "ticks.parquet"

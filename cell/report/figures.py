@@ -103,7 +103,7 @@ def _span(run: Run) -> tuple[float, float]:
 
 
 def _outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
-    """The strip while it is laid and when it lies, as it fills the image."""
+    """Draw outlines of the strip while it is laid and when it lies, as it fills the image."""
     shown = set[str]()
     for outline in outlines:
         label = None if outline.state in shown else outline.state

@@ -1,4 +1,4 @@
-"""The policy's predictions of a fold: in the end, and over time."""
+"""Rows and figure of a policy's predictions for the page of a fold: at its end, and over time."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ HALF_HEIGHT = {"displacement": 40.0}  # half the height that is shown around 0
 
 
 def predictions(result: Result | None) -> list[tuple[str, str]]:
-    """The last prediction before the touch, and how the strip agreed with the model."""
+    """Rows on the last prediction before the touch, and on the agreement with the model."""
     if result is None or result.foretold is None:
         return []
     final = result.foretold
@@ -41,7 +41,7 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
 
 
 def outlook_figure(run: Run, outlook: Outlook) -> str:
-    """Displacement and belief over the fold, with one sigma; SVG."""
+    """Figure (SVG) of predicted displacement and strip over the fold, with one sigma."""
     with canvas(8.4, 4.2, layout=None) as figure:
         frame = {"left": 0.075, "right": 0.995, "top": 0.985, "bottom": 0.105}
         grid = figure.subplots(

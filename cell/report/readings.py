@@ -1,4 +1,4 @@
-"""What a script must know of a figure to read it, zoom it and hide its curves.
+"""Data of a figure for the page's script, which reads, zooms and hides its curves.
 
 The figure stays the one drawing: Matplotlib's SVG, useful without a script, with text as text and
 colours by CSS. D3 takes it over in the browser (`chart.js`) and reads values off the paths
@@ -39,8 +39,8 @@ def name_artists(figure: Any) -> None:
 
 
 def readings(figure: Any) -> str:
-    """The figure's axes as an attribute of its SVG, empty where there is nothing to read; after
-    the figure was drawn.
+    """The figure's axes as a data attribute of its SVG, empty where there is nothing to read; to be
+    called after it was drawn.
     """
     found = [_axes(axes, figure) for axes in figure.axes]
     read = [facts for facts in found if facts["curves"] or facts["cells"]]
@@ -71,7 +71,7 @@ def _axes(axes: Any, figure: Any) -> Facts:
 
 
 def _axis(axis: Any, limits: tuple[float, float]) -> Facts:
-    """Limits, name and unit of an axis, and the words that stand for its numbers, if they do."""
+    """Limits, name and unit of an axis, and its tick labels where they are words."""
     from matplotlib.ticker import FixedLocator
 
     words = re.fullmatch(r"(.*?)\s*\[(.*)\]", axis.get_label_text(), flags=re.S)
@@ -96,7 +96,7 @@ def _place(figure: Any, x: float, y: float) -> list[float]:
 
 
 def _curves(axes: Any) -> Iterator[Facts]:
-    """Lines and areas with a name; of areas between two curves (bands) both are read."""
+    """Named lines and areas; of areas between two curves (bands) both curves."""
     from matplotlib.collections import FillBetweenPolyCollection
 
     bars = {patch for container in axes.containers for patch in getattr(container, "patches", ())}
@@ -113,7 +113,7 @@ def _curves(axes: Any) -> Iterator[Facts]:
 
 
 def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Bars: the part of the axes that each owns, and what it says: its own name if it has one."""
+    """Bars: their part of the axes, and their value with their own name, if any."""
     whole = axes.bbox
     for container in axes.containers:
         label = container.get_label()
@@ -132,7 +132,7 @@ def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
 
 
 def _steps(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Steps of a histogram drawn as one outline."""
+    """Bins of a histogram drawn as one outline."""
     from matplotlib.patches import StepPatch
 
     for steps in (patch for patch in axes.patches if isinstance(patch, StepPatch)):
@@ -145,13 +145,13 @@ def _steps(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
 
 
 def _reach(axis: Facts, start: float, size: float) -> str:
-    """A bar's value, or both of its ends where it does not stand on zero."""
+    """Value of a bar, or both of its ends where it does not start at zero."""
     ends = f"{_number(start)} to {_number(start + size)}" if start else _number(size)
     return f"{ends} {axis['unit']}".strip()
 
 
 def _span(axis: Facts, start: float, size: float) -> str:
-    """The part of an axis that a bar stands on."""
+    """Part of an axis covered by a bar."""
     if axis["words"]:
         return str(min(axis["words"], key=lambda word: abs(word[0] - start - 0.5 * size))[1])
     return f"{_number(start)} to {_number(start + size)} {axis['unit']}".strip()
@@ -162,7 +162,7 @@ def _number(value: float) -> str:
 
 
 def _pixels(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Fields of an image whose rows and columns have names."""
+    """Fields of an image with named rows and columns."""
     for image in axes.images if x["words"] and y["words"] else ():
         for (i, j), value in np.ndenumerate(np.ma.filled(image.get_array(), np.nan)):
             if np.isfinite(value):
@@ -173,7 +173,7 @@ def _pixels(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
 
 
 def _meshes(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Fields of a mesh over two quantities; not those of a scale of colours."""
+    """Fields of a mesh over two quantities; those of a colour scale are excluded."""
     meshes = [mesh for mesh in axes.collections if hasattr(mesh, "get_coordinates")]
     for mesh in meshes if axes.get_label() != "<colorbar>" else ():
         corners = mesh.get_coordinates()
@@ -191,7 +191,7 @@ def _meshes(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
 
 
 def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:
-    """Texts that belong to a place of the data, which they follow when it moves."""
+    """Texts at positions of the data, which move with it."""
     for text in axes.texts:
         place = np.asarray(getattr(text, "xy", text.get_position()))
         if getattr(text, "xycoords", None) == "data" or text.get_transform() == axes.transData:

@@ -1,4 +1,4 @@
-"""Age of images and computing time of the loop."""
+"""Figures of the images' age and the loop's computing time."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ def timing_figure(run: Run) -> str:
 
 
 def _bars(axes: Any, timing: ArmTiming) -> None:
-    """Shares of the arm's states by the time since the one before, on a logarithmic scale."""
+    """Draw shares of the arm's states by the interval before each, on a logarithmic scale."""
     edges = [timing.edges_ms[0] / 2, *timing.edges_ms, 2 * timing.edges_ms[-1]]
     axes.stairs(timing.counts, edges, color=MUTED, fill=True, alpha=0.75)
     axes.set_xscale("log")
@@ -51,7 +51,7 @@ def _bars(axes: Any, timing: ArmTiming) -> None:
 
 
 def _histogram(axes: Any, times: Array, label: str, colour: str) -> None:
-    """Distribution of `times` (n,) [s] in ms; what is no number in a broken record is left out."""
+    """Draw the distribution of `times` (n,) [s] in ms; values that are no numbers are left out."""
     with np.errstate(all="ignore"):
         values = 1e3 * times
     values = values[np.isfinite(values)]
@@ -79,12 +79,12 @@ def _histogram(axes: Any, times: Array, label: str, colour: str) -> None:
 
 
 def _three(value: float) -> str:
-    """`value` to three digits, without powers of ten."""
+    """Text of `value` with three digits, without powers of ten."""
     return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def _edges(values: Array) -> tuple[Array, bool]:
-    """Edges of 40 bins, and whether they are logarithmic."""
+    """Edges of 40 bins for `values`, and whether they are logarithmic."""
     low, high = (float(np.quantile(values, q)) for q in (0.005, 0.995))
     if low > 0 and high > LOG_SCALE_RATIO * low:
         return np.geomspace(0.8 * low, 1.2 * high, 41), True

@@ -1,4 +1,4 @@
-"""Verdict on a run, in one to three sentences."""
+"""Verdict on a run for its page, in one to three sentences."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,8 +29,8 @@ class Verdict:
 
 
 def _error(run: Run, *, laid: bool) -> str:
-    """One sigma of the displacement, or of the `laid` edges where the run states it, and that of
-    its calibration, a line each.
+    """One sigma of the displacement, or of the `laid` edges where the run states it, and the
+    calibration's error, a line each.
     """
     sigma, source = run.header.sigma.displacement, "repeats"
     if laid and run.header.sigma.edge_offset is not None:
@@ -45,7 +45,7 @@ def _error(run: Run, *, laid: bool) -> str:
 
 
 def verdict(run: Run) -> str:
-    """The headline verdict, from the record only."""
+    """Verdict on the run, from the record only."""
     said = verdict_of(run, None, is_under_way(run.folder))
     figure = f": {said.figure} ({said.error.replace(LINE_BREAK, ', ')})" if said.figure else ""
     return f"{run.header.strip}: {said.headline}{figure}"
@@ -67,7 +67,7 @@ def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = Fals
 
 
 def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Verdict:
-    """How the edges lie where that was seen, or else how the layers met."""
+    """Verdict on a fold: how the edges lie where that was measured, or else how the layers met."""
     edge = result.edge_offset
     sentences = [*_edges(edge, truth.get("edge_offset")), *_touch(run, result, d, truth)]
     agreed = result.agreement
@@ -91,7 +91,7 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
 
 
 def _edges(offset: float | None, true: object) -> list[str]:
-    """How the edges lie once laid down, as seen and in truth."""
+    """Sentence on how the laid edges lie, as measured and in truth."""
     if offset is None:
         return []
     where = "beyond" if offset > 0 else "before"
@@ -102,7 +102,7 @@ def _edges(offset: float | None, true: object) -> list[str]:
 
 
 def _touch(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> list[str]:
-    """How the layers met, as seen and in truth."""
+    """Sentence on how the layers met, as measured and in truth."""
     at = "" if result.t_layer_touch is None else f" after {seconds(result.t_layer_touch)}"
     accuracy = millimetres(run.header.sigma.displacement)
     by = f"{millimetres(abs(d))} \N{PLUS-MINUS SIGN} {accuracy}"

@@ -53,14 +53,14 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
 
 
 def _excess(y: Array, variance: Array, scatter: float) -> float:
-    """Generalised sum of squares over its expectation."""
+    """Generalised sum of squares over its expectation, less one, for a given `scatter`."""
     weight = 1 / (variance + scatter)
     mean = (weight * y).sum() / weight.sum()
     return float((weight * (y - mean) ** 2).sum() - (len(y) - 1))
 
 
 def _scatter(y: Array, variance: Array) -> float:
-    """Variance between the measurements at which the sum of squares is as expected."""
+    """Variance between the measurements at which the sum of squares equals its expectation."""
     if len(y) < 2 or _excess(y, variance, 0.0) <= 0:
         return 0.0
     most = float(np.ptp(y) ** 2) * len(y)
@@ -75,7 +75,7 @@ Fits = tuple[Fit, ...]
 
 @dataclass(frozen=True, slots=True)
 class Bending:
-    """Result of all photographs.
+    """Bending length from all photographs, with the fit of each.
 
     `fits` are with the best rest-curvature prior, `straight` with a straight strip; bending lengths
     [m] pooled over all photographs and for each overhang. `gain` is the log evidence of the prior
@@ -90,12 +90,12 @@ class Bending:
 
     @property
     def birth(self) -> RestCurvaturePrior:
-        """Prior of the rest curvature."""
+        """Prior of the rest curvature, common to all photographs."""
         return self.fits[0].birth
 
     @property
     def curl(self) -> Pooled:
-        """The uniform part of the rest curvature, pooled [1/m]."""
+        """Uniform part of the rest curvature [1/m], pooled."""
         if self.birth.born is RestCurvature.STRAIGHT:
             return Pooled(0.0, 0.0, 0.0, 0.0, 1.0)
         return pool(*zip(*(each.curl for each in self.fits), strict=True))
@@ -134,7 +134,7 @@ def pool_lengths(fits: Sequence[Fit]) -> Pooled:
 
 
 def _best(photographs: Sequence[Photograph], start: Fits, born: RestCurvature) -> Fits:
-    """Fits at the spread of rest curvature with the largest evidence."""
+    """Fits of the photographs at the spread of rest curvature with the largest evidence."""
     tried: list[Fits] = []
     for spread in REST_CURVATURES:
         birth = RestCurvaturePrior(born, spread)

@@ -45,7 +45,7 @@ class Measurement:
         return float(f"{self.bending_length.value:.{KEPT_DIGITS}g}")
 
     def line(self) -> dict[str, Any]:
-        """The measurement as one JSON object; lengths in m."""
+        """The measurement as a JSON object; lengths in m."""
         bending = self.bending
         return {
             "strip": self.strip,
@@ -70,7 +70,7 @@ class Measurement:
         }
 
     def text(self) -> str:
-        """The measurement for a person, in mm."""
+        """The measurement as text for a person, in mm."""
         bending = self.bending
         count = len(bending.fits)
         lines = [
@@ -85,7 +85,7 @@ class Measurement:
 
 
 def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
-    """The bending length of `strip` from photographs of it hanging over a ledge."""
+    """Measure the bending length of `strip` from photographs of it hanging over a ledge."""
     bending = measure_bending(photographs)
     for each in bending.fits:
         _refuse(each)
@@ -116,7 +116,7 @@ def _refuse(fitted: Fit) -> None:
 
 
 def _not_straight(bending: Bending) -> str:
-    """Warning when the strip has a rest curvature."""
+    """Warning about a strip with a rest curvature."""
     missed = max(each.rms / each.photograph.width for each in bending.straight)
     if bending.birth.born is RestCurvature.STRAIGHT or missed < VISIBLE:
         return ""
@@ -149,7 +149,7 @@ def _disagreement(bending: Bending) -> str:
 
 
 def _overhang(bending: Bending) -> str:
-    """Warning when the strip bends too sharply or too little to be measured."""
+    """Warning about a strip that bends too sharply or too little to be measured."""
     c = bending.bending_length.value
     radius = [np.sqrt(c**3 / (2 * each.photograph.overhang)) for each in bending.fits]
     sharp = [
@@ -172,7 +172,7 @@ def _overhang(bending: Bending) -> str:
 
 
 def _widths(bending: Bending) -> str:
-    """Warning when the strip appears much wider in one overhang than in another."""
+    """Warning about a strip that appears much wider in one overhang than in another."""
     photographs = [each.photograph for each in bending.fits]
     thin, thick = (pick(photographs, key=lambda each: each.width) for pick in (min, max))
     if thick.width < SMALLEST_WIDTH_RATIO * thin.width:

@@ -50,7 +50,7 @@ class Photograph:
 
 
 def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[Photograph]:
-    """The pictures at `paths`, each with its overhang [m]; ConfigurationError for unusable ones."""
+    """Read the pictures at `paths`, each with its overhang [m]; ConfigurationError if unusable."""
     if not paths:
         raise ConfigurationError("--photo: is missing; give a photograph of the hanging strip")
     if len(paths) != len(overhangs):
@@ -69,7 +69,7 @@ def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[
 
 
 def read_photograph(path: Path, overhang: float) -> Photograph:
-    """The picture at `path` of a strip whose free part is `overhang` [m] long.
+    """Read the picture at `path` of a strip whose free part is `overhang` [m] long.
 
     ConfigurationError when it cannot be read or shows no strip.
     """
@@ -78,7 +78,7 @@ def read_photograph(path: Path, overhang: float) -> Photograph:
 
 
 def _trace(path: Path, image: Image) -> Midline:
-    """Midline of a bright strip before something dark, or of a dark one before something bright."""
+    """Midline of the strip, traced as bright before dark, then as dark before bright."""
     reasons = []
     for seen in (image, cv2.bitwise_not(image)):
         try:

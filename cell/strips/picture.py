@@ -17,7 +17,7 @@ SEEN_COLOUR, FITTED_COLOUR, STRAIGHT_COLOUR = "#19c8c8", ORANGE, BLUE
 
 
 def picture(fitted: Fit, straight: Fit) -> bytes:
-    """PNG: the photograph with midline and fits, and their residuals along the strip."""
+    """PNG of the photograph with midline and fits, and their residuals along the strip."""
     with canvas(10.5, 8.0) as figure:
         figure.set_facecolor("white")
         left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0))

@@ -21,7 +21,7 @@ ROBUST = 2.5  # sigmas from which a miss counts less
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Residuals of the midline for one set of `values` (p,).
+    """Fit of one set of `values` (p,): its residuals from the midline.
 
     `misses` (2 n,) across and then along the midline, in sigmas, `slopes` (2 n, p) their negative
     derivatives by the values, `cost` twice the negative log posterior.
@@ -35,7 +35,7 @@ class Trial:
 
 
 class Problem:
-    """One photograph with one prior of the rest curvature.
+    """Least-squares problem of one photograph with one prior of the rest curvature.
 
     The unknowns are ln(bending length / typical), the ledge's arc length behind the picture's
     border, the camera's roll, the angle at which the strip leaves the ledge, the ledge's place, and
@@ -56,7 +56,7 @@ class Problem:
         self._frame = _frame(photograph)
 
     def trial(self, values: Array) -> Trial:
-        """The strip of `values` (p,), and its distances from the midline. Raises NoRest."""
+        """Trial of `values` (p,): strip, and distances from the midline. Raises NoRest."""
         seen = self.photograph
         hanging = hang(
             seen.overhang,
@@ -87,7 +87,7 @@ class Problem:
         return matrix, trial.slopes.T @ (weight * trial.misses) - self._prior**2 * trial.values
 
     def _project(self, motion: Array) -> Array:
-        """Parts (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
+        """Components (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
         parts = np.einsum("knc,nc...->kn...", self._frame, motion)
         return np.asarray(parts.reshape(-1, *motion.shape[2:]))
 
@@ -98,7 +98,7 @@ class Problem:
 
 
 class _Along:
-    """A hanging strip sampled at arc lengths `arc` (n,); before the ledge it lies straight."""
+    """A hanging strip sampled at arc lengths `arc` (n,); straight before the ledge."""
 
     def __init__(self, hanging: Hanging, arc: Array, clamp_angle: float) -> None:
         spans = np.diff(hanging.arc)
@@ -123,7 +123,7 @@ class _Along:
 
 
 def _frame(photograph: Photograph) -> Array:
-    """Normals and tangents (2, n, 2) of the midline, each over its sigma.
+    """Normals and tangents (2, n, 2) of the midline, each divided by its sigma.
 
     Along the midline all points shift together, by the uncertainty of its tip.
     """
@@ -135,5 +135,5 @@ def _frame(photograph: Photograph) -> Array:
 
 
 def rotation(angle: float) -> Array:
-    """Rotation (2, 2) by `angle` [rad]."""
+    """Rotation matrix (2, 2) by `angle` [rad]."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

@@ -27,7 +27,7 @@ class DrivenByJoints(Protocol):
         """Start the motion."""
 
     def read(self, motion: Any, *, awaited: bool = True) -> Any:
-        """The next state; unless it is `awaited` also one that has lain there."""
+        """The robot's next state; unless `awaited`, one that arrived earlier will do."""
 
     def write_joints(self, motion: Any, joints: Numbers, *, last: bool = False) -> None:
         """Send the command for this tick."""
@@ -44,7 +44,7 @@ class Moment(NamedTuple):
 
 
 class PosedState:
-    """A state at `time` [s] with commanded pose, twist and change as the commanded joints give."""
+    """A robot's state at `time` [s] with the hand's commanded pose, twist and acceleration."""
 
     def __init__(
         self, state: Any, time: float, pose: Numbers, twist: Numbers, change: Numbers
@@ -57,7 +57,7 @@ class PosedState:
 
 
 class ByJoints:
-    """A robot driven by poses of the hand, of which it is sent the joints (7,) [rad].
+    """A robot that is commanded by poses of the hand and is sent the joints (7,) [rad] for them.
 
     To find out how a motion goes on from where a robot is that missed a command takes a part of a
     tick that may be all of it: then each answer would be late, and the robot would hear none. On
@@ -66,6 +66,7 @@ class ByJoints:
     """
 
     def __init__(self, robot: DrivenByJoints, *, own_clock: bool = False) -> None:
+        """Drive `robot`; on its `own_clock` each command is computed a tick ahead."""
         self._robot, self._own_clock = robot, own_clock
         self._ahead = False  # whether `_here` is where the robot will be a tick after `_time`
         self._here: Course | None = None
@@ -127,8 +128,8 @@ class ByJoints:
         self._robot.write_joints(motion, sent, last=last)
 
     def _come(self, motion: Any) -> bool:
-        """Whether the robot is where it was sent; where it went further, nothing is sent, and the
-        next state shows where.
+        """Whether the robot reached the joints it was sent; where it went further, nothing is sent,
+        and the next state shows where.
         """
         state = self._robot.read(motion, awaited=False)
         expected, self._ahead = self._here or Course([], [], []), False
@@ -142,7 +143,7 @@ class ByJoints:
 
 
 def _later(here: Course) -> Course:
-    """The course one tick later, of a robot that received no command: its acceleration stays."""
+    """The course one tick after `here`, of a robot without a command: acceleration stays."""
     place, rate, change = (np.array(part) for part in here)
     after = rate + TICK * change
     return Course((place + TICK * after).tolist(), after.tolist(), here.change)

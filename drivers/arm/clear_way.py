@@ -1,4 +1,4 @@
-"""A way of the joints to a goal that meets neither the arm itself nor what stands in the cell."""
+"""Joint waypoints to a goal, on which the arm meets neither itself nor what stands in the cell."""
 
 from collections.abc import Iterator, Sequence
 from itertools import islice, pairwise
@@ -62,7 +62,7 @@ def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
 
 
 def _around(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
-    """Points between start and goal, the shortest detour first."""
+    """Lists of joint waypoints between start and goal, the shortest detour first."""
     above = [_rise(start, up, rise) for rise in RISES]
     over = [_rise(goal, up, rise)[::-1] for rise in RISES]
     yield from above
@@ -74,7 +74,7 @@ def _around(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
 
 
 def _rise(joints: Array, up: Array, rise: float) -> list[Array]:
-    """Joints (7,) on the way straight `up` (3,) by `rise` [m], as far as the arm reaches."""
+    """Joints (7,) on the straight way `up` (3,) by `rise` [m], as far as the arm reaches."""
     points = []
     for step, here in enumerate(islice(straight(joints, WAY_STEP * up), round(rise / WAY_STEP)), 1):
         if limits.margins(here).min() < JOINT_ROOM:
@@ -85,7 +85,7 @@ def _rise(joints: Array, up: Array, rise: float) -> list[Array]:
 
 
 def _objection(points: Sequence[Array], solids: Solids) -> str:
-    """What the arm would meet on the way through `points`, each (7,); empty for nothing."""
+    """Name of what the arm would meet on the way through `points`, each (7,); empty for nothing."""
     legs = []
     for a, b in pairwise(points):
         count = 2 + int(np.abs(b - a).max() / POSTURE_SPACING)

@@ -1,4 +1,4 @@
-"""Signals that end programs, heard by a process that moves the arm: it brakes first."""
+"""Signals that end a program, received by the process that moves the arm: it brakes first."""
 
 import signal
 
@@ -20,11 +20,11 @@ class Ending:
             signal.signal(number, self._hear)
 
     def __call__(self) -> bool:
-        """Whether that is so."""
+        """Whether this process was asked to end."""
         return self._heard
 
     def check(self) -> None:
-        """Raise Failed if that is so; to be called once the arm rests."""
+        """Raise Failed if this process was asked to end; to be called once the arm rests."""
         if self._heard:
             raise Failed(Failure(Cause.ENDED, "the process of the arm was asked to end"))
 

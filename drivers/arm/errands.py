@@ -1,4 +1,4 @@
-"""What a robot is asked outside the strip's plane: to go home joint by joint, or where it is."""
+"""Requests to a robot outside the strip's plane: go home joint by joint, or state its pose."""
 
 import gc
 import signal
@@ -48,7 +48,7 @@ def hand_pose(task: Task) -> list[float]:
 
 
 def _carry_out(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
-    """The answer to `errand` of a process of its own; the robot brakes where this process ends."""
+    """Run `errand` in its own process and return its answer; the robot brakes if this dies."""
     context = get_context("forkserver")
     pipe, theirs = context.Pipe()
     process = context.Process(target=_run, args=(task, errand, theirs), daemon=True)

@@ -116,7 +116,7 @@ class FciHand:
         self._tcp = self._udp = None
 
     def _begin(self, *motions: Motion) -> None:
-        """Do `motions` one after another, once the one under way has been stopped."""
+        """Carry out `motions` one after another, once the one under way has been stopped."""
         self._next = list(motions)
         if self._motion is None:
             self._go_on()
@@ -128,13 +128,13 @@ class FciHand:
         self._motion = self._send(self._next.pop(0))
 
     def _interrupt(self) -> None:
-        """Stop the motion under way, unless that is on its way."""
+        """Stop the motion under way, unless a stop is already on its way."""
         if self._motion is not None and self._stop_sent is None:
             self._send(lambda n: wire.request(wire.Command.STOP, n))
             self._stop_sent, self._stops = self._clock.now(), self._stops + 1
 
     def _insist(self) -> None:
-        """Repeat a stop after which the motion has not ended; Fault where none is heard."""
+        """Repeat a stop after which the motion has not ended; Fault where the hand answers none."""
         if self._stop_sent is None or self._clock.now() - self._stop_sent < UNSTOPPED:
             return
         self._stop_sent = None
@@ -171,7 +171,7 @@ class FciHand:
         self._insist()
 
     def _take(self, fingers: wire.Fingers | None) -> None:
-        """Keep a state that is not the one before, sent once more."""
+        """Keep a state of the fingers, unless it repeats the one before."""
         if fingers is not None and fingers.number != self._fingers.number:
             self._fingers, self._stamp = fingers, self._clock.now()
             self._homed = fingers.widest > 0

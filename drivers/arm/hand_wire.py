@@ -54,7 +54,7 @@ class Fingers:
 
 
 def request(command: Command, number: int, payload: bytes = b"") -> bytes:
-    """A command as bytes."""
+    """A command of the hand's protocol as bytes."""
     return HEADER.pack(command, number, HEADER.size + len(payload)) + payload
 
 
@@ -80,7 +80,7 @@ def grasp(number: int, thinnest: float, thickest: float, speed: float, force: fl
 
 
 def replies(received: bytearray) -> list[Reply]:
-    """Complete replies, removed from the front of `received`."""
+    """Remove the complete replies from the front of `received` and return them."""
     found: list[Reply] = []
     while len(received) >= HEADER.size + 2:
         command, number, size = HEADER.unpack_from(received)
@@ -94,7 +94,7 @@ def replies(received: bytearray) -> list[Reply]:
 
 
 def state(packet: bytes) -> Fingers | None:
-    """The state in a datagram; None when the datagram is not a state."""
+    """State of the hand from a datagram; None where the datagram holds none."""
     if len(packet) != STATE_PACKET.size:
         return None
     number, width, widest, grasped, _ = STATE_PACKET.unpack(packet)

@@ -100,7 +100,7 @@ class Loop:
         self._publish(state)
 
     def _heard(self, state: Any) -> Any:
-        """Repeat the present pose until the robot follows commands; its state then."""
+        """Repeat the present pose until the robot follows commands, and return its state then."""
         for _ in range(MOST_UNHEARD_COMMANDS):
             self._robot.write_pose(self._motion, state.O_T_EE_c)
             state = self._robot.read(self._motion)
@@ -127,7 +127,7 @@ class Loop:
             self._consider(self._state)
 
     def _consider(self, state: Any) -> None:
-        """Report a state, and brake where it or what lies ahead demands it."""
+        """Report the robot's state, and brake where the state or the motion ahead demands it."""
         self._publish(state)
         self._feel(state)
         if self._new or self.ticks % TICKS_BETWEEN_LOOKS == 0:
@@ -143,7 +143,7 @@ class Loop:
 
     @property
     def halted(self) -> Failure | None:
-        """Why the arm braked for good by itself, once it is at rest."""
+        """Reason why the arm braked for good, once it is at rest; None while it may go on."""
         return None if self._profile.moving else self._reason
 
     def _obey(self, order: Order) -> None:
@@ -176,14 +176,14 @@ class Loop:
             raise Failed(Failure(Cause.COMMAND, str(fault))) from fault
 
     def _feel(self, state: Any) -> None:
-        """Brake for a force beyond its guard, or one that is there at rest."""
+        """Brake for a force beyond its limit, or for one that is there at rest."""
         objection = self._touch.objection(state)
         objection = objection or self._drift.objection(state, moving=self._profile.moving)
         if objection:
             self._halt(Cause.CONTACT, objection)
 
     def _keep_up(self, state: Any, sent: list[float]) -> None:
-        """Go on from the robot's own setpoint when that is not the one that was `sent`.
+        """Continue from the robot's own setpoint where it differs from the one that was `sent`.
 
         A robot that hears a command too late continues the motion by itself, and a command that
         does not continue what it did is a discontinuity, which stops it.
@@ -206,7 +206,7 @@ class Loop:
         self._departure.begin(course.aside, course.aside_velocity, course.aside_acceleration)
 
     def _look_ahead(self) -> None:
-        """Brake while the arm still can, before it comes where it could not follow."""
+        """Brake while the arm still can, before it reaches a pose that it could not follow."""
         self._new = False
         if not self._profile.moving:
             return
@@ -216,7 +216,7 @@ class Loop:
             self._halt(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
 
     def _halt(self, cause: Cause, words: str) -> None:
-        """Brake for good and keep the first reason."""
+        """Brake for good, and keep the first reason."""
         if self._reason is None:
             self._reason = Failure(cause, words)
             self._profile.stop()
@@ -267,8 +267,8 @@ class Loop:
 
 
 def rehearse(installation: Installation) -> None:
-    """Run once, without a robot, what the first ticks do: a first call takes as long as several
-    ticks, in which a robot would get no command.
+    """Run the computations of the first ticks once, without a robot: a first call takes as long as
+    several ticks, in which a robot would get no command.
     """
     plane = StripPlane(installation.mounting.transform())
     limits, space = installation.limits, installation.workspace

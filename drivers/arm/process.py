@@ -86,7 +86,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
 def _in_lock_step(
     loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClock, ending: Ending
 ) -> None:
-    """Step as far as the cell allows and confirm each time, until the cell closes or dies."""
+    """Step the loop as far as the cell allows and confirm, until the cell closes or dies."""
     while (message := _receive(pipe, ending)) is not None and "until" in message:
         while loop.ticks < message["until"]:
             loop.step()
@@ -98,7 +98,7 @@ def _in_lock_step(
 def _by_itself(
     loop: Loop, pipe: Connection, timing: Timing, clock: WallClock, ending: Ending
 ) -> None:
-    """Step on the robot's clock until the cell closes or dies."""
+    """Step the loop on the robot's clock until the cell closes or dies."""
     while loop.halted is None and not pipe.poll() and not ending():
         loop.step()
         timing.update(clock.now(), loop.success)

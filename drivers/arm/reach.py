@@ -55,7 +55,7 @@ class Reach:
 
     @property
     def allowed(self) -> bool:
-        """Whether the whole path can be followed."""
+        """Whether the arm can follow the whole path."""
         return not self.problems
 
 
@@ -156,7 +156,7 @@ def _track_pose(joints: Array, pose: Array, elbow: float) -> Array | None:
 
 
 def _objection(joints: Array, there: Array, time: float) -> str:
-    """Why a step from `joints` to `there` in `time` [s] is not allowed; empty if it is."""
+    """Reason why a step from `joints` to `there` in `time` [s] is not allowed; empty if it is."""
     room, joint = float(margins(there).min()), int(margins(there).argmin()) + 1
     if room < JOINT_MARGIN:
         return (

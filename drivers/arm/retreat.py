@@ -1,4 +1,4 @@
-"""A guarded way out of contact: a little along the force, until the arm is free."""
+"""A guarded way out of contact: short moves along the force, until the arm is free."""
 
 from collections.abc import Callable
 from itertools import islice
@@ -26,7 +26,7 @@ JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
 
 
 def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids: Solids) -> None:
-    """Bring a `robot` at rest out of what presses on its gripper; does nothing where nothing
+    """Move a `robot` at rest away from what presses on its gripper; does nothing where nothing
     presses.
 
     The reflexes are loosened for it, as they would stop it at once, and set again by the caller.

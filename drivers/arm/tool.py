@@ -1,4 +1,4 @@
-"""The tool that a robot believes to carry, against the one that this cell's geometry assumes."""
+"""Compares the tool that a robot is configured for with the one that the cell assumes."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +20,7 @@ BY_RESET = "see what is mounted; if only the hand is, `cell home --reset-tool` s
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One property whose value at the robot is not the cell's, both as text, and its `remedy`."""
+    """One property that differs at the robot from the cell's, as text, and its `remedy`."""
 
     what: str
     found: str
@@ -69,7 +69,7 @@ def require_tool(state: Any, tool: ToolSettings) -> None:
 
 
 def _owner(state: Any) -> str:
-    """The remedy for a wrong end effector: whose part of it is wrong."""
+    """The remedy for a wrong end effector: whether Desk or another client set it."""
     return IN_DESK if _same_frame(_matrix(state.NE_T_EE), np.eye(4)) else BY_RESET
 
 

@@ -74,7 +74,7 @@ class Way:
 
     @property
     def arrived(self) -> bool:
-        """Whether the setpoints lead on no more."""
+        """Whether the setpoints have reached the goal."""
         if not self._missed:
             return not self._planned
         still = max(map(abs, self._here.rate)) < REST_RATE
@@ -88,7 +88,7 @@ class Way:
         return self._sent
 
     def keep_up(self, state: Any) -> None:
-        """Go on from the robot's own setpoint where that is not the one that it was sent.
+        """Continue from the robot's own setpoint where it differs from the one that it was sent.
 
         Its state is rounded, and a rounding of 1e-7 rad in one tick is 0.1 rad/s^2. But a robot
         that has heard nothing keeps its acceleration, so where it is follows from what it heard.
@@ -101,7 +101,7 @@ class Way:
         self._here = go_on(self._here, self._sent, state, ticks)
 
     def brake(self, *, hard: bool = False) -> None:
-        """Come to rest wherever that is; `hard` as quickly as any joint may."""
+        """Come to rest, wherever that is; `hard` as quickly as the joints may."""
         self._goal, self._acceleration = None, JOINT_ACCELERATION
         if hard:
             self._acceleration, self._jerk = HARD_ACCELERATION, HARD_JERK
@@ -144,7 +144,7 @@ def follow_joints(
     enough: Callable[[Any], bool] = lambda _: False,
 ) -> Numbers:
     """Bring `robot` to `joints` (7,) [rad], or to rest once it is `left` or its state is `enough`;
-    returns where it stands then.
+    returns the joints where it stands then.
 
     Raises Failed at what the `guard` objects to, once the robot stands.
     """
@@ -167,7 +167,7 @@ def follow_joints(
 
 
 def _stands(state: Any) -> bool:
-    """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
+    """Whether the robot's setpoint stands still, up to what one tick takes off smoothly."""
     return bool(max(abs(rate) for rate in state.dq_d) < REST_RATE)
 
 

@@ -1,4 +1,4 @@
-"""Where the robot's own setpoint of the hand is, more exactly than its rounded state says."""
+"""Estimates the robot's own setpoint of the hand more exactly than its rounded state gives it."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ class Whereabouts:
     """
 
     def __init__(self, state: Any) -> None:
-        """Of a robot at rest that hears its commands."""
+        """Start with the `state` of a robot at rest that receives its commands."""
         self.pose: Numbers = list(state.O_T_EE_c)
         self._change: Numbers = list(state.O_ddP_EE_c)
 
@@ -44,7 +44,7 @@ class Whereabouts:
         return False
 
     def _gone_on(self, pose: Numbers, state: Any, ticks: int) -> Numbers:
-        """The `pose` after so many ticks by itself, the last of them with the twist of `state`."""
+        """The pose after `ticks` without commands, the last with the twist of `state`."""
         if ticks == 0:
             return pose
         twist, change = np.array(state.O_dP_EE_c), np.array(state.O_ddP_EE_c)
@@ -58,5 +58,5 @@ class Whereabouts:
 
 
 def largest_difference(these: Numbers, those: Numbers) -> float:
-    """Largest difference of two rows of numbers, place by place, in their unit."""
+    """Largest absolute difference of two rows of numbers, place by place."""
     return max(abs(a - b) for a, b in zip(these, those, strict=True))

@@ -99,7 +99,7 @@ class Drain:
             self._let_go()
 
     def _turn(self) -> None:
-        """Take frames until a failure, report it, and restart or release the session."""
+        """Take frames until a failure, report the failure, and restart or release the session."""
         try:
             if self._current is None:
                 self._current = Session.open(self._kernel, self._settings)
@@ -150,7 +150,7 @@ class Drain:
             self._changed.notify_all()
 
     def _place(self, session: Session, capture: Capture) -> Arrived:
-        """The capture with times on the cell's clock; stamps increase, none after the arrival."""
+        """The capture with times on the cell's clock; stamps increase, none after arrival."""
         shutter, number, last = session.setup.shutter, self._sequence.number, self._newest
         gap = 0 if last is None else number - last.sequence - 1
         earliest = -math.inf if last is None else last.stamp + LEAST_STEP
@@ -169,7 +169,7 @@ class Drain:
             self._changed.notify_all()
 
     def _restart(self) -> None:
-        """Stop the stream and start it; where that fails the device is let go."""
+        """Restart the stream; where that fails the device is released."""
         if self._current is None:
             return
         try:

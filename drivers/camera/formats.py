@@ -88,7 +88,7 @@ class Picture:
 
 
 def agree(device: Device, settings: V4l2Settings) -> Picture:
-    """Set format, size and rate, and compare what the device accepted with `settings`.
+    """Set format, size and rate of `device`, and compare what it accepted with `settings`.
 
     Raises CameraRefused with the supported modes where they differ; CameraBusy while another
     program streams.

@@ -56,7 +56,7 @@ def _rates(device: Device, number: int, width: int, height: int) -> tuple[float,
 
 
 def _ends(interval: FrameInterval) -> list[Fraction]:
-    """The interval itself, or the ends of a range of them."""
+    """Both ends of a range of frame intervals, or the one interval."""
     return list(interval.steps[: 1 if interval.type == DISCRETE else 2])
 
 

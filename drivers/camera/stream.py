@@ -114,7 +114,7 @@ class Stream:
         self._device.call(Request.QBUF, buffer, "giving a buffer back")
 
     def _copy(self, buffer: Buffer) -> Capture:
-        """Sequence, flags and bytes as they are now: giving the buffer back rewrites them."""
+        """Sequence, flags and bytes of `buffer`, which its return to the queue overwrites."""
         time = buffer.timestamp
         return Capture(
             counter=buffer.sequence,

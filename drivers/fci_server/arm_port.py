@@ -85,7 +85,7 @@ class ArmPort:
         robot.late.clear()
 
     def repeat(self) -> None:
-        """Send the last state again to a client that may have missed it."""
+        """Send the last state again, for a client that may have missed it."""
         if self.client is not None and self._datagram:
             self.client.send_datagram(self._datagram)
 
@@ -114,7 +114,7 @@ class ArmPort:
         return True
 
     def _answer(self, request: Request) -> bytes:
-        """Content of the reply, empty where it comes later."""
+        """Content of the reply to `request`, empty where the reply comes later."""
         robot = self._robot
         if request.command is Command.MOVE:
             status = robot.move(MoveRequest.read(request.payload), request.command_id)

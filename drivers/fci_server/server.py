@@ -41,7 +41,7 @@ COUNTED_TICKS = 100
 
 
 class Punctuality:
-    """Counts over the last COUNTED_TICKS ticks of a motion."""
+    """Counts of commands that came in time over the last COUNTED_TICKS ticks of a motion."""
 
     def __init__(self) -> None:
         self._came: deque[bool] = deque()
@@ -49,7 +49,7 @@ class Punctuality:
 
     @property
     def rate(self) -> float:
-        """Between 0 and 1; 0 outside a motion."""
+        """Share of commands in time, between 0 and 1; 0 outside a motion."""
         return self._in_time / len(self._came) if self._came else 0.0
 
     def count(self, came: bool) -> None:
@@ -87,7 +87,7 @@ def _candidates() -> Iterator[str]:
 
 
 class RobotServer:
-    """Arm and hand at `address`, for one client each.
+    """Emulated robot with arm and hand at `address`, for one client each.
 
     `start` (7,) [rad] are the initial joints, `solids` what the arm must not meet, `surroundings`
     and `between` the forces on the arm and the object in the hand, `faults` the scheduled faults;

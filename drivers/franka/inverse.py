@@ -83,8 +83,8 @@ def damped_inverse(jac: Array, damping: float) -> Array:
 
 
 def straight(joints: Array, step: Array) -> Iterator[Array]:
-    """Joints (7,) [rad] along a straight line from `joints`, the tip each time a `step` (3,) [m]
-    further and never turned; without an end, limits or a check of the reach.
+    """Joints (7,) [rad] along a straight line of the tip, in steps of `step` (3,) [m] without
+    turning; endless, and limits and reach are not checked.
     """
     twist = np.concatenate([step, np.zeros(3)])
     while True:

@@ -39,7 +39,7 @@ class _Question:
 
 @lru_cache(maxsize=16)
 def _describe_cached(asked: _Question) -> StripModel:
-    """Descriptions are read-only, so that who asks for the same one shares it."""
+    """A strip's description from the cache; descriptions are read-only and shared."""
     strip = asked.strip
     rigidity = np.full(CELLS, strip.rigidity)
     mechanics = Mechanics(

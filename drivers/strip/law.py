@@ -1,4 +1,4 @@
-"""Generic laws for residuals that no named effect explains.
+"""Generic terms of a strip's equations for residuals that no named effect explains.
 
 Each is a moment, a force or a measurement error as a function of a state variable. A strip file may
 hold their amounts under `law:`; every engine simulates them, because they change the description
@@ -39,7 +39,7 @@ class Term:
 
 
 def _add(part: Any, path: str, amount: float) -> Any:
-    """`part` of a model with more of the field at `path` in it."""
+    """Copy of `part` of a model with `more` of the field at `path` in it."""
     field, _, inner = path.partition(".")
     value = getattr(part, field)
     return replace(part, **{field: _add(value, inner, amount) if inner else value + amount})
@@ -83,7 +83,7 @@ def _give(model: StripModel, amount: float) -> StripModel:
 
 
 def _along(model: StripModel) -> Array:
-    """Place along the strip from -1/2 to 1/2 (CELLS,)."""
+    """Position of each cell along the strip, from -1/2 to 1/2 (CELLS,)."""
     return np.asarray(model.mechanics.cells / model.mechanics.length - 0.5)
 
 
@@ -123,7 +123,7 @@ LAW_TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _T
 
 
 def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
-    """`model` with these amounts of the laws; names that are no law are left to others."""
+    """`model` with these amounts of the generic laws; unknown names are ignored."""
     for name, term in LAW_TERMS.items():
         if amount := amounts.get(name):
             added = term.added
@@ -132,7 +132,7 @@ def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
 
 
 def check_law(amounts: Mapping[str, float], origin: str) -> None:
-    """Raise ConfigurationError for an unknown law or an amount that no strip has."""
+    """Raise ConfigurationError for an unknown law or an amount outside its range."""
     for name, amount in amounts.items():
         if name not in LAW_TERMS:
             raise ConfigurationError(

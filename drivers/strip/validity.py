@@ -16,7 +16,7 @@ from drivers.strip.file import StripFile
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """What an `engine` was found to hold for: `value` of a strip from `low` to `high`.
+    """Range in which an `engine` was validated: `value` of a strip from `low` to `high`.
 
     Below `refused` the engine gives no result at all. `why` is what happens outside.
     """
@@ -77,7 +77,7 @@ BOUNDS = (
 
 
 def doubts(strip: StripFile) -> tuple[str, ...]:
-    """What of `strip` lies where an engine is not known to hold, a sentence each."""
+    """Properties of `strip` outside the range in which an engine was validated, a sentence each."""
     return tuple(
         f"{strip.name}: {_place(bound, strip)}, the {bound.engine} holds from {bound.low:g} to "
         f"{bound.high:g}: {bound.why}; expect errors of the simulation"

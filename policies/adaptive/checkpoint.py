@@ -33,7 +33,7 @@ def load_critic(path: FilePath | None = None) -> Critic:
 
 
 def about(path: FilePath | None = None) -> dict[str, Any]:
-    """How the weights at `path` came about: settings of their training and its results."""
+    """Origin of the weights at `path`: settings of their training and its results."""
     return _about(_arrays(path or COMMITTED), path or COMMITTED)
 
 
@@ -111,7 +111,7 @@ def _weights(path: FilePath) -> dict[str, Array]:
 
 
 def _shapes(weights: dict[str, Array]) -> dict[str, tuple[int, ...]]:
-    """Shapes that arrays must have, sizes of layers being those of their biases."""
+    """Expected shapes of the arrays, with the layers' sizes taken from their biases."""
     memory, one, two = (weights[f"{n}_bias"].size for n in ("recall", "first", "second"))
     return {
         "mean": (COUNT,),

@@ -29,7 +29,7 @@ class Scripted:
         self._begun: Array = np.zeros(0)
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Reset; create the motion for `strip`."""
+        """Create the motion for `strip` and start at its beginning."""
         self._motion = self._draw(strip.length, speed)
         self._begun = np.full(count, np.nan)
 

@@ -28,7 +28,7 @@ class Journal:
     """
 
     def __init__(self, path: FilePath, settings: TrainingSettings) -> None:
-        """Open or begin."""
+        """Open the journal at `path`, or begin one with `settings`."""
         self.path = path
         text = self._read()
         self._lines = self._parse(text)
@@ -50,13 +50,13 @@ class Journal:
         return self._lines[1:]
 
     def append(self, line: Line) -> None:
-        """Write `line`; it is on disk on return."""
+        """Write `line` to disk; it is kept after a crash."""
         with writing(self.path, OTHER_FOLDER):
             append_line(self.path, (json.dumps(line) + "\n").encode())
         self._lines.append(line)
 
     def _check(self, asked: dict[str, Any]) -> None:
-        """Refuse other settings, but for a number of generations not below those done."""
+        """Refuse a journal of other settings; more generations than it holds are allowed."""
         begun = self._lines[0].get("settings")
         if not isinstance(begun, dict):
             raise self._strange()

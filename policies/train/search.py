@@ -54,7 +54,7 @@ class Progress:
 
 
 class Search:
-    """Ask and tell of CMA-ES; `weights` are the optimiser's mean at its best validation so far.
+    """Search by CMA-ES; `weights` are the optimiser's mean at its best validation so far.
 
     The optimiser's linear algebra is limited to one thread: its rounding depends on their number,
     and a training may be resumed on another machine.
@@ -103,7 +103,7 @@ class Search:
         return done
 
     def _is_judged(self, number: int) -> bool:
-        """Whether to validate now: at intervals and at the end; only what is validated is kept."""
+        """Whether to validate this generation; only validated weights are kept."""
         last = number + 1 == self.settings.generations
         return last or (number + 1) % self.settings.validate_every == 0
 

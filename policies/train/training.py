@@ -15,7 +15,7 @@ JOURNAL, CHECKPOINT = "feedback.jsonl", "feedback.json"
 
 
 class TrainingRun:
-    """Starts in an empty folder, resumes in one that holds a journal of the same settings.
+    """A training that begins in an empty folder, or resumes one of the same settings.
 
     `known` generations were done before. Raises ConfigurationError for a folder that cannot be
     written or holds something else.

@@ -45,7 +45,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def plant_table(entries: Sequence[Entry]) -> str:
-    """Rates split by what the plant is, beside the reliability of what is stated there."""
+    """Table of rates by kind of plant, with the reliability of the confidence stated there."""
     groups = {name: [e for e in entries if e.case.plant == name] for name in PLANTS}
     groups = {name: mine for name, mine in groups.items() if mine}
     rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
@@ -54,7 +54,7 @@ def plant_table(entries: Sequence[Entry]) -> str:
 
 
 def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
-    """How many of the verdicts that name are right, and what they state on average."""
+    """How many of the naming verdicts are right, and their mean stated confidence."""
     if not claims:
         return "no name"
     right = rate_text(rate(right for _, right in claims))
@@ -62,7 +62,7 @@ def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
 
 
 def scatter_table(entries: Sequence[Entry]) -> str:
-    """Rates split by level of scatter and by who moves, and estimated spreads against true ones."""
+    """Table of rates by scatter and kind of motion, and estimated spreads over true ones."""
     groups = {_level(name): [e for e in entries if e.case.scatter == name] for name in LEVELS}
     led = [e for e in entries if e.case.motions == "by_hand"]
     if led:
@@ -93,7 +93,7 @@ def _level(name: Scattered) -> str:
 
 
 def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tuple[Path, ...]:
-    """Write the Markdown `page`, and a figure a tier beside it; the paths.
+    """Write the Markdown `page`, and a figure a tier beside it; returns their paths.
 
     Raises ConfigurationError where that is impossible.
     """
@@ -109,7 +109,7 @@ def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tup
 
 
 def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
-    """The tiers that were examined, with their cases."""
+    """Entries by tier, for the tiers that were examined."""
     every = list(entries)
     for tier in TIERS:
         mine = [e for e in every if e.case.tier == tier]
@@ -118,7 +118,7 @@ def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
 
 
 def markdown(entries: Sequence[Entry], stem: str = "exam", command: str = "") -> str:
-    """The whole page."""
+    """Text of the whole page."""
     parts = [
         "# The exam of the gap workflow",
         "Every case is a strip whose plant hides something, or nothing. The workflow sees the "
@@ -189,7 +189,7 @@ def stated_confidences(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
 
 
 def said_of(entries: Iterable[Entry]) -> Confusion:
-    """What was hidden against what was said; pairs together."""
+    """Pairs of hidden cause and stated name; pairs of effects together."""
     return confusion((_hidden_causes(e), _verdict_words(e)) for e in entries)
 
 
@@ -279,7 +279,7 @@ def _against_truth(entries: Iterable[Entry]) -> str:
 
 
 def _baselines(entries: Iterable[Entry]) -> str:
-    """Refitting alone is always silent, the least error always names."""
+    """Lines on refitting alone, which never names, and on the least error, which always does."""
     known = [(e.outcome, e.baselines) for e in entries if e.outcome and e.baselines]
     silent = [(o, b) for o, b in known if o.kind in ("nothing", "outside")]
     hidden = [(o, b) for o, b in known if o.kind in ("single", "pair")]
@@ -310,7 +310,7 @@ def _misses(entries: Iterable[Entry]) -> Iterator[str]:
 
 
 def _secret(entry: Entry) -> str:
-    """What was hidden, with its numbers."""
+    """The hidden effects of an entry, with their values."""
     case = entry.case
     names = [
         f"{name} ({', '.join(f'{k} {v:.3g}' for k, v in values.items())})"
@@ -321,7 +321,7 @@ def _secret(entry: Entry) -> str:
 
 
 def _answer(found: Outcome) -> str:
-    """What was said of it, and what stood against it."""
+    """The verdict's answer, and the strongest rival model."""
     what = ", ".join(found.named) or "; ".join(" or ".join(group) for group in found.classes)
     words = f"gap left {found.realised:.2f}; said {found.verdict.replace('_', ' ')}"
     words += f" ({what})" if what else ""

@@ -1,4 +1,4 @@
-"""What a gripper reports that a person leads: motions by hand, with a hand's tremor."""
+"""Gripper reports of motions led by a person, with a hand's tremor."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ SHIVER = (1.0, 5.0)  # Hz
 
 
 def ways_by_hand(length: float, seed: int, count: int) -> list[GripperPath]:
-    """`count` motions over a strip of `length` [m]; the same for the same seed."""
+    """`count` motions by hand over a strip of `length` [m]; the same for the same seed."""
     return [_reported_path(length, generator(seed, i)) for i in range(count)]
 
 

@@ -1,5 +1,5 @@
-"""What a process may open from now on: enforced by the kernel where it can (Landlock), and by
-the interpreter, which also refuses what lies within a permitted folder and is sealed.
+"""Restricts the files that a process may open: by the kernel where it can (Landlock), and by the
+interpreter, which also refuses what lies within a permitted folder and is sealed.
 
 Imports nothing of the project and no threads: what runs already is not barred.
 """
@@ -24,7 +24,7 @@ STARTED = ("subprocess.Popen", "os.exec", "os.posix_spawn", "os.system", "os.for
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """Trees that may be read, trees that may be written too, and what is sealed within them."""
+    """Permissions of a process: readable trees, writable trees, and what is sealed in them."""
 
     readable: tuple[Path, ...]
     writable: tuple[Path, ...]
@@ -32,14 +32,14 @@ class Policy:
 
 
 def restrict(permit: Policy) -> bool:
-    """Bar this process, its threads and children from everything else; whether by the kernel."""
+    """Restrict this process, its threads and children to `permit`; whether the kernel does."""
     firm = landlock(permit)
     sys.addaudithook(Guard(permit, kernel=firm))
     return firm
 
 
 def die_with_parent() -> None:
-    """End when the process ends that started this one (Linux)."""
+    """Have the kernel end this process when its parent ends (Linux)."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(DIE_WITH_PARENT, KILL, 0, 0, 0)
 
@@ -52,7 +52,7 @@ def version() -> int:
 
 
 def landlock(permit: Policy) -> bool:
-    """Bar by the kernel; False where it cannot.
+    """Restrict this process by the kernel; False where it cannot.
 
     Rules only permit, so that a tree with something sealed in it is permitted piece by piece
     (Salaün, Landlock: unprivileged access control, Linux documentation, userspace-api).
@@ -82,7 +82,7 @@ class _Beneath(ctypes.Structure):
 
 
 def _permit(rules: int, path: Path, access: int) -> None:
-    """Permit `access` to a tree; a path that is not there permits nothing."""
+    """Add the permission `access` to a tree; a path that does not exist permits nothing."""
     if not path.is_dir():
         access &= READ_FILE | WRITE_FILE | TRUNCATE
     try:
@@ -103,8 +103,8 @@ def _call(number: int, *arguments: Any) -> int:
 
 
 def _pieces(trees: Iterable[Path], sealed: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
-    """Trees without anything sealed, and True; False for one that was taken apart around it, of
-    which only names may be listed: the interpreter finds modules so.
+    """Trees without anything sealed, and True; False for one that was split around a sealed part,
+    of which only names may be listed, as the interpreter needs to find modules.
     """
     for tree in trees:
         if any(_within(tree, secret) for secret in sealed):
@@ -120,8 +120,8 @@ def _within(path: Path, tree: Path) -> bool:
 
 
 class Guard:
-    """An audit hook that refuses what is sealed, and all that is not permitted where the kernel
-    does not see to that. Code that is not Python's opens files unseen by it.
+    """Audit hook that refuses sealed files, and everything not permitted where the kernel does not
+    enforce that. Code that is not Python's opens files unseen by it.
     """
 
     def __init__(self, permit: Policy, *, kernel: bool) -> None:
@@ -131,7 +131,7 @@ class Guard:
         self._kernel = kernel
 
     def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
-        """Raise PermissionError where the event must not happen."""
+        """Raise PermissionError for an event that is not permitted."""
         if event in STARTED and not self._kernel:
             raise PermissionError(f"{event}: a sealed process starts no other")
         if event not in OPENED:

@@ -16,7 +16,7 @@ EXCLUDED = 1e-4  # probability below which a set counts as excluded: its size sa
 
 
 def where(found: Findings) -> dict[str, str]:
-    """A sentence and a map of the places where the refitted base exceeds noise."""
+    """A sentence and a map of the places where the refitted base deviates beyond noise."""
     return {"words": _where(found), "map": figures.heat_map(found.places)}
 
 
@@ -43,7 +43,7 @@ def _where(found: Findings) -> str:
 
 
 def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Every model that was tried, by what it gains on runs left out."""
+    """Table of all fitted models with their gain on runs left out."""
     accepted = found.accepted.model.name
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats (4 nats: "
@@ -97,7 +97,7 @@ def _row(row: Compared, best: bool) -> dict[str, Any]:
 
 
 def _steps(found: Findings) -> Iterator[str]:
-    """How the number of effects was decided, level by level."""
+    """Sentences on how the number of effects was decided, level by level."""
     for count, step in enumerate(found.choice.steps, start=1):
         verb = "taken" if step.accepted else "not taken"
         yield (
@@ -109,12 +109,12 @@ def _steps(found: Findings) -> Iterator[str]:
 
 
 def name_model(model: str) -> str:
-    """A model by name; the one without effects in words."""
+    """Name of a model; for the one without effects, a description."""
     return "the refitted base" if model == "base" else model
 
 
 def base(found: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Stated and refitted values of the base."""
+    """Table of stated and refitted values of the base."""
     stated = {p.name: p for p in found.subject.scope.base}
     weak = "; ".join(u.words for u in found.fitted.weak)
     return {

@@ -1,4 +1,4 @@
-"""What the report shows of held-out runs: the gap before and after, and what remains."""
+"""The report's part on held-out runs: the gap before and after, and what remains."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -41,7 +41,7 @@ def compare_held_out(found: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def conditions(runs: Sequence[Run]) -> list[str]:
-    """Runs by what was done in them, such as `fast`; repeats are numbered."""
+    """Names of the runs by their motion, such as `fast`; repeats are numbered."""
     short = [motion(run.condition) for run in runs]
     return [
         name if short.count(name) == 1 else f"{name} {short[: i + 1].count(name)}"
@@ -50,7 +50,7 @@ def conditions(runs: Sequence[Run]) -> list[str]:
 
 
 def _midlines(found: Findings, run: str) -> str:
-    """The curve of one held-out run, where the subject has curves."""
+    """Figure of the midlines of one held-out run, where the subject has curves."""
     drawn = next((r for r in replay(found, held_out_only=True) if r.name == run), None)
     return "" if drawn is None else figures.midlines(drawn)
 

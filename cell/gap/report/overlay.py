@@ -113,7 +113,7 @@ def _write(recording: rr.RecordingStream, run: Replayed) -> None:
 
 
 def _furnish(recording: rr.RecordingStream, root: str, measured: Scene) -> None:
-    """The desk, and the gripper's way."""
+    """Log the desk and the gripper's path."""
     grip = measured.tracks["gripper"].places
     desk = _flat(np.array([[-0.1, 0.0], [float(grip[:, 0].max()) + 0.15, 0.0]]))
     lines = (("desk", desk, DESK_RGBA), ("path", _flat(grip), HAND_RGBA))
@@ -130,7 +130,7 @@ def _signals(recording: rr.RecordingStream, root: str, word: str, scene: Scene) 
 
 
 def _curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene) -> None:
-    """Measured points as points, since they are not joined; simulated ones as a line."""
+    """Log measured points as points, since they are not joined, and simulated ones as a line."""
     if scene.curve is None or not len(scene.curve.t):
         return
     entity, curves = f"{root}/curve/{word}", [_flat(points) for points in scene.curve.points]

@@ -1,4 +1,4 @@
-"""`report.html`: one page for a technician, whole in itself."""
+"""The report of a fit, `report.html`: one self-contained page for a technician."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def write_report(found: Findings, verdict: Verdict, path: Path) -> None:
 
 
 def page(found: Findings, verdict: Verdict) -> str:
-    """The page as text: the card, the picture, and below them all numbers."""
+    """Text of the page: the card, the picture, and below them all numbers."""
     runs, held = len(found.subject.runs), len(verdict.held_out)
     name = found.subject.name
     return document(
@@ -51,7 +51,7 @@ def page(found: Findings, verdict: Verdict) -> str:
 
 
 def _card(found: Findings, verdict: Verdict) -> Card:
-    """The verdict in large: what, how big, and how much of the gap it closes."""
+    """The verdict in large print: the effect, its size, and the share of the gap it closes."""
     number, below = "", ""
     if verdict.effects and verdict.gap.before["excess"]:
         number, below = f"{100 * verdict.gap.shrink:.0f} %", "of the gap closed"
@@ -64,7 +64,7 @@ def _card(found: Findings, verdict: Verdict) -> Card:
 
 
 def _following(found: Findings, verdict: Verdict) -> list[str]:
-    """The commands to type next, in the folder where the fit was called."""
+    """The commands to type next, for the folder where the fit was called."""
     name = f"--strip configs/strips/{found.subject.name}.yaml"
     if isinstance(found.subject, EditsModel):
         name = "--model FILE"

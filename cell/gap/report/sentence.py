@@ -1,4 +1,4 @@
-"""The verdict in plain words."""
+"""The verdict of a fit as sentences for a technician."""
 
 from collections.abc import Sequence
 
@@ -33,7 +33,7 @@ def headline(verdict: Verdict) -> str:
 
 
 def sentence(found: Findings, verdict: Verdict) -> str:
-    """What is missing, how sure, and beside what, for a technician; sizes stand elsewhere."""
+    """Sentence on the missing effect and its certainty, for a technician; sizes stand elsewhere."""
     words = {
         "named": _name_effects,
         "ambiguous": _ambiguous,
@@ -66,7 +66,7 @@ def _name_effects(found: Findings, verdict: Verdict) -> str:
 
 
 def _class_members(found: Findings) -> frozenset[str]:
-    """The effects that stand in the accepted model for a class of their like."""
+    """Effects of the accepted model that represent a class of indistinguishable ones."""
     return found.accepted.model.names - {e.name for e in found.sure}
 
 
@@ -119,8 +119,8 @@ def change(found: Findings, verdict: Verdict) -> str:
 
 
 def sigmas(found: Findings) -> float:
-    """What the sure effects add to the accepted model, as the sigma of an equal likelihood ratio;
-    over the base where the model without them was not tried.
+    """Significance of the sure effects in the accepted model: the sigma of an equal likelihood
+    ratio, over the base where the model without them was not tried.
     """
     fits = found.choice.fits
     without = fits.of(_class_members(found)) or fits.base
@@ -141,7 +141,7 @@ def at_their_ends(found: Findings) -> list[str]:
 
 
 def deviation(deviates: Sequence[Deviation]) -> str:
-    """What deviates from the file, in a line for an operator."""
+    """Deviations from the file, in a line for an operator."""
     parts = []
     for d in deviates:
         ends = (quantity(end, d.unit) if end is not None else "any" for end in d.tolerated)
@@ -164,14 +164,14 @@ def undetectable(found: Findings) -> list[str]:
 
 
 def smallest(found: Findings, name: str, value: float) -> str:
-    """The size from which an effect would have shown; down to which, where less is more."""
+    """Smallest size that would have been detected; the largest, where less is more."""
     candidate = next(c for c in found.subject.scope.candidates if c.name == name)
     first = candidate.parameters[0]
     return f"{'at most ' if first.inverse else ''}{quantity(value, first.unit)}"
 
 
 def label(of: Quantity) -> str:
-    """A quantity in words."""
+    """Name of a quantity in words."""
     words = of.key.rsplit("_", 1)[0].replace("_", " ")
     return f"{words} time" if of.unit == "ms" else words
 
@@ -186,10 +186,10 @@ def _now(found: Findings, verdict: Verdict) -> str:
 
 
 def motion(condition: str) -> str:
-    """A condition by what was done in it, such as `fast`."""
+    """Motion of a condition, such as `fast`."""
     return condition.rsplit(":", 1)[-1]
 
 
 def capital(text: str) -> str:
-    """`text` as a sentence begins."""
+    """`text` with a capital first letter."""
     return text[:1].upper() + text[1:]

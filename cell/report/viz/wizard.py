@@ -1,4 +1,4 @@
-"""A calibration in Rerun: the image with its measurements, the coverage, the next request."""
+"""Shows a calibration in Rerun: the image with its measurements, the coverage, the next request."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,7 +24,7 @@ WANTED_RGBA = 0xFFAA32FF
 def wizard_screen(
     folder: Path, *, live: bool = False, viewer: Callable[[str], None] | None = None
 ) -> Iterator["WizardScreen"]:
-    """Draws into wizard.rrd of `folder`, which must exist when the first news arrive.
+    """Screen that draws into wizard.rrd of `folder`, which must exist when the first news arrive.
 
     `live` serves it on loopback too, and `viewer` opens a viewer there.
     """
@@ -35,7 +35,7 @@ def wizard_screen(
 
 
 class WizardScreen:
-    """Draws the news of a wizard; the only user of its entity paths."""
+    """Screen that draws a wizard's news; the only user of its entity paths."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._to = recording

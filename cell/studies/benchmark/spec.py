@@ -14,7 +14,7 @@ QUICK_FABRICS = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and sl
 
 
 class Size(Settings):
-    """Number of simulated strips: a side of the `grid` in the rod, and on the `chain`;
+    """Numbers of simulated strips: a side of the `grid` in the rod, and on the `chain`;
     `stiffnesses`, `dampings` and `heights` [m] of the critical points; `laid` folded strips;
     `hidden` strips for each effect that a policy does not know.
     """
@@ -84,5 +84,5 @@ def _each(names: tuple[str, ...], known: tuple[str, ...], option: str) -> tuple[
 
 
 def split(given: str | None) -> tuple[str, ...]:
-    """Names in a list like `denim,blanket`."""
+    """Names in a comma-separated list such as `denim,blanket`."""
     return tuple(part.strip() for part in (given or "").split(",") if part.strip())

@@ -1,4 +1,4 @@
-"""`adaptive` over strips that nobody measured, each effect hidden in turn, from noisy states."""
+"""Study of `adaptive` on unmeasured strips, each effect hidden in turn, from noisy states."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ CONDITIONS = (*SENSED, *STRANGE, *EFFECTS)
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """A strip in the next condition; every condition twenty times on the rod, then on the chain."""
+    """Draw a strip in the next condition, each twenty times on the rod, then on the chain."""
     times, which = divmod(number, len(CONDITIONS))
     name = CONDITIONS[which]
     if name in STRANGE:
@@ -35,8 +35,8 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """d [m] by `adaptive` and by the shifted triangle, the prediction and the belief; and the
-    belief of a second fold, combined with that of the first.
+    """Displacement d [m] by `adaptive` and by the shifted triangle, with the prediction and the
+    estimate of the strip; and the estimate of a second fold, combined with the first.
     """
     strip = StripFile.model_validate(case["strip"])
     rate = 30.0 if case["condition"] == "30 Hz" else 60.0
@@ -70,14 +70,14 @@ def measure(case: Values) -> Values:
 
 
 def _last(policy: Kept, folds: Folds) -> FoldPrediction:
-    """What was predicted last before the touch."""
+    """Last prediction before the touch."""
     touch = folds.touch[0]
     end = np.inf if touch is None else touch.time
     return [said for seen, said in policy.seen if seen.time[0] < end][-1]
 
 
 def _product(a: Estimate, b: Estimate) -> tuple[float, float]:
-    """Mean and sigma of the logarithm, as if the two were independent."""
+    """Mean and sigma of the product of two estimates of a logarithm, taken as independent."""
     means = np.log([a.value, b.value])
     weights = np.log([a.high / a.low, b.high / b.low]) ** -2.0
     return float(means @ weights / weights.sum()), 0.5 / float(np.sqrt(weights.sum()))

@@ -1,4 +1,4 @@
-"""The campaign of faults: every one in every state of a fold, who notices it, and how it ends."""
+"""Study of faults in every state of a fold: which monitor notices each, and how the fold ends."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,14 +17,14 @@ ACCEPTABLE_VERDICTS = ("stopped", "harmless")
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Every fault in a state, then in the next state, then all of it with the next noise."""
+    """Draw every fault in a state, then in the next state, then all with the next noise."""
     number, fault = divmod(number, len(FAULTS))
     seed, state = divmod(number, len(FAULT_STATES))
     return {"fault": list(FAULTS)[fault], "state": FAULT_STATES[state], "noise": seed}
 
 
 def measure(case: Values) -> Values:
-    """What came of the fault; times [s], ways [m], shares as 0 and 1."""
+    """Result of a fold with a fault; times [s], ways [m], shares as 0 and 1."""
     blow = Blow(case["fault"], case["state"], case["noise"])
     with TemporaryDirectory() as place:
         came = dict(strike(blow, Path(place), cached_calibration()))
@@ -35,7 +35,7 @@ def measure(case: Values) -> Values:
 
 
 def page(outcomes: Sequence[Outcome]) -> str:
-    """The runbook's table: a row a fault, with its worst case; then a row a monitor."""
+    """Text of the runbook's table: a row a fault, with its worst case; then a row a monitor."""
     lines = [PAGE_HEAD, "| fault | verdicts | noticed by | exit | stop | rest | way | message |"]
     lines.append("|---|---|---|---|---|---|---|---|")
     for fault in FAULTS:
@@ -75,7 +75,7 @@ def _row(fault: str, cases: Sequence[Outcome]) -> str:
 
 
 def _remedy(outcome: str) -> str:
-    """What to do after a run that ended so."""
+    """The operator's action after a run with this outcome."""
     return next(words for begin, words in REMEDIES if outcome.startswith(begin))
 
 

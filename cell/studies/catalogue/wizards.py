@@ -1,4 +1,4 @@
-"""How exact the calibration wizards are: cameras at random places, wild touches, known latencies.
+"""Study of the calibration wizards' accuracy: cameras at random places, outliers, known latencies.
 
 Every camera is calibrated through rendered boards and rendered touches alone; a tenth of the
 touches is wild by 4 to 40 mm, the arm is uncertain by 0.1 mm. Errors are those of the map over a
@@ -32,7 +32,7 @@ BARE = StripLook((40, 60, 110), 0.001, 0.05)
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """A camera somewhere before the work area, all of which it sees."""
+    """Draw a camera before the work area that sees all of it."""
     while True:
         camera = CameraSettings(
             distance=rng.uniform(1.4, 2.6),
@@ -56,7 +56,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Median and worst error of the map [m], and how many wild touches were named."""
+    """Median and worst error of the map [m], and the number of wild touches that were named."""
     camera = CameraSettings.model_validate(case["camera"])
     rng = np.random.default_rng([case["noise"], 1])
     lens, refused = _lens(camera, case["noise"])
@@ -87,7 +87,7 @@ def _area(count: int) -> Array:
 
 
 def _lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[str, ...]]:
-    """The lens by the wizard, through rendered boards; the reasons where it is refused."""
+    """Lens by the wizard, through rendered boards; the reasons where it is refused."""
     views, board, sequence = BoardViews(BOARD), BOARD.board(), 0
     while (wanted := views.ask()) is not None:
         held = Held(wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll)
@@ -102,7 +102,7 @@ def _lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[str, ..
 def _touch_points(
     camera: CameraSettings, lens: Lens, rng: np.random.Generator
 ) -> tuple[TouchVerdict, int]:
-    """The map by the wizard, through rendered touches, and how many first touches were wild."""
+    """Map by the wizard, through rendered touches, and the number of wild first touches."""
     renderer, sequence = Renderer(camera, BARE, int(rng.integers(1 << 30))), 0
     points, off = TouchedPoints(lens, TOUCHES), np.zeros(2)
     count = round(OUTLIER_SHARE * len(points.plan))
@@ -125,7 +125,7 @@ def _touch_points(
 
 
 def _pointer(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
-    """The pin at `pose`, no strip in the cell."""
+    """Image of the pin at `pose`, without a strip in the cell."""
     points = np.column_stack([np.linspace(0, 0.6, 7), np.zeros(7)])
     scene = Scene(0.0, points, points[:, 0], pose, 0.0, holds_strip=False, pointer=True,
                   strip=False)  # fmt: skip

@@ -43,7 +43,7 @@ class DroppingCamera:
 
 
 def dropping(share: float, seed: int) -> DeviceFactory:
-    """A cell as configured whose camera loses a `share` of its frames."""
+    """Device factory of a configured cell whose camera loses a `share` of its frames."""
 
     def open_poor_cell(
         settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool

@@ -1,5 +1,5 @@
-"""The registry of effects: every module of this folder is one, its `EFFECT`, and so is every
-plug-in of the kind `effects`.
+"""Registry of effects: every module of this folder with an `EFFECT`, and every plug-in of the kind
+`effects`.
 """
 
 import importlib
@@ -33,7 +33,7 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
 
 
 def _beside(name: str) -> str:
-    """Why an effect file of that name in a checkout is not one of the package that runs."""
+    """Hint for an effect file of that name in a checkout that is not the running package."""
     path = Path("drivers", "strip", "effects", f"{name}.py")
     if not path.is_file():
         return ""
@@ -43,7 +43,7 @@ def _beside(name: str) -> str:
 def _on_strip(
     effect: Effect, values: Mapping[str, float], model: StripModel
 ) -> Mapping[str, float]:
-    """The values; a place near the end of the stated strip is at the end of a shorter one."""
+    """Values of the effect on this strip; a place near the stated end stays near a shorter end."""
     end = model.mechanics.length
     places = {p.name for p in effect.parameters if p.role == "place"}
     beyond = {n for n in places & values.keys() if end < values[n] <= model.stated_length}

@@ -44,7 +44,7 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
 
 
 def closed_up(batch: Batch) -> Batch:
-    """The batch with living strips compacted into the first blocks, where that saves time."""
+    """The batch with its living strips moved into the first blocks, where that saves time."""
     lanes = batch.strips.shape[1]
     alive = at.unpack(batch.alive, lanes)[:, 0, 0] > 0
     busy = int(alive.reshape(-1, lanes).any(axis=1).sum())
@@ -88,7 +88,7 @@ def fixed_edges(batch: Batch) -> Array:
 
 
 def _each(models: Sequence[StripModel]) -> list[StripModel]:
-    """Each distinct model once, however many strips share it."""
+    """Each distinct model once, with the strips that share it."""
     return list({id(model): model for model in models}.values())
 
 

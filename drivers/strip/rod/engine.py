@@ -94,8 +94,8 @@ class Rod:
     def follow(
         self, poses: Array, dt: float, every: int = 0, memory: Array | None = None
     ) -> Showing:
-        """`advance` with the observables of every step, and the shapes of each `every`th step, 0
-        for none; in `memory` (m or more, n, nodes, 2) where it is given.
+        """Advance along `poses` (k, n, 3) and return the observables of every step, and the shapes
+        of each `every`th step, 0 for none; in `memory` (m or more, n, nodes, 2) where it is given.
         """
         count = len(poses) // every if every else 0
         shapes = np.empty((count, *self._batch.arc.shape, 2)) if memory is None else memory[:count]

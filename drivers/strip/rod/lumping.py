@@ -86,8 +86,8 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
 
 
 def _yield(grip: Array, compliance: float) -> None:
-    """Combine the hinge at the grip with the grip's compliance in series: angles add under one
-    moment.
+    """Combine the compliance of the hinge at the grip with the grip's own, in series: angles add
+    under one moment.
 
     K' = K / (1 + C K); with s = K' / K the strip's share of the angle, damping is s^2 D, and the
     cubic term s^3 of itself.
@@ -130,7 +130,7 @@ def _lump_friction(inner: Array, law: BendingLaw) -> None:
 
 
 def check(models: Sequence[StripModel]) -> None:
-    """Raise Unsupported for what a rod cannot represent."""
+    """Raise Unsupported for what a rod cannot represent of `models`."""
     for model in models:
         for part in (model.mechanics, model.mechanics.law, model.boundary):
             _check_known(part)

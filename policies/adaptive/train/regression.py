@@ -58,7 +58,7 @@ class Network(nn.Module):
 
 
 def whitening(piece: Piece) -> tuple[Array, Array]:
-    """Mean (k,) and matrix (k, k) that give living inputs unit spread without correlation."""
+    """Mean (k,) and matrix (k, k) that give inputs of living folds unit spread, uncorrelated."""
     inputs = piece.inputs[piece.alive].astype(np.float64)
     mean = inputs.mean(axis=0)
     scale = np.ones(inputs.shape[1])
@@ -80,7 +80,7 @@ def input_mask(settings: CriticSettings) -> Array:
 def fit(
     piece: Piece, settings: CriticSettings, epochs: int, seed: int, start: Critic | None
 ) -> Critic:
-    """The critic after `epochs` over `piece`, begun from `start` or at random from `seed`.
+    """Fit the critic over `epochs` to `piece`, from `start` or random weights by `seed`.
 
     Deterministic: one thread, its own generator.
     """

@@ -1,4 +1,4 @@
-"""Numbers of a model that are uncertain: the base parameters of the fit."""
+"""Base parameters of a mechanism's fit: its uncertain numbers."""
 
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -34,7 +34,7 @@ class Base:
 
 
 def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Base, ...]:
-    """Base parameters that `uncertain` lists; ConfigurationError for names that are not there."""
+    """Base parameters that `uncertain` lists; ConfigurationError for unknown names."""
     found = [b for i, u in enumerate(file.uncertain)
              for b in _each(u, mechanism, f"{origin}: uncertain.{i}")]  # fmt: skip
     names = [b.parameter.name for b in found]
@@ -45,7 +45,7 @@ def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Bas
 
 
 def stated_fields(base: Sequence[Base], mechanism: Mechanism) -> Collection[str]:
-    """Fields that the `base` holds of all joints, of all actuators, or of the last body."""
+    """Fields of which the `base` holds all joints, all actuators, or the last body."""
     last = mechanism.model.body(int(np.max(mechanism.model.jnt_bodyid))).name
     owners = {"com": {last}, "armature": {j.name for j in mechanism.joints},
               "gain": set(mechanism.actuators)}  # fmt: skip
@@ -73,7 +73,7 @@ def _each(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[Ba
 
 
 def _free_axes(model: Any, body: int) -> Iterator[str]:
-    """Axes of a body along which its centre of mass matters: not that of all joints, where they
+    """Axes of a body along which its centre of mass matters: not that of all joints, where these
     are parallel hinges.
     """
     data = mujoco.MjData(model)
@@ -107,7 +107,7 @@ def _width(spread: float | str, size: float) -> float:
 def _access(
     field: str, mechanism: Mechanism, i: int, axis: str
 ) -> tuple[float, Callable[[Fields, float], None], float]:
-    """Start value, how to put another one, and the size that a share is of."""
+    """Start value of a field, its setter, and the size to which a share refers."""
     model: Any = mechanism.model
     if field == "mass":
         start = float(model.body_mass[i])
@@ -136,7 +136,7 @@ def _set(array: Any, i: int, value: float) -> None:
 
 
 def _mass(fields: Fields, i: int, value: float) -> None:
-    """A mass, and the inertia that goes with it."""
+    """Set a mass, and scale its inertia with it."""
     _scale(fields["body_inertia"][i], value / float(fields["body_mass"][i]))
     fields["body_mass"][i] = value
 

@@ -1,4 +1,4 @@
-"""A mechanism's file, model and runs, opened and checked together."""
+"""Opens a mechanism's file, model and runs, and checks them together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -134,7 +134,7 @@ def _check_load(recording: Recording, model: Any) -> None:
 
 
 def _is_given(spec: SignalSpec, file: MechanismFile) -> bool:
-    """Whether a signal is part of the given motion, and nothing to compare with."""
+    """Whether a signal is part of the given motion, and is not compared."""
     return file.mode == "prescribed" and spec.is_ not in ("torque", "tracking")
 
 
@@ -162,12 +162,12 @@ def _signal(name: str, spec: SignalSpec, model: Any,
 
 
 def zone_of(joint: int, count: int) -> str:
-    """Where a joint lies among `count` in a chain."""
+    """Zone of a joint among `count` in a chain: its position from base to end."""
     return "fixed" if joint == 0 else "grasped" if joint == count - 1 else "middle"
 
 
 def _joint_weights(signal: Signal, spec: SignalSpec, model: Any) -> Array:
-    """The sum of joint positions (joints,) that a signal is; nothing where it is none."""
+    """Weights (joints,) of the joint positions whose sum the signal is, if it is one."""
     if spec.sensor is not None:
         return _sum_of_joints(model, spec.sensor)
     row = np.zeros(model.njnt)

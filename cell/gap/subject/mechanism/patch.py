@@ -1,4 +1,4 @@
-"""A mechanism after acceptance: an MJCF with all that MJCF can say, and its file with the rest."""
+"""Writes an accepted mechanism: an MJCF with all that MJCF can express, its file with the rest."""
 
 import copy
 import math
@@ -99,7 +99,7 @@ def accepted_xml(opened: Opened, base: Mapping[str, float], effects: Accepted) -
 
 
 def _root(xml: str) -> ET.Element:
-    """Root of the model as MJCF: as its owner wrote it, or made of URDF."""
+    """Root element of the model as MJCF: as its owner wrote it, or converted from URDF."""
     root = ET.fromstring(xml)  # noqa: S314  checked when it was read
     if root.tag == "mujoco":
         return root

@@ -1,4 +1,4 @@
-"""A pendulum's file and its measured swings, read as a planar chain of hinges."""
+"""Reads a pendulum's file and its measured swings as a planar chain of hinges."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -78,7 +78,7 @@ def open_recordings(
 
 
 def mechanism_of(pendulum: PendulumFile, origin: str) -> Mechanism:
-    """The chain that hangs at zero; its torques are those of its weight held level."""
+    """The pendulum's chain, hanging at zero; typical torques are those of its level weight."""
     xml = pendulum.xml()
     model = compile_model(xml, origin, torques().slots, 0.01)
     model.jnt_user[:, 3] = SMOOTH
@@ -93,7 +93,7 @@ def mechanism_of(pendulum: PendulumFile, origin: str) -> Mechanism:
 
 
 def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
-    """Damping, centre of mass and inertia of each link, length of all but the last."""
+    """Base parameters: each link's damping, centre of mass, inertia; length of all but the last."""
     found = []
     for i, (link, joint) in enumerate(zip(pendulum.links, mechanism.joints, strict=True)):
         most = joint.torque / joint.rate  # its links would hardly swing
@@ -113,7 +113,7 @@ def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
 
 
 def _number(parameter: Parameter, field: str, at: tuple[Any, ...], sign: float) -> Base:
-    """A number of the model that stands `at` a place of a field."""
+    """Access to a number of the model that stands `at` a place of a field."""
 
     def put(fields: Fields, value: float) -> None:
         fields[field][at] = sign * value

@@ -1,4 +1,4 @@
-"""Inverse dynamics on the measured motion: the torques that it takes, beside those measured."""
+"""Inverse dynamics on the measured motion: required torques, compared with measured ones."""
 
 import copy
 import ctypes
@@ -126,7 +126,7 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
 
 
 def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
-    """Rows of x (n, m) without what is faster than `cutoff` [rad/s]."""
+    """Rows of x (n, m) filtered by a low pass at `cutoff` [rad/s]."""
     found: Array = filtfilt(*butter(ORDER, cutoff * dt / np.pi), x, axis=-1)
     return found
 
@@ -150,13 +150,13 @@ def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
 
 
 def _near(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """Where a gap, or an end, is nearer than `reach` readings."""
+    """Mask of readings nearer than `reach` to a gap, or to an end."""
     around = np.pad(gaps.astype(float), reach, constant_values=1.0)
     return np.convolve(around, np.ones(2 * reach + 1), "valid") > 0.5
 
 
 class Prescribed:
-    """Predicts the torques of actuators along measured motion."""
+    """Predicts the torques of actuators along the measured motion."""
 
     def __init__(self, mechanism: Mechanism, jobs: int) -> None:
         self._mechanism = mechanism
@@ -171,7 +171,7 @@ class Prescribed:
             return list(pool.map(self._torque, cases))
 
     def encoder_error(self, motion: Motion, t: Array) -> Array:
-        """Errors (torques, k) at times t (k,) that noise of the encoders makes in torques."""
+        """Errors (torques, k) of predictions at times t (k,) by encoder noise."""
         model, (q, v, a) = self._model, (motion.q, motion.v, motion.a)
         plain = self._inverse(motion, model, q, v, a, None)
         squares = np.zeros_like(plain)
@@ -215,7 +215,7 @@ class Prescribed:
 
     def _hold(self, given: Array, model: Any, motion: Motion, q: Array, v: Array, inverse: Array,
               user: Array) -> None:  # fmt: skip
-        """Put what friction holds where a joint stands into the torques `given` (m, joints).
+        """Replace the torques `given` (m, joints) by static friction where a joint stands.
 
         There it balances whatever the motor gives, up to its limit, and no law of the rate says
         how much that is (Karnopp 1985, J. Dyn. Sys. Meas. Control 107).
@@ -233,14 +233,14 @@ class Prescribed:
                 given[:, j] += stands * (held - slides)
 
     def _scale(self, model: Any, joint: int) -> float:
-        """Torque of a joint [N m] for what its motor's sensor reads."""
+        """Torque of a joint [N m] per reading of its motor's sensor."""
         number, base = self._mechanism.joints[joint].actuator, self._mechanism.model
         gain = model.actuator_gainprm[number, 0] / base.actuator_gainprm[number, 0]
         return float(model.actuator_gear[number, 0] * gain)
 
     def _tracking(self, motion: Motion, case: Case, turns: Array) -> Array:
         """Measured minus commanded positions of joints whose links stand `turns` (m, joints) behind
-        their motors, which follow commands late.
+        their motors; commands take effect late.
         """
         ahead, rows = case.readings.command, []
         soon = motion.q + ahead * motion.v + 0.5 * ahead**2 * motion.a  # as motors stood already
@@ -250,12 +250,12 @@ class Prescribed:
         return np.array(rows)
 
     def _sensor_readings(self, needed: Array, model: Any) -> Array:
-        """What sensors of torque read (signals, m) of the torques (m, joints) that are needed."""
+        """Readings (signals, m) of torque sensors for the required torques (m, joints)."""
         return np.array([needed[:, j] / self._scale(model, j) for _, j in self._mechanism.torques])
 
     def _inverse(self, motion: Motion, model: Any, q: Array, v: Array, a: Array,
                  case: Case | None) -> Array:  # fmt: skip
-        """Torques (m, joints) of rigid bodies, springs, damping and air; remembered."""
+        """Torques (m, joints) of rigid bodies, springs, damping and air; cached."""
         key = None
         if case is not None:
             seen = [model.body_mass, model.body_inertia, model.body_ipos, model.body_iquat,
@@ -282,7 +282,7 @@ class Prescribed:
 
 
 def _undo_encoders(motion: Motion, case: Case, mechanism: Mechanism) -> tuple[Array, Array, Array]:
-    """The true motion behind what encoders read."""
+    """The true motion, from readings with the errors of their encoders."""
     r, (q, v, a) = case.readings, (motion.q, motion.v, motion.a)
     if r.delay != 0.0:
         late = motion.t + r.delay
@@ -297,7 +297,7 @@ def _undo_encoders(motion: Motion, case: Case, mechanism: Mechanism) -> tuple[Ar
 def _behind(
     motion: Motion, torque: Array, moved: tuple[Array, Array, Array], values: Array, kind: str
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Motion of the links behind gears that twist or have play, under `torque` (m, joints)."""
+    """Motion of the links behind gears with elasticity or play, under `torque` (m, joints)."""
     q, v, a = moved
     links = q - _turn(torque, values, kind)
     smooth = _low_pass((links - q).T, motion.t[1] - motion.t[0], motion.cutoff)
@@ -306,7 +306,7 @@ def _behind(
 
 
 def _turn(torque: Array, values: Array, kind: str) -> Array:
-    """By how much links stand behind their motors (m, joints) under `torque` (m, joints)."""
+    """Angles (m, joints) by which links stand behind their motors under `torque` (m, joints)."""
     if kind == "elastic":
         return np.asarray(values * torque)
     return np.asarray(0.5 * values * np.tanh(torque / (0.05 * torque.std(axis=0) + 1e-12)))
@@ -314,7 +314,7 @@ def _turn(torque: Array, values: Array, kind: str) -> Array:
 
 @cache
 def _holding() -> tuple[Effect, ...]:
-    """Effects that hold a joint that stands."""
+    """Effects whose torque holds a standing joint."""
     return tuple(e for e in registry().values() if e.holds is not None)
 
 

@@ -97,7 +97,7 @@ class MechanismSubject:
 
     @property
     def notes(self) -> Sequence[str]:
-        """What the operator must know of how runs are compared."""
+        """Remarks for the operator on how runs are compared."""
         if self._mechanism.mode != "prescribed":
             return ()
         return ("torques of the measured motion are compared; the motion itself is not simulated",)
@@ -184,7 +184,7 @@ class MechanismSubject:
         return residuals
 
     def _case(self, request: Request) -> Case:
-        """The simulation that a request asks for."""
+        """The simulation for a request."""
         o, content = self.opened, _content(request.run)
         joints, count = len(self._mechanism.joints), len(o.base)
         names = [p.name for p in self.scope.base[count:]]
@@ -225,24 +225,24 @@ class MechanismSubject:
             fields["jnt_user"][: table.shape[1], at : at + len(table)] = table.T
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """The runs as they are: steps were checked when the subject was opened."""
+        """The runs unchanged: time steps were checked when the subject was opened."""
         return [request.run for request in requests]
 
     def experiments(self) -> Sequence[Experiment]:
-        """Swings of a pendulum; what another mechanism may do next is its owner's to plan."""
+        """Planned swings of a pendulum; none for another mechanism, which its owner plans."""
         if self.opened.pendulum is None:
             return ()
         return [Experiment(name, instruction, SET_UP + planned.t[-1] / 60.0, self._run(planned))
                 for name, instruction, planned in plans(self.opened)]  # fmt: skip
 
     def draw_measured(self, run: Run) -> Scene:
-        """The signals as they were measured."""
+        """Drawing of the measured signals."""
         made = _content(run).cut
         rows = zip(self.opened.signals, made.values, strict=True)
         return Scene(tuple(Drawn(s.label, made.t, row) for s, row in rows))
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
-        """The signals as simulated, and by how much those that were measured are larger."""
+        """Drawing of the simulated signals, and of the measured ones' excess over them."""
         found: list[Scene | None] = []
         for request, rows in zip(requests, self._engine.predict([self._case(r) for r in requests]),
                                  strict=True):  # fmt: skip
@@ -271,7 +271,7 @@ class MechanismSubject:
     def consequences(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
     ) -> Sequence[str]:
-        """What named effects do to the cell's gripper, and where they can be accepted."""
+        """Sentences on how named effects move the cell's gripper, and where to accept them."""
         if not self.opened.file.cell:
             return ()
         words = list[str]()
@@ -305,14 +305,14 @@ class MechanismSubject:
 
 
 def _only(made: Cut, good: NDArray[np.bool_]) -> Cut:
-    """The readings that are `good` (k,), samples without any left out."""
+    """The samples with only those readings that are `good` (k,); empty ones are left out."""
     block = np.repeat(np.arange(len(made.edges) - 1), np.diff(made.edges))[good]
     edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
     return replace(made, t=made.t[good], values=made.values[:, good], edges=edges)
 
 
 def _with_shake(known: Samples, error: Array, made: Cut) -> Samples:
-    """Samples whose torques are as uncertain as the motion makes them: by `error` (torques, k)."""
+    """Samples whose torque noise includes the motion's, `error` (torques, k)."""
     _, squares = average(error, made.edges)  # torques come first
     more = np.sqrt(np.concatenate([squares, np.zeros(len(known) - len(squares))]))
     return replace(known, noise=np.hypot(known.noise, more), reading=np.hypot(known.reading, more))

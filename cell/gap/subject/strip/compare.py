@@ -1,4 +1,4 @@
-"""Measured minus simulated, sample by sample, by way of how the model says the rig measures."""
+"""Residuals of a fold: measured minus simulated, by sample, with the rig's measurement errors."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ CONTACT_LIMIT = 1.0  # bending lengths between contacts beyond which the strip l
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A run with its samples, a strip of `length` [m] and the stated `bending_length` [m]."""
+    """Compares a run's samples with simulations; `length` and stated `bending_length` in [m]."""
 
     run: Measured
     layout: Layout
@@ -34,7 +34,7 @@ class Comparison:
     bending_length: float
 
     def __call__(self, model: StripModel, shown: SimulatedMotion | None) -> Residuals:
-        """Residuals of `shown`, which `model` measures; all NaN where nothing is shown."""
+        """Residuals of the motion `shown`, as `model` measures it; NaN without a motion."""
         if shown is None:
             lost = np.full(len(self.layout.samples), np.nan)
             return Residuals(lost, lost.copy())
@@ -48,7 +48,7 @@ class Comparison:
         return Residuals(mean, square)
 
     def _profile(self, model: StripModel, shown: SimulatedMotion) -> Array:
-        """Signed distances of the points (n,) that are compared, in the order of the samples."""
+        """Signed distances (n,) of the compared points, in the order of the samples."""
         images, order = self.run.images, self.layout.profile.order
         found = np.empty(len(order))
         if len(order):
@@ -72,7 +72,7 @@ class Comparison:
         return np.asarray(self.run.contact_x[order] - seen_contact(model.observation, simulated))
 
     def _here(self, mean: Array, square: Array) -> tuple[Array, Array]:
-        """Samples whose contacts are the same place in measurement and model; others are lost."""
+        """Mask of samples with measured and simulated contact at the same place."""
         here = np.abs(mean) < CONTACT_LIMIT * self.bending_length
         return np.where(here, mean, np.nan), np.where(here, square, np.nan)
 
@@ -104,7 +104,7 @@ def _event(touch: Touch) -> Array:
 
 
 def average(values: Array, part: Part) -> tuple[Array, Array]:
-    """Mean and mean square (k,) of each sample's readings, wild ones clipped."""
+    """Mean and mean square (k,) of each sample's readings, outliers clipped."""
     mean, square = np.empty(len(part)), np.empty(len(part))
     if len(part):
         group_means(np.ascontiguousarray(values), part.edges, part.sigma, mean, square)

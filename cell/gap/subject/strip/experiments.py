@@ -1,4 +1,4 @@
-"""Folds that could be measured next: the standard motions, as the stated strip would make them."""
+"""Folds that could be measured next: the standard motions, simulated for the stated strip."""
 
 from collections.abc import Sequence
 
@@ -25,7 +25,7 @@ SEGMENTS, STEP = 100, 0.005  # of the rod: a plan need not be finer
 
 
 def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
-    """What each standard motion would measure, without noise, as run number `index`."""
+    """Noise-free measurement of each standard motion, as run number `index`."""
     ways = [way_of(standard.of(strip.length)) for standard in STANDARD.values()]
     return [
         MeasuredRun(name, MOTION + name, measured, ())
@@ -36,7 +36,7 @@ def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun
 def measured_along(
     ways: Sequence[GripperPath], strip: StripFile, sigma: Sigma, index: int
 ) -> list[Measured]:
-    """What `strip` would show along each of `ways`, without noise, as run number `index`."""
+    """Noise-free measurement of `strip` along each of `ways`, as run number `index`."""
     folds = rod_folds([describe(strip, index=index)] * len(ways), ways, SEGMENTS, STEP)
     return [_observe(fold, sigma, index) for fold in folds]
 
@@ -85,7 +85,7 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
 
 
 def instruction(run: MeasuredRun) -> str:
-    """How the run is made, and what it shows."""
+    """Instruction for making the run, and what it reveals."""
     standard = STANDARD[run.name]
     return f"fold once more with --policy {run.condition}; it shows {standard.reveals}"
 

@@ -1,4 +1,4 @@
-"""The measured gripper path as the model is driven by it: even in time, its noise smoothed out."""
+"""The measured gripper path resampled at even times and smoothed, to drive the model."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -27,8 +27,8 @@ def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
 
 
 def _by_parabolas(values: Array, half: int) -> Array:
-    """Values (k, c) of the parabolas through `half` neighbours on each side; the ends lie on the
-    first and the last of them. scipy.signal has the same filter, and takes a second to import.
+    """Values (k, c) smoothed by a local parabola through `half` neighbours on each side, the first
+    and the last one also at the ends (Savitzky-Golay; scipy.signal takes a second to import).
     """
     powers = np.vander(np.arange(-half, half + 1.0), 3, increasing=True)
     through = np.linalg.pinv(powers)

@@ -1,4 +1,4 @@
-"""What a gripper was doing when: the words for the stages of a fold."""
+"""Phases of a gripper's motion over time, named by the stages of a fold."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ def phases(run: Measured, t: Array) -> Words:
 
 
 def zones(s: Array, length: float) -> Words:
-    """Third of the strip (n,) in which the places `s` (n,) [m] lie."""
+    """Thirds of the strip (n,) that contain the arc lengths `s` (n,) [m]."""
     third = np.clip((3.0 * s / length).astype(np.int64), 0, 2)
     return np.array(ZONES)[third]
 
@@ -40,7 +40,7 @@ def _rises(run: Measured) -> bool:
 
 
 def _motion(run: Measured, t: Array) -> tuple[Array, Array]:
-    """Speed of the averaged motion, and its part that leads back (n,) [m/s]."""
+    """Speed of the averaged motion, and its backward component (n,) [m/s]."""
     ends = [np.clip(t + side * AVERAGING_TIME / 2, run.t[0], run.t[-1]) for side in (-1, 1)]
     there, here = (
         np.stack([np.interp(e, run.t, run.poses[:, c]) for c in range(2)], axis=1)

@@ -1,4 +1,4 @@
-"""Runs that replicate another: their grippers take one path within what an arm repeats."""
+"""Finds replicated runs, whose gripper paths agree within an arm's repeatability."""
 
 from collections.abc import Mapping, Sequence
 from typing import cast
@@ -16,7 +16,7 @@ SAME_START = 1e-3  # s between the beginnings of two paths
 
 
 def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
-    """By the digest of a fold's path, the fold along whose path its rough responses are simulated.
+    """For each fold's path, by digest, the fold whose simulated path approximates it.
 
     What an effect changes in one of them it changes in all, to far less than a rough step errs.
     """
@@ -32,7 +32,7 @@ def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
 
 
 def _same(longer: Fold, fold: Fold) -> bool:
-    """Whether `longer` could stand in for `fold`, which ends no later."""
+    """Whether the path of `longer` can be simulated in place of `fold`, which ends no later."""
     if longer.comparison.run.contact_height != fold.comparison.run.contact_height:
         return False
     first, second = longer.way.path, fold.way.path
@@ -42,6 +42,6 @@ def _same(longer: Fold, fold: Fold) -> bool:
 
 
 def _near(longer: GripperPath, path: GripperPath) -> bool:
-    """Whether the poses of `path` are within PATH_TOLERANCE of those of `longer` at its times."""
+    """Whether the poses of `path` lie within PATH_TOLERANCE of those of `longer` at equal times."""
     other = np.stack([np.interp(path.t, longer.t, c) for c in longer.poses.T], axis=1)
     return bool((np.abs(path.poses - other) < PATH_TOLERANCE).all())

@@ -1,4 +1,4 @@
-"""Measured folds: read, checked, and reduced to what the model is compared with."""
+"""Reads measured folds, checks them, and reduces them to the compared quantities."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ IMAGE_TIME_MARGIN = 1.0  # s, no image is so long before the first or after the 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What a fold measured, in SI units.
+    """Measurements of a fold, in SI units.
 
     `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it. `contact_t`,
     `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the gripper along x and z, NaN
@@ -59,7 +59,7 @@ class Measured:
 
     @property
     def has_force(self) -> bool:
-        """Whether the force of the strip was measured, and how well is known."""
+        """Whether the force of the strip was measured, with a known noise."""
         return self.sigma.force is not None and len(self.force_t) > 0
 
 
@@ -74,12 +74,12 @@ class MeasuredRun:
 
     @property
     def usable(self) -> bool:
-        """Whether it went on long enough to be compared."""
+        """Whether the run is long enough to be compared."""
         return len(self.measured.t) > 0
 
     @property
     def shows_strip(self) -> bool:
-        """Whether anything but the gripper's path was measured, which says nothing of the strip."""
+        """Whether any measurement of the strip exists besides the gripper's path."""
         m = self.measured
         seen = len(m.contact_x) + len(m.force_t) + len(m.images.stamps)
         return self.usable and (seen > 0 or m.touch is not None)
@@ -257,7 +257,7 @@ def _check_profile(folder: Path, run: Recorded) -> None:
 
 
 def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
-    """Refuse a run that does not begin where its `start` says."""
+    """Refuse a run whose first rows contradict its stated `start`."""
     origin = folder / "ticks.parquet"
     x, z, pitch = (float(c[0]) for c in (run.ticks.x, run.ticks.z, run.ticks.pitch))
     if run.header.start == "hanging":
@@ -274,7 +274,7 @@ def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
 
 
 def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
-    """The layer_touch that was seen, checked against itself and the strip."""
+    """The measured layer_touch, checked for consistency with itself and the strip."""
     result = run.result
     if result is None or result.outcome not in TOUCHED:
         return None

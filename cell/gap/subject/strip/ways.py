@@ -1,4 +1,4 @@
-"""How an arm really makes a planned motion: corners rounded, the pitch of a flat start."""
+"""The path that an arm makes of a planned motion: corners rounded, the pitch of a flat start."""
 
 import numpy as np
 

@@ -14,7 +14,7 @@ HEIGHT_COLOURS = ["#3f8fc4", "#6a4fb3", "#b0428f", "#cf6a1f"]
 
 
 def critical_figure(results: Results) -> str:
-    """One panel for each speed; areas span the damping, colours the gripper's height; SVG."""
+    """Figure (SVG), a panel a speed; areas span the damping, colours the gripper's height."""
     found = [r for r in results.results if isinstance(r, CriticalPoints)]
     if not found:
         return ""
@@ -27,7 +27,7 @@ def critical_figure(results: Results) -> str:
 
 
 def table(points: CriticalPoints) -> Array:
-    """x (heights, stiffnesses, dampings) [m], NaN without a touch."""
+    """Gripper x (heights, stiffnesses, dampings) [m] at the first touch, NaN without one."""
     return np.array(points.x, dtype=np.float64)
 
 

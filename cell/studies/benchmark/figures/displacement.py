@@ -25,14 +25,14 @@ FEEDBACK_LIMIT = 1e3 * paper.WORST["feedback"]
 
 
 def strips_figure(results: Results) -> str:
-    """d of every policy on every strip, with the paper's means and its band of 20 mm; SVG."""
+    """Figure (SVG) of d of every policy on every strip, with the paper's means and band."""
     with canvas(PAGE_WIDTH, _height(results)) as figure:
         _strips(figure.add_subplot(), results)
         return as_svg(figure)
 
 
 def main_picture(results: Results) -> Any:
-    """The same figure for matplotlib, with a title of its own."""
+    """Figure of d on every strip, for matplotlib, with a title of its own."""
     with canvas(PAGE_WIDTH, _height(results) + 0.2) as figure:
         axes = figure.add_subplot()
         _strips(axes, results)
@@ -47,7 +47,7 @@ def main_picture(results: Results) -> Any:
 
 
 def repeats_figure(results: Results) -> str:
-    """Folds of one strip with new noise, about their mean, with the paper's 1 mm; SVG."""
+    """Figure (SVG) of repeated folds of one strip, about their mean, with the paper's 1 mm."""
     policies = results.asked.policies
     half = 0.5e3 * paper.REPEATABILITY
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.75) as figure:
@@ -73,7 +73,7 @@ def repeats_figure(results: Results) -> str:
 
 
 def range_figure(results: Results) -> str:
-    """Displacement over the simulated range of strips, and that of folds through images; SVG."""
+    """Figure (SVG) of d over the simulated range of strips, and of folds through images."""
     policies = results.asked.policies
     with canvas(PAGE_WIDTH, 0.42 * len(policies) + 1.1) as figure:
         axes = figure.add_subplot()
@@ -129,7 +129,7 @@ def _strips(axes: Any, results: Results) -> None:
 
 
 def _paper_lines(axes: Any) -> None:
-    """The numbers that the paper's text states, at the foot of the plot."""
+    """Draw the numbers in the paper's text at the foot of the plot."""
     foot = axes.get_xaxis_transform()
     axes.axvspan(-FEEDBACK_LIMIT, FEEDBACK_LIMIT, color=BAND, alpha=0.16, lw=0, zorder=0)
     style = {"transform": foot, "ha": "center", "va": "bottom", "fontsize": NOTE}
@@ -168,7 +168,7 @@ def _soft_to_stiff(results: Results) -> list[str]:
 
 
 def _d(folds: tuple[ImageFold, ...]) -> Array:
-    """Displacements as seen (n,) [mm], NaN without a touch."""
+    """Measured displacements (n,) [mm], NaN without a touch."""
     return 1e3 * np.array([fold.displacement for fold in folds], dtype=np.float64)
 
 

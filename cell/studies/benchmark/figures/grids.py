@@ -1,4 +1,4 @@
-"""The paper's range as maps: displacement and holding force of each policy."""
+"""Maps of the paper's range: displacement and holding force of each policy."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ FEWEST_COLUMNS = 3  # columns that a map's width is meant for
 
 
 def maps_figure(results: Results) -> str:
-    """d over stiffness and damping, a map a policy; SVG, or nothing where none was measured."""
+    """Figure (SVG) of d over stiffness and damping, a map a policy; empty without data."""
     found = [results.over_range(policy, "rod") for policy in results.asked.policies]
     measured = [folds for folds in found if folds is not None]
     if not measured:
@@ -42,7 +42,7 @@ def maps_figure(results: Results) -> str:
 
 
 def force_figure(results: Results) -> str:
-    """The force that holds the fixed edge, over the paper's range; SVG."""
+    """Figure (SVG) of the force on the fixed edge, over the paper's range."""
     policies = results.asked.policies
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.7) as figure:
         axes = figure.add_subplot()

@@ -23,7 +23,7 @@ ARROW = 0.09  # m
 
 
 def level_figure(results: Results) -> str:
-    """The strip as the gripper moves horizontally, the first state with a touch bold; SVG."""
+    """Figure (SVG) of the strip as the gripper moves level, the first touch bold."""
     found = evolution(results, LEVEL_MOTION)
     if found is None:
         return ""
@@ -39,7 +39,7 @@ def level_figure(results: Results) -> str:
 
 
 def policy_figure(results: Results) -> str:
-    """The strip under the learned policy, beside triangle and circle; SVG."""
+    """Figure (SVG) of the strip under the learned policy, beside triangle and circle."""
     found = evolution(results, "feedback")
     if found is None:
         return ""
@@ -55,7 +55,7 @@ def policy_figure(results: Results) -> str:
 
 
 def adaptation_figure(results: Results) -> str:
-    """The paths of the learned policy for strips of rising stiffness; SVG."""
+    """Figure (SVG) of the learned policy's paths for strips of rising stiffness."""
     found = next((r for r in results.results if isinstance(r, Adaptation)), None)
     if found is None:
         return ""
@@ -80,7 +80,7 @@ def adaptation_figure(results: Results) -> str:
 
 
 def measures_figure(results: Results) -> str:
-    """State and action in mid fold, and the lengths l1 and l2 at the touch; SVG."""
+    """Figure (SVG) of state and action in mid fold, and the lengths l1 and l2 at the touch."""
     found = evolution(results, "feedback")
     if found is None or found.touch_x is None or found.displacement is None:
         return ""
@@ -93,7 +93,7 @@ def measures_figure(results: Results) -> str:
 
 
 def evolution(results: Results, policy: str) -> Evolution | None:
-    """The evolution by `policy`, where it was measured."""
+    """The strip's measured evolution by `policy`; None where it is missing."""
     found = [r for r in results.results if isinstance(r, Evolution)]
     return next((r for r in found if r.policy == policy), None)
 

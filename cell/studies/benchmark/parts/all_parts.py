@@ -1,4 +1,4 @@
-"""Parts of a benchmark, from its specification."""
+"""Lists the parts of a benchmark from its specification."""
 
 import hashlib
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ PART_COST = 10.0
 
 @dataclass(frozen=True, slots=True)
 class ThroughImages:
-    """The fold of `request`; `of` is the digest of its input files."""
+    """Part with the fold of `request`; `of` is the digest of its input files."""
 
     request: Request
     of: str
@@ -38,12 +38,12 @@ class ThroughImages:
 
     @property
     def key(self) -> str:
-        """Strip, policy and seed, by which the part is kept."""
+        """Key with strip, policy and seed."""
         request = self.request
         return f"fold {request.strip} by {request.policy}, seed {request.choice.seed}"
 
     def measure(self) -> ImageFold:
-        """Fold, without a page: `cell report` draws it from the run."""
+        """Fold, without writing a page: `cell report` makes it from the run."""
         done = fold(self.request, page=False)
         strip = find_configs(self.request.configs).strip(self.request.strip)
         return ImageFold(
@@ -64,7 +64,7 @@ class ThroughImages:
 
 
 def order(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
-    """All parts of a benchmark by its `spec`, the longest first; runs go to `runs`."""
+    """All parts of a benchmark by its `spec`, the longest first; runs are written to `runs`."""
     speed = configs.cell().fold.speed
     return (*_in_the_model(spec, speed), *_through_images(spec, configs, runs))
 
@@ -108,7 +108,7 @@ def _through_images(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterat
 def _fold(
     spec: BenchmarkSpec, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
 ) -> ThroughImages:
-    """The fold whose noise has the seed asked for plus `repeat`; the strip is always new."""
+    """Request of a fold, with noise of the benchmark's seed plus `repeat`; always a new strip."""
     request = Request(
         strip=strip,
         policy=policy,

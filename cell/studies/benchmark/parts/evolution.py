@@ -1,4 +1,4 @@
-"""Shapes of one strip during a fold, up to the touch."""
+"""Benchmark part: shapes of one strip during a fold, up to the touch."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ STRIP_PLACE = (0.4, 0.3)  # of the strip in the paper's range
 
 @dataclass(frozen=True, slots=True)
 class Evolved:
-    """Shapes of a strip of medium stiffness folded by `policy`, or by the horizontal motion."""
+    """Part: shapes of a strip of medium stiffness folded by `policy`, or level."""
 
     policy: str
     speed: float
@@ -39,7 +39,7 @@ class Evolved:
         return f"shapes under {self.policy} at {self.speed}"
 
     def measure(self) -> Evolution:
-        """Fold and return the shapes."""
+        """Fold, and return the shapes."""
         seen = self._level() if self.policy == LEVEL_MOTION else self._fold()
         return Evolution(
             policy=self.policy,
@@ -79,7 +79,7 @@ class Evolved:
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """Shapes (m, nodes, 2), contacts (m,), headings (m,) and the whole path (k, 2)."""
+    """Recorded shapes (m, nodes, 2), contacts (m,), headings (m,) and the whole path (k, 2)."""
 
     shapes: Array
     contacts: Array

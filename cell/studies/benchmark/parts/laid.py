@@ -1,4 +1,4 @@
-"""A strip folded, laid down and released: the shape whose height the paper calls h."""
+"""Benchmark part: a strip folded, laid down and released, whose height the paper calls h."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ HELD, RELEASED = 0.5, 1.5  # s of rest
 
 @dataclass(frozen=True, slots=True)
 class LaidDown:
-    """The strip at `stiffness`, a position in the paper's range from 0 to 1."""
+    """Part with the strip at `stiffness`, a position in the paper's range from 0 to 1."""
 
     stiffness: float
     of: str
