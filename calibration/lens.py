@@ -239,10 +239,10 @@ def _read_opencv(path: Path, text: str) -> Lens:
         raise ConfigurationError(
             f"{path}: cannot be read as a file of OpenCV; write it with cv2.FileStorage"
         ) from None
-    return _check(path, (width, height), matrix.astype(np.float64), distortion.ravel())
+    return _check_matrices(path, (width, height), matrix.astype(np.float64), distortion.ravel())
 
 
-def _check(path: Path, size: tuple[int, int], matrix: Array, distortion: Array) -> Lens:
+def _check_matrices(path: Path, size: tuple[int, int], matrix: Array, distortion: Array) -> Lens:
     if matrix.shape != (3, 3):
         raise ConfigurationError(f"{path}: camera_matrix: must be 3 x 3 numbers")
     if len(distortion) not in COEFFICIENTS:

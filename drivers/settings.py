@@ -97,7 +97,7 @@ def parse(content: object, model: type[S], origin: str) -> S:
         return model.model_validate_json(_json(content, origin), strict=True)
     except ValidationError as error:
         items = [dict(item) for item in error.errors()]
-        lines = [_problem(origin, model, item) for item in items if not _follows(item, items)]
+        lines = [_problem(origin, model, item) for item in items if not _is_follow_up(item, items)]
         raise ConfigurationError("\n".join(lines)) from None
 
 
@@ -133,7 +133,7 @@ def _json(content: Mapping[str, Any], origin: str) -> str:
         raise ConfigurationError(f"{origin}: cannot be read: {error}") from None
 
 
-def _follows(item: dict[str, Any], items: list[dict[str, Any]]) -> bool:
+def _is_follow_up(item: dict[str, Any], items: list[dict[str, Any]]) -> bool:
     """Whether a list is too short only because its items were refused."""
     place = item["loc"]
     inner = (other["loc"] for other in items if len(other["loc"]) > len(place))

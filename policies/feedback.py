@@ -39,7 +39,7 @@ class Feedback:
         self._length = 1.0
         self._speed = 0.0
         self._contact: Array = np.zeros(0)
-        self._warm()
+        self._warm_up()
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Prepare for `count` strips, a multiple of the number of candidate weights."""
@@ -71,7 +71,7 @@ class Feedback:
         with torch.inference_mode():
             return np.asarray(self._network(batch).numpy().reshape(-1))
 
-    def _warm(self) -> None:
+    def _warm_up(self) -> None:
         for _ in range(3):
             self._direction(np.full((self._groups, 3), 0.5))
 

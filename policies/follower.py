@@ -92,13 +92,13 @@ class PathPolicy:
 
     def lift(self) -> Path:
         """Path of the lift: the policy's own path."""
-        return self._ready().path
+        return self._active_follower().path
 
     def decide(self, observation: Observation) -> Decision:
         """Directions along the path at the configured speed; done at its end."""
-        return self._ready().decide(observation.x, observation.z, self._speed)
+        return self._active_follower().decide(observation.x, observation.z, self._speed)
 
-    def _ready(self) -> Follower:
+    def _active_follower(self) -> Follower:
         if self._follower is None:
             raise RuntimeError(f"{self.name}: reset before the first decision")
         return self._follower

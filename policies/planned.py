@@ -120,10 +120,10 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     d = _displacements(strips, motions, coarse) - aim
     for strip, row in zip(strips, d, strict=True):
         _check(strip, row)
-    rough = _zeros(coarse, d)
+    rough = _interpolate_zeros(coarse, d)
     fine = (np.round(rough)[:, None] + FINE_STEPS).astype(int)
     close = _displacements(strips, motions, fine) - aim
-    found = np.where(_bracket(close), _zeros(fine, close), rough)
+    found = np.where(_brackets_zero(close), _interpolate_zeros(fine, close), rough)
     return found * RISE_STEP * length
 
 
@@ -140,12 +140,12 @@ class Motions:
         """Poses (k, n, 3) along the paths whose rises are `steps` (n,) of RISE_STEP."""
         new = sorted(set(steps.tolist()) - set(self._known))
         if new:
-            self._work_out(new)
+            self._simulate_motions(new)
         last = max(len(motion) for motion in self._known.values())
         motions = [self._known[step] for step in steps.tolist()]
         return np.stack([np.pad(m, ((0, last - len(m)), (0, 0)), "edge") for m in motions], axis=1)
 
-    def _work_out(self, steps: list[int]) -> None:
+    def _simulate_motions(self, steps: list[int]) -> None:
         length = self._strip.length
         recorder = _PoseRecorder()
         roll_out(
@@ -207,17 +207,17 @@ def _check(strip: StripFile, d: Array) -> None:
         )
 
 
-def _bracket(d: Array) -> NDArray[np.bool_]:
+def _brackets_zero(d: Array) -> NDArray[np.bool_]:
     """Rows of displacements `d` (n, m) that hold both signs: a zero within the searched rises."""
     return np.asarray(np.any(d <= 0, axis=1) & np.any(d >= 0, axis=1))
 
 
-def _zeros(steps: Array, d: Array) -> Array:
+def _interpolate_zeros(steps: Array, d: Array) -> Array:
     """Rises (n,) at which the displacements `d` (n, m) of the rises `steps` (n, m) vanish."""
-    return np.array([_zero(*row) for row in zip(steps, d, strict=True)])
+    return np.array([_interpolate_zero(*row) for row in zip(steps, d, strict=True)])
 
 
-def _zero(steps: Array, d: Array) -> float:
+def _interpolate_zero(steps: Array, d: Array) -> float:
     order = np.argsort(d)  # NaN last
     count = int(np.isfinite(d).sum())
     return float(np.interp(0.0, d[order][:count], steps[order][:count]))

@@ -30,7 +30,7 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
     leads the gripper, drawn from these numbers.
     """
     if name.startswith(MOTION) and checkpoint is None:
-        return _motion(name)
+        return _standard_motion(name)
     if name not in entries():
         raise ConfigurationError(
             f"policy: unknown name {name!r}{suggestion(name, entries())}; "
@@ -44,7 +44,7 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
     return make(checkpoint)
 
 
-def _motion(name: str) -> Policy:
+def _standard_motion(name: str) -> Policy:
     from policies.experiments.scripted import Scripted
     from policies.experiments.standard import STANDARD
 

@@ -141,10 +141,10 @@ class _Loop:
         """Carry out `decision` until the next one; returns whether every fold has ended."""
         if self._has_ended(decision):
             return True
-        self._advance(self._lead(decision))
+        self._advance(self._turn_into(decision))
         return False
 
-    def _lead(self, decision: Decision) -> Array:
+    def _turn_into(self, decision: Decision) -> Array:
         """Poses (substeps, n, 3) of the grippers while they turn into the decided directions."""
         heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], axis=-1)
         wanted = decision.speed[:, None] * heading

@@ -33,12 +33,12 @@ class WantedView:
     roll: float = 0.0
 
     def __str__(self) -> str:
-        place = f"{_along(self.y, 'high', 'low')} {_along(self.x, 'left', 'right')}".split()
+        place = f"{_words(self.y, 'high', 'low')} {_words(self.x, 'left', 'right')}".split()
         where = " and ".join(word for word in place if word != "middle") or "the middle"
         leans = [
-            _lean(self.tilt, "top away", "top nearer"),
-            _lean(self.turn, "right edge away", "right edge nearer"),
-            _lean(self.roll, "turned clockwise", "turned anticlockwise"),
+            _lean_words(self.tilt, "top away", "top nearer"),
+            _lean_words(self.turn, "right edge away", "right edge nearer"),
+            _lean_words(self.roll, "turned clockwise", "turned anticlockwise"),
         ]
         how = ", ".join(lean for lean in leans if lean) or "facing the camera"
         return f"{where}, {100 * self.size:.0f} % of the image wide, {how}"
@@ -78,13 +78,13 @@ def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, .
     )
 
 
-def _along(share: float, low: str, high: str) -> str:
+def _words(share: float, low: str, high: str) -> str:
     if abs(share - 0.5) <= MIDDLE_SHARE:
         return "middle"
     return low if share < 0.5 else high
 
 
-def _lean(angle: float, positive: str, negative: str) -> str:
+def _lean_words(angle: float, positive: str, negative: str) -> str:
     if abs(angle) < FLAT_ANGLE:
         return ""
     return f"{positive if angle > 0 else negative} by {degrees(abs(angle)):.0f} deg"
@@ -206,7 +206,13 @@ def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tu
         leaning("its top nearer", -tilt),
         leaning("its right edge away", turn),
         leaning("its right edge nearer", -turn),
-        Gate("image", _cells(views, lens), needs.covered, "", "bring corners to the image's edges"),
+        Gate(
+            "image",
+            _cell_share(views, lens),
+            needs.covered,
+            "",
+            "bring corners to the image's edges",
+        ),
         Gate("views", float(len(views)), needs.views, "views", "show more"),
     )
 
@@ -215,7 +221,7 @@ def _range(values: Sequence[float]) -> float:
     return max(values) - min(values) if values else 0.0
 
 
-def _cells(views: Sequence[BoardView], lens: Lens) -> float:
+def _cell_share(views: Sequence[BoardView], lens: Lens) -> float:
     """Share of the image's grid cells in which board corners were seen."""
     if not views:
         return 0.0

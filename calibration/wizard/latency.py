@@ -142,10 +142,10 @@ def latency_verdict(
     if moving < settings.images:
         reason = f"{moving} images show the pointer under way, {settings.images} are needed"
         return LatencyVerdict(images=moving, reasons=(f"{reason}; step again, uncover it",))
-    latency, misfit = _best(arm, stamps, along, settings.most)
-    halves = [_best(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)]
+    latency, misfit = _best_latency(arm, stamps, along, settings.most)
+    halves = [_best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)]
     verdict = LatencyVerdict(latency, abs(halves[0] - halves[1]), 1e3 * misfit, moving)
-    found = _drift(arm, stamps, along, latency, settings) or _defects(verdict, settings)
+    found = _drift(arm, stamps, along, latency, settings) or _reasons(verdict, settings)
     return replace(verdict, reasons=found)
 
 
@@ -175,7 +175,7 @@ def _drift(
     )
 
 
-def _best(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, float]:
+def _best_latency(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, float]:
     """The latency [s] at which image and arm agree best, and their rms distance [m] then.
 
     A constant offset between both is a free parameter: it belongs to the map.
@@ -194,7 +194,7 @@ def _best(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, 
     return float(found.x), float(found.fun)
 
 
-def _defects(verdict: LatencyVerdict, settings: LatencySettings) -> tuple[str, ...]:
+def _reasons(verdict: LatencyVerdict, settings: LatencySettings) -> tuple[str, ...]:
     return reasons(
         (abs(verdict.latency) > settings.most,
          f"the latency is {1e3 * verdict.latency:.0f} ms, plausible up to "

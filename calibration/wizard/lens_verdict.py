@@ -36,10 +36,10 @@ def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
     could, is the board's. x, y from its middle over half its length.
     """
     shared, own, errors = [], [], []
-    middle, reach = _frame(outline)
+    middle, reach = _centre_and_size(outline)
     for view in views:
         error, camera, pose, height = _linearise(view, lens)
-        shape = _shape(view.board, middle, reach)
+        shape = _bow_modes(view.board, middle, reach)
         shared.append(np.hstack([camera, height * np.repeat(shape, 2, axis=0)]))
         own.append(pose)
         errors.append(error)
@@ -53,14 +53,14 @@ def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
     freedom = max(len(b) - 6 * len(views) - len(found), 1)
     noise = float(np.sum((b - a @ found) ** 2)) / freedom
     spread = (noise * inverse / np.outer(scale, scale))[-3:, -3:]
-    everywhere = _shape(_grid(outline), middle, reach)
+    everywhere = _bow_modes(_grid(outline), middle, reach)
     heights = everywhere @ found[-3:]
     across = everywhere[np.argmax(heights)] - everywhere[np.argmin(heights)]
     sigma = float(np.sqrt(across @ spread @ across))
     return Bow(1e3 * float(np.ptp(heights)), 1e3 * sigma)
 
 
-def _frame(outline: Array) -> tuple[Array, float]:
+def _centre_and_size(outline: Array) -> tuple[Array, float]:
     """Middle (2,) and half the longer side [m] of a pattern with corners `outline` (4, 2)."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     return 0.5 * (low + high), 0.5 * float((high - low).max())
@@ -72,7 +72,7 @@ def _grid(outline: Array) -> Array:
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def _shape(board: Array, middle: Array, reach: float) -> Array:
+def _bow_modes(board: Array, middle: Array, reach: float) -> Array:
     """Heights (n, 3) of the three modes of a bow at points (n, 2) or (n, 3) of the board."""
     x, y = ((board[:, :2] - middle) / reach).T
     return np.stack([x * x, y * y, x * y], axis=1)
@@ -143,7 +143,7 @@ def lens_verdict(
         return LensVerdict(views=len(ordered), reasons=(str(error),))
     focal = float(fit.lens.matrix[0, 0])
     split = abs(float(one.matrix[0, 0] - other.matrix[0, 0])) / focal
-    bend = _bend(one, other)
+    bend = _largest_difference(one, other)
     depth = float(np.median([view.depth(fit.lens) for view in ordered]))
     bent = bow(ordered, fit.lens, settings.outline())
     gates = coverage(ordered, fit.lens, settings)
@@ -235,7 +235,7 @@ def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str,
     )  # fmt: skip
 
 
-def _bend(one: Lens, other: Lens) -> float:
+def _largest_difference(one: Lens, other: Lens) -> float:
     """Largest difference [px] of two lenses over the image, after the best plane homography."""
     u, v = np.meshgrid(np.linspace(0.02, 0.98, 12), np.linspace(0.02, 0.98, 8))
     pixels = np.column_stack([u.ravel(), v.ravel()]) * (one.width, one.height)

@@ -94,7 +94,7 @@ def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSetting
     except ConfigurationError as error:
         decide = len({t.number for t in touches if t.held_out})
         return TouchVerdict(held_out=decide, reasons=(str(error),))
-    verdict = _verdict(solved, settings)
+    verdict = _compose(solved, settings)
     causes = _causes(touches, solved, settings)
     if not causes:
         return verdict
@@ -114,7 +114,7 @@ def check_verdict(
     if len(values) < FEWEST_POINTS:
         few = f"{len(values)} points were touched, at least {FEWEST_POINTS} must decide; touch more"
         return CheckVerdict(errors, median, worst, reasons=(few,))
-    causes = tuple(_shift(off, settings)) or reasons(
+    causes = tuple(_common_shift(off, settings)) or reasons(
         (worst > settings.worst_mm,
          f"a point is {worst:.2f} mm off, allowed {settings.worst_mm:.2f}: the camera or the arm's "
          f"base has moved, or the pointer is loose; {ANEW}"),
@@ -157,7 +157,7 @@ def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
     return (*lines, verdict.last_line("this calibration still holds", "it no longer holds"))
 
 
-def _shift(off: Array, settings: TouchSettings) -> Iterator[str]:
+def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
     """Shift shared by all errors `off` (n, 2) [mm]: larger than a good map's error and than their
     differences, which excludes a loose pointer.
     """
@@ -193,7 +193,7 @@ def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings)
     )
 
 
-def _verdict(solved: Solved, settings: TouchSettings) -> TouchVerdict:
+def _compose(solved: Solved, settings: TouchSettings) -> TouchVerdict:
     decide = np.reshape([solved.error(p) for p in solved.decide], (-1, 2))
     errors = 1e3 * np.hypot(*decide.T)
     points = sorted((*solved.used, *solved.decide), key=lambda p: p.number)

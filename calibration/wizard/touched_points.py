@@ -97,7 +97,7 @@ class TouchedPoints:
         """
         self._check_size(frame)
         self._tries += 1
-        result = self._take(self._queue[0], frame, pose)
+        result = self._accept(self._queue[0], frame, pose)
         if result.taken is not None or self._tries >= self._settings.patience:
             self.skip()
         return result
@@ -136,7 +136,7 @@ class TouchedPoints:
                 "or run `cell calibrate camera` at this one"
             )
 
-    def _take(self, number: int, frame: Frame, pose: Pose) -> TouchResult:
+    def _accept(self, number: int, frame: Frame, pose: Pose) -> TouchResult:
         centre = find_pointer(frame.image)
         if centre is None:
             self._last = None

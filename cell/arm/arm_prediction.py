@@ -75,13 +75,13 @@ def fold_poses(
 
     The strip is carried along `trace` (k, 2) [m] from take-over to touch, and laid at `end` [m].
     """
-    carry = _sparse(np.concatenate([[(strip.length, 0.0)], trace]))
+    carry = _thin_out(np.concatenate([[(strip.length, 0.0)], trace]))
     limits = settings.fci.limit(settings.installation).limits
     home = settings.twin.arm.home_height
     return whole_path(strip.length, home, settings.fold, limits, carry, end)
 
 
-def _sparse(points: Array) -> Array:
+def _thin_out(points: Array) -> Array:
     """Points of a path at least POINT_SPACING apart, the last one kept."""
     kept = [points[0]]
     for point in points[1:]:

@@ -27,7 +27,7 @@ class Keys:
         """The next key, in lower case: ENTER for a bare Enter, END at the end of the input, None
         when nothing came within `seconds` [s].
         """
-        number = _number(self._stream)
+        number = _descriptor(self._stream)
         if number is None:  # text in memory: all of it is there
             return _key(self._stream.readline())
         while not self._is_whole(number):
@@ -49,7 +49,7 @@ class Keys:
 @contextmanager
 def single_keys(stream: TextIO) -> Iterator[None]:
     """A terminal that passes on each key as it is typed; nothing changes for other streams."""
-    number = _number(stream)
+    number = _descriptor(stream)
     if number is None or not os.isatty(number):
         yield
         return
@@ -61,7 +61,7 @@ def single_keys(stream: TextIO) -> Iterator[None]:
         termios.tcsetattr(number, termios.TCSADRAIN, before)
 
 
-def _number(stream: TextIO) -> int | None:
+def _descriptor(stream: TextIO) -> int | None:
     try:
         return stream.fileno()
     except (OSError, ValueError):

@@ -70,7 +70,7 @@ def calibrate_lens(
     views = BoardViews(settings.boards, patient=aids is None)
     devices.camera.connect()
     try:
-        source = aids.show_board if aids is not None else _live(devices)
+        source = aids.show_board if aids is not None else _live_images(devices)
         first = source(WantedView(0.5, 0.5, settings.boards.sizes[1]))
         if length is None and aids is not None:
             length = aids.measure_board()
@@ -82,7 +82,7 @@ def calibrate_lens(
             session = session_to_resume(folder, session)
             length = session.length
         keep = SessionFolder(folder, session, watch)
-        _restore(views, folder, session)
+        _restore_views(views, folder, session)
         _show_board(views, source, operator, keep, interrupted)
     finally:
         devices.camera.close()
@@ -165,7 +165,7 @@ def _show_board(
         watch(ViewNews(views.ask(), why, views.gates(), frame, result, sketch))
 
 
-def _restore(views: BoardViews, folder: Path, session: Session) -> None:
+def _restore_views(views: BoardViews, folder: Path, session: Session) -> None:
     """Accept the views that an interrupted session took."""
     for row, image in taken_images(folder, session, ()):
         if views.restore(row.number, image) is None:
@@ -194,7 +194,7 @@ def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
         write_opencv(verdict.fit.lens, folder / OPENCV)
 
 
-def _live(devices: Devices) -> Source:
+def _live_images(devices: Devices) -> Source:
     """Images of the live camera, a tenth of a second apart, while a person holds the board."""
     newest = [-1.0]
 

@@ -121,7 +121,7 @@ def sketch_text(sketch: Sketch) -> Text:
     size = np.array([2 * columns, 4 * rows])
     scale = size / sketch.size
     frame = (size - 1) / scale * [(0, 0), (1, 0), (1, 1), (0, 1)]
-    layers = [_dots(corners, scale) for corners in (frame, sketch.wanted, sketch.seen)]
+    layers = [_braille_line(corners, scale) for corners in (frame, sketch.wanted, sketch.seen)]
     text = Text(no_wrap=True)
     for row in np.stack(layers, axis=-1):
         for edge, wanted, seen in row.tolist():
@@ -131,7 +131,7 @@ def sketch_text(sketch: Sketch) -> Text:
     return text.append("yellow: wanted  green: seen", "dim")
 
 
-def _dots(corners: Array | None, scale: Array) -> NDArray[np.intp]:
+def _braille_line(corners: Array | None, scale: Array) -> NDArray[np.intp]:
     """Braille characters (rows, columns) of the line through `scale` times `corners` (4, 2)."""
     columns, rows = SKETCH
     picture = np.zeros((4 * rows, 2 * columns), np.uint8)
@@ -164,12 +164,12 @@ def touches_map(news: TouchNews) -> RenderableType:
     for height in heights:
         row = [k for k, pose in enumerate(news.plan) if round(pose.z, 3) == height]
         row.sort(key=lambda k: news.plan[k].x)
-        marks = [_mark(k, news, touched) for k in row]
+        marks = [_pose_mark(k, news, touched) for k in row]
         table.add_row(f"z {1e3 * height:4.0f} mm", *marks)
     return Group(table, Text(MARK_LEGEND, style="dim"))
 
 
-def _mark(number: int, news: TouchNews, touched: dict[int, Touched]) -> Text:
+def _pose_mark(number: int, news: TouchNews, touched: dict[int, Touched]) -> Text:
     if news.wanted is not None and news.plan[number] == news.wanted:
         return Text(">", style="bold cyan")
     point = touched.get(number)

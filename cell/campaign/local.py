@@ -63,13 +63,13 @@ class Crew:
         waiting, died = deque(parts), Counter[str]()
         while waiting or self._busy:
             while waiting and len(self._busy) < self._size:
-                self._begin(waiting.popleft(), folder, versions)
+                self._start(waiting.popleft(), folder, versions)
             ready = wait([task.worker.pipe for task in self._busy], POLL_INTERVAL)
             for task in list(self._busy):
                 if task.worker.pipe in ready:
                     found = self._collect(task)
                 elif limit is not None and task.begun and time.monotonic() - task.begun > limit:
-                    self._dismiss(task)
+                    self._end_worker(task)
                     found = f"no outcome after {limit:g} s; its process was ended"
                 else:
                     continue
@@ -92,7 +92,7 @@ class Crew:
             worker.kill()
         self._idle, self._busy = [], []
 
-    def _begin(self, part: Part, folder: Path, versions: Mapping[str, str]) -> None:
+    def _start(self, part: Part, folder: Path, versions: Mapping[str, str]) -> None:
         if self._idle:
             task = Task(part, self._idle.pop(), time.monotonic())
         else:
@@ -106,7 +106,7 @@ class Crew:
         try:
             found: Record | CellError | None = task.worker.result()
         except Died as died:
-            self._dismiss(task)
+            self._end_worker(task)
             return died
         if found is None:
             return None
@@ -116,6 +116,6 @@ class Crew:
             raise found
         return found
 
-    def _dismiss(self, task: Task) -> None:
+    def _end_worker(self, task: Task) -> None:
         self._busy.remove(task)
         task.worker.kill()

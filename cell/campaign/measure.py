@@ -32,7 +32,7 @@ def measure(
     known = journal.get(part.key, part.of)
     if known is not None and known.done:
         return known
-    wall, processor, outcome, reason = time.perf_counter(), _processor(), None, ""
+    wall, processor, outcome, reason = time.perf_counter(), _processor_time(), None, ""
     try:
         outcome = plain(part.measure())
     except CellError as error:
@@ -46,7 +46,7 @@ def measure(
         state="failed" if outcome is None else "measured",
         outcome=outcome,
         reason=reason,
-        cost=Cost(wall=time.perf_counter() - wall, processor=_processor() - processor),
+        cost=Cost(wall=time.perf_counter() - wall, processor=_processor_time() - processor),
         versions=dict(versions),
         host=os.uname().nodename,
     )
@@ -85,7 +85,7 @@ def prepare(_stop: StopSignal | None = None) -> None:
     folder = compiled(numba.config.CACHE_DIR)
     if folder is None:
         return
-    with _alone(folder):
+    with _cache_lock(folder):
         if not any(folder.glob("*.nbc")):
             rod = Rod(20)
             rod.reset([describe(paper_strip(0.1, 0.01))])
@@ -93,7 +93,7 @@ def prepare(_stop: StopSignal | None = None) -> None:
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
+def _cache_lock(folder: Path) -> Iterator[None]:
     """Hold the lock of the folder of compiled code, which belongs to this host."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -103,7 +103,7 @@ def _alone(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def _processor() -> float:
+def _processor_time() -> float:
     """Processor time [s] of this process and of its children that have ended."""
     both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(used.ru_utime + used.ru_stime for used in both)

@@ -70,7 +70,7 @@ class Meter:
         if self._quiet:
             return
         failed = f", {self._failed} failed" if self._failed else ""
-        said = f"{self._done} of {self._count}{failed}{self._still()}  {part.key}"
+        said = f"{self._done} of {self._count}{failed}{self._time_left()}  {part.key}"
         said += self._says(record)
         if self._task is None or record.state != "measured":
             self._print(said)
@@ -88,7 +88,7 @@ class Meter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _still(self) -> str:
+    def _time_left(self) -> str:
         """Estimated time left, from the time of the parts measured here."""
         here, passed = self._known - self._before, time.monotonic() - self._begun
         return f", {clock(self._left * passed / here)} left" if here > 0 and self._left > 0 else ""

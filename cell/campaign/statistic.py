@@ -13,7 +13,7 @@ CONFIDENCE_LEVEL = 0.95
 DRAWS = 1000  # of the bootstrap
 
 
-def _size(of: Callable[[Array], float]) -> Callable[[Array], float]:
+def _absolute(of: Callable[[Array], float]) -> Callable[[Array], float]:
     return lambda values: of(np.abs(values))
 
 
@@ -40,9 +40,9 @@ _OF: dict[Statistic, Callable[[Array], float]] = {
     Statistic.MEDIAN: np.median,
     Statistic.RMS: lambda values: np.sqrt(np.mean(np.square(values))),
     Statistic.SIGMA: np.std,
-    Statistic.MEAN_SIZE: _size(np.mean),
-    Statistic.P95_SIZE: _size(lambda values: np.quantile(values, 0.95)),
-    Statistic.WORST_SIZE: _size(np.max),
+    Statistic.MEAN_SIZE: _absolute(np.mean),
+    Statistic.P95_SIZE: _absolute(lambda values: np.quantile(values, 0.95)),
+    Statistic.WORST_SIZE: _absolute(np.max),
     Statistic.SHARE: np.mean,
     Statistic.COUNT: np.sum,
 }

@@ -111,7 +111,7 @@ def serve(descriptor: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pipe = Connection(descriptor)
     with suppress(OSError):  # nobody waits for the result any more
-        while (task := _next(pipe)) is not None:
+        while (task := _next_call(pipe)) is not None:
             pipe.send(_call(*task, StopSignal(pipe)))
 
 
@@ -122,7 +122,7 @@ def _call(function: Call, arguments: tuple[Any, ...], stop: StopSignal) -> Any:
         return error
 
 
-def _next(pipe: Connection) -> tuple[Call, tuple[Any, ...]] | None:
+def _next_call(pipe: Connection) -> tuple[Call, tuple[Any, ...]] | None:
     """The next call; None at the end. A stop request that arrives between calls is ignored."""
     while True:
         try:
@@ -135,10 +135,10 @@ def _next(pipe: Connection) -> tuple[Call, tuple[Any, ...]] | None:
 
 def end_with_parent() -> None:
     """End this process and what it started soon after its parent is gone."""
-    Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
+    Thread(target=_watch_parent, args=(os.getppid(),), daemon=True).start()
 
 
-def _watch(parent: int) -> None:
+def _watch_parent(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(POLL_INTERVAL)
     with suppress(PermissionError):

@@ -47,7 +47,7 @@ def home(
         share = 1.0 if full_speed else 0.1
         joints = by_hand.home_joints(settings, lying)
         by_hand.go_joints(settings, joints, share, recover=recover, reset_tool=reset_tool)
-        _say("the arm is home", settings, choice)
+        _print_result("the arm is home", settings, choice)
         return
     _move(settings, choice, by_hand.to(by_hand.home_pose(settings, lying)))
 
@@ -68,7 +68,7 @@ def park(
     if _at_address(settings, choice):
         share = 1.0 if full_speed else 0.1
         by_hand.go_joints(settings, by_hand.PARKED, share, recover=recover)
-        _say("the arm is parked", settings, choice)
+        _print_result("the arm is parked", settings, choice)
         return
     _move(settings, choice, by_hand.to(by_hand.home_pose(settings, NO_STRIP)))
 
@@ -150,11 +150,11 @@ def _move(
     from cell.arm.by_hand import by_hand
 
     outcome = by_hand(settings, choice, motion)
-    _say(f"{outcome.name}: {outcome.reason}", settings, choice)
+    _print_result(f"{outcome.name}: {outcome.reason}", settings, choice)
     sys.exit(outcome.exit_code)
 
 
-def _say(text: str, settings: "CellFile", choice: "DeviceSelection") -> None:
+def _print_result(text: str, settings: "CellFile", choice: "DeviceSelection") -> None:
     from cell.devices.open import emulation
 
     remark = emulation(settings, choice)

@@ -90,7 +90,7 @@ def exam(
     chosen = engine(wide, cluster, CASE_TIMEOUT)
     others = _check_places(out, report, beside or (), made=only_judge and not ledger)
     with resumable(out), Meter(console, summarise, quiet=as_json) as meter:
-        drawn = (lambda *_: None) if as_json else _line
+        drawn = (lambda *_: None) if as_json else _print_progress
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
         entries = run_exam(
             wanted, out, engine=chosen, watcher=meter, steps=steps, again=again, ledger=ledger
@@ -99,9 +99,9 @@ def exam(
         failed = sum(e.state == "failed" for e in entries)
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
-    command = _command(tier, len(wanted), seed, repeats, kind, force)
+    command = _repeat_command(tier, len(wanted), seed, repeats, kind, force)
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
-    _tell(entries, page, as_json=as_json)
+    _print_table(entries, page, as_json=as_json)
 
 
 def _steps(*, make: bool, judge: bool) -> "Steps":
@@ -137,7 +137,7 @@ def _check_places(
     return [entry for place in beside for entry in _entries_of(place)]
 
 
-def _command(
+def _repeat_command(
     tier: str, count: int, seed: int, repeats: int, kind: str | None, force: float | None
 ) -> str:
     """Command line that repeats the same exam."""
@@ -161,7 +161,7 @@ def _entries_of(place: Path) -> "tuple[Entry, ...]":
     return Ledger(path).entries
 
 
-def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
+def _print_table(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
     if as_json:
         for entry in entries:
             print_json(entry.model_dump(mode="json"))
@@ -174,6 +174,6 @@ def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
     sys.stdout.write(f"{words}: {page}\n")
 
 
-def _line(done: int, total: int, said: str) -> None:
+def _print_progress(done: int, total: int, said: str) -> None:
     if said:
         sys.stderr.write(f"{done}/{total}  {said}\n")

@@ -75,10 +75,10 @@ def sitting(folder: Path, kind: str, viz: Viz) -> Iterator[Sitting]:
                 at.watch, at.record = both, screen.verdict
                 yield at
     except (Interrupted, KeyboardInterrupt):
-        raise Interrupted(_remainder(folder, kind)) from None
+        raise Interrupted(_resume_hint(folder, kind)) from None
 
 
-def _remainder(folder: Path, kind: str) -> str:
+def _resume_hint(folder: Path, kind: str) -> str:
     """Text on an interrupted session: what it leaves, and how to resume it."""
     from calibration.wizard.session import ROWS_FILE, read_rows
     from cell.report.words import plural

@@ -75,12 +75,12 @@ class FailingArm:
 
     def move_to(self, pose: Pose) -> None:
         """Start a motion, unless commands are refused."""
-        self._obey()
+        self._refuse_if_failing()
         self._arm.move_to(pose)
 
     def set_velocity(self, velocity: Velocity) -> None:
         """Follow `velocity` as the fault alters it."""
-        self._obey()
+        self._refuse_if_failing()
         kept = self.follows(velocity)
         if kept is not None:
             self._arm.set_velocity(kept)
@@ -93,7 +93,7 @@ class FailingArm:
         """Brake and disconnect."""
         self._arm.close()
 
-    def _obey(self) -> None:
+    def _refuse_if_failing(self) -> None:
         if self.refusal is not None:
             raise self.refusal
 
@@ -158,7 +158,7 @@ class Failing:
         self.hand = FailingHand(devices.hand)
         self.clock = FailingClock(devices.clock)
         self.motion: list[tuple[float, float, float, float]] = []
-        self._twin.clock.every(PERIOD, self._watch, Turn.JOB)
+        self._twin.clock.every(PERIOD, self._record_pose, Turn.JOB)
         self.devices = replace(
             devices, camera=self.camera, arm=self.arm, hand=self.hand, clock=self.clock
         )
@@ -196,9 +196,9 @@ class Failing:
     def look(self) -> None:
         """Record where the gripper is now; the clock does not when an event interrupts it."""
         if self.motion and self.now > self.motion[-1][0]:
-            self._watch(self.now)
+            self._record_pose(self.now)
 
-    def _watch(self, now: float) -> None:
+    def _record_pose(self, now: float) -> None:
         pose = self._twin.world.gripper
         self.motion.append((now, pose.x, pose.z, pose.pitch))
 

@@ -61,7 +61,7 @@ def fci_devices(
     `calibrating` the desk is bare, and the twin provides the calibration aids. Where the camera is
     real, too, nothing is simulated beside a robot on its own time.
     """
-    if _alone(settings, choice):
+    if _both_real(settings, choice):
         return robot_devices(settings, strip, WallClock(), NoCamera(), calibrating=calibrating)
     plant, lying, rig = on_desk(settings, strip, choice)
     rig = {} if calibrating else rig
@@ -73,11 +73,11 @@ def fci_devices(
     surroundings, others = Surroundings(), list[Closable]()
     address = settings.fci.address
     if address is None:
-        server = _serve(settings, strip, surroundings)
+        server = _start_robot(settings, strip, surroundings)
         address = server.address
         others.append(server)
     if not calibrating:
-        settings = _gripping(settings, strip)
+        settings = _grip_thickness(settings, strip)
     arm, hand = fci_arm(settings, clock, address)
     others.append(hand)
     frame = settings.installation.mounting.transform()
@@ -112,7 +112,7 @@ def robot_devices(
     address = settings.fci.address
     if address is None:
         raise ConfigurationError("fci.address: is missing; name the robot's address in cell.yaml")
-    settings = settings if calibrating else _gripping(settings, strip)
+    settings = settings if calibrating else _grip_thickness(settings, strip)
     arm, hand = fci_arm(settings, clock, address)
     return Devices(
         clock=clock,
@@ -167,7 +167,7 @@ def start_joints(
     return tuple(joints)
 
 
-def _serve(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
+def _start_robot(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
     """Start an emulated robot in its own thread: in lock-step the cell waits while it computes."""
     installation = settings.fci.limit(settings.installation)
     home = settings.twin.arm.home_height
@@ -189,14 +189,14 @@ def _serve(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> 
     return server.start()
 
 
-def _gripping(settings: CellFile, strip: StripFile) -> CellFile:
+def _grip_thickness(settings: CellFile, strip: StripFile) -> CellFile:
     """The cell's settings with a hand that counts an object as thick as `strip` as held."""
     low, high = strip.spread.get("thickness", (strip.thickness, strip.thickness))
     hand = settings.fci.hand.around(low, high)
     return settings.model_copy(update={"fci": settings.fci.model_copy(update={"hand": hand})})
 
 
-def _alone(settings: CellFile, choice: DeviceSelection) -> bool:
+def _both_real(settings: CellFile, choice: DeviceSelection) -> bool:
     """Whether robot and camera are both real, so that no strip is simulated beside them."""
     fci = settings.fci
     return choice.camera_driver(settings).real and fci.address is not None and not fci.in_lock_step

@@ -27,7 +27,7 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
 
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
-    chosen, clock = camera_settings(settings), _in_real_time(devices.clock)
+    chosen, clock = camera_settings(settings), _real_time_clock(devices.clock)
     camera = V4l2Camera(chosen, clock)
     return replace(
         devices,
@@ -41,6 +41,6 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
     )
 
 
-def _in_real_time(clock: Clock) -> Clock:
+def _real_time_clock(clock: Clock) -> Clock:
     """A clock of the cell that keeps step with the wall; the camera's own thread may read it."""
     return RealTimeClock(clock) if isinstance(clock, TwinClock) else clock

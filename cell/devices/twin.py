@@ -115,10 +115,10 @@ def on_desk(
     if choice.plant is None:
         return strip, strip, settings.effects
     plant = load_plant(choice.plant)
-    return plant, *_divide(plant)
+    return plant, *_split_effects(plant)
 
 
-def _divide(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:
+def _split_effects(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:
     """Divide a plant file into the strip with its own effects and the rig's effects."""
     own = {n: v for n, v in plant.effects.items() if registry()[n].of == "strip"}
     rig = {n: v for n, v in plant.effects.items() if registry()[n].of == "cell"}

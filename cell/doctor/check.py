@@ -31,9 +31,9 @@ class Check:
     def text(self, number: int) -> str:
         """The check as text for the operator, with a remedy only where there is one."""
         head = f"{number:2d}  {self.state:8s}{self.name}: {self.found}"
-        return "\n".join([head, *(f"              {each}" for each in self._more())])
+        return "\n".join([head, *(f"              {each}" for each in self._details())])
 
-    def _more(self) -> list[str]:
+    def _details(self) -> list[str]:
         if self.state in (State.PASS, State.SKIPPED):
             return []
         return [f"why: {self.why}", f"do:  {self.remedy}"]

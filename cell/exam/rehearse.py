@@ -231,10 +231,10 @@ def line(record: Record) -> str:
     """Result of a copy, in a few words."""
     if record.outcome is None:
         return f": failed: {record.reason}"
-    return f": {_words(record.outcome)}"
+    return f": {_answer(record.outcome)}"
 
 
-def _words(outcome: Mapping[str, Any]) -> str:
+def _answer(outcome: Mapping[str, Any]) -> str:
     if not outcome["named"]:
         groups = "; ".join(" or ".join(group) for group in outcome["classes"])
         return groups or str(outcome["verdict"]).replace("_", " ")
@@ -246,7 +246,7 @@ def page(made: Plan, records: Sequence[Record]) -> str:
     found = [r.outcome for r in records if r.outcome is not None]
     hidden = [o for o in found if o["hidden"] != NO_EFFECT]
     empty = [o for o in found if o["hidden"] == NO_EFFECT]
-    rows = [(o["hidden"], _size(o["values"]), _words(o), "yes" if right(o) else "**no**")
+    rows = [(o["hidden"], _size_text(o["values"]), _answer(o), "yes" if right(o) else "**no**")
             for o in hidden]  # fmt: skip
     return "\n\n".join([f"# Rehearsal of {len(made.runs)} runs", *_summary(made, hidden, empty),
                         table(("hidden", "size", "said", "right"), rows)]) + "\n"  # fmt: skip
@@ -267,7 +267,7 @@ def _summary(
     yield f"Inputs {made.inputs}; of other runs it says nothing."
 
 
-def _size(values: Mapping[str, float]) -> str:
+def _size_text(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {value:.3g}" for name, value in values.items())
 
 

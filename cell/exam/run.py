@@ -47,7 +47,7 @@ def run_exam(
         ]
         anew = again or steps == "make"
         if not anew:
-            _adopt(kept, Journal(folder / JOURNAL), parts)
+            _import_ledger(kept, Journal(folder / JOURNAL), parts)
         place, seen = folder / JOURNAL, watcher or Quiet()
         for part, record in carry_out(parts, place, engine or Local(), seen, again=anew):
             entry = entry_of(named[part.key], now, record)
@@ -63,7 +63,7 @@ def entry_of(case: Case, now: Sources, record: Record) -> Entry:
     return Entry.model_validate(record.outcome)
 
 
-def _adopt(kept: Ledger, journal: Journal, parts: Sequence[Examined]) -> None:
+def _import_ledger(kept: Ledger, journal: Journal, parts: Sequence[Examined]) -> None:
     """Copy a ledger's outcomes into the journal, so that an exam can resume elsewhere."""
     known = {(entry.case.name, entry.of): entry for entry in kept.entries}
     for part in parts:

@@ -74,7 +74,7 @@ class Examined:
         if self.steps == "make":
             return Entry(case=case, of=self.entry, state="made").model_dump(mode="json")
         if read_stamp(place) != case_hash(case):
-            reason = _refusal(place, case) or "holds no runs of this case; make them first"
+            reason = _stored_refusal(place, case) or "holds no runs of this case; make them first"
             raise ConfigurationError(f"{place}: {reason}")
         workdirs = self.workdirs if self.workdirs.is_dir() else None
         entry = judge(case, self.folder, self.sources, workdirs=workdirs, again=self.again)
@@ -93,21 +93,21 @@ def keep_runs(case: Case, place: Path, make: Maker) -> None:
         make(case, scratch)
     except CellError as error:
         said = {"case": case_hash(case), "reason": str(error)}
-        replace_file(_beside(place), json.dumps(said).encode())
+        replace_file(_refusal_file(place), json.dumps(said).encode())
         raise
     (scratch / MADE).write_text(case_hash(case), encoding="utf-8")
     scratch.replace(place)
 
 
-def _beside(place: Path) -> Path:
+def _refusal_file(place: Path) -> Path:
     """File with the reason why the runs of `place` could not be made."""
     return place.with_name(place.name + ".refused.json")
 
 
-def _refusal(place: Path, case: Case) -> str | None:
+def _stored_refusal(place: Path, case: Case) -> str | None:
     """Reason why the runs of this very case could not be made; None where that was not tried."""
     try:
-        said = json.loads(_beside(place).read_text(encoding="utf-8"))
+        said = json.loads(_refusal_file(place).read_text(encoding="utf-8"))
         return str(said["reason"]) if said["case"] == case_hash(case) else None
     except (OSError, ValueError, KeyError):
         return None
@@ -127,7 +127,7 @@ def judge(
     """The case's entry; its verdict is reused where neither engine nor case has changed."""
     strip = find_configs(None).strip_path(case.strip)
     runs, out = find_runs([folder / RUNS_FOLDER / case.name]), folder / VERDICTS_FOLDER / case.name
-    sandboxed = None if again else _sat(out, by.verdict(case))
+    sandboxed = None if again else _stored_verdict(out, by.verdict(case))
     if sandboxed is None:
         shutil.rmtree(out, ignore_errors=True)
         sandboxed = run_sandboxed(
@@ -164,7 +164,7 @@ def baselines(verdict: Verdict, tried: list[dict[str, Any]], case: Case) -> Base
     return Baselines(single=name or None, right=same(name, case.answer))
 
 
-def _sat(out: Path, of: str) -> SandboxRun | None:
+def _stored_verdict(out: Path, of: str) -> SandboxRun | None:
     """Stored verdict process of a case, where it exists and is up to date."""
     try:
         facts = json.loads((out / STAMP).read_text(encoding="utf-8"))

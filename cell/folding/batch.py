@@ -155,7 +155,7 @@ class WorkerPool:
                 if interrupted() and not self._told:
                     self._stop()
                 self._begin()
-                if not self._busy:
+                if not self._busy_workers:
                     return None
                 self._collect()
             except KeyboardInterrupt:
@@ -172,7 +172,7 @@ class WorkerPool:
             worker.join()
 
     @property
-    def _busy(self) -> list[Worker]:
+    def _busy_workers(self) -> list[Worker]:
         return [worker for worker in self._workers if worker.task is not None]
 
     def _begin(self) -> None:
@@ -182,8 +182,8 @@ class WorkerPool:
 
     def _collect(self) -> None:
         """Collect finished results, waiting briefly for them."""
-        ready = wait([worker.pipe for worker in self._busy], POLL_INTERVAL)
-        for worker in self._busy:
+        ready = wait([worker.pipe for worker in self._busy_workers], POLL_INTERVAL)
+        for worker in self._busy_workers:
             if worker.pipe in ready and worker.task is not None:
                 number = worker.task
                 self._done[number] = worker.fold_result()

@@ -101,7 +101,7 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
 
     def open_failing(settings: CellFile, *rest: Any, **options: Any) -> Devices:
         cells.append(Failing(open_cell(settings, *rest, **options)))
-        scenes.append(Scene(cells[0], policies[0], _two_mm(calibration)))
+        scenes.append(Scene(cells[0], policies[0], _pixels_of_two_mm(calibration)))
         return cells[0].devices
 
     def leads(policy: Policy) -> Policy:
@@ -110,7 +110,7 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
 
     cell = find_configs(_configure(folder)).cell()
     calibration = replace(calibration, camera=cell.twin.camera.identity)  # but for its rate
-    with _space_again(), Interrupt() as interrupted:
+    with _free_disk(), Interrupt() as interrupted:
         try:
             result = fold(
                 _request(blow, folder), lambda _f, _s: (striker,),
@@ -122,14 +122,14 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
     for cell_struck in cells:
         cell_struck.look()
     moves = np.array(cells[0].motion) if cells else np.zeros((0, 4))
-    return _came(blow, striker, result, moves, cell.installation)
+    return _result_values(blow, striker, result, moves, cell.installation)
 
 
-def _came(
+def _result_values(
     blow: Blow, striker: Striker, result: FoldResult, motion: Array, place: Installation
 ) -> Mapping[str, Any]:
     """The result as plain values; `motion` (n, 4) as in `Failing`."""
-    whole = _whole(result, spares=FAULTS[blow.fault].spares)
+    whole = _record_is_whole(result, spares=FAULTS[blow.fault].spares)
     facts = {
         "verdict": _verdict(striker, result),
         "outcome": result.outcome,
@@ -151,7 +151,7 @@ def _came(
         "rest": float(late.max() - striker.at) if stopped and late.size else None,
         "distance": path if stopped else None,
         "resting": bool((speed[-1:] < REST_SPEED).all()),
-        "within": _within(motion, whole_steps, place),
+        "within": _within_limits(motion, whole_steps, place),
     }
 
 
@@ -167,7 +167,7 @@ def _verdict(striker: Striker, result: FoldResult) -> str:
     return "harmless" if right or result.exit_code == 1 else "undetected"
 
 
-def _within(motion: Array, rates: Array, place: Installation) -> bool:
+def _within_limits(motion: Array, rates: Array, place: Installation) -> bool:
     """Whether the arm stayed within its limits and its workspace."""
     limits, box = place.limits, place.workspace
     quick = all(
@@ -181,7 +181,7 @@ def _within(motion: Array, rates: Array, place: Installation) -> bool:
     return bool(quick and inside)
 
 
-def _whole(result: FoldResult, *, spares: bool) -> bool:
+def _record_is_whole(result: FoldResult, *, spares: bool) -> bool:
     """Whether the record can be read and states the outcome of `result`; where the fault does not
     spare the record, as a full disk, it may state none.
     """
@@ -222,7 +222,7 @@ def _configure(folder: Path) -> Path:
     return made
 
 
-def _two_mm(calibration: Calibration) -> tuple[float, float]:
+def _pixels_of_two_mm(calibration: Calibration) -> tuple[float, float]:
     """Shift in the image [px] of 2 mm along the desk."""
     here, there = calibration.to_image(np.array([(0.2, 0.0), (0.202, 0.0)]))
     x, y = (there - here).tolist()
@@ -230,7 +230,7 @@ def _two_mm(calibration: Calibration) -> tuple[float, float]:
 
 
 @contextmanager
-def _space_again() -> Iterator[None]:
+def _free_disk() -> Iterator[None]:
     """Remove the limit on file sizes that fills the disk."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:

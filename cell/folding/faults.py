@@ -218,7 +218,7 @@ FAULTS: Mapping[str, Injection] = {
     "camera: frozen": camera(failing.freeze),
     "camera: silent": camera(failing.lose_all),
     "camera: nine of ten lost": camera(failing.lose_most),
-    "camera: 0.4 s late": Injection(lambda s: _late(s, 0.4)),
+    "camera: 0.4 s late": Injection(lambda s: _make_devices_late(s, 0.4)),
     "camera: moved by 2 mm": Injection(moved_camera),
     "camera: a quarter of the light": camera(failing.darken),
     "camera: four times the light": camera(failing.overexpose),
@@ -259,5 +259,5 @@ FAULTS: Mapping[str, Injection] = {
 }
 
 
-def _late(scene: Scene, by: float) -> None:
+def _make_devices_late(scene: Scene, by: float) -> None:
     scene.cell.camera.spoil = failing.delay(by)

@@ -125,18 +125,18 @@ def fold(
     )
     context = FoldContext(settings.controller, strip, policy, calibration, desk=desk)
     context.place = 0.0 if correction is None else correction.place
-    with writer.under_way(), _measuring(context, devices, sight):
+    with writer.under_way(), _measuring_process(context, devices, sight):
         outcome, truth = _record_fold(
             request, context, devices, writer, observers, interrupted, page=page
         )
     if correction is not None:
-        _learn(request, settings, strip, outcome, writer.folder)
+        _store_experience(request, settings, strip, outcome, writer.folder)
     warning = _warning(outcome, context.warning)
     return _result(request, strip, calibration, outcome, writer.folder, truth, begun, warning)
 
 
 @contextmanager
-def _measuring(context: FoldContext, devices: Devices, sight: Maker) -> Iterator[None]:
+def _measuring_process(context: FoldContext, devices: Devices, sight: Maker) -> Iterator[None]:
     """Run a process beside the loop, on the wall clock, that measures the images of `context`."""
     if not devices.real_time:
         yield
@@ -179,7 +179,7 @@ def _record_fold(
     return outcome, truth
 
 
-def _learn(
+def _store_experience(
     request: Request, settings: CellFile, strip: StripFile, outcome: Outcome, folder: Path
 ) -> None:
     """Store the fold's bias, where the cell learns."""
@@ -268,7 +268,7 @@ def run_header(
         "camera_hz": camera_rate,
         "contact_height": settings.perception.contact_height,
         "policy": request.policy,
-        **_weights(request.checkpoint),
+        **_replaced_weights(request.checkpoint),
         "seed": choice.seed,
         "drivers": {
             "arm": choice.arm or settings.drivers.arm,
@@ -306,7 +306,7 @@ def _plant_hash(choice: DeviceSelection, strip: StripFile) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _weights(checkpoint: Path | None) -> dict[str, Any]:
+def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
     """Checkpoint that replaced the committed weights, if any; a copy of it lies in the run."""
     if checkpoint is None:
         return {}

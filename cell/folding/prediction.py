@@ -73,7 +73,7 @@ def predict(request: Request) -> Prediction:
     """Simulate the fold of `request` in the rod; ConfigurationError for a path beyond limits."""
     settings, strip = request.read_files()
     _check_calibration(settings, request)
-    folds = simulate_policy(request, settings, strip, [strip, *_variants(strip)])
+    folds = simulate_policy(request, settings, strip, [strip, *_corner_strips(strip)])
     reach = _reach(folds)
     _check(reach, settings.installation.workspace)
     nominal, spread = folds.displacement[0], folds.displacement[folds.touched]
@@ -84,7 +84,7 @@ def predict(request: Request) -> Prediction:
         low=float(spread.min()) if spread.size else None,
         high=float(spread.max()) if spread.size else None,
         reach=reach,
-        arm=_arm(settings, strip, request, folds),
+        arm=_predict_arm_motion(settings, strip, request, folds),
     )
 
 
@@ -117,7 +117,7 @@ def laid_at(folds: Folds) -> float | None:
     return None if touch is None else touch.x - touch.to_grasped
 
 
-def _arm(
+def _predict_arm_motion(
     settings: CellFile, strip: StripFile, request: Request, folds: Folds
 ) -> ArmPrediction | None:
     """Prediction of whether a Franka arm can follow the nominal fold; None for another arm."""
@@ -130,7 +130,7 @@ def _displacement(value: float | None) -> str:
     return "no touch" if value is None else f"displacement {1e3 * value:+.1f} mm"
 
 
-def _variants(strip: StripFile) -> list[StripFile]:
+def _corner_strips(strip: StripFile) -> list[StripFile]:
     """Corners of the uncertainty of the strip's parameters."""
     spans = [
         strip.spread.get(key, (getattr(strip, key) * (1 - u), getattr(strip, key) * (1 + u)))

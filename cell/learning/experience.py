@@ -66,7 +66,7 @@ class Memory:
 
         Raises ConfigurationError where the folder cannot be written.
         """
-        with self._alone():
+        with self._file_lock():
             if on:
                 self._off.unlink(missing_ok=True)
             else:
@@ -85,7 +85,7 @@ class Memory:
 
         Raises ConfigurationError where it cannot be written.
         """
-        with self._alone():
+        with self._file_lock():
             append_line(self.path, json_line(asdict(experience)))
 
     def forget(self) -> Path | None:
@@ -93,7 +93,7 @@ class Memory:
 
         Raises ConfigurationError where the file cannot be moved.
         """
-        with self._alone():
+        with self._file_lock():
             if not self.path.exists():
                 return None
             number = 1 + sum(1 for _ in self.folder.glob(f"{self.path.stem}.forgotten-*"))
@@ -103,7 +103,7 @@ class Memory:
             return aside
 
     @contextmanager
-    def _alone(self) -> Iterator[None]:
+    def _file_lock(self) -> Iterator[None]:
         with writing(self.path, "the fold itself is recorded"):
             self.folder.mkdir(parents=True, exist_ok=True)
             with lock_folders([self.folder]):

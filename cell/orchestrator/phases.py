@@ -187,7 +187,7 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
     yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
     frame = (yield from still_picture()).frame
-    loop = _loop(cell, (yield from _look_again(cell, frame, pose)))
+    loop = _visible_loop(cell, (yield from _laid_strip(cell, frame, pose)))
     length, thickness = cell.strip.length, cell.strip.thickness
     seen = None if loop is None else edge_offset(length, thickness, loop)
     cell.laid = LaidFold(released=-pose.x, seen=seen)
@@ -196,7 +196,7 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     return Event.RELEASED
 
 
-def _look_again(
+def _laid_strip(
     cell: FoldContext, frame: Frame, edge: Pose
 ) -> "Generator[Command, Snapshot, StripMeasurement | None]":
     """The laid strip in `frame`, with its grasped edge released near `edge`."""
@@ -209,7 +209,7 @@ def _look_again(
     return (yield from wait_for(lambda now: now.view.read)).view.measurement
 
 
-def _loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | None:
+def _visible_loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | None:
     """The loop in the image of the laid strip; None where no fold is visible, or where it is not as
     long as the strip, having sprung open.
     """

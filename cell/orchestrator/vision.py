@@ -210,7 +210,7 @@ class Vision:
                 break
             read = True
             self._measurement, self._touch = seen.measurement, seen.touch
-            self._note_doubt(seen.measurement)
+            self._update_confidence(seen.measurement)
             self._shift = seen.shift
             self._moved = self._moved + 1 if seen.shift > self._limits.camera_shift else 0
         return read
@@ -221,7 +221,7 @@ class Vision:
         elif self._stale_since is None:
             self._stale_since = now
 
-    def _note_doubt(self, measurement: StripMeasurement) -> None:
+    def _update_confidence(self, measurement: StripMeasurement) -> None:
         if measurement.confidence >= self._limits.confidence:
             self._doubtful_since = None
         elif self._doubtful_since is None:

@@ -77,7 +77,7 @@ class Profile:
         _check_order(values["t"], origin, strictly=False)
         _check_range(values["t"], "t", origin, LONGEST_TIME, "s")
         for name in ("x", "z"):
-            _check_middle(values[name], name, origin)
+            _check_median(values[name], name, origin)
             _check_range(values[name], name, origin, FARTHEST_POINT, "m")
         return cls(**values)
 
@@ -160,7 +160,7 @@ def _check_order(t: Array, origin: str, strictly: bool) -> None:
         )
 
 
-def _check_middle(values: Array, name: str, origin: str) -> None:
+def _check_median(values: Array, name: str, origin: str) -> None:
     """Refuse lengths in a wrong unit by their median, which outliers do not change."""
     middle = float(np.median(np.abs(values))) if values.size else 0.0
     if middle > FARTHEST_HAND:

@@ -29,7 +29,7 @@ class FilmThread:
         self._begun = threading.Event()
         self._waiting: queue.Queue[tuple[float, Image] | None] = queue.Queue(QUEUE)
         self._thread = threading.Thread(
-            target=self._work, args=(path, encoder), name="film", daemon=True
+            target=self._encode_queue, args=(path, encoder), name="film", daemon=True
         )
         self._thread.start()
         self._begun.wait(ENCODER_TIMEOUT)
@@ -57,7 +57,7 @@ class FilmThread:
         if self._thread.is_alive():
             self.failure = HANGS
 
-    def _work(self, path: Path, encoder: str) -> None:
+    def _encode_queue(self, path: Path, encoder: str) -> None:
         writer = FilmWriter if self._patient else FilmProcess
         try:
             with writer(path, encoder) as film:

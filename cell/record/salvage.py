@@ -36,17 +36,17 @@ class Salvage(Run):
         """The readable parts of `folder`; ConfigurationError only where run.yaml cannot be read."""
         check_run(folder)
         header, problems = load(folder / RUN, Header), list[str]()
-        ticks = _part(
+        ticks = _read_part(
             lambda: Ticks.of(*_table(folder, header, "ticks", problems)),
             lambda: Ticks.of(EMPTY_TABLES.ticks, TICKS),
             problems,
         )
-        profile = _part(
+        profile = _read_part(
             lambda: Profile.of(*_table(folder, header, "profile", problems)),
             lambda: Profile.of(EMPTY_TABLES.profile, PROFILE),
             problems,
         )
-        result = _part(lambda: read_result(folder), lambda: None, problems)
+        result = _read_part(lambda: read_result(folder), lambda: None, problems)
         run = cls(folder, header, ticks, profile, result, ())
         for read in (run.events, run.sights, run.costs, run.calibration, run.frame_index):
             read()
@@ -58,7 +58,7 @@ class Salvage(Run):
         """Result of `read` on the folder, cached, or `empty` where that fails."""
         name = read.__name__
         if name not in self.parts:
-            self.parts[name] = _part(lambda: read(self), empty, self.noted)
+            self.parts[name] = _read_part(lambda: read(self), empty, self.noted)
         found: Found = self.parts[name]
         return found
 
@@ -89,7 +89,7 @@ class Salvage(Run):
     def frames(self) -> Iterator[Frame]:
         """The kept images that are complete and match their hashes."""
         for note in self.frame_index():
-            frame = _part(lambda: read_frame(note), lambda: None, [])  # noqa: B023
+            frame = _read_part(lambda: read_frame(note), lambda: None, [])  # noqa: B023
             if frame is not None:
                 yield frame
 
@@ -115,7 +115,7 @@ def _table(folder: Path, header: Header, name: str, problems: list[str]) -> tupl
     return getattr(tables, name), origin
 
 
-def _part(read: Callable[[], Found], empty: Callable[[], Found], problems: list[str]) -> Found:
+def _read_part(read: Callable[[], Found], empty: Callable[[], Found], problems: list[str]) -> Found:
     try:
         return read()
     except ConfigurationError as error:

@@ -34,8 +34,8 @@ def assemble(folder: Path) -> Tables:
     Raises ConfigurationError when a stream cannot be read or was changed after the run.
     """
     begin = lift_time(folder)
-    ticks = _since(begin, read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
-    sights = _since(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
+    ticks = _from_time(begin, read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
+    sights = _from_time(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
     try:
         with np.errstate(all="ignore"):  # readers of the tables refuse what is not finite
             return _tables(ticks, sights)
@@ -47,7 +47,7 @@ def assemble(folder: Path) -> Tables:
         ) from None
 
 
-def _since(begin: float, rows: pa.Table, time: str) -> pa.Table:
+def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
     """The rows from `begin` [s] on, their column `time` counted from there; all of them for 0."""
     if begin == 0.0:
         return rows
@@ -119,8 +119,8 @@ def profile_table(sights: pa.Table) -> pa.Table:
         {
             "t": pa.array(np.repeat(_numbers(sights, "stamp"), counts), pa.float64()),
             "i": pa.array([i for count in counts for i in range(count)], pa.int64()),
-            "x": _flat(sights["profile_x"]),
-            "z": _flat(sights["profile_z"]),
+            "x": _flatten(sights["profile_x"]),
+            "z": _flatten(sights["profile_z"]),
         }
     )
 
@@ -155,6 +155,6 @@ def _numbers(table: pa.Table, column: str) -> Array:
     return np.asarray(table[column].to_numpy(), dtype=np.float64)
 
 
-def _flat(column: pa.ChunkedArray) -> pa.Array:
+def _flatten(column: pa.ChunkedArray) -> pa.Array:
     chunks = [chunk.flatten() for chunk in column.chunks]
     return pa.concat_arrays(chunks) if chunks else pa.array([], pa.float64())

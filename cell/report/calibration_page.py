@@ -99,7 +99,7 @@ def _facts(calibration: Calibration | None) -> dict[str, Any]:
         return {"numbers": (), "grid": "", "locks": ()}
     return {
         "numbers": _numbers(calibration),
-        "grid": _grid(calibration),
+        "grid": _plane_grid(calibration),
         "locks": [(name, str(value)) for name, value in calibration.locks.items()],
     }
 
@@ -121,7 +121,7 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
     ]
 
 
-def _grid(calibration: Calibration) -> str:
+def _plane_grid(calibration: Calibration) -> str:
     lens = calibration.lens
     with canvas(8.4, 8.4 * lens.height / lens.width) as figure:
         axes = figure.add_subplot(aspect="equal")

@@ -51,7 +51,7 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
         image = _read(note)
         if image is None:
             continue
-        if calibration is not None and _fits(image, calibration):
+        if calibration is not None and _matches_size(image, calibration):
             window = window_on(run.ticks, calibration)
             image = _with_sight(image, note, calibration, sights, tips, curves)
             image = window.of(_with_outline(image, note.sequence, outlines))
@@ -67,7 +67,7 @@ def end_picture(run: Run) -> str:
     kept = [note for note in run.frame_index() if note.file is not None]
     image = _read(kept[-1]) if kept else None
     calibration = run.calibration()
-    if image is None or calibration is None or not _fits(image, calibration):
+    if image is None or calibration is None or not _matches_size(image, calibration):
         return "" if image is None else jpeg_text(image)
     reach = float(np.max(run.ticks.x, initial=0.1))
     corners = [(x, z) for x in (LAID_REGION[0], LAID_REGION[1] * reach) for z in LAID_REGION[2:]]
@@ -87,7 +87,7 @@ def poster(run: Run) -> str:
     return "" if first is None else jpeg_text(first)
 
 
-def _fits(image: Image, calibration: Calibration) -> bool:
+def _matches_size(image: Image, calibration: Calibration) -> bool:
     """Whether the calibration belongs to images of this size."""
     return image.shape[:2] == (calibration.lens.height, calibration.lens.width)
 

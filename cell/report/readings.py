@@ -54,7 +54,7 @@ def _axes(axes: Any, figure: Any) -> Facts:
     x, y = _axis(axes.xaxis, axes.get_xlim()), _axis(axes.yaxis, axes.get_ylim())
     return {
         "id": axes.get_gid(),
-        "box": [*_place(figure, left, top), *_place(figure, right, bottom)],
+        "box": [*_svg_point(figure, left, top), *_svg_point(figure, right, bottom)],
         "x": x,
         "y": y,
         "equal": axes.get_aspect() == 1.0,
@@ -62,7 +62,7 @@ def _axes(axes: Any, figure: Any) -> Facts:
         "curves": list(_curves(axes)),
         "cells": [
             cell
-            for fields in (_bars, _steps, _pixels, _meshes)
+            for fields in (_bars, _histogram_bins, _image_fields, _mesh_fields)
             for cell in fields(axes, figure, x, y)
             if all(map(isfinite, cell[:4]))
         ],
@@ -89,7 +89,7 @@ def _axis(axis: Any, limits: tuple[float, float]) -> Facts:
     }
 
 
-def _place(figure: Any, x: float, y: float) -> list[float]:
+def _svg_point(figure: Any, x: float, y: float) -> list[float]:
     """A point of the display [px of the figure] as a point of its SVG."""
     scale = POINTS_PER_INCH / figure.dpi
     return [round(scale * x, 3), round(scale * (figure.bbox.height - y), 3)]
@@ -123,15 +123,21 @@ def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
             named = not patch.reading.startswith("_")
             if named or container.orientation == "vertical":
                 ends = ((box.x0, whole.y1), (box.x1, whole.y0))
-                span, reach = _span(x, patch.get_x(), wide), _reach(y, patch.get_y(), high)
+                span, reach = (
+                    _span(x, patch.get_x(), wide),
+                    _bar_value(y, patch.get_y(), high),
+                )
             else:
                 ends = ((whole.x0, box.y1), (whole.x1, box.y0))
-                span, reach = _span(y, patch.get_y(), high), _reach(x, patch.get_x(), wide)
-            places = (value for end in ends for value in _place(figure, *end))
+                span, reach = (
+                    _span(y, patch.get_y(), high),
+                    _bar_value(x, patch.get_x(), wide),
+                )
+            places = (value for end in ends for value in _svg_point(figure, *end))
             yield [*places, patch.reading if named else f"{span}: {name}{reach}"]
 
 
-def _steps(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
+def _histogram_bins(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
     """Bins of a histogram drawn as one outline."""
     from matplotlib.patches import StepPatch
 
@@ -141,10 +147,10 @@ def _steps(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
         for k, value in enumerate(values):
             ends = ((places[k], axes.bbox.y1), (places[k + 1], axes.bbox.y0))
             said = f"{_span(x, edges[k], edges[k + 1] - edges[k])}: {_number(value)} {y['unit']}"
-            yield [*(v for end in ends for v in _place(figure, *end)), said.strip()]
+            yield [*(v for end in ends for v in _svg_point(figure, *end)), said.strip()]
 
 
-def _reach(axis: Facts, start: float, size: float) -> str:
+def _bar_value(axis: Facts, start: float, size: float) -> str:
     """Value of a bar, or both of its ends where it does not start at zero."""
     ends = f"{_number(start)} to {_number(start + size)}" if start else _number(size)
     return f"{ends} {axis['unit']}".strip()
@@ -161,7 +167,7 @@ def _number(value: float) -> str:
     return f"{value:.4g}".replace("-", MINUS)
 
 
-def _pixels(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
+def _image_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
     """Fields of an image with named rows and columns."""
     for image in axes.images if x["words"] and y["words"] else ():
         for (i, j), value in np.ndenumerate(np.ma.filled(image.get_array(), np.nan)):
@@ -169,10 +175,10 @@ def _pixels(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
                 ends = axes.transData.transform([(j - 0.5, i - 0.5), (j + 0.5, i + 0.5)])
                 (left, right), (low, high) = np.sort(ends, axis=0).T
                 said = f"{y['words'][i][1]} · {x['words'][j][1]}: {_number(value)}"
-                yield [*_place(figure, left, high), *_place(figure, right, low), said]
+                yield [*_svg_point(figure, left, high), *_svg_point(figure, right, low), said]
 
 
-def _meshes(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
+def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
     """Fields of a mesh over two quantities; those of a colour scale are excluded."""
     meshes = [mesh for mesh in axes.collections if hasattr(mesh, "get_coordinates")]
     for mesh in meshes if axes.get_label() != "<colorbar>" else ():
@@ -187,7 +193,7 @@ def _meshes(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
                 for axis, v in zip((x, y), middle, strict=True)
             )
             said = f"{', '.join(at)}: {_number(value) if np.isfinite(value) else 'none'}"
-            yield [*_place(figure, left, high), *_place(figure, right, low), said]
+            yield [*_svg_point(figure, left, high), *_svg_point(figure, right, low), said]
 
 
 def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:
@@ -195,4 +201,4 @@ def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:
     for text in axes.texts:
         place = np.asarray(getattr(text, "xy", text.get_position()))
         if getattr(text, "xycoords", None) == "data" or text.get_transform() == axes.transData:
-            yield [text.get_gid(), *_place(figure, *axes.transData.transform(place))]
+            yield [text.get_gid(), *_svg_point(figure, *axes.transData.transform(place))]

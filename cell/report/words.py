@@ -5,6 +5,7 @@ import math
 MINUS = "\N{MINUS SIGN}"
 NO_VALUE = "\N{EM DASH}"
 
+EVENT_TITLES = {"foretold": "predicted"}  # kinds of events that keep an old name in records
 OUTCOMES = {
     "layer_touch": "The layers touched",
     "path_done": "The path ended before the layers touched",
@@ -41,6 +42,11 @@ def milliseconds(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return NO_VALUE
     return f"{1e3 * value:.3g} ms".replace("-", MINUS)
+
+
+def event_title(kind: str) -> str:
+    """Text of an event's kind, in words."""
+    return EVENT_TITLES.get(kind, kind).replace("_", " ")
 
 
 def outcome_title(outcome: str) -> str:

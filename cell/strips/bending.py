@@ -43,7 +43,7 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
     value = float((weight * y).sum() / weight.sum())
     own = float(norm.ppf(0.5 + CONFIDENCE / 2) / np.sqrt(weight.sum()))
     free = len(y) - 1
-    agreement = float(chi2.sf(_excess(y, variance, 0.0) + free, free)) if free else 1.0
+    agreement = float(chi2.sf(_excess_squares(y, variance, 0.0) + free, free)) if free else 1.0
     spread = 0.0
     if free:
         knapp = (weight * (y - value) ** 2).sum() / (free * weight.sum())
@@ -52,7 +52,7 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
     return Pooled(value, value - half, value + half, float(np.sqrt(scatter)), agreement)
 
 
-def _excess(y: Array, variance: Array, scatter: float) -> float:
+def _excess_squares(y: Array, variance: Array, scatter: float) -> float:
     """Generalised sum of squares over its expectation, less one, for a given `scatter`."""
     weight = 1 / (variance + scatter)
     mean = (weight * y).sum() / weight.sum()
@@ -61,10 +61,10 @@ def _excess(y: Array, variance: Array, scatter: float) -> float:
 
 def _scatter(y: Array, variance: Array) -> float:
     """Variance between the measurements at which the sum of squares equals its expectation."""
-    if len(y) < 2 or _excess(y, variance, 0.0) <= 0:
+    if len(y) < 2 or _excess_squares(y, variance, 0.0) <= 0:
         return 0.0
     most = float(np.ptp(y) ** 2) * len(y)
-    return float(brentq(lambda scatter: _excess(y, variance, scatter), 0.0, most))
+    return float(brentq(lambda scatter: _excess_squares(y, variance, scatter), 0.0, most))
 
 
 REST_CURVATURES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # 1/m, rest curvatures that are tried
@@ -104,8 +104,8 @@ class Bending:
 def measure_bending(photographs: Sequence[Photograph]) -> Bending:
     """The bending length that fits all photographs, with a common prior of the rest curvature."""
     straight = tuple(fit(each, STRAIGHT) for each in photographs)
-    curled = _best(photographs, straight, RestCurvature.CURLED)
-    varied = _best(photographs, straight, RestCurvature.SET)
+    curled = _best_fits(photographs, straight, RestCurvature.CURLED)
+    varied = _best_fits(photographs, straight, RestCurvature.SET)
     fits = straight
     for other in (curled, varied):
         if evidence(other) > evidence(fits) + DECISIVE:
@@ -133,7 +133,7 @@ def pool_lengths(fits: Sequence[Fit]) -> Pooled:
     return Pooled(float(value), float(low), float(high), logs.scatter, logs.agreement)
 
 
-def _best(photographs: Sequence[Photograph], start: Fits, born: RestCurvature) -> Fits:
+def _best_fits(photographs: Sequence[Photograph], start: Fits, born: RestCurvature) -> Fits:
     """Fits of the photographs at the spread of rest curvature with the largest evidence."""
     tried: list[Fits] = []
     for spread in REST_CURVATURES:

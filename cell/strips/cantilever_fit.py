@@ -81,16 +81,16 @@ class Fit:
 def fit(photograph: Photograph, birth: RestCurvaturePrior, start: Fit | None = None) -> Fit:
     """The most probable strip with the prior `birth` in the photograph, starting from `start`."""
     if start is None:
-        start = _find(photograph)
+        start = _fit_straight(photograph)
     problem = Problem(photograph, birth)
     values = np.zeros(problem.size)
     values[:BIRTH] = start.values[:BIRTH]
     if len(start.values) == len(values) > BIRTH:
         values[BIRTH:] = start.values[BIRTH:] * start.birth.spread / birth.spread
-    return _settle(problem, values)
+    return _minimise(problem, values)
 
 
-def _find(photograph: Photograph) -> Fit:
+def _fit_straight(photograph: Photograph) -> Fit:
     """Fit a straight strip coarsely from several bending lengths; returns the best of them."""
     problem = Problem(replace(photograph, sigma=FIRST_SIGMA * photograph.sigma), STRAIGHT)
     found = []
@@ -98,16 +98,16 @@ def _find(photograph: Photograph) -> Fit:
         values = np.zeros(problem.size)
         values[LN_LENGTH] = np.log(start)
         values[[X, Z]] = photograph.points[0]
-        found.append(_settle(problem, values))
+        found.append(_minimise(problem, values))
     return max(found, key=lambda each: each.evidence)
 
 
-def _settle(problem: Problem, values: Array) -> Fit:
+def _minimise(problem: Problem, values: Array) -> Fit:
     """Minimise the cost from `values` by Levenberg-Marquardt."""
     here = problem.trial(values)
     damping = LM_DAMPING
     for _ in range(ITERATIONS):
-        there, damping = _descend(problem, here, damping)
+        there, damping = _damped_step(problem, here, damping)
         if there is None:
             break
         gain, here = here.cost - there.cost, there
@@ -125,7 +125,7 @@ def _settle(problem: Problem, values: Array) -> Fit:
     )
 
 
-def _descend(problem: Problem, here: Trial, damping: float) -> tuple[Trial | None, float]:
+def _damped_step(problem: Problem, here: Trial, damping: float) -> tuple[Trial | None, float]:
     """One Levenberg-Marquardt step: a better trial, None without one, and the next damping."""
     matrix, downhill = problem.normal_equations(here)
     while damping < LARGEST_DAMPING:

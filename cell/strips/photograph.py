@@ -74,10 +74,10 @@ def read_photograph(path: Path, overhang: float) -> Photograph:
     ConfigurationError when it cannot be read or shows no strip.
     """
     image = read_picture(path)
-    return _photograph(path, overhang, image, _trace(path, image))
+    return _photograph(path, overhang, image, _trace_midline(path, image))
 
 
-def _trace(path: Path, image: Image) -> Midline:
+def _trace_midline(path: Path, image: Image) -> Midline:
     """Midline of the strip, traced as bright before dark, then as dark before bright."""
     reasons = []
     for seen in (image, cv2.bitwise_not(image)):
@@ -100,7 +100,7 @@ def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> 
     pixel = overhang / travel[-1]
     count = int(np.clip(travel[-1] / (FIT_SPACING * midline.width), FEWEST_POINTS, MOST_POINTS))
     arc = np.linspace(0.0, travel[-1], count)
-    points = _average(traced, travel, arc)
+    points = _average_points(traced, travel, arc)
     sigma = CORRELATION * max(roughness(points), PRECISION * midline.width)
     ends = np.minimum(arc, travel[-1] - arc) < UNSURE_END * midline.width
     return Photograph(
@@ -115,7 +115,7 @@ def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> 
     )
 
 
-def _average(traced: Array, travel: Array, arc: Array) -> Array:
+def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
     """Means (n, 2) of the traced points between the middles of the arc lengths `arc` (n,)."""
     reach = 0.5 * (arc[1] - arc[0])
     edges = np.clip(np.stack([arc - reach, arc + reach]), 0.0, travel[-1])

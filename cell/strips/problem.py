@@ -53,7 +53,7 @@ class Problem:
         spreads[[ROLL, CLAMP]] = ROLL_SPREAD, CLAMP_SPREAD
         spreads[[X, Z]] = np.inf
         self._prior = 1 / spreads
-        self._frame = _frame(photograph)
+        self._local_frames = _local_frames(photograph)
 
     def trial(self, values: Array) -> Trial:
         """Trial of `values` (p,): strip, and distances from the midline. Raises NoRest."""
@@ -77,8 +77,10 @@ class Problem:
         motions = np.einsum("ab,nbp->nap", turn, motions)
         motions[..., ROLL] = curve[:, ::-1] * (-1, 1)
         motions[..., [X, Z]] = np.eye(2)
-        misses = self._project(seen.points - values[[X, Z]] - curve)
-        return Trial(values, hanging, misses, self._project(motions), self._cost(values, misses))
+        misses = self._project_motion(seen.points - values[[X, Z]] - curve)
+        return Trial(
+            values, hanging, misses, self._project_motion(motions), self._cost(values, misses)
+        )
 
     def normal_equations(self, trial: Trial) -> tuple[Array, Array]:
         """Half the second derivative (p, p) of the cost, and the downhill direction (p,)."""
@@ -86,9 +88,9 @@ class Problem:
         matrix = trial.slopes.T @ (weight[:, None] * trial.slopes) + np.diag(self._prior**2)
         return matrix, trial.slopes.T @ (weight * trial.misses) - self._prior**2 * trial.values
 
-    def _project(self, motion: Array) -> Array:
+    def _project_motion(self, motion: Array) -> Array:
         """Components (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
-        parts = np.einsum("knc,nc...->kn...", self._frame, motion)
+        parts = np.einsum("knc,nc...->kn...", self._local_frames, motion)
         return np.asarray(parts.reshape(-1, *motion.shape[2:]))
 
     def _cost(self, values: Array, misses: Array) -> float:
@@ -122,7 +124,7 @@ class _Along:
         return np.asarray(self.at(self._hanging.moved_by_clamp_angle()) + self._swing)
 
 
-def _frame(photograph: Photograph) -> Array:
+def _local_frames(photograph: Photograph) -> Array:
     """Normals and tangents (2, n, 2) of the midline, each divided by its sigma.
 
     Along the midline all points shift together, by the uncertainty of its tip.

@@ -138,11 +138,11 @@ def _code_to_show(records: Sequence[Record], now: str) -> str:
 
 def inputs(study: Study) -> str:
     """Digest of the code, of the study's own file and of the configuration."""
-    return digest(code(), data(), _own(study.measure.__code__.co_filename), _configs())
+    return digest(code(), data(), _module_file(study.measure.__code__.co_filename), _configs())
 
 
 @cache
-def _own(path: str) -> str:
+def _module_file(path: str) -> str:
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 

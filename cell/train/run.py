@@ -82,11 +82,12 @@ def alone_in(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        try:
+            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ConfigurationError(
+                f"--out: {folder}: another training is writing there; wait, or name another folder"
+            ) from None
         yield
-    except BlockingIOError:
-        raise ConfigurationError(
-            f"--out: {folder}: another training is writing there; wait, or name another folder"
-        ) from None
     finally:
         os.close(place)

@@ -72,7 +72,9 @@ class ByJoints:
         self._here: Course | None = None
         self._sent: Numbers = []
         self._sent_pose: Array | None = None
-        self._trail: list[Array] = []  # the hand's setpoint (4, 4), and at the two ticks before
+        self._past_poses: list[
+            Array
+        ] = []  # the hand's setpoint (4, 4), and at the two ticks before
         self._time = 0.0
 
     def start_poses(self) -> Any:
@@ -96,15 +98,15 @@ class ByJoints:
         here = self._here
         off = max(abs(a - b) for a, b in zip(here.place, self._sent, strict=True))
         if self._sent_pose is not None and ticks == 1 and off < ROUNDING:
-            self._trail = [self._sent_pose, *self._trail[:2]]
+            self._past_poses = [self._sent_pose, *self._past_poses[:2]]
         else:
             self._ahead = self._own_clock and not first
-            here = self._here = _later(here) if self._ahead else here
+            here = self._here = _after_a_tick(here) if self._ahead else here
             self._elbow, self._swing = here.place[ELBOW_JOINT], here.rate[ELBOW_JOINT]
-            self._trail = _trail(here)
-        twist, before = (_twist(self._trail[i], self._trail[i + 1]) for i in range(2))
+            self._past_poses = _past_poses(here)
+        twist, before = (_twist(self._past_poses[i], self._past_poses[i + 1]) for i in range(2))
         change = (twist - before) / TICK
-        pose: Numbers = self._trail[0].T.ravel().tolist()
+        pose: Numbers = self._past_poses[0].T.ravel().tolist()
         time = self._time + TICK * self._ahead
         return PosedState(state, time, pose, twist.tolist(), change.tolist())
 
@@ -115,19 +117,19 @@ class ByJoints:
         """
         if self._here is None:
             raise Failed(Failure(Cause.COMMAND, "a pose was sent before the first state was read"))
-        near = np.array(_later(self._here).place)  # from there one step of Newton's is exact
+        near = np.array(_after_a_tick(self._here).place)  # from there one step of Newton's is exact
         target = np.reshape(pose, (4, 4)).T
         pull = RETURN * (self._kept - self._elbow) - 2.0 * self._swing
         self._swing += TICK * RETURN * pull
         self._elbow += TICK * self._swing
         step = joint_step(near, *pose_and_jacobian(near), target, self._elbow)
         sent: Numbers = (near + step).tolist()
-        if self._ahead and not self._come(motion) and not last:
+        if self._ahead and not self._has_arrived(motion) and not last:
             return
         self._sent, self._sent_pose = sent, target
         self._robot.write_joints(motion, sent, last=last)
 
-    def _come(self, motion: Any) -> bool:
+    def _has_arrived(self, motion: Any) -> bool:
         """Whether the robot reached the joints it was sent; where it went further, nothing is sent,
         and the next state shows where.
         """
@@ -142,14 +144,14 @@ class ByJoints:
         return False
 
 
-def _later(here: Course) -> Course:
+def _after_a_tick(here: Course) -> Course:
     """The course one tick after `here`, of a robot without a command: acceleration stays."""
     place, rate, change = (np.array(part) for part in here)
     after = rate + TICK * change
     return Course((place + TICK * after).tolist(), after.tolist(), here.change)
 
 
-def _trail(here: Course) -> list[Array]:
+def _past_poses(here: Course) -> list[Array]:
     """Poses (4, 4) of the hand now, one tick ago and two ticks ago."""
     place, rate, change = (np.array(part) for part in here)
     before = place - TICK * rate

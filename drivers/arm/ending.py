@@ -17,7 +17,7 @@ class Ending:
     def __init__(self) -> None:
         self._heard = False
         for number in SIGNALS:
-            signal.signal(number, self._hear)
+            signal.signal(number, self._note_signal)
 
     def __call__(self) -> bool:
         """Whether this process was asked to end."""
@@ -28,5 +28,5 @@ class Ending:
         if self._heard:
             raise Failed(Failure(Cause.ENDED, "the process of the arm was asked to end"))
 
-    def _hear(self, *_: object) -> None:
+    def _note_signal(self, *_: object) -> None:
         self._heard = True

@@ -59,9 +59,9 @@ class ReachGuard:
         peak = np.minimum(self._most, np.sqrt(np.abs(speed) * self._jerk))
         braking = -np.sign(speed) * peak
         where = np.array([soon.pose.x, soon.pose.z, soon.pose.pitch])
-        self._soon, here = self._follow(self._soon, where)
+        self._soon, here = self._track(self._soon, where)
         rest = where + speed * np.abs(speed) / (2 * self._most)
-        self._rest, there = self._follow(self._rest, rest)
+        self._rest, there = self._track(self._rest, rest)
         if here is None or there is None:
             return "the arm does not reach on"
         room = np.minimum(limits.margins(self._soon), limits.margins(self._rest))
@@ -72,7 +72,7 @@ class ReachGuard:
         bending = (joint_rates(later, self._twists) @ speed - turning) / REACTION
         asked = np.maximum.reduce(
             [
-                self._haste(turning),
+                self._rate_shares(turning),
                 np.abs(here @ change + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
                 np.abs(here @ braking + bending) / limits.ACCELERATION,
                 np.abs(there @ braking) / limits.ACCELERATION,
@@ -83,7 +83,7 @@ class ReachGuard:
             return f"joint {int(asked.argmax()) + 1} could not follow any further"
         return ""
 
-    def _follow(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
+    def _track(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
         """Joints (7,) for a pose x, z, pitch, searched from near ones, and their rates (7, 3) per
         unit of velocity on each axis; None where the pose is out of reach.
         """
@@ -96,7 +96,7 @@ class ReachGuard:
             return joints, None
         return joints, joint_rates(jac, self._twists)
 
-    def _haste(self, rates: Array) -> Array:
+    def _rate_shares(self, rates: Array) -> Array:
         """Joint `rates` (7,) [rad/s] as shares of their limits; 1 is the limit."""
         low, high = limits.velocity_bounds(self._soon)
         return np.asarray(np.maximum(rates / high, rates / low) / VELOCITY_SHARE, dtype=np.float64)

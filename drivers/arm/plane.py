@@ -80,7 +80,7 @@ class StripPlane:
         """
         hand = matrix(pose)
         inside = hand if self._back is None else hand @ self._back
-        spin, turn = _crossing(twist[3:]), _crossing(change[3:])
+        spin, turn = _cross_matrix(twist[3:]), _cross_matrix(change[3:])
         arm = inside[:3, 3] - hand[:3, 3]
         moved = np.array(twist[:3]) + spin @ arm
         gained = np.array(change[:3]) + turn @ arm + spin @ (spin @ arm)
@@ -116,7 +116,7 @@ class StripPlane:
         """x, z [m] and pitch [rad] in the cell of a hand's pose, 16 numbers by columns."""
         x, _, z = self.place(pose)
         along, up = (_dot(row, pose[8:11]) for row in (self._rows[0], self._rows[2]))
-        return x, z, _pitch(along, up)
+        return x, z, _pitch_of_axis(along, up)
 
     def place(self, pose: Numbers) -> tuple[float, float, float]:
         """x, y, z [m] in the cell frame of a hand's pose, 16 numbers, column-major."""
@@ -147,13 +147,13 @@ def _with_pitch(
     change[2] += rate[1] * turning + place[1] * gaining
 
 
-def _pitch(along: float, up: float) -> float:
+def _pitch_of_axis(along: float, up: float) -> float:
     """Pitch of an approach axis with these components in the cell: -x is 0, down pi/2, +x pi."""
     pitch = atan2(-up, -along)
     return pitch + 2 * pi if pitch < -pi / 2 else pitch
 
 
-def _crossing(vector: Numbers) -> Array:
+def _cross_matrix(vector: Numbers) -> Array:
     """Skew-symmetric matrix (3, 3) of the cross product with `vector`."""
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

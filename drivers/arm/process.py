@@ -44,9 +44,9 @@ def run(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     try:
         _serve(task, pipe, orders, reports)
     except Failed as failed:
-        _tell(pipe, failed.failure)
+        _send_failure(pipe, failed.failure)
     except Exception as error:  # noqa: BLE001  an edge: the process ends, and with it the motion
-        _tell(pipe, Failure(Cause.LOST, one_line(error)))
+        _send_failure(pipe, Failure(Cause.LOST, one_line(error)))
 
 
 def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
@@ -72,7 +72,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     ending = Ending()
     loop.begin()
     pipe.send_bytes(encode({"ready": True}))
-    drive = _in_lock_step if task.lock_step else _by_itself
+    drive = _in_lock_step if task.lock_step else _in_real_time
     timing = Timing()
     drive(loop, pipe, timing, clock, ending)
     loop.end()
@@ -95,7 +95,7 @@ def _in_lock_step(
         pipe.send_bytes(b"{}")
 
 
-def _by_itself(
+def _in_real_time(
     loop: Loop, pipe: Connection, timing: Timing, clock: WallClock, ending: Ending
 ) -> None:
     """Step the loop on the robot's clock until the cell closes or dies."""
@@ -114,7 +114,7 @@ def _receive(pipe: Connection, ending: Ending) -> dict[str, Any] | None:
         return None
 
 
-def _tell(pipe: Connection, failure: Failure) -> None:
+def _send_failure(pipe: Connection, failure: Failure) -> None:
     try:
         pipe.send_bytes(encode({"failure": failure.content()}))
     except OSError:

@@ -70,7 +70,9 @@ def plan_reach(
     where the layers touch.
     """
     ways = [
-        way for turned in (False, True) for way in _ways(installation, path, speeds, turned, elbows)
+        way
+        for turned in (False, True)
+        for way in _postures(installation, path, speeds, turned, elbows)
     ]
     if not ways:
         x, z, pitch = path[0].tolist()
@@ -81,13 +83,13 @@ def plan_reach(
     for way in ways:
         stop = _first_braking(installation, path, speeds, way) if way.allowed else None
         if stop is None:
-            return way if way.allowed or not braked else max(braked, key=_furthest)
+            return way if way.allowed or not braked else max(braked, key=_progress)
         late = stop.pitch > HANGING
         braked.append(way if late else replace(way, problems=(stop,)))
-    return max(braked, key=_furthest)
+    return max(braked, key=_progress)
 
 
-def _ways(
+def _postures(
     installation: Installation, path: Array, speeds: Array, turned: bool, elbows: tuple[float, ...]
 ) -> Iterator[Reach]:
     plane = StripPlane(installation.mounting.transform(), turned=turned)
@@ -140,7 +142,7 @@ def _first_braking(
     return None
 
 
-def _furthest(way: Reach) -> tuple[bool, float]:
+def _progress(way: Reach) -> tuple[bool, float]:
     return way.allowed, way.margin
 
 

@@ -37,7 +37,7 @@ def tool_differences(state: Any, tool: ToolSettings) -> list[Difference]:
     Left by another program are NE_T_EE, EE_T_K and the load; F_T_NE and the hand's mass are Desk's.
     """
     frames = [
-        ("the end effector (F_T_EE)", state.F_T_EE, FLANGE_TO_TIP, _owner(state)),
+        ("the end effector (F_T_EE)", state.F_T_EE, FLANGE_TO_TIP, _remedy(state)),
         ("the stiffness frame (EE_T_K)", state.EE_T_K, np.eye(4), BY_RESET),
     ]
     found = [
@@ -68,7 +68,7 @@ def require_tool(state: Any, tool: ToolSettings) -> None:
         raise Failed(Failure(Cause.TOOL, "; ".join(map(str, found))))
 
 
-def _owner(state: Any) -> str:
+def _remedy(state: Any) -> str:
     """The remedy for a wrong end effector: whether Desk or another client set it."""
     return IN_DESK if _same_frame(_matrix(state.NE_T_EE), np.eye(4)) else BY_RESET
 

@@ -84,7 +84,7 @@ class Way:
 
     def tick(self) -> Numbers:
         """The next setpoint (7,) [rad]; Failed where no motion leads to the goal."""
-        self._sent = self._step() if self._missed else self._as_planned()
+        self._sent = self._stepwise_setpoint() if self._missed else self._planned_setpoint()
         return self._sent
 
     def keep_up(self, state: Any) -> None:
@@ -111,7 +111,7 @@ class Way:
         self._plan.control_interface = ruckig.ControlInterface.Velocity
         self._plan.target_velocity = self._plan.target_acceleration = [0.0] * AXES
 
-    def _as_planned(self) -> Numbers:
+    def _planned_setpoint(self) -> Numbers:
         result = self._planner.update(self._plan, self._output)
         if result not in (ruckig.Result.Working, ruckig.Result.Finished):
             raise Failed(Failure(Cause.COMMAND, "no motion leads to these joints"))
@@ -120,7 +120,7 @@ class Way:
         setpoint: Numbers = self._output.new_position
         return setpoint
 
-    def _step(self) -> Numbers:
+    def _stepwise_setpoint(self) -> Numbers:
         wanted = [0.0] * AXES
         if self._goal is not None:
             away = [end - p for end, p in zip(self._goal, self._here.place, strict=True)]
@@ -151,7 +151,7 @@ def follow_joints(
     motion = robot.start_joints()
     state = robot.read(motion)
     way, objection = Way(state, joints, share), ""
-    while not (way.arrived and _stands(state)):
+    while not (way.arrived and _is_still(state)):
         if not objection and (left() or enough(state)):
             way.brake()
         robot.write_joints(motion, way.tick())
@@ -166,7 +166,7 @@ def follow_joints(
     return list(state.q)
 
 
-def _stands(state: Any) -> bool:
+def _is_still(state: Any) -> bool:
     """Whether the robot's setpoint stands still, up to what one tick takes off smoothly."""
     return bool(max(abs(rate) for rate in state.dq_d) < REST_RATE)
 

@@ -34,7 +34,7 @@ class Whereabouts:
         stated, change = list(state.O_T_EE_c), list(state.O_ddP_EE_c)
         heard = largest_difference(change, self._change) > ACCELERATION_TOLERANCE
         went_on = max(ticks - 1, 0) if heard else ticks
-        pose = self._gone_on(sent if heard else self.pose, state, went_on)
+        pose = self._extrapolate(sent if heard else self.pose, state, went_on)
         self.pose = pose if largest_difference(pose, stated) < POSE_ROUNDING else stated
         self._change = change
         if ticks > 1 or largest_difference(stated, sent) >= POSE_ROUNDING:
@@ -43,7 +43,7 @@ class Whereabouts:
             self.pose = sent
         return False
 
-    def _gone_on(self, pose: Numbers, state: Any, ticks: int) -> Numbers:
+    def _extrapolate(self, pose: Numbers, state: Any, ticks: int) -> Numbers:
         """The pose after `ticks` without commands, the last with the twist of `state`."""
         if ticks == 0:
             return pose

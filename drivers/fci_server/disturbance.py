@@ -32,10 +32,10 @@ class Disturbance:
         self._end(robot)
         while self._waiting and self._waiting[0].at <= robot.ticks:
             fault = self._waiting.pop(0)
-            if not self._do(robot, fault):
+            if not self._apply(robot, fault):
                 yield fault
 
-    def _do(self, robot: Robot, fault: Fault) -> bool:
+    def _apply(self, robot: Robot, fault: Fault) -> bool:
         if isinstance(fault, ReflexFault):
             robot.reflex(Reflex[fault.error.upper()])
         elif isinstance(fault, UserStopFault):

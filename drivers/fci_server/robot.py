@@ -193,11 +193,11 @@ class Robot:
             self._brake()
             return
         self.posture, motion.started = posture, True
-        self._feel()
+        self._check_contact()
         if self.motion is not None and command.finished:
             self.posture = Posture.resting(self.posture.q, tool)
             self._finish(MoveStatus.SUCCESS)
-            self._answer()
+            self._send_late_replies()
 
     def miss(self) -> None:
         """Extrapolate the last command for a missing one, for MOST_MISSED_TICKS ticks at most."""
@@ -214,17 +214,17 @@ class Robot:
         """One tick without commands: brake a moving arm, reply once it stands still."""
         if not self.moving:
             self._brake()
-        self._feel()
+        self._check_contact()
         if self.motion is not None and self.motion.stopping and self.posture.at_rest:
             self._finish(MoveStatus.PREEMPTED)
         if self.motion is None and self.posture.at_rest:
-            self._answer()
+            self._send_late_replies()
 
     def _brake(self) -> None:
         if not self.posture.at_rest:
             self.posture = self.posture.brake(self.configuration.tool)
 
-    def _feel(self) -> None:
+    def _check_contact(self) -> None:
         force = self.pushed
         if self.surroundings is not None:
             force = force + self.surroundings.force(self.measured.reached, self.time / 1000)
@@ -241,7 +241,7 @@ class Robot:
             self.waiting.insert(0, Late(Command.MOVE, self.motion.command_id, status))
             self.motion, self.mode = None, Mode.IDLE
 
-    def _answer(self) -> None:
+    def _send_late_replies(self) -> None:
         for late in self.waiting:
             if late.command is Command.AUTOMATIC_ERROR_RECOVERY and self.mode is Mode.REFLEX:
                 self.mode, self.errors = Mode.IDLE, frozenset()

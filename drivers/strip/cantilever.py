@@ -96,10 +96,10 @@ def hang(
     middle = 0.5 * (arc[1:] + arc[:-1])
     pull = np.diff(arc) * (overhang - middle) / bending_length**3
     born = np.zeros(len(pull)) if rest_curvature is None else rest_curvature * spans
-    angles = _start(middle, overhang, bending_length) + clamp_angle
+    angles = _start_angles(middle, overhang, bending_length) + clamp_angle
     for _ in range(ITERATIONS):
-        gradient, stiffness = _slopes(angles, born, spans, pull, clamp_angle)
-        step = _step(gradient, stiffness, pull * np.sin(angles))
+        gradient, stiffness = _derivatives(angles, born, spans, pull, clamp_angle)
+        step = _newton_step(gradient, stiffness, pull * np.sin(angles))
         angles = angles + step * min(1.0, 0.8 / max(float(np.abs(step).max()), 1e-300))
         if not np.abs(step).max() > CONVERGED:
             break
@@ -113,7 +113,7 @@ def hang(
     return Hanging(bending_length, arc, angles, points, stiffness, pull)
 
 
-def _step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
+def _newton_step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
     """Newton's step of the equilibrium, without the weight's stiffness where it destabilises."""
     if not _stable(stiffness):
         stiffness = stiffness + np.stack([np.zeros(len(lifting)), np.maximum(lifting, 0.0)])
@@ -135,14 +135,14 @@ def _spans(arc: Array) -> Array:
     return np.asarray(0.5 * (lengths + np.concatenate([[0.0], lengths[:-1]])))
 
 
-def _start(arc: Array, overhang: float, bending_length: float) -> Array:
+def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:
     """Starting angles of Newton's method: a bend at the ledge as wide as the weight allows."""
     reach = bending_length * min(1.0, (bending_length / overhang) ** 0.5)
     turned = -0.5 * np.pi * min(1.0, (overhang / bending_length) ** 3 / 8)
     return np.asarray(turned * (1 - np.exp(-arc / reach)))
 
 
-def _slopes(
+def _derivatives(
     angles: Array, born: Array, spans: Array, pull: Array, clamp_angle: float
 ) -> tuple[Array, Array]:
     """First derivative (n,) and upper band (2, n) of the second derivative of the energy."""

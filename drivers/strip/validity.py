@@ -79,7 +79,7 @@ BOUNDS = (
 def doubts(strip: StripFile) -> tuple[str, ...]:
     """Properties of `strip` outside the range in which an engine was validated, a sentence each."""
     return tuple(
-        f"{strip.name}: {_place(bound, strip)}, the {bound.engine} holds from {bound.low:g} to "
+        f"{strip.name}: {_location(bound, strip)}, the {bound.engine} holds from {bound.low:g} to "
         f"{bound.high:g}: {bound.why}; expect errors of the simulation"
         for bound in BOUNDS
         if not bound.low <= bound.value(strip) <= bound.high
@@ -91,10 +91,10 @@ def check_valid(strip: StripFile, origin: str) -> None:
     for bound in BOUNDS:
         if bound.value(strip) < bound.refused:
             raise ConfigurationError(
-                f"{origin}: {_place(bound, strip)}, the {bound.engine} is refused below "
+                f"{origin}: {_location(bound, strip)}, the {bound.engine} is refused below "
                 f"{bound.refused:g}: {bound.why}; take a shorter strip or a stiffer one"
             )
 
 
-def _place(bound: Bound, strip: StripFile) -> str:
+def _location(bound: Bound, strip: StripFile) -> str:
     return f"{bound.key}: is {bound.value(strip):.3g}"

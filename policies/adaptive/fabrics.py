@@ -38,7 +38,7 @@ over textiles are in their own files.
 def friction(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
     """Yarn friction with a yield curvature log-uniform over [`low`, `high`] [1/m]."""
     ratio = registry()[FRICTION_EFFECT].textile["stiffness_ratio"]
-    curvature = _log(rng, low, high)
+    curvature = _log_uniform(rng, low, high)
     return {"yield_curvature": curvature, "stiffness_ratio": ratio.draw(rng, STRIP_LENGTH)}
 
 
@@ -56,10 +56,10 @@ def plain(
         name="unknown",
         length=length,
         width=0.05,
-        areal_density=_log(rng, *DENSITY_RANGE),
+        areal_density=_log_uniform(rng, *DENSITY_RANGE),
         bending_length=range_.bending_length,
         retardation_time=range_.retardation_time,
-        thickness=_log(rng, *THICKNESS_RANGE),
+        thickness=_log_uniform(rng, *THICKNESS_RANGE),
         effects={name: dict(values) for name, values in effects.items()},
     )
 
@@ -77,5 +77,5 @@ def unknown(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile
     return plain(rng, length, **effects)
 
 
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
+def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return Span(low, high, log=True).draw(rng, STRIP_LENGTH)

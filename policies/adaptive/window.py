@@ -56,16 +56,16 @@ class Window:
         inside = inside[..., None]
         weight = np.broadcast_to(inside, self._values.shape).astype(np.float64)
         for _ in range(PASSES):
-            value, rate = _line(t, self._values, weight)
+            value, rate = _fit_line(t, self._values, weight)
             off = self._values - value[:, None] - rate[:, None] * t
             weight = inside / (1.0 + (off / OUTLIER_DEVIATION) ** 2)
-        value, rate = _line(t, self._values, weight)
+        value, rate = _fit_line(t, self._values, weight)
         off = np.where(inside, self._values - value[:, None] - rate[:, None] * t, 0.0)
         spread = np.sqrt((off**2).sum(axis=1) / np.maximum(inside.sum(axis=1), 1))
         return Trend(value, rate, spread)
 
 
-def _line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
+def _fit_line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
     """Weighted least-squares line over the frames, with a ridge that keeps its slope small."""
     s0 = weight.sum(axis=1) + 1e-12
     s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + RATE_NOISE

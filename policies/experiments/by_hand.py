@@ -40,11 +40,11 @@ def hand_path(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Arr
 
     Up first, then over, with pauses and returns.
     """
-    line = _line(length, rng)
+    line = _smooth_line(length, rng)
     return line, _travel(float(line.x[-1]), rng)
 
 
-def _line(length: float, rng: np.random.Generator) -> CubicSpline:
+def _smooth_line(length: float, rng: np.random.Generator) -> CubicSpline:
     """Points [m] by distance along a smooth curve through the places that a person aims for."""
     apex = (rng.uniform(0.42, 0.58), rng.uniform(0.40, 0.55))
     corners = np.array([

@@ -43,11 +43,11 @@ class TrainingRun:
         for step in steps:
             done = step.generation + 1
             if step.validated == search.validated:
-                self._save(done)
+                self._save_checkpoint(done)
             yield step
-        self._save(done)
+        self._save_checkpoint(done)
 
-    def _save(self, generations: int) -> None:
+    def _save_checkpoint(self, generations: int) -> None:
         training = Training(
             seed=self.settings.seed,
             generations=generations,

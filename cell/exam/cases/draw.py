@@ -137,11 +137,11 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
     turn, place = divmod(number, len(CASE_STRENGTHS))
     own = case.tier == "state" and case.engine == "rod"
     if own or turn % UNLIKE_PERIOD == 0:
-        return _hiding(case, level, draw_effects(case, 1, level, rng))
+        return _with_effects(case, level, draw_effects(case, 1, level, rng))
     names = sorted(RESEMBLING)
     first = (turn // UNLIKE_PERIOD * len(CASE_STRENGTHS) + place) % len(names)
     for name in [*names[first:], *names[:first]]:
-        shown = _showing(case, registry()[name], STRENGTHS[level], rng)
+        shown = _visible_effect(case, registry()[name], STRENGTHS[level], rng)
         if shown is not None:
             strip, values = shown
             cause = RESEMBLING[name]
@@ -151,7 +151,7 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
     raise Fault("exam", f"{case.name}: no law that resembles the library's is {level}")
 
 
-def _showing(
+def _visible_effect(
     case: Case, effect: Effect, target: float, rng: np.random.Generator
 ) -> tuple[str, Values] | None:
     """A strip on which an effect leaves a gap of `target`, and the effect's values; None where no
@@ -174,7 +174,7 @@ def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
     for _ in range(TRIES):
         both = draw_effects(case, 2, strong, rng)
         if ruler.beside(both).min() >= STRENGTHS["medium"] * NEARLY:
-            return _hiding(case, strong, both)
+            return _with_effects(case, strong, both)
     raise Fault("exam", f"{case.name}: no two effects of {case.strip} show beside each other")
 
 
@@ -190,7 +190,7 @@ def _with_foreign(case: Case, number: int, seed: int) -> Case:
     return case.model_copy(update={"causes": hidden, "strength": strong})
 
 
-def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
+def _with_effects(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
     return case.model_copy(
         update={"effects": hidden, "answer": tuple(sorted(hidden)), "strength": level}
     )
@@ -221,16 +221,18 @@ def _ruler_of(case: Case) -> Ruler:
 
     A slip begins at a threshold: on a strip only a little softer than the plant none might show.
     """
-    return _ruler(case.strip, case.stiffness, case.damping, case.tier, _hand(case))
+    return _cached_ruler(case.strip, case.stiffness, case.damping, case.tier, _hand_seed(case))
 
 
-def _hand(case: Case) -> int | None:
+def _hand_seed(case: Case) -> int | None:
     """Seed of the hand in a case that is moved by hand."""
     return case.seed if case.motions == "by_hand" else None
 
 
 @lru_cache(maxsize=2)
-def _ruler(name: str, stiffness: float, damping: float, tier: Tier, hand: int | None) -> Ruler:
+def _cached_ruler(
+    name: str, stiffness: float, damping: float, tier: Tier, hand: int | None
+) -> Ruler:
     """The ruler of a strip of the cell, cached."""
     plant = scale_strip(find_configs(None).strip(name), stiffness, damping)
     if tier == "images":

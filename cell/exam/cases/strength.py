@@ -88,7 +88,7 @@ class Ruler:
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:
         """Excess gap (k,) left by each of these sets of effects."""
-        return np.array([self._excess(left) for left in self._left(hidden)])
+        return np.array([self._excess(left) for left in self._response_after_refit(hidden)])
 
     def beside(self, both: Hidden) -> Array:
         """Excess gap (2,) that each of two effects leaves once the other's amount is refitted too.
@@ -96,11 +96,11 @@ class Ruler:
         To first order: what of the joint response the base and the other's own do not span.
         """
         alone = [{name: values} for name, values in both.items()]
-        joint, *each = self._left([both, *alone])
+        joint, *each = self._response_after_refit([both, *alone])
         others = [other / np.linalg.norm(other) for other in reversed(each)]
         return np.array([self._excess(joint - other * (other @ joint)) for other in others])
 
-    def _left(self, hidden: Sequence[Hidden]) -> list[Array]:
+    def _response_after_refit(self, hidden: Sequence[Hidden]) -> list[Array]:
         """Whitened responses (N,) to sets of effects, less what a refit of the base removes."""
         estimate = self._estimate
         base, local = estimate.shared, estimate.point.local
@@ -141,9 +141,9 @@ class Ruler:
     def share(self, path: Path, target: float) -> float | None:
         """Share of `path` at which the gap is `target`; None where it is never reached."""
         try:
-            if self._along(path, LADDER[-1:]).max() < target:
+            if self._interpolate_shares(path, LADDER[-1:]).max() < target:
                 return None
-            excess = self._along(path, LADDER)
+            excess = self._interpolate_shares(path, LADDER)
         except ConfigurationError:
             return None
         beyond = np.flatnonzero(excess >= target)
@@ -151,7 +151,7 @@ class Ruler:
         (low, high), (a, b) = LADDER[k - 1 : k + 1], excess[k - 1 : k + 1]
         return float(low * (high / low) ** ((target - a) / (b - a)))
 
-    def _along(self, path: Path, shares: Array) -> Array:
+    def _interpolate_shares(self, path: Path, shares: Array) -> Array:
         return self.excess([{path.effect.name: path.at(s)} for s in shares])
 
 

@@ -52,7 +52,7 @@ class Element:
         sign = np.where(turn < 0, -1.0, 1.0)
         short = 1.0 - sign * self._moment / self._limit  # 0 where it slides, 2 where it turns back
         way = self._stiffness * np.abs(turn) / self._limit
-        short = _less(short, way, self._exponent)
+        short = _decay(short, way, self._exponent)
         self._moment = sign * self._limit * (1.0 - short)
         self._angle = angle
         back = np.where(rate < 0, -1.0, 1.0)
@@ -60,7 +60,7 @@ class Element:
         return self._moment, self._stiffness * left**self._exponent
 
 
-def _less(short: Array, way: Array, exponent: float) -> Array:
+def _decay(short: Array, way: Array, exponent: float) -> Array:
     """Solution u of du/dx = -u^exponent from u = `short`, after x = `way`."""
     short = np.maximum(short, 1e-12)
     if exponent == 1:

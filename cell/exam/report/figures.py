@@ -25,11 +25,11 @@ def figure(table: Confusion, bins: Sequence[Bin], found: Sequence[Outcome]) -> F
     _reliability(left, bins)
     _strength(right, found)
     for axis in (left, right):
-        _quiet(axis)
+        _remove_spines(axis)
     return drawn
 
 
-def _quiet(axis: Axes) -> None:
+def _remove_spines(axis: Axes) -> None:
     axis.tick_params(colors=INK, labelsize=8)
     for side in ("top", "right"):
         axis.spines[side].set_visible(False)

@@ -81,7 +81,7 @@ class Law:
     def begin(self, parts: Parts) -> ForceFunction:
         """Start the cause on a chain; a cause without forces does nothing."""
         act = self.cause.begin(parts, self.rng)
-        return _nothing if act is None else act
+        return _no_force if act is None else act
 
 
 class Aged:
@@ -104,5 +104,5 @@ class Aged:
         return replace(self._world.scene(self._grasped + since), stamp=stamp)
 
 
-def _nothing(*_: object) -> None:
+def _no_force(*_: object) -> None:
     """Zero moment and slope."""

@@ -73,11 +73,11 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
         return
     calibration = calibration_of(settings)
     for name, request in missing:
-        with _workplace(case, configs, request) as placed:
+        with _temporary_configs(case, configs, request) as placed:
             result = _fold(placed, causes, case, calibration, State.LAY)
             if result.outcome == REFUSED_OUTCOME:
                 raise Fault(REFUSED_OUTCOME, f"{placed.policy} of {case.strip}: {result.reason}")
-            _seal(Path(result.run), folder / name, strip)
+            _copy_sealed(Path(result.run), folder / name, strip)
 
 
 def refusal(case: Case) -> str | None:
@@ -88,7 +88,7 @@ def refusal(case: Case) -> str | None:
     configs, causes = find_configs(None), [cause_of(n, v) for n, v in case.causes.items()]
     _, request = _requests(case)[0]
     calibration = calibration_of(configs.cell())
-    with _workplace(case, configs, request) as placed:
+    with _temporary_configs(case, configs, request) as placed:
         result = _fold(placed, causes, case, calibration, State.GRASP)
     return result.reason if result.outcome == REFUSED_OUTCOME else None
 
@@ -105,24 +105,24 @@ def _requests(case: Case) -> list[tuple[str, Request]]:
         requests = tuple(
             replace(r, policy=f"{led}-{i}", speed=None) for i, r in enumerate(requests)
         )
-    return [(f"{i:02d}-{_word(request)}", request) for i, request in enumerate(requests)]
+    return [(f"{i:02d}-{_motion_name(request)}", request) for i, request in enumerate(requests)]
 
 
-def _word(request: Request) -> str:
+def _motion_name(request: Request) -> str:
     """The motion of a fold, as a word for a folder's name."""
     name = request.policy.removeprefix(MOTION)
     return BY_HAND.rstrip("-") if name.startswith(BY_HAND) else name
 
 
 @contextmanager
-def _workplace(case: Case, configs: Configs, request: Request) -> Iterator[Request]:
+def _temporary_configs(case: Case, configs: Configs, request: Request) -> Iterator[Request]:
     """The request with a temporary configuration of its own, whose desk carries the plant."""
     with TemporaryDirectory(prefix="exam-") as name:
         place = Path(name)
         (place / "strips").mkdir()
         strip = configs.strip_path(case.strip)
         shutil.copy(strip, place / "strips" / strip.name)
-        settings = exam_cell(configs.cell(), _word(request), case.force)
+        settings = exam_cell(configs.cell(), _motion_name(request), case.force)
         _write(place / "cell.yaml", settings.model_dump(mode="json", by_alias=True))
         plant = plant_of(case, configs.strip(case.strip))
         _write(place / "plant.yaml", plant.model_dump(mode="json", by_alias=True))
@@ -178,12 +178,12 @@ class Open:
             view=lambda world: Aged(world, self._causes),
         )
         devices = twin_devices(
-            self._touch_lens(settings), strip, choice, calibrating=calibrating, staging=staging
+            self._change_lens(settings), strip, choice, calibrating=calibrating, staging=staging
         )
         devices = replace(devices, camera_identity=settings.twin.camera.identity)
         return corrected_devices(devices, settings, strip)
 
-    def _touch_lens(self, settings: CellFile) -> CellFile:
+    def _change_lens(self, settings: CellFile) -> CellFile:
         """The cell's settings with the lens as the causes changed it."""
         distortion = settings.twin.camera.distortion
         for cause in self._causes:
@@ -222,7 +222,7 @@ def _fold(
     return fold(request, lambda *_: (until,), until, calibration, opened=opened, page=False)
 
 
-def _seal(made: Path, final: Path, strip: StripFile) -> None:
+def _copy_sealed(made: Path, final: Path, strip: StripFile) -> None:
     """Copy the four files of the record to `final`, whole or not at all."""
     lacking = [name for name in FILES if not (made / name).is_file()]
     if lacking:

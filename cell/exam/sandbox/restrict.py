@@ -48,7 +48,7 @@ def version() -> int:
     """Version of Landlock in this kernel; 0 where it has none."""
     if sys.platform != "linux":
         return 0
-    return max(0, _call(CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(LANDLOCK_VERSION)))
+    return max(0, _syscall(CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(LANDLOCK_VERSION)))
 
 
 def landlock(permit: Policy) -> bool:
@@ -62,16 +62,16 @@ def landlock(permit: Policy) -> bool:
         return False
     cut = TRUNCATE if known >= TRUNCATES else 0
     handled = ctypes.c_uint64(READ_FILE | READ_DIR | CHANGE_RIGHTS | cut)
-    rules = _call(CREATE, ctypes.byref(handled), ctypes.c_size_t(8), ctypes.c_uint32(0))
+    rules = _syscall(CREATE, ctypes.byref(handled), ctypes.c_size_t(8), ctypes.c_uint32(0))
     if rules < 0:
         return False
     try:
-        for path, whole in _pieces(permit.readable, permit.sealed):
-            _permit(rules, path, READ_FILE | READ_DIR if whole else READ_DIR)
-        for path, whole in _pieces(permit.writable, permit.sealed):
-            _permit(rules, path, handled.value if whole else READ_DIR)
+        for path, whole in _unsealed_parts(permit.readable, permit.sealed):
+            _add_rule(rules, path, READ_FILE | READ_DIR if whole else READ_DIR)
+        for path, whole in _unsealed_parts(permit.writable, permit.sealed):
+            _add_rule(rules, path, handled.value if whole else READ_DIR)
         ctypes.CDLL(None).prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0)
-        return _call(RESTRICT, ctypes.c_int(rules), ctypes.c_uint32(0)) == 0
+        return _syscall(RESTRICT, ctypes.c_int(rules), ctypes.c_uint32(0)) == 0
     finally:
         os.close(rules)
 
@@ -81,7 +81,7 @@ class _Beneath(ctypes.Structure):
     _fields_ = (("allowed", ctypes.c_uint64), ("parent", ctypes.c_int32))
 
 
-def _permit(rules: int, path: Path, access: int) -> None:
+def _add_rule(rules: int, path: Path, access: int) -> None:
     """Add the permission `access` to a tree; a path that does not exist permits nothing."""
     if not path.is_dir():
         access &= READ_FILE | WRITE_FILE | TRUNCATE
@@ -91,18 +91,18 @@ def _permit(rules: int, path: Path, access: int) -> None:
         return
     try:
         rule = _Beneath(access, handle)
-        _call(
+        _syscall(
             ADD, ctypes.c_int(rules), ctypes.c_int(BENEATH), ctypes.byref(rule), ctypes.c_uint32(0)
         )
     finally:
         os.close(handle)
 
 
-def _call(number: int, *arguments: Any) -> int:
+def _syscall(number: int, *arguments: Any) -> int:
     return int(ctypes.CDLL(None, use_errno=True).syscall(ctypes.c_long(number), *arguments))
 
 
-def _pieces(trees: Iterable[Path], sealed: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
+def _unsealed_parts(trees: Iterable[Path], sealed: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
     """Trees without anything sealed, and True; False for one that was split around a sealed part,
     of which only names may be listed, as the interpreter needs to find modules.
     """
@@ -112,7 +112,7 @@ def _pieces(trees: Iterable[Path], sealed: Sequence[Path]) -> Iterator[tuple[Pat
         holds = any(_within(secret, tree) for secret in sealed)
         yield tree, not holds
         if holds:
-            yield from _pieces(sorted(tree.iterdir()), sealed)
+            yield from _unsealed_parts(sorted(tree.iterdir()), sealed)
 
 
 def _within(path: Path, tree: Path) -> bool:

@@ -39,11 +39,11 @@ def oracle(
         return None
     train = evidence([run for run in subject.runs if run.name not in held_out])
     test = evidence([run for run in subject.runs if run.name in held_out])
-    start = _truth(case, strip, subject)
+    start = _true_base(case, strip, subject)
     base = _refit(subject.simulate, Model(subject.scope.base), train, [start])
     model = with_effects(base.model, case.answer, subject.scope.candidates)
     if case.alike:
-        starts = [model.join(start, _values(case, model.effects))]
+        starts = [model.join(start, _true_values(case, model.effects))]
     else:
         starts = _screened_starts(subject.simulate, base, model)
     scatter = spreads(_refit(subject.simulate, model, train, starts))
@@ -54,7 +54,7 @@ def oracle(
     return Oracle(after=after, shrink=1.0 - after / before if before > 0.0 else 0.0)
 
 
-def _truth(case: Case, path: Path, subject: Subject) -> Array:
+def _true_base(case: Case, path: Path, subject: Subject) -> Array:
     """True base parameters of the plant, where it has any."""
     strip = load_strip(path)
     true = {
@@ -64,7 +64,7 @@ def _truth(case: Case, path: Path, subject: Subject) -> Array:
     return np.array([true.get(p.name, p.start) for p in subject.scope.base])
 
 
-def _values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
+def _true_values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
     """True values of the effects in the gap engine's units."""
     found = {}
     for effect in effects:

@@ -91,7 +91,7 @@ def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
         result=result(verdict, case),
         confidence=min((e.confidence for e in verdict.effects), default=None),
         realised=verdict.gap.before["excess"], shrink=verdict.gap.shrink,
-        base=tuple(_base(verdict, case, strip)), parameters=tuple(_parameters(verdict, case)),
+        base=tuple(_base(verdict, case, strip)), parameters=tuple(_effects(verdict, case)),
         rival=rival, reason=reason.description if reason else "",
         runtime=verdict.runtime, simulations=verdict.simulations, signs=_signs(verdict),
     )  # fmt: skip
@@ -106,31 +106,31 @@ def result(verdict: Verdict, case: Case) -> Result:
     """The one of nine outcomes that the verdict is."""
     named = frozenset(effect.name for effect in verdict.effects)
     if case.kind == "nothing":
-        return _of_nothing(verdict, named)
+        return _score_empty(verdict, named)
     if case.kind == "outside":
-        return _of_outside(verdict)
+        return _score_foreign(verdict)
     answer = frozenset(case.answer)
     if not named:
-        return _of_classes(verdict.ambiguous, answer)
-    found = _of_names(named, answer)
+        return _score_classes(verdict.ambiguous, answer)
+    found = _score_names(named, answer)
     doubtful = frozenset(name for group in verdict.ambiguous for name in group)
     return "right_class" if found == "partly" and answer <= named | doubtful else found
 
 
-def _of_nothing(verdict: Verdict, named: frozenset[str]) -> Result:
+def _score_empty(verdict: Verdict, named: frozenset[str]) -> Result:
     if verdict.verdict == "no_gap":
         return "correct_no_gap"
     return "false_alarm" if named else "gap_claimed"
 
 
-def _of_outside(verdict: Verdict) -> Result:
+def _score_foreign(verdict: Verdict) -> Result:
     """Outcome for a cause outside the library: best left open; overlooking the gap is no merit."""
     if verdict.verdict == "unexplained":
         return "correct_abstention"
     return "abstained" if verdict.verdict == "no_gap" else "wrong_name"
 
 
-def _of_names(named: frozenset[str], answer: frozenset[str]) -> Result:
+def _score_names(named: frozenset[str], answer: frozenset[str]) -> Result:
     """Outcome of names: a false one is wrong; one of two without a false one is partly right."""
     if named == answer:
         return "right_strict"
@@ -140,7 +140,7 @@ def _of_names(named: frozenset[str], answer: frozenset[str]) -> Result:
     return "partly" if len(answer) > 1 and named <= set(parts) else "wrong_name"
 
 
-def _of_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> Result:
+def _score_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> Result:
     """Outcome of classes: right with the whole answer, partly right with some of a pair."""
     held = answer & {name for group in classes for name in group}
     if answer and held == answer:
@@ -177,14 +177,14 @@ def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Checked]:
             yield _compare(name, value, 0.0, verdict.base[name])
 
 
-def _parameters(verdict: Verdict, case: Case) -> Iterable[Checked]:
+def _effects(verdict: Verdict, case: Case) -> Iterable[Checked]:
     """Comparison of parameters of rightly named effects that follow the library's laws."""
     for effect in verdict.effects:
         if case.alike and effect.name in case.effects:
-            yield from _of_effect(effect, case.effects[effect.name])
+            yield from _compare_effect(effect, case.effects[effect.name])
 
 
-def _of_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Checked]:
+def _compare_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Checked]:
     known = registry()[effect.name]
     for i, p in enumerate(known.parameters):
         if p.name in truth and p.name in effect.parameters:

@@ -77,12 +77,12 @@ def _false_alarms(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     if through:
         yield _at_most(words, named, most)
     else:
-        yield _line(words, named, "at most 2 %, upper end at most 8 %", _rare, 0.02)
+        yield _line(words, named, "at most 2 %, upper end at most 8 %", _is_rare, 0.02)
     claimed = rate(o.claimed for o in nothing)
     yield _line("a gap claimed where nothing is hidden, named or not", claimed)
 
 
-def _rare(found: Rate) -> bool:
+def _is_rare(found: Rate) -> bool:
     return found.value <= 0.02 and found.interval[1] <= 0.08
 
 

@@ -36,21 +36,21 @@ def page(found: Findings, verdict: Verdict) -> str:
         f"{name}: simulation and measurement",
         title=f"{name}: simulation against {runs} measured runs, {held} of them held out",
         name=name,
-        said=_card(found, verdict),
-        following=_following(found, verdict),
+        said=_verdict_card(found, verdict),
+        following=_next_commands(found, verdict),
         notes=verdict.notes,
         held=compare_held_out(found, verdict),
         where=where(found),
         remains=remains(found, verdict),
         repeats=repeats(found),
-        experiments=_experiments(verdict),
+        experiments=_experiments_table(verdict),
         candidates=candidates(found, verdict),
         base=base(found, verdict),
-        foot=_foot(found, verdict),
+        foot=_provenance(found, verdict),
     )
 
 
-def _card(found: Findings, verdict: Verdict) -> Card:
+def _verdict_card(found: Findings, verdict: Verdict) -> Card:
     """The verdict in large print: the effect, its size, and the share of the gap it closes."""
     number, below = "", ""
     if verdict.effects and verdict.gap.before["excess"]:
@@ -63,7 +63,7 @@ def _card(found: Findings, verdict: Verdict) -> Card:
     return Card(tone, headline(verdict), tuple(lines), number, below)
 
 
-def _following(found: Findings, verdict: Verdict) -> list[str]:
+def _next_commands(found: Findings, verdict: Verdict) -> list[str]:
     """The commands to type next, for the folder where the fit was called."""
     name = f"--strip configs/strips/{found.subject.name}.yaml"
     if isinstance(found.subject, EditsModel):
@@ -88,7 +88,7 @@ def _following(found: Findings, verdict: Verdict) -> list[str]:
     return todo
 
 
-def _experiments(verdict: Verdict) -> list[tuple[str, ...]] | None:
+def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
     """Planned runs that would separate the explanations; None where that would change nothing."""
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return None
@@ -99,7 +99,7 @@ def _experiments(verdict: Verdict) -> list[tuple[str, ...]] | None:
     ]  # fmt: skip
 
 
-def _foot(found: Findings, verdict: Verdict) -> str:
+def _provenance(found: Findings, verdict: Verdict) -> str:
     held = [run for run in found.subject.runs if run.name in verdict.held_out]
     return (
         f"{verdict.simulations} simulated runs in {verdict.runtime:.0f} s. "

@@ -36,7 +36,7 @@ def sentence(found: Findings, verdict: Verdict) -> str:
     """Sentence on the missing effect and its certainty, for a technician; sizes stand elsewhere."""
     words = {
         "named": _name_effects,
-        "ambiguous": _ambiguous,
+        "ambiguous": _ambiguity,
         "no_gap": _no_gap,
         "unexplained": _describe_rest,
     }
@@ -46,7 +46,8 @@ def sentence(found: Findings, verdict: Verdict) -> str:
 def _name_effects(found: Findings, verdict: Verdict) -> str:
     sentences = {c.name: c.sentence for c in found.subject.scope.candidates}
     effects = ", and ".join(
-        f"{sentences[e.name]} ({e.name}: {_values(e.parameters)})" for e in verdict.effects
+        f"{sentences[e.name]} ({e.name}: {_parameter_values(e.parameters)})"
+        for e in verdict.effects
     )
     text = f"{effects}; {sigmas(found):.1f} sigma."
     if found.judged.outlying_run is not None:
@@ -70,7 +71,7 @@ def _class_members(found: Findings) -> frozenset[str]:
     return found.accepted.model.names - {e.name for e in found.sure}
 
 
-def _ambiguous(found: Findings, verdict: Verdict) -> str:
+def _ambiguity(found: Findings, verdict: Verdict) -> str:
     sentences = {c.name: f"{c.sentence} ({c.name})" for c in found.subject.scope.candidates}
     groups = [[sentences.get(name, name) for name in group] for group in verdict.ambiguous]
     either = "; ".join(", or ".join(group) for group in groups)
@@ -85,9 +86,8 @@ def _no_gap(found: Findings, verdict: Verdict) -> str:
     sizes = f" {many} effects would have shown, from the sizes listed below on." if many else ""
     silent = undetectable(found)
     never = f" Not detectable here at any possible size: {', '.join(silent)}." if silent else ""
-    return (
-        f"The model explains these runs down to their noise ({_now(found, verdict)}).{sizes}{never}"
-    )
+    gaps = f"The model explains these runs down to their noise ({_gaps(found, verdict)})."
+    return f"{gaps}{sizes}{never}"
 
 
 def _describe_rest(found: Findings, verdict: Verdict) -> str:
@@ -152,7 +152,7 @@ def deviation(deviates: Sequence[Deviation]) -> str:
     return f"not as the file states: {'; '.join(parts)}"
 
 
-def _values(parameters: dict[str, Measured]) -> str:
+def _parameter_values(parameters: dict[str, Measured]) -> str:
     return ", ".join(
         f"{name.replace('_', ' ')} {quantity(v.value, v.unit)}" for name, v in parameters.items()
     )
@@ -176,7 +176,7 @@ def label(of: Quantity) -> str:
     return f"{words} time" if of.unit == "ms" else words
 
 
-def _now(found: Findings, verdict: Verdict) -> str:
+def _gaps(found: Findings, verdict: Verdict) -> str:
     parts = [
         f"{label(q)} {number(verdict.gap.before[q.key])} {q.unit}"
         for q in found.subject.scope.quantities.values()

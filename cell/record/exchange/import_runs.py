@@ -178,7 +178,7 @@ def _profile(source: Source, how: Mapping, begin: float) -> dict[str, Array]:
 
 def _result(source: Source, how: Mapping, begin: float, end: float) -> dict[str, object]:
     """The measured touch, if before the last row of the gripper at `end` [s] or soon after."""
-    if how.result is None or not _is_there(source, how.result.file):
+    if how.result is None or not _touch_was_measured(source, how.result.file):
         return {"outcome": "path_done"}
     values = read_columns(source, how.result, how.result.columns.items())
     if not all(len(column) and np.isfinite(column).any() for column in values.values()):
@@ -197,6 +197,6 @@ def _result(source: Source, how: Mapping, begin: float, end: float) -> dict[str,
     return {"outcome": "layer_touch", **found}
 
 
-def _is_there(source: Source, file: str) -> bool:
+def _touch_was_measured(source: Source, file: str) -> bool:
     """Whether the touch was measured: a folder without its file states that it was not."""
     return not isinstance(source, Folder) or (source.path / file).exists()

@@ -108,13 +108,13 @@ def _columns(part: Outgoing, features: Features, points: int) -> dict[str, Array
         seen = part.tables.get("contact", empty)
         rows = place_rows(found["stamp"], seen["t"])
         for name, key in (("contact", "contact_x"), ("contact_stamp", "t")):
-            found[f"observation.{name}"] = _spread(rows, seen[key], len(found["stamp"]), part)
+            found[f"observation.{name}"] = _at_rows(rows, seen[key], len(found["stamp"]), part)
     if points:
-        found |= _wide(part, found["stamp"], points)
+        found |= _curves_per_frame(part, found["stamp"], points)
     return found
 
 
-def _wide(part: Outgoing, t: Array, points: int) -> dict[str, Array]:
+def _curves_per_frame(part: Outgoing, t: Array, points: int) -> dict[str, Array]:
     """Curves (n, points) in the frames nearest to their images, and their stamps (n,)."""
     curves = part.run.profile.curves()
     stamps = np.array([stamp for stamp, _ in curves])
@@ -122,13 +122,13 @@ def _wide(part: Outgoing, t: Array, points: int) -> dict[str, Array]:
     padded = np.full((len(curves), points, 2), np.nan)
     for i, (_, curve) in enumerate(curves):
         padded[i, : len(curve)] = curve
-    found = {"observation.profile_stamp": _spread(rows, stamps, len(t), part)}
+    found = {"observation.profile_stamp": _at_rows(rows, stamps, len(t), part)}
     for k, axis in enumerate("xz"):
-        found[f"observation.profile_{axis}"] = _spread(rows, padded[..., k], len(t), part)
+        found[f"observation.profile_{axis}"] = _at_rows(rows, padded[..., k], len(t), part)
     return found
 
 
-def _spread(rows: Any, values: Array, count: int, part: Outgoing) -> Array:
+def _at_rows(rows: Any, values: Array, count: int, part: Outgoing) -> Array:
     """Array (count, ...) with `values` (k, ...) in their `rows` (k,), NaN elsewhere."""
     if len(np.unique(rows)) < len(rows):
         raise ConfigurationError(

@@ -102,7 +102,7 @@ def _sights(run: Run) -> list[StripMeasurement]:
     """Measurements of a run, image by image; of a laboratory's run only the curves."""
     sights, curves = run.sights(), run.profile.curves()
     if sights.stamp.size == 0:
-        return [_bare(t, points) for t, points in curves]
+        return [_curve_only(t, points) for t, points in curves]
     points_at = dict(curves)
     return [
         StripMeasurement(
@@ -120,6 +120,6 @@ def _sights(run: Run) -> list[StripMeasurement]:
     ]
 
 
-def _bare(t: float, points: Array) -> StripMeasurement:
+def _curve_only(t: float, points: Array) -> StripMeasurement:
     nothing = float("nan")
     return StripMeasurement(t, 0, nothing, 0.0, points, 1.0, (nothing, nothing), nothing, nothing)

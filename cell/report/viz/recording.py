@@ -160,11 +160,11 @@ class Screen:
         self._ahead: list[tuple[float, int, list[float]]] = []
         self._track: list[Array] = []
         self._state: tuple[str, bool] = ("", False)
-        self._furnish(1.0 if strip is None else strip.length)
+        self._log_surroundings(1.0 if strip is None else strip.length)
 
     def draw(self, item: TickView | LogLine) -> None:
         """Add a tick or a line of the log."""
-        self._at(item)
+        self._set_times(item)
         if isinstance(item, LogLine):
             level = rr.TextLogLevel.ERROR if item.alarm else rr.TextLogLevel.INFO
             self._to.log("log", rr.TextLog(item.text, level=level))
@@ -232,7 +232,7 @@ class Screen:
             columns = rr.Scalars.columns(scalars=SIGNAL_SCALES.get(name, MM) * values)
             self._to.send_columns(f"signals/{name}", [times, ticks], columns)
 
-    def _furnish(self, length: float) -> None:
+    def _log_surroundings(self, length: float) -> None:
         desk = [MM * np.array([(-0.1, 0.0), (length + 0.15, 0.0)])]
         self._to.log("desk", rr.LineStrips2D(desk, colors=0x8A9099FF, radii=1.0), static=True)
         lanes = rr.StateConfiguration(
@@ -244,7 +244,7 @@ class Screen:
             line = rr.SeriesLines(colors=colour, names=label, widths=1.5)
             self._to.log(f"signals/{name}", line, static=True)
 
-    def _at(self, item: TickView | LogLine) -> None:
+    def _set_times(self, item: TickView | LogLine) -> None:
         self._to.reset_time()
         self._to.set_time("clock", duration=item.clock)
         if math.isfinite(item.t):

@@ -60,7 +60,9 @@ class Viz:
         self._next_image, self._sequence = -math.inf, -1
         self._predicted: FoldPrediction | None = None
         arguments = (mode, folder, strip, viewer)
-        self._thread = threading.Thread(target=self._work, args=arguments, name="viz", daemon=True)
+        self._thread = threading.Thread(
+            target=self._draw_queue, args=arguments, name="viz", daemon=True
+        )
         self._thread.start()
 
     def see(self, snapshot: Snapshot) -> None:
@@ -120,7 +122,7 @@ class Viz:
         self._waiting.append(item)
         self._news.set()
 
-    def _work(
+    def _draw_queue(
         self, mode: Mode, folder: Path, strip: StripFile, viewer: Callable[[str], None] | None
     ) -> None:
         """Draw the queue until the run is over; Rerun is imported here, while the run goes on."""

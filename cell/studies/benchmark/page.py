@@ -112,9 +112,9 @@ def page_of(results: Results) -> str:
         said=verdict_of(results),
         claims=[("held" if c.held else "not held", c.says, c.here) for c in claims(results)],
         asked=results.asked,
-        strips=[_strip_row(row) for row in summary],
-        ranges=[_range_row(row) for row in summary],
-        outside=_outside(results),
+        strips=[_strip_cells(row) for row in summary],
+        ranges=[_range_cells(row) for row in summary],
+        outside=_outside_sentence(results),
         hidden=_hidden_effects(results),
         figures={name: draw(results) for name, draw in FIGURES.items()},
         photograph=photograph(results),
@@ -142,7 +142,7 @@ def verdict_of(results: Results) -> Verdict:
     return Verdict(tone, headline, sentences, millimetres(strips.worst), "worst |d|, feedback")
 
 
-def _outside(results: Results) -> str:
+def _outside_sentence(results: Results) -> str:
     """Sentence on the number of strips outside the simulated range, policy by policy."""
     strays = [(p, *outside(results, p)) for p in THREE if p in results.asked.policies]
     return "; ".join(f"{p} {out} of {of}" for p, out, of in strays if of) or NO_VALUE
@@ -162,7 +162,7 @@ def _hidden_effects(results: Results) -> dict[str, Any]:
     return {"head": ("hidden", *policies), "rows": misses}
 
 
-def _strip_row(row: Row) -> tuple[str, ...]:
+def _strip_cells(row: Row) -> tuple[str, ...]:
     s = row.strips
     numbers = [numeral(value, signed=True) for value in (s.mean, s.low, s.high)]
     tail = [numeral(s.worst), s.worst_strip, numeral(s.misread), numeral(row.spread)]
@@ -170,7 +170,7 @@ def _strip_row(row: Row) -> tuple[str, ...]:
     return row.policy, f"{s.folded} of {s.of}", *numbers, *tail
 
 
-def _range_row(row: Row) -> tuple[str, ...]:
+def _range_cells(row: Row) -> tuple[str, ...]:
     rod, chain = row.rod, row.chain
     numbers = [numeral(value) for value in (rod.mean, rod.quantile_95, rod.worst)]
     other = [numeral(chain.mean), numeral(chain.worst), newtons(rod.force)]

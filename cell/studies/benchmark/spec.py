@@ -60,8 +60,8 @@ class BenchmarkSpec(Settings):
         known = configs.strip_names()
         usual = tuple(name for name in QUICK_FABRICS if name in known) if quick else known
         return cls(
-            policies=_each(policies or policy_names(), policy_names(), "policies"),
-            strips=_each(strips or usual or known, known, "strips"),
+            policies=_check_names(policies or policy_names(), policy_names(), "policies"),
+            strips=_check_names(strips or usual or known, known, "strips"),
             repeats=repeats or (2 if quick else 5),
             seed=seed,
             extent=QUICK if quick else Size(),
@@ -73,7 +73,7 @@ class BenchmarkSpec(Settings):
         return FAVOURITE if FAVOURITE in self.strips else self.strips[0]
 
 
-def _each(names: tuple[str, ...], known: tuple[str, ...], option: str) -> tuple[str, ...]:
+def _check_names(names: tuple[str, ...], known: tuple[str, ...], option: str) -> tuple[str, ...]:
     wanted = tuple(dict.fromkeys(names))
     for name in wanted:
         if name not in known:

@@ -40,7 +40,7 @@ def page(outcomes: Sequence[Outcome]) -> str:
     lines.append("|---|---|---|---|---|---|---|---|")
     for fault in FAULTS:
         cases = [o for o in outcomes if o.case.values["fault"] == fault]
-        lines += [_row(fault, cases)] if cases else []
+        lines += [_fault_row(fault, cases)] if cases else []
     missing = [
         state
         for state in FAULT_STATES
@@ -57,7 +57,7 @@ def page(outcomes: Sequence[Outcome]) -> str:
     return "\n".join([*lines, ""])
 
 
-def _row(fault: str, cases: Sequence[Outcome]) -> str:
+def _fault_row(fault: str, cases: Sequence[Outcome]) -> str:
     def states(verdict: str) -> str:
         some = [str(o.case.values["state"]) for o in cases if o.values["verdict"] == verdict]
         named = ", ".join(dict.fromkeys(some))
@@ -68,7 +68,8 @@ def _row(fault: str, cases: Sequence[Outcome]) -> str:
     named = ", ".join(dict.fromkeys(f"`{o.values['outcome']}`" for o in stopped)) or "-"
     codes = ", ".join(sorted({str(o.values["exit_code"]) for o in cases}))
     worst = [
-        _worst(stopped, key, scale) for key, scale in (("stop", 1), ("rest", 1), ("distance", 1e3))
+        _worst_text(stopped, key, scale)
+        for key, scale in (("stop", 1), ("rest", 1), ("distance", 1e3))
     ]
     said = str((stopped or cases)[0].values["message"]).splitlines()[0]
     return f"| {fault} | {verdicts} | {named} | {codes} | {' | '.join(worst)} | {said[:120]} |"
@@ -79,7 +80,7 @@ def _remedy(outcome: str) -> str:
     return next(words for begin, words in REMEDIES if outcome.startswith(begin))
 
 
-def _worst(cases: Sequence[Outcome], key: str, scale: float) -> str:
+def _worst_text(cases: Sequence[Outcome], key: str, scale: float) -> str:
     values = [float(o.values[key]) for o in cases if o.values.get(key) is not None]
     return f"{scale * max(values):.2f}" if values else "-"
 

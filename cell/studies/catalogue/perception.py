@@ -48,8 +48,8 @@ def measure(case: Values) -> Values:
             unseen += 1
             continue
         tip = sight.seen.tip - np.array(fold_tip(fold.shape(sight.stamp)))
-        _add(halves, sight, strip.length)
-        curves.append(_curve(sight))
+        _add_errors(halves, sight, strip.length)
+        curves.append(_profile_errors(sight))
         row = (sight.contact, *tip, float(np.sqrt(np.mean(curves[-1] ** 2))))
         for name, value in zip(errors, row, strict=False):
             errors[name].append(float(value))
@@ -71,7 +71,7 @@ def measure(case: Values) -> Values:
     }
 
 
-def _add(halves: dict[str, list[float]], sight: Sight, length: float) -> None:
+def _add_errors(halves: dict[str, list[float]], sight: Sight, length: float) -> None:
     """Add the errors of an image, of contact and thirds of the profile, to its half of the run."""
     side = "past" if sight.pose.x < length / 2 else "before"
     halves[f"contact {side}"].append(sight.contact)
@@ -81,7 +81,7 @@ def _add(halves: dict[str, list[float]], sight: Sight, length: float) -> None:
         halves[f"profile {k} {side}"].append(float(np.median(off[third == k])))
 
 
-def _curve(sight: Sight) -> Array:
+def _profile_errors(sight: Sight) -> Array:
     """Errors (points, 2) [m] of the profile as a policy reads it."""
     fold, grip = sight.fold, (sight.pose.x, sight.pose.z)
     seen = seen_profile(sight.seen.profile, sight.seen.contact_x, grip)[0]

@@ -69,7 +69,7 @@ def measure(case: Values) -> Values:
                 _measure_by_ruler(result, memory)
         since = changed_since(StripFile.model_validate(case["strip"]), memory)
     noticed = since in runs[FOLDS_BEFORE:] if series == CHANGED_SERIES else None
-    return {**found, "worse": _worse(found), "noticed": noticed,
+    return {**found, "worse": _growth(found), "noticed": noticed,
             "alarm": since is not None and not noticed}  # fmt: skip
 
 
@@ -110,7 +110,7 @@ def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
         learn_from_ruler(Path(result.run), edges, find_configs(None).cell().name, memory)
 
 
-def _worse(found: Mapping[str, object]) -> float | None:
+def _growth(found: Mapping[str, object]) -> float | None:
     """Mean |d| of the folds that learned, less that of the first [m]; None without one."""
     first, *others = (
         found.get(f"true_{number + 1}") for number in range(max(SERIES_FOLDS.values()))

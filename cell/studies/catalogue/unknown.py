@@ -57,7 +57,7 @@ def measure(case: Values) -> Values:
         opened = dropping(share, case["noise"])
         result = fold_unknown(strip, case["noise"], Path(place), measured=measured, opened=opened)
         found = dict(compare(result)) | {"untrained": untrained_spread().added}
-        found |= _loop(Path(result.run), strip.length, result.edge_offset_true)
+        found |= _loop_size(Path(result.run), strip.length, result.edge_offset_true)
     length, time, _ = truth(strip)
     if "believed_length" in found:
         found |= {
@@ -67,7 +67,7 @@ def measure(case: Values) -> Values:
     return found
 
 
-def _loop(run: Path, length: float, edges: float | None) -> Values:
+def _loop_size(run: Path, length: float, edges: float | None) -> Values:
     """Measured size of the laid fold's loop, and the length [m] that it holds beyond its size."""
     seen = [e.facts.get("loop") for e in read_run(run).events() if e.kind == "edges_seen"]
     if edges is None or not seen or not isinstance(loop := seen[0], dict):
@@ -85,11 +85,11 @@ def laid_weights(outcomes: Sequence[Outcome]) -> Values:
     size = [(1.0, o.values["height"], o.values["width"]) for o in kept]
     terms, held = np.column_stack([size, thickness]), np.array([o.values["held"] for o in kept])
     fifth = np.arange(len(kept)) % 5
-    left = [held[fifth == k] - terms[fifth == k] @ _robust(terms[fifth != k], held[fifth != k])
+    left = [held[fifth == k] - terms[fifth == k] @ _robust_fit(terms[fifth != k], held[fifth != k])
             for k in range(5)]  # fmt: skip
     names = ("constant", "height", "width", "thickness")
     rms = float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
-    return {"schema": 1, **dict(zip(names, _robust(terms, held).tolist(), strict=True)),
+    return {"schema": 1, **dict(zip(names, _robust_fit(terms, held).tolist(), strict=True)),
             "rms": rms, "folds": len(kept)}  # fmt: skip
 
 
@@ -106,7 +106,7 @@ def untrained_sigma(outcomes: Sequence[Outcome]) -> Values:
             "folds": len(known)}  # fmt: skip
 
 
-def _robust(terms: Array, values: Array) -> Array:
+def _robust_fit(terms: Array, values: Array) -> Array:
     """Fit `values` (n,) [m] by `terms` (n, k) with Cauchy's loss beyond DISPLACEMENT_SCALE."""
     found = np.linalg.lstsq(terms, values, rcond=None)[0]
     fit = least_squares(

@@ -49,7 +49,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
             noise=rng.uniform(1.0, 4.0),
             gain=rng.uniform(0.85, 1.1),
         )
-        seen = Optics.of(camera).plane(_area(2))
+        seen = Optics.of(camera).plane(_random_places(2))
         high = (camera.width - EDGE_MARGIN, camera.height - EDGE_MARGIN)
         if ((seen > EDGE_MARGIN) & (seen < high)).all():
             return {"camera": camera.model_dump(mode="json"), "noise": number}
@@ -59,14 +59,14 @@ def measure(case: Values) -> Values:
     """Median and worst error of the map [m], and the number of wild touches that were named."""
     camera = CameraSettings.model_validate(case["camera"])
     rng = np.random.default_rng([case["noise"], 1])
-    lens, refused = _lens(camera, case["noise"])
+    lens, refused = _wizard_lens(camera, case["noise"])
     if lens is None:
         return {"median": None, "worst": None, "refused": True, "reasons": list(refused)}
     verdict, wild = _touch_points(camera, lens, rng)
     reasons = [*refused, *verdict.reasons]
     if verdict.homography is None:
         return {"median": None, "worst": None, "refused": True, "reasons": reasons}
-    grid = _area(25)
+    grid = _random_places(25)
     seen = verdict.homography.to_plane(lens.undistort(Optics.of(camera).plane(grid)))
     errors = np.hypot(*(seen - grid).T)
     return {
@@ -80,13 +80,13 @@ def measure(case: Values) -> Values:
     }
 
 
-def _area(count: int) -> Array:
+def _random_places(count: int) -> Array:
     x = np.linspace(TOUCHES.x_min, TOUCHES.x_max, count)
     z = np.linspace(TOUCHES.z_min, TOUCHES.z_max, count)
     return np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
 
 
-def _lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[str, ...]]:
+def _wizard_lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[str, ...]]:
     """Lens by the wizard, through rendered boards; the reasons where it is refused."""
     views, board, sequence = BoardViews(BOARD), BOARD.board(), 0
     while (wanted := views.ask()) is not None:
@@ -117,14 +117,14 @@ def _touch_points(
         seen = replace(pose, x=pose.x + off[0], z=max(pose.z + off[1], 0.01))
         noise = ARM_NOISE * rng.normal(size=2)
         points.tell(
-            _pointer(renderer, seen, sequence),
+            _pointer_image(renderer, seen, sequence),
             replace(pose, x=pose.x + noise[0], z=pose.z + noise[1]),
         )
         sequence += 1
     return points.verdict(), len(first)
 
 
-def _pointer(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
+def _pointer_image(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
     """Image of the pin at `pose`, without a strip in the cell."""
     points = np.column_stack([np.linspace(0, 0.6, 7), np.zeros(7)])
     scene = Scene(0.0, points, points[:, 0], pose, 0.0, holds_strip=False, pointer=True,

@@ -53,7 +53,7 @@ def nature(model: StripModel, segments: int, *, rich: bool = False) -> Array:
     inner[:, at.LOAD_Z] = inner[:, at.MASS] * gz
     inner[:, at.DESK] = -inner[:, at.LOAD_Z]
     _lump_bending(inner, mechanics, middles)
-    _yield(inner[-1], model.boundary.grip_compliance)
+    _combine_compliances(inner[-1], model.boundary.grip_compliance)
     weight = float(inner[:, at.MASS].sum()) * float(np.hypot(gx, gz))
     spans = np.diff(arc)
     rows[:, at.SPAN] = np.concatenate([spans[:1], spans, spans[-1:], spans[-1:]])
@@ -85,7 +85,7 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
     inner[:, at.REST] = mechanics.total(mechanics.rest_curvature, middles)
 
 
-def _yield(grip: Array, compliance: float) -> None:
+def _combine_compliances(grip: Array, compliance: float) -> None:
     """Combine the compliance of the hinge at the grip with the grip's own, in series: angles add
     under one moment.
 

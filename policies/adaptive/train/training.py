@@ -38,7 +38,7 @@ class CriticTraining:
         self.checkpoint = folder / CHECKPOINT
         self._trial: Trial | None = None
         self._critic: Critic | None = None
-        _claim(folder / SETTINGS, settings)
+        _check_settings(folder / SETTINGS, settings)
 
     @property
     def total(self) -> int:
@@ -125,7 +125,7 @@ class CriticTraining:
             piece.save(self._path(turn, number))
 
 
-def _claim(path: FilePath, settings: CriticSettings) -> None:
+def _check_settings(path: FilePath, settings: CriticSettings) -> None:
     """Write the settings into the folder, or refuse a folder that was begun with others."""
     asked = json.loads(settings.model_dump_json())
     try:

@@ -62,17 +62,17 @@ def fit_transfer(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
     left_out = np.empty(count)
     for part in np.array_split(np.random.default_rng(0).permutation(count), min(count, 10)):
         rest = np.setdiff1d(np.arange(count), part)
-        bias = _coefficients(_chosen(batch, rest))
-        left_out[part] = _residuals(_chosen(batch, part), bias)
+        bias = _coefficients(_subset(batch, rest))
+        left_out[part] = _residuals(_subset(batch, part), bias)
     bias = _coefficients(batch)
     sigma = float(np.quantile(np.abs(left_out) / batch.sigma, COVERAGE))
     unmeasured = abs(bias[2]) * float(
         np.sqrt(np.mean((batch.thickness - REFERENCE_THICKNESS) ** 2))
     )
-    transfer = Transfer(Bias(*(_short(value) for value in (*bias, sigma, unmeasured))))
+    transfer = Transfer(Bias(*(_round(value) for value in (*bias, sigma, unmeasured))))
     quality = FitQuality(
         count,
-        _short(np.sqrt(np.mean(left_out**2))),
+        _round(np.sqrt(np.mean(left_out**2))),
         round(float(np.mean(np.abs(left_out) < sigma * batch.sigma)), 3),
     )
     return transfer, quality
@@ -100,9 +100,9 @@ def _bias_terms(batch: FoldedBatch) -> Array:
     return bias_terms(batch.log_length, batch.thickness - REFERENCE_THICKNESS)
 
 
-def _chosen(batch: FoldedBatch, rows: NDArray[np.intp]) -> FoldedBatch:
+def _subset(batch: FoldedBatch, rows: NDArray[np.intp]) -> FoldedBatch:
     return FoldedBatch(*(column[rows] for column in batch))
 
 
-def _short(value: float) -> float:
+def _round(value: float) -> float:
     return float(f"{value:.4g}")

@@ -111,7 +111,7 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
                   [read_yaml(f.path / HEADER_FILE).get("index") for f in folders])  # fmt: skip
     in_order = sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
     signals = tuple(_signal(n, s, model, recordings, str(path))
-                    for n, s in in_order if not _is_given(s, file))  # fmt: skip
+                    for n, s in in_order if not _is_given_motion(s, file))  # fmt: skip
     columns = [n for n, k in file.inputs.items() if k == "position"]
     columns += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
     mechanism = _mechanism(file, xml, model, recordings, signals)
@@ -133,7 +133,7 @@ def _check_load(recording: Recording, model: Any) -> None:
     number_of(model, "body", str(recording.load.get("body")), origin, "body")
 
 
-def _is_given(spec: SignalSpec, file: MechanismFile) -> bool:
+def _is_given_motion(spec: SignalSpec, file: MechanismFile) -> bool:
     """Whether a signal is part of the given motion, and is not compared."""
     return file.mode == "prescribed" and spec.is_ not in ("torque", "tracking")
 

@@ -30,7 +30,7 @@ TINY_MODEL = (
 def chain_laws(laws: Sequence[tuple[Callable[..., Array], int]]) -> Any:
     """One compiled `(q, v, load, p) -> torque` of all `laws`, each with its first place in `p`."""
     if not laws:
-        return numba.njit(_nothing)
+        return numba.njit(_zero_torque)
     law, at = laws[0]
     rest = chain_laws(laws[1:])
     own = numba.njit(error_model="numpy")(law)
@@ -44,7 +44,7 @@ def chain_laws(laws: Sequence[tuple[Callable[..., Array], int]]) -> Any:
     return numba.njit(error_model="numpy")(both)
 
 
-def _nothing(q, v, load, p):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def _zero_torque(q, v, load, p):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return 0.0
 
 

@@ -99,7 +99,7 @@ def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
         most = joint.torque / joint.rate  # its links would hardly swing
         parameter = Parameter(f"damping_{i + 1}", "N m s", link.damping, 0.0, most, 1e-5 * most,
                               0.1 * most)  # fmt: skip
-        found.append(_number(parameter, "dof_damping", (i,), 1.0))
+        found.append(_field_access(parameter, "dof_damping", (i,), 1.0))
     places = {"com": ("body_ipos", 1, 2, -1.0), "inertia": ("body_inertia", 1, slice(None), 1.0),
               "length": ("body_pos", 2, 2, -1.0)}  # fmt: skip
     for key, unit, spread in SPREADS:
@@ -108,11 +108,11 @@ def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
             v = float(getattr(link, key))
             parameter = Parameter(f"{key}_{i + 1}", unit, v, 0.2 * v, 5.0 * v, 1e-3 * spread * v,
                                   spread * v)  # fmt: skip
-            found.append(_number(parameter, field, (i + first, at), sign))
+            found.append(_field_access(parameter, field, (i + first, at), sign))
     return found
 
 
-def _number(parameter: Parameter, field: str, at: tuple[Any, ...], sign: float) -> Base:
+def _field_access(parameter: Parameter, field: str, at: tuple[Any, ...], sign: float) -> Base:
     """Access to a number of the model that stands `at` a place of a field."""
 
     def put(fields: Fields, value: float) -> None:

@@ -114,7 +114,7 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
     cutoff = min(cutoff, wide)
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
     gaps = absent | np.any(lost, axis=0, keepdims=True)
-    known = np.array([~_near(row, reach) for row in gaps])
+    known = np.array([~_near_gaps(row, reach) for row in gaps])
     filtered = _low_pass(raw, dt, wide)
     white = (raw - filtered).std(axis=1) / np.sqrt(1.0 - wide * dt / np.pi)
     shake = np.outer(_noise_gain(dt, cutoff, width), white)
@@ -149,7 +149,7 @@ def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
     return np.array([np.linalg.norm(x) for x in made[1:]])
 
 
-def _near(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+def _near_gaps(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     """Mask of readings nearer than `reach` to a gap, or to an end."""
     around = np.pad(gaps.astype(float), reach, constant_values=1.0)
     return np.convolve(around, np.ones(2 * reach + 1), "valid") > 0.5
@@ -193,12 +193,14 @@ class Prescribed:
         gears = (("elastic", case.readings.elastic), ("gap", case.readings.gap))
         turned = [(kind, values) for kind, values in gears if values is not None and np.any(values)]
         if self._mechanism.trackings:
-            turns = sum((_turn(inverse, v, kind) for kind, v in turned), np.zeros_like(q))
+            turns = sum(
+                (_gear_deflection(inverse, v, kind) for kind, v in turned), np.zeros_like(q)
+            )
             rows = [self._joint_torques(model, case, q, v, inverse),
                     self._tracking(motion, case, turns)]  # fmt: skip
             return motion.below_cutoff(np.vstack(rows), case.content.cut.t)
         for kind, values in turned:
-            q, v, a = _behind(motion, inverse, (q, v, a), values, kind)
+            q, v, a = _link_motion(motion, inverse, (q, v, a), values, kind)
             inverse = self._inverse(motion, model, q, v, a, None)
         needed = self._joint_torques(model, case, q, v, inverse)
         return motion.below_cutoff(needed, case.content.cut.t)
@@ -223,16 +225,16 @@ class Prescribed:
         for (_, j), row in zip(self._mechanism.torques, motion.torques, strict=False):
             p, along = user[j], (q[:, j], v[:, j], inverse[:, j])
             stands = np.exp(-((along[1] / (STANDS * self._mechanism.joints[j].rate)) ** 2))
-            for effect in _holding():
+            for effect in _friction_effects():
                 at = torques().at[effect.name]
                 if effect.law is None or effect.holds is None or not p[at : at + effect.keys].any():
                     continue
                 slides, most = (f(*along, p, at) for f in (effect.law, effect.holds))
                 others = inverse[:, j] - given[:, j] + slides
-                held = np.clip(others - self._scale(model, j) * row, -most, most)
+                held = np.clip(others - self._torque_per_reading(model, j) * row, -most, most)
                 given[:, j] += stands * (held - slides)
 
-    def _scale(self, model: Any, joint: int) -> float:
+    def _torque_per_reading(self, model: Any, joint: int) -> float:
         """Torque of a joint [N m] per reading of its motor's sensor."""
         number, base = self._mechanism.joints[joint].actuator, self._mechanism.model
         gain = model.actuator_gainprm[number, 0] / base.actuator_gainprm[number, 0]
@@ -251,7 +253,9 @@ class Prescribed:
 
     def _sensor_readings(self, needed: Array, model: Any) -> Array:
         """Readings (signals, m) of torque sensors for the required torques (m, joints)."""
-        return np.array([needed[:, j] / self._scale(model, j) for _, j in self._mechanism.torques])
+        return np.array(
+            [needed[:, j] / self._torque_per_reading(model, j) for _, j in self._mechanism.torques]
+        )
 
     def _inverse(self, motion: Motion, model: Any, q: Array, v: Array, a: Array,
                  case: Case | None) -> Array:  # fmt: skip
@@ -294,18 +298,18 @@ def _undo_encoders(motion: Motion, case: Case, mechanism: Mechanism) -> tuple[Ar
     return (q - bias) / scale, v / scale, a / scale
 
 
-def _behind(
+def _link_motion(
     motion: Motion, torque: Array, moved: tuple[Array, Array, Array], values: Array, kind: str
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Motion of the links behind gears with elasticity or play, under `torque` (m, joints)."""
     q, v, a = moved
-    links = q - _turn(torque, values, kind)
+    links = q - _gear_deflection(torque, values, kind)
     smooth = _low_pass((links - q).T, motion.t[1] - motion.t[0], motion.cutoff)
     bent, turn, jerk = _derivatives(motion.t, smooth.T)
     return q + bent, v + turn, a + jerk
 
 
-def _turn(torque: Array, values: Array, kind: str) -> Array:
+def _gear_deflection(torque: Array, values: Array, kind: str) -> Array:
     """Angles (m, joints) by which links stand behind their motors under `torque` (m, joints)."""
     if kind == "elastic":
         return np.asarray(values * torque)
@@ -313,7 +317,7 @@ def _turn(torque: Array, values: Array, kind: str) -> Array:
 
 
 @cache
-def _holding() -> tuple[Effect, ...]:
+def _friction_effects() -> tuple[Effect, ...]:
     """Effects whose torque holds a standing joint."""
     return tuple(e for e in registry().values() if e.holds is not None)
 

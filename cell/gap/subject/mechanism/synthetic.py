@@ -116,12 +116,12 @@ def _constant(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> N
         columns[f"t{i + 1}"] /= 1.0 + 0.15 * s
 
 
-def _bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+def _torque_bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
     for i in range(c.joints):
         columns[f"t{i + 1}"] += (-1) ** i * 0.06 * s * c.weight[i]
 
 
-def _encoder(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+def _encoder_bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
     columns[f"j{c.joints}"] += 0.05 * s
 
 
@@ -131,7 +131,7 @@ def _bolt(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
     columns[f"j{c.joints}"] += 0.06 * s * np.sign(load) * (np.abs(load) > 0.25)
 
 
-def _catch(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+def _cable(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
     """Foreign cause: a cable that catches at one angle of the last joint, and pulls only there."""
     angle = columns[f"j{c.joints}"]
     columns[f"t{c.joints}"] += 0.3 * s * c.weight[-1] * np.exp(-(((angle - 0.2) / 0.08) ** 2))
@@ -154,8 +154,8 @@ FIELDS = {  # of MuJoCo, parameter of the library, and how much of a joint's wei
     "armature": ("dof_armature", "inertia", 0.01),
 }
 READINGS: Mapping[str, Reading] = {
-    "torque_bias": _bias, "torque_constant": _constant, "encoder_bias": _encoder,
-    "loose_bolt": _bolt, "catching_cable": _catch, "wandering_supply": _supply,
+    "torque_bias": _torque_bias, "torque_constant": _constant, "encoder_bias": _encoder_bias,
+    "loose_bolt": _bolt, "catching_cable": _cable, "wandering_supply": _supply,
 }  # fmt: skip
 TRACKED = ("control_delay", "joint_elasticity")
 OUTSIDE = ("loose_bolt", "catching_cable", "wandering_supply", "bent_link")
@@ -198,7 +198,7 @@ def make_runs(
         if hidden in EDITS:
             EDITS[hidden](model, chain, size)
         model.dof_damping[:] *= 1.0 + 0.02 * rng.standard_normal(joints)
-        columns = _move(model, chain, hidden, size, float(rng.uniform(0.5, 1.5)), rng)
+        columns = _simulate_motion(model, chain, hidden, size, float(rng.uniform(0.5, 1.5)), rng)
         if hidden in READINGS:
             READINGS[hidden](columns, chain, size, rng)
         for i in range(joints):
@@ -210,7 +210,7 @@ def make_runs(
     return file
 
 
-def _move(
+def _simulate_motion(
     model: Any, chain: Chain, hidden: str, size: float, pace: float, rng: np.random.Generator
 ) -> Columns:
     """Columns (m,) of a motion there and back: joints, torques, and commands `c1` on.

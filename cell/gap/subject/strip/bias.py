@@ -74,7 +74,7 @@ def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
     found = {"near edge": frozen(sizes.edge * profile * np.where(halves == "past", 1.0, -1.0))}
     for quantity in ("profile", "contact_x", "touch_time", "touch_x", "displacement"):
         of = samples.quantity == quantity
-        parts = _parts(quantity, samples, halves)
+        parts = _error_groups(quantity, samples, halves)
         for part in dict.fromkeys(map(str, parts[of])):
             here = of & (parts == part)
             found[f"{quantity} {part}".strip()] = frozen(
@@ -83,7 +83,7 @@ def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
     return found
 
 
-def _parts(quantity: str, samples: Samples, halves: Words) -> Words:
+def _error_groups(quantity: str, samples: Samples, halves: Words) -> Words:
     """Groups (n,) of samples with one common error: profile by zone and half, contact, touch."""
     if quantity == "profile":
         return np.array([f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)])

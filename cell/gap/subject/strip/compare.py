@@ -40,7 +40,7 @@ class Comparison:
             return Residuals(lost, lost.copy())
         channels = [
             average(self._profile(model, shown), self.layout.profile),
-            self._here(*average(self._contact(model, shown), self.layout.contact)),
+            self._same_contact(*average(self._contact(model, shown), self.layout.contact)),
             *(average(self._force(model, shown, axis), self.layout.force[axis]) for axis in (0, 1)),
             self._touch(model, shown),
         ]
@@ -71,7 +71,7 @@ class Comparison:
         simulated = np.interp(time, shown.t, shown.contact_x)
         return np.asarray(self.run.contact_x[order] - seen_contact(model.observation, simulated))
 
-    def _here(self, mean: Array, square: Array) -> tuple[Array, Array]:
+    def _same_contact(self, mean: Array, square: Array) -> tuple[Array, Array]:
         """Mask of samples with measured and simulated contact at the same place."""
         here = np.abs(mean) < CONTACT_LIMIT * self.bending_length
         return np.where(here, mean, np.nan), np.where(here, square, np.nan)
@@ -94,11 +94,11 @@ class Comparison:
         stamp = seen_time(model.observation, shown.touch.time)
         reported = np.array([np.interp(stamp, self.run.t, c) for c in self.run.poses.T])
         seen = seen_touch(model, shown.touch, grip, reported)
-        mean = _event(self.run.touch) - _event(seen)
+        mean = _touch_values(self.run.touch) - _touch_values(seen)
         return mean, mean**2
 
 
-def _event(touch: Touch) -> Array:
+def _touch_values(touch: Touch) -> Array:
     middle = 0.5 * (touch.to_grasped + touch.to_fixed)
     return np.array([touch.time, middle, touch.displacement])
 

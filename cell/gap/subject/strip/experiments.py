@@ -9,6 +9,7 @@ from cell.gap.subject.strip.runs import Measured, MeasuredRun
 from cell.gap.subject.strip.synthetic import Fold, rod_folds
 from cell.gap.subject.strip.ways import way_of
 from cell.record.header import Sigma
+from drivers.geometry import arc_lengths
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.observation import mean_force, reported_force
@@ -38,7 +39,7 @@ def measured_along(
 ) -> list[Measured]:
     """Noise-free measurement of `strip` along each of `ways`, as run number `index`."""
     folds = rod_folds([describe(strip, index=index)] * len(ways), ways, SEGMENTS, STEP)
-    return [_observe(fold, sigma, index) for fold in folds]
+    return [_measure(fold, sigma, index) for fold in folds]
 
 
 def minutes(run: MeasuredRun) -> float:
@@ -46,10 +47,10 @@ def minutes(run: MeasuredRun) -> float:
     return SET_UP + run.measured.end / 60.0
 
 
-def _observe(fold: Fold, sigma: Sigma, index: int) -> Measured:
+def _measure(fold: Fold, sigma: Sigma, index: int) -> Measured:
     way, touch = fold.way, fold.motion.touch
     end = float(way.t[-1]) if touch is None else touch.time
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way.poses[:, :2], axis=0).T))])
+    travel = arc_lengths(way.poses[:, :2])
     height = fold.model.observation.contact_height
     chosen = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGE_PERIOD))
     chosen = np.unique(np.minimum(chosen, len(fold.shape_t) - 1))

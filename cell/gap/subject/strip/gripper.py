@@ -21,12 +21,12 @@ def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
     rough = np.stack([np.interp(even, t, poses[:, c]) for c in range(3)], axis=1)
     half = int(np.clip(NARROWEST_HALF * (sigma / QUIET_NOISE) ** 0.4, NARROWEST_HALF, WIDEST_HALF))
     half = min(half, (len(even) - 1) // 2)
-    smooth = _by_parabolas(rough, half) if half > 1 else rough
+    smooth = _parabolic_smoothing(rough, half) if half > 1 else rough
     fine = np.arange(even[0], even[-1] + 0.5 * DRIVING_STEP, DRIVING_STEP)
     return frozen(fine), frozen(CubicSpline(even, smooth)(fine))
 
 
-def _by_parabolas(values: Array, half: int) -> Array:
+def _parabolic_smoothing(values: Array, half: int) -> Array:
     """Values (k, c) smoothed by a local parabola through `half` neighbours on each side, the first
     and the last one also at the ends (Savitzky-Golay; scipy.signal takes a second to import).
     """

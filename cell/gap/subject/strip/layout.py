@@ -72,18 +72,18 @@ def layout(run: Measured, length: float, floors: Floors) -> Layout:
     )
     apart = _is_buckled(run, length)
     contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, apart)
-    force = _force(run, length, 0), _force(run, length, 1)
+    force = _force_part(run, length, 0), _force_part(run, length, 1)
     columns = [
         *_columns(profile, "profile", floors.profile, by_zone=True),
         *_columns(contact, "contact_x", floors.contact_x),
         *_columns(force[0], "force", floors.force),
         *_columns(force[1], "force", floors.force),
-        *_event(run, floors),
+        *_touch_column(run, floors),
     ]
     return Layout(profile, contact, force, _samples(columns))
 
 
-def _force(run: Measured, length: float, axis: int) -> Part:
+def _force_part(run: Measured, length: float, axis: int) -> Part:
     """Part of the force along one axis; none where the run states no noise for it."""
     reported = run.force_t if run.has_force else np.empty(0)
     unknown = np.isnan(run.force[: len(reported), axis])
@@ -161,7 +161,7 @@ def _columns(part: Part, channel: str, floor: float, *, by_zone: bool = False) -
     return found
 
 
-def _event(run: Measured, floors: Floors) -> list[_Column]:
+def _touch_column(run: Measured, floors: Floors) -> list[_Column]:
     """The touch as a series: its time, mean distance from both edges, and displacement.
 
     l1 and l2 are measured alike, so that their difference and their mean err independently.

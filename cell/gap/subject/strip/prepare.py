@@ -82,7 +82,7 @@ def prepare(
     about = surroundings(folds, nominal, coarse, jobs, scatter)
     local = tuple(e.parameter for e in scatter)
     return [
-        _run(run, fold, here, local)
+        _engine_run(run, fold, here, local)
         for run, fold, here in zip(runs, folds, about, strict=True)
         if len(fold.comparison.layout.samples)
     ]
@@ -112,20 +112,20 @@ def surroundings(
     shown = coarse([*drives, *moved])
     about = zip(folds, drives, shown[: len(folds)], strict=True)
     rough = [fold.comparison(job.model, motion).mean for fold, job, motion in about]
-    grains = _grains(folds, drives, rough, jobs)
+    grains = _grid_errors(folds, drives, rough, jobs)
     found = []
     for i, (fold, job) in enumerate(zip(folds, drives, strict=True)):
         limit = LARGEST_CHANGE * fold.comparison.layout.samples.floor
-        finer = _within(grains[i], limit)
+        finer = _drop_large(grains[i], limit)
         slopes = {}
         for k, e in enumerate(scatter, start=i * len(scatter)):
             there = fold.comparison(moved[k].model, shown[len(folds) + k]).mean
-            slopes[e.name] = frozen(_within(there - rough[i], limit) / e.step)
+            slopes[e.name] = frozen(_drop_large(there - rough[i], limit) / e.step)
         found.append(Surroundings(frozen(finer), slopes, job.model.mechanics.length))
     return found
 
 
-def _grains(
+def _grid_errors(
     folds: Sequence[Fold], drives: Sequence[Job], rough: Sequence[Array], jobs: int
 ) -> list[Array]:
     """Residuals of the coarse rod, `rough`, less those of a fine one, per sample (n,) of a fold.
@@ -149,16 +149,18 @@ def _rms(values: Array) -> float:
     return float(np.linalg.norm(np.nan_to_num(values)) / np.sqrt(max(len(values), 1)))
 
 
-def _run(run: MeasuredRun, fold: Fold, about: Surroundings, local: tuple[Parameter, ...]) -> Run:
+def _engine_run(
+    run: MeasuredRun, fold: Fold, about: Surroundings, local: tuple[Parameter, ...]
+) -> Run:
     """The run for the engine, linearised about the stated strip."""
     samples = fold.comparison.layout.samples
     samples = replace(samples, floor=np.hypot(samples.floor, TRUSTED * about.finer))
     content = replace(fold, finer=about.finer, slopes=about.slopes)
-    common = _common(run.measured, samples, about)
+    common = _common_errors(run.measured, samples, about)
     return Run(run.name, run.condition, samples, local, content, fold.index, common)
 
 
-def _common(run: Measured, samples: Samples, about: Surroundings) -> dict[str, Array]:
+def _common_errors(run: Measured, samples: Samples, about: Surroundings) -> dict[str, Array]:
     """Common errors of all runs that a camera recorded, in units of one sigma."""
     if not run.seen:
         return {}
@@ -178,11 +180,11 @@ def correct(run: Run, fold: Fold, about: Surroundings) -> Run:
     floor = np.maximum(run.samples.floor, np.hypot(bare, TRUSTED * about.finer))
     samples = replace(run.samples, floor=floor)
     content = replace(fold, finer=about.finer, slopes=about.slopes)
-    common = _common(fold.comparison.run, samples, about)
+    common = _common_errors(fold.comparison.run, samples, about)
     return replace(run, samples=samples, content=content, common=common)
 
 
-def _within(change: Array, limit: Array) -> Array:
+def _drop_large(change: Array, limit: Array) -> Array:
     """`change` (n,), 0 where it is lost or beyond `limit`."""
     known = np.nan_to_num(change)
     return np.where(np.abs(known) < limit, known, 0.0)
@@ -207,7 +209,7 @@ def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:
     travel = run.travel[: len(way.t)]
     share = travel / LEAVING_TRAVEL
     early = share < 1.0
-    if way.hanging or early.all() or not _pushes(way, travel):
+    if way.hanging or early.all() or not _pushes_strip(way, travel):
         return way
     poses, begin = way.poses.copy(), way.poses[0, 0]
     drawn = share**2 + (1.0 - share) * share**8  # with the measured direction in the end
@@ -215,7 +217,7 @@ def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:
     return GripperPath(way.t, poses)
 
 
-def _pushes(way: GripperPath, travel: Array) -> bool:
+def _pushes_strip(way: GripperPath, travel: Array) -> bool:
     """Whether the grip moves inwards before the strip has left the desk."""
     moved = [np.interp(LEAVING_TRAVEL, travel, column) - column[0] for column in way.poses.T[:2]]
     return bool(-moved[0] > STEEP * moved[1])

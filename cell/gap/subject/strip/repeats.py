@@ -23,13 +23,13 @@ def sort_out(folders: Sequence[Path], headers: Sequence[Header | None]) -> Mappi
     for folder, header in zip(folders, headers, strict=True):
         if header is None:
             continue
-        known = _fold(header)
+        known = _fold_key(header)
         if known is not None and known in first:
             same[folder] = first[known]
             continue
         if known is not None:
             first[known] = folder
-        batches.setdefault(_batch(header), []).append((folder, header.index))
+        batches.setdefault(_batch_key(header), []).append((folder, header.index))
     for batch in batches.values():
         check_indices([folder for folder, _ in batch], [index for _, index in batch])
     return same
@@ -40,7 +40,7 @@ def _on_twin(header: Header) -> bool:
     return drivers is not None and drivers.arm == "twin" and header.seed is not None
 
 
-def _fold(header: Header) -> str | None:
+def _fold_key(header: Header) -> str | None:
     """Text of all that determines a fold of the twin; None for any other run."""
     if not _on_twin(header):
         return None
@@ -48,7 +48,7 @@ def _fold(header: Header) -> str | None:
     return json.dumps(header.model_dump(mode="json", include=keys), sort_keys=True)
 
 
-def _batch(header: Header) -> str:
+def _batch_key(header: Header) -> str:
     """Command to which a fold of the twin belongs; one common value for runs from elsewhere."""
     if not _on_twin(header) or header.seed is None:
         return ""

@@ -34,7 +34,7 @@ def measured_scene(run: Measured) -> Scene:
     return Scene(
         signals=(Signal(CONTACT_SIGNAL, contact_t, 1e3 * contact),),
         curve=Curve(images.stamps[shown], points),
-        tracks={"contact": _on_desk(contact_t, contact), "gripper": Track(t, grip)},
+        tracks={"contact": _desk_track(contact_t, contact), "gripper": Track(t, grip)},
         events=_touch_event(run.touch),
     )
 
@@ -49,7 +49,7 @@ def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, lengt
     true = np.interp(shown_time(model.observation, contact_t), shown.t, shown.contact_x)
     contact = np.asarray(seen_contact(model.observation, true))
     images = _images_before_end(run)
-    shapes = _shapes(_places(run, model, shown)[images], shown)
+    shapes = _interpolate_shapes(_shape_indices(run, model, shown)[images], shown)
     compared, distance = _distances(fold, model, shown, length)
     return Scene(
         signals=(
@@ -57,7 +57,7 @@ def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, lengt
             Signal(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance),
         ),
         curve=Curve(run.images.stamps[images], tuple(seen_points(model, shapes))),
-        tracks={"contact": _on_desk(contact_t, contact)},
+        tracks={"contact": _desk_track(contact_t, contact)},
         events=_touch_event(_touch(run, model, shown)),
     )
 
@@ -67,13 +67,13 @@ def _images_before_end(run: Measured) -> Index:
     return np.flatnonzero(run.images.stamps <= run.end)
 
 
-def _places(run: Measured, model: StripModel, shown: SimulatedMotion) -> Array:
+def _shape_indices(run: Measured, model: StripModel, shown: SimulatedMotion) -> Array:
     """Fractional indices (m,) into the row of shapes for the images; the last shape is held."""
     true = np.asarray(shown_time(model.observation, run.images.stamps))
     return np.clip((true - shown.begin) / SHAPE_PERIOD, 0.0, len(shown.shapes) - 1.0)
 
 
-def _shapes(places: Array, shown: SimulatedMotion) -> Array:
+def _interpolate_shapes(places: Array, shown: SimulatedMotion) -> Array:
     """Shapes (m, nodes, 2) interpolated between the stored ones."""
     first = places.astype(np.int64)
     after = np.minimum(first + 1, len(shown.shapes) - 1)
@@ -92,13 +92,13 @@ def _distances(
         points = true_points(model, images.points[order])
         signed_distances(
             np.ascontiguousarray(points), images.image[order], images.s[order],
-            _places(run, model, shown), shown.shapes, shown.arc * length, found,
+            _shape_indices(run, model, shown), shown.shapes, shown.arc * length, found,
         )  # fmt: skip
     compared, image = np.unique(images.image[order], return_inverse=True)
     return compared, np.sqrt(np.bincount(image, found**2) / np.bincount(image))
 
 
-def _on_desk(t: Array, x: Array) -> Track:
+def _desk_track(t: Array, x: Array) -> Track:
     return Track(t, np.stack([x, np.zeros_like(x)], axis=1))
 
 

@@ -47,7 +47,11 @@ def scope(
     """
     fresh = [e for e in registry().values() if e.name not in {*strip.effects, *without}]
     return Scope(
-        base=(*_base(strip), *(_weight(strip) if has_force else ()), *_accepted_parameters(strip)),
+        base=(
+            *_base(strip),
+            *(_density_parameter(strip) if has_force else ()),
+            *_accepted_parameters(strip),
+        ),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if can_simulate(e, strip)),
         terms=candidates(),
         left=LEFT,
@@ -85,7 +89,7 @@ def _base(strip: StripFile) -> list[Parameter]:
     ]  # fmt: skip
 
 
-def _weight(strip: StripFile) -> list[Parameter]:
+def _density_parameter(strip: StripFile) -> list[Parameter]:
     """Base parameter areal density, which moves only force and air drag at one bending length."""
     m = strip.areal_density
     return [
@@ -101,7 +105,7 @@ def _accepted_parameters(strip: StripFile) -> list[Parameter]:
         effect = registry()[name]
         given = [p for p in effect.parameters if p.name in values]
         for number, p in zip(given, _parameters(effect, strip, given), strict=True):
-            start = _inside(number, values[number.name]) if p.inverse else values[number.name]
+            start = _to_engine(number, values[number.name]) if p.inverse else values[number.name]
             spread = 0.5 * abs(start) + p.step
             label = f"{name}.{p.name}"
             found.append(replace(p, name=label, start=start, spread=spread))
@@ -118,7 +122,9 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
         probes=_probes(effect, strip, lifted),
         revealed_by=effect.revealed_by,
         model_error=UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR,
-        shape_parameters=tuple(_shape(p, strip) for p in effect.parameters if p.role == "shape"),
+        shape_parameters=tuple(
+            _shape_parameter(p, strip) for p in effect.parameters if p.role == "shape"
+        ),
     )
 
 
@@ -128,16 +134,18 @@ def coarse(effect: Effect) -> list[Number]:
 
 
 def _parameters(effect: Effect, strip: StripFile, numbers: Sequence[Number]) -> list[Parameter]:
-    tried = [_inside(effect.parameters[0], v) for v in effect.sizes(strip)]
+    tried = [_to_engine(effect.parameters[0], v) for v in effect.sizes(strip)]
     null = _null(effect.parameters[0])
     least, most = (pick(abs(v - null) for v in tried) for pick in (min, max))
     return [
-        _amount(p, SECANT * least, FARTHEST * most) if is_amount(effect, p) else _shape(p, strip)
+        _amount_parameter(p, SECANT * least, FARTHEST * most)
+        if is_amount(effect, p)
+        else _shape_parameter(p, strip)
         for p in numbers
     ]
 
 
-def _amount(p: Number, step: float, spread: float) -> Parameter:
+def _amount_parameter(p: Number, step: float, spread: float) -> Parameter:
     """Parameter for the amount of an effect; for one that vanishes at infinity, its reciprocal."""
     if p.null is None:
         return Parameter(p.name, p.unit, 0.0, 0.0, 1.0 / p.low, step, spread, inverse=True)
@@ -145,7 +153,7 @@ def _amount(p: Number, step: float, spread: float) -> Parameter:
     return Parameter(p.name, p.unit, p.null, low, high, step, spread)
 
 
-def _shape(p: Number, strip: StripFile) -> Parameter:
+def _shape_parameter(p: Number, strip: StripFile) -> Parameter:
     """Parameter for the place or shape of an effect."""
     if p.role == "place":
         low, high = max(p.low, 0.0), min(p.high, strip.length)
@@ -171,14 +179,14 @@ def _probes(
     tried = [_screened_values(p, v, spots) for p, v in zip(numbers, start, strict=True)]
     shapes = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
     groups = []
-    for size, shape in product(_one_of_mirrored(effect.sizes(strip)), product(*shapes)):
-        inside = _inside(switch, size)
+    for size, shape in product(_without_mirrored(effect.sizes(strip)), product(*shapes)):
+        inside = _to_engine(switch, size)
         group = [[*shape[:i], inside, *shape[i + 1 :]] for i in amounts]
         groups.append(tuple(tuple(map(float, vector)) for vector in group))
     return tuple(groups)
 
 
-def _one_of_mirrored(sizes: Sequence[float]) -> list[float]:
+def _without_mirrored(sizes: Sequence[float]) -> list[float]:
     """Sizes without those whose mirror image comes before: each is screened with both signs."""
     return [size for i, size in enumerate(sizes) if -size not in sizes[:i]]
 
@@ -195,7 +203,7 @@ def is_amount(effect: Effect, p: Number) -> bool:
     return p is effect.parameters[0] or p.null is not None
 
 
-def _inside(switch: Number, value: float) -> float:
+def _to_engine(switch: Number, value: float) -> float:
     """A file's value converted to the engine's."""
     return value if switch.null is not None else 1.0 / value
 

@@ -149,7 +149,9 @@ class Simulation:
         fair = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._jobs))
         size = max(LANE_COUNT, min(AT_ONCE, fair))
         batches = [
-            like[i : i + size] for like in _apart(order, wanted) for i in range(0, len(like), size)
+            like[i : i + size]
+            for like in _split_by_terms(order, wanted)
+            for i in range(0, len(like), size)
         ]
         asked = [[wanted[k] for k in batch] for batch in batches]
         found: dict[bytes, SimulatedMotion | None] = {}
@@ -200,7 +202,7 @@ class Simulation:
             self._size -= gone.size if gone else 0
 
 
-def _apart(order: Sequence[bytes], wanted: Mapping[bytes, Job]) -> list[list[bytes]]:
+def _split_by_terms(order: Sequence[bytes], wanted: Mapping[bytes, Job]) -> list[list[bytes]]:
     """Motions with and without the rod's further terms, in `order`; all together where either are
     few.
 

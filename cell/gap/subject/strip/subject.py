@@ -68,7 +68,7 @@ class Strip:
         self._floors = floors or Floors()
         has_force = any(run.measured.has_force for run in self._measured)
         scatter = (*scatter, *FORCE_EFFECTS) if has_force else scatter
-        lifted = _lifted_from(self._measured)
+        lifted = _lift_off_position(self._measured)
         self._scope = scope(strip, self._floors, lifted, without, has_force=has_force)
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
         self._jobs, self._scatter = jobs, tuple(scatter)
@@ -133,7 +133,7 @@ class Strip:
                 while portion := list(islice(looks, PORTION)):
                     folds, drives = zip(*(asked[look] for look in portion), strict=True)
                     shown = simulated(drives)
-                    found = pool.map(_held_against, folds, drives, shown)
+                    found = pool.map(_residuals, folds, drives, shown)
                     seen.update(zip(portion, found, strict=True))
         return seen
 
@@ -177,11 +177,12 @@ class Strip:
     def _drive(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
         folds = [cast(Fold, request.run.content) for request in requests]
         drives = [
-            self._along(r, f).drive(self._model(r, f)) for r, f in zip(requests, folds, strict=True)
+            self._simulated_fold(r, f).drive(self._model(r, f))
+            for r, f in zip(requests, folds, strict=True)
         ]
         return folds, drives
 
-    def _along(self, request: Request, fold: Fold) -> Fold:
+    def _simulated_fold(self, request: Request, fold: Fold) -> Fold:
         """The fold whose path is simulated: approximately, the first of its replicates."""
         return self._replicates.get(fold.way.digest, fold) if request.rough else fold
 
@@ -215,12 +216,12 @@ def _describe(
     return HashedModel.of(with_law(model, {name: values[0] for name, values in effects}))
 
 
-def _held_against(fold: Fold, drive: Job, shown: SimulatedMotion | None) -> Residuals:
+def _residuals(fold: Fold, drive: Job, shown: SimulatedMotion | None) -> Residuals:
     """Residuals of a simulated motion against the run of `fold`."""
     return fold.comparison(drive.model, shown)
 
 
-def _lifted_from(runs: Sequence[MeasuredRun]) -> float:
+def _lift_off_position(runs: Sequence[MeasuredRun]) -> float:
     """Arc length [m] from which on the strip leaves the desk; 0 where no image shows it."""
     seen = [run.measured.contact_x for run in runs if len(run.measured.contact_x)]
     return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)

@@ -21,7 +21,7 @@ def critical_figure(results: Results) -> str:
     with canvas(PAGE_WIDTH, 3.6) as figure:
         panels = figure.subplots(1, len(found), sharey=True, squeeze=False)[0]
         for axes, points in zip(panels, found, strict=True):
-            _panel(axes, points)
+            _draw_panel(axes, points)
         panels[0].set_ylabel("gripper x at the first touch  [mm]")
         return as_svg(figure)
 
@@ -31,7 +31,7 @@ def table(points: CriticalPoints) -> Array:
     return np.array(points.x, dtype=np.float64)
 
 
-def _panel(axes: Any, points: CriticalPoints) -> None:
+def _draw_panel(axes: Any, points: CriticalPoints) -> None:
     from matplotlib.colors import LinearSegmentedColormap
 
     scale = LinearSegmentedColormap.from_list("height", HEIGHT_COLOURS)

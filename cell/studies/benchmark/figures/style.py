@@ -7,6 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cell.report.drawing import INK, MUTED, RULE
+from drivers.geometry import arc_lengths
 from drivers.types import Array
 from policies.registry import look_of
 
@@ -62,7 +63,7 @@ def desk(axes: Any) -> None:
 
 def smooth(shape: Array) -> Array:
     """Dense curve (m, 2) through the nodes `shape` (n, 2) of a strip, for drawing."""
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(shape, axis=0).T))])
+    s = arc_lengths(shape)
     return np.asarray(CubicSpline(s, shape)(np.linspace(0.0, s[-1], CURVE_SAMPLES)))
 
 
