@@ -105,9 +105,7 @@ class BoardView:
 
 @dataclass(frozen=True, slots=True)
 class BoardLook:
-    """Detection of the board in one image: the `view`, None without a corner, the number of
-    `markers` and their mean `side` [px].
-    """
+    """Detection of the board in an image: `view` or None, number of `markers`, mean `side` [px]."""
 
     view: BoardView | None
     markers: int

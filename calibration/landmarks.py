@@ -175,9 +175,7 @@ def _find(grey: Image, mark: Landmark) -> tuple[float, float] | None:
 
 
 def peak(scores: Array, at: int) -> float:
-    """Subpixel position of the maximum near index `at` of `scores` (n,), relative to it, by a
-    parabola through three of them.
-    """
+    """Position of the maximum near index `at` of `scores` (n,), relative to it, by a parabola."""
     if not 0 < at < len(scores) - 1:
         return 0.0
     before, here, after = (float(score) for score in scores[at - 1 : at + 2])

@@ -1,6 +1,4 @@
-"""Access to files: reads regular ones of bounded size, writes whole files and follows no links,
-locks folders.
-"""
+"""Access to files: bounded reading, whole writing, no links followed, locks on folders."""
 
 import errno
 import fcntl

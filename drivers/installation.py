@@ -27,9 +27,7 @@ class Mounting(Settings):
 
 
 class Installation(Settings):
-    """Mounting, limits and workspace of any arm of this cell, real or not, from the cell file, and
-    where its `desk` ends along the strip [m].
-    """
+    """Mounting, limits and workspace of any arm of this cell, and the end of its `desk` [m]."""
 
     limits: MotionLimits = MotionLimits()
     workspace: Workspace = Workspace()

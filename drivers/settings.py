@@ -155,9 +155,7 @@ def _problem(origin: str, model: type[BaseModel], item: dict[str, Any]) -> str:
 
 
 def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
-    """Text for a number beyond the bounds of its field: the bounds, and the value in the unit that
-    is probably meant where a thousandth of it fits.
-    """
+    """Text for a number beyond its bounds, in the unit probably meant if a thousandth fits."""
     value, parts = item["input"], [] if field is None else field.metadata
     unit = next((f" {part.name}" for part in parts if isinstance(part, Unit)), "")
     bounds = {

@@ -77,9 +77,7 @@ class Feedback:
 
 
 def limit_directions(direction: Array, x: Array, z: Array) -> Array:
-    """Directions (n,) limited to those toward the fixed edge and inside the bounds, with the least
-    change; `x`, `z` (n,) are over the strip's length.
-    """
+    """Directions (n,) limited to the fixed edge's side and the bounds; `x`, `z` over length."""
     taut = np.arctan2(z, x) + 0.5 * math.pi
     low = np.where(np.hypot(x, z) > NEARLY_TAUT, taut, 0.5 * math.pi)
     low = np.where(z > LOFT, np.maximum(low, math.pi), low)

@@ -5,9 +5,7 @@ from policies.path import Path, circular, triangular
 
 
 class Triangular(PathPolicy):
-    """The triangular path: up to (L/2, L/2), down to (0, 0); exact for an infinitely flexible strip
-    that never slips (paper, state of the art).
-    """
+    """The triangle to (L/2, L/2) and (0, 0); exact for limp strips (paper, state of the art)."""
 
     name = "triangular"
 

@@ -1,6 +1,4 @@
-"""The policy `planned`, an upper bound for feedback: stiffness and damping are known, the path is
-planned in the rod before the fold.
-"""
+"""The policy `planned`, an upper bound for feedback: it knows the strip and plans in the rod."""
 
 from collections.abc import Sequence
 

@@ -1,6 +1,4 @@
-"""Lens calibration from views of a board, by ask and tell: asks for views, takes images, gives a
-verdict.
-"""
+"""Lens calibration from views of a board, by ask and tell: requests views, judges images."""
 
 import cv2
 import numpy as np
@@ -75,9 +73,7 @@ class BoardViews:
         return Result(number, view, view, None)
 
     def restore(self, number: int, image: Image) -> BoardView | None:
-        """Accept the view in the `image` (h, w, 3) of this `number` of a session that was
-        interrupted; None without a board in it.
-        """
+        """Accept the view in `image` (h, w, 3) of a resumed session; None without a board."""
         view = find_board(image, self._detector, self._board).view
         if view is not None:
             self._accept(number, image, view)

@@ -187,7 +187,7 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
 
 
 def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
-    """Every gate for `views` of the board, through `lens`."""
+    """Every coverage requirement (gate), as met by `views` of the board through `lens`."""
     seen = [placement(view, needs.outline(), lens) for view in views]
     tilt, turn = (np.array([getattr(p, name) for p in seen]) for name in ("tilt", "turn"))
     x, y, size = (_range([getattr(p, name) for p in seen]) for name in ("x", "y", "size"))

@@ -79,9 +79,7 @@ def _bow_modes(board: Array, middle: Array, reach: float) -> Array:
 
 
 def _linearise(view: BoardView, lens: Lens) -> tuple[Array, Array, Array, Array]:
-    """Errors (2n,) of the corners [px], and their derivatives by camera (2n, 8), pose (2n, 6) and
-    height off the board's plane (2n, 1).
-    """
+    """Errors (2n,) of corners [px]; derivatives by camera (2n, 8), pose (2n, 6), height (2n, 1)."""
     board = np.asarray(view.board, dtype=np.float64)
     _, turn, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
     seen, slopes = cv2.projectPoints(board, turn, shift, lens.matrix, lens.distortion)

@@ -40,9 +40,7 @@ TouchResult = Result[Array, Touched]  # seen: the disc's centre (2,) [px]
 
 @dataclass(frozen=True, slots=True)
 class ViewNews:
-    """Progress with the board: which view is `wanted` and `why`, the coverage, the last result, and
-    a `sketch` of the board as it is wanted and seen.
-    """
+    """Progress with the board: view `wanted` and `why`, coverage, last result, and a `sketch`."""
 
     wanted: WantedView | None
     why: str

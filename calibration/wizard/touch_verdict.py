@@ -158,9 +158,7 @@ def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
 
 
 def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
-    """Shift shared by all errors `off` (n, 2) [mm]: larger than a good map's error and than their
-    differences, which excludes a loose pointer.
-    """
+    """Shift of all errors `off` (n, 2) [mm], larger than they differ: no loose pointer."""
     shared = np.median(off, axis=0)
     apart = float(np.hypot(*(off - shared).T).max())
     size = float(np.hypot(*shared))

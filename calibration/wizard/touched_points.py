@@ -1,6 +1,4 @@
-"""Map to the plane by touching, by ask and tell: asks for gripper poses, takes images, gives a
-verdict.
-"""
+"""Map to the plane by touching, by ask and tell: requests gripper poses, judges images."""
 
 from collections.abc import Sequence
 

@@ -184,9 +184,7 @@ MOVE_SIGMA = 3.8  # sigma by which a move must be seen: the slow tests of `test_
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """A move of the camera after the point `after`: later touches are seen shifted by `shift_mm` in
-    the plane, as a turn of the camera by `mrad` makes.
-    """
+    """A move of the camera after point `after`, by `mrad`: later touches shift by `shift_mm`."""
 
     after: int
     shift_mm: float

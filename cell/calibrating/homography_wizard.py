@@ -1,5 +1,5 @@
-"""`cell calibrate homography` and `check`: the arm touches points; the map to the plane is fitted
-and kept, or the one in use is checked.
+"""`cell calibrate homography` and `check`: touches points, fits the map to the plane or checks
+it.
 """
 
 from collections.abc import Callable, Collection, Sequence

@@ -24,9 +24,7 @@ class Keys:
         self._pending = b""
 
     def read(self, seconds: float) -> str | None:
-        """The next key, in lower case: ENTER for a bare Enter, END at the end of the input, None
-        when nothing came within `seconds` [s].
-        """
+        """Next key in lower case, ENTER, or END of input; None when none came in `seconds` [s]."""
         number = _descriptor(self._stream)
         if number is None:  # text in memory: all of it is there
             return _key(self._stream.readline())

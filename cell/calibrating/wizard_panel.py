@@ -73,9 +73,7 @@ class WizardPanel:
             self._console.print(words, markup=False, highlight=False, soft_wrap=True)
 
     def draw(self, news: News) -> RenderableType:
-        """The panel in its present state, no higher than the terminal: a live view that is higher
-        leaves its upper lines behind at every change.
-        """
+        """The panel, no higher than the terminal, where a live view leaves lines behind."""
         body = views_table(news) if isinstance(news, ViewNews) else touches_map(news)
         says = (("next", news.request, "bold"), ("why ", news.why, ""))
         head = [

@@ -149,9 +149,7 @@ def fold(
 
 
 def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
-    """Encoder of the films, as asked or as the cell states; None, with a remark, where the library
-    is missing that nobody asked for by name.
-    """
+    """Encoder of films; None, with a remark, where its library is missing and not asked for."""
     from cell.config.places import find_configs
     from cell.extras import require_library
     from drivers.errors import ConfigurationError

@@ -185,9 +185,7 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
 
 
 def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
-    """Differences between repeated runs, and whether smaller ones would separate more than the best
-    motion, which separates by `planned` sigma.
-    """
+    """Run-to-run differences, and whether fewer separate more than the `planned` sigma."""
     from cell.gap.report.repeats import remedies
     from cell.gap.verdict.accept import RECORD
     from cell.gap.verdict.stored import FitRecord, read_stored

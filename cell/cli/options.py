@@ -142,9 +142,7 @@ def resumable(folder: Path) -> "Iterator[None]":
 
 @contextmanager
 def busy(text: str) -> "Iterator[Callable[[str], None]]":
-    """Show on a terminal that a silent command is at work; call the yielded function to state its
-    progress.
-    """
+    """Show on a terminal that a command is at work; call the yielded function with its progress."""
     if not sys.stderr.isatty():
         yield lambda _text: None
         return

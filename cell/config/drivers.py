@@ -1,6 +1,4 @@
-"""Registry of the drivers that an operator can name; plug-ins of the kinds `arms` and `cameras` add
-theirs.
-"""
+"""Registry of the drivers that an operator can name, and of plug-ins `arms` and `cameras`."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -152,9 +152,7 @@ def judge(
 
 
 def baselines(verdict: Verdict, tried: list[dict[str, Any]], case: Case) -> Baselines:
-    """Name of the single effect with the least in-sample error; where none was refitted, of the
-    screen's greatest gain.
-    """
+    """Name of the effect with the least in-sample error; without fits, by the screen's gain."""
     singles = [model for model in tried if model["effects"] == 1]
     if singles:
         name = str(min(singles, key=lambda model: float(model["mean_square"]))["name"])

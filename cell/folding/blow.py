@@ -182,9 +182,7 @@ def _within_limits(motion: Array, rates: Array, place: Installation) -> bool:
 
 
 def _record_is_whole(result: FoldResult, *, spares: bool) -> bool:
-    """Whether the record can be read and states the outcome of `result`; where the fault does not
-    spare the record, as a full disk, it may state none.
-    """
+    """Whether the record is readable, with the outcome unless the fault hit the record."""
     try:
         run = read_run(Path(result.run)) if result.run else None
     except CellError:

@@ -42,9 +42,7 @@ class FoldTrace:
         """Ignore an event."""
 
     def review(self, outcome: Outcome, record: Record) -> Outcome:
-        """Add to `outcome` the agreement of strip and model; where they disagree, an event, and an
-        outcome that states it instead of `layer_touch`.
-        """
+        """Add to `outcome` whether strip and model agree; where not, that is the outcome."""
         agreed = self._agreement(outcome, record.origin)
         outcome = replace(outcome, agreement=agreed)
         if agreed is None or agreed.like_model:

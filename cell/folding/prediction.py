@@ -1,6 +1,4 @@
-"""Prediction of a fold: the policy in the model, its path checked against the
-limits; nothing moves.
-"""
+"""Prediction of a fold: the policy in the model, its path checked against the limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

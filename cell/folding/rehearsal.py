@@ -50,9 +50,7 @@ class Rehearsal:
         return (yield from self._follow(end, len(self.path) - 1))
 
     def _follow(self, first: int, last: int) -> Motion:
-        """Move along the path from point `first` to point `last` with a stop at each corner:
-        without stops, the arm would cut the corners.
-        """
+        """Move on the path from `first` to `last` with a stop at each corner, not to cut it."""
         stops = [first, *self._corners(first, last), last]
         for begin, end in pairwise(stops[:-1]):
             yield from self._follow_part(begin, end)

@@ -26,9 +26,7 @@ class Correctable(Protocol):
     """A policy that steers by a model, whose aim can be corrected."""
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Correct the predicted displacement from the next `reset` on: `seen` [m] is added for
-        images, `unseen` [m] for the truth.
-        """
+        """From the next `reset` on add `seen` [m] to predictions for images, `unseen` for truth."""
 
 
 def correct(policy: Policy, seen: float, unseen: float) -> bool:

@@ -79,9 +79,7 @@ class CalibrationContext:
 
 @dataclass(slots=True)
 class ManualContext:
-    """Context of one `motion` by hand, made from the snapshot that it starts at, and the pose at
-    its `end`; no image is used.
-    """
+    """Context of a `motion` by hand, made from its first snapshot, and the pose at its `end`."""
 
     settings: CellSettings
     motion: Callable[[Snapshot], Motion]

@@ -1,6 +1,4 @@
-"""Ctrl-C, or a signal that ends programs: the first requests a controlled stop, the second stops at
-once.
-"""
+"""Ctrl-C, or a signal that ends programs: first a controlled stop, then a stop at once."""
 
 import signal
 from types import FrameType

@@ -1,6 +1,4 @@
-"""Safety of every command: slowed down as images age, then judged by a flat list of monitors, of
-which the first to trip stops the run.
-"""
+"""Safety of every command: slower as images age, then a list of monitors, any of which stops."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -210,9 +210,7 @@ def _laid_strip(
 
 
 def _visible_loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | None:
-    """The loop in the image of the laid strip; None where no fold is visible, or where it is not as
-    long as the strip, having sprung open.
-    """
+    """The loop of the laid strip in the image; None where no fold of its length is visible."""
     if seen is None:
         return None
     missing = abs(laid_length(seen) - cell.strip.length)

@@ -1,6 +1,4 @@
-"""The file truth.yaml with the plant's true motion, for reports and tests,
-never for a controller.
-"""
+"""The file truth.yaml with the plant's true motion, for reports and tests, no controller."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -118,9 +118,7 @@ class RunWriter:
             write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
 
     def joints(self, rows: Array, origin: float) -> None:
-        """Add a robot's joints at every tick, rows (n, 29) as `joint_table` takes them, t [s] on
-        the clock of `origin` [s].
-        """
+        """Add a robot's joints at every tick, rows (n, 29) by the clock of `origin` [s]."""
         with self._recording():
             write_parquet(self.folder / JOINTS, joint_table(rows, origin))
 

@@ -1,6 +1,4 @@
-"""HTML pages of a calibration and of the wizard's session that made it: its quality, and the plane
-in the image.
-"""
+"""HTML pages of a calibration and of its wizard's session: quality, and the plane in the image."""
 
 from pathlib import Path
 from typing import Any

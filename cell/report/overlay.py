@@ -61,9 +61,7 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
 
 
 def end_picture(run: Run) -> str:
-    """Last kept image as JPEG in text form: with a calibration only the part where the strip lies;
-    empty without an image.
-    """
+    """Last kept image as JPEG text, with a calibration where the strip lies; empty without."""
     kept = [note for note in run.frame_index() if note.file is not None]
     image = _read(kept[-1]) if kept else None
     calibration = run.calibration()
@@ -134,8 +132,8 @@ def draw_sight(
 
 
 def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
-    """Eighths of pixels (k, 2) of those `points` (m, 2) [m] that lie near the image: drawing a line
-    to a far outlier would take very long.
+    """Eighths of pixels (k, 2) of `points` (m, 2) [m] near the image; lines to outliers are
+    slow.
     """
     near = points[np.isfinite(points).all(axis=1) & (np.abs(points) < FARTHEST_HAND).all(axis=1)]
     if len(near) == 0:

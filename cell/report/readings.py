@@ -39,9 +39,7 @@ def name_artists(figure: Any) -> None:
 
 
 def readings(figure: Any) -> str:
-    """The figure's axes as a data attribute of its SVG, empty where there is nothing to read; to be
-    called after it was drawn.
-    """
+    """The drawn figure's axes as a data attribute of its SVG, empty without anything to read."""
     found = [_axes(axes, figure) for axes in figure.axes]
     read = [facts for facts in found if facts["curves"] or facts["cells"]]
     text = json.dumps(read, separators=(",", ":"), ensure_ascii=False, allow_nan=False)

@@ -21,9 +21,7 @@ MOST_IMAGES = 6
 
 @dataclass(frozen=True, slots=True)
 class Silhouette:
-    """The strip's outline in the image `sequence`, taken in `state`: `pixels` (n, 2) [px], and
-    `plane` (n, 2) x, z [m].
-    """
+    """Outline in image `sequence`, in `state`: `pixels` (n, 2) [px], `plane` (n, 2) x, z [m]."""
 
     sequence: int
     state: str

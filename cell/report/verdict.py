@@ -29,9 +29,7 @@ class Verdict:
 
 
 def _sigma_lines(run: Run, *, laid: bool) -> str:
-    """One sigma of the displacement, or of the `laid` edges where the run states it, and the
-    calibration's error, a line each.
-    """
+    """One sigma of displacement or `laid` edges, and the calibration's error, a line each."""
     sigma, source = run.header.sigma.displacement, "repeats"
     if laid and run.header.sigma.edge_offset is not None:
         sigma, source = run.header.sigma.edge_offset, "camera"

@@ -25,8 +25,8 @@ EVALUATION = "evaluation.json"
 
 @dataclass(frozen=True, slots=True)
 class Trained:
-    """Result of a training: path, settings and evaluation of the weights; of `adaptive` its
-    accuracy on folds left out of the training.
+    """Result of a training: path, settings, evaluation; of `adaptive` its trial on left-out
+    folds.
     """
 
     checkpoint: Path

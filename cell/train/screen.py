@@ -41,9 +41,7 @@ class GenerationText:
 
 
 class Meter:
-    """Progress bar of a training of `total` steps, of which `known` were done before; lines without
-    a terminal.
-    """
+    """Progress bar of a training of `total` steps, `known` done before; lines off a terminal."""
 
     def __init__(self, console: Console, total: int, known: int) -> None:
         self._console, self._total = console, total

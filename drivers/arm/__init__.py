@@ -1,3 +1,1 @@
-"""Driver of a Franka arm and hand over the Franka Control Interface, with a process for the 1 kHz
-loop.
-"""
+"""Driver of a Franka arm and hand over the Franka Control Interface, its 1 kHz loop a process."""

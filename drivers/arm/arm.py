@@ -115,9 +115,7 @@ class FciArm:
 
     @property
     def joints(self) -> Array:
-        """Rows (n, 29) of the joints at every tick, once closed, as `drivers.arm.joint_log` keeps
-        them, on the clock's time [s].
-        """
+        """Rows (n, 29) of the joints at every tick on the clock's time [s], once closed."""
         if self._bridge is None:
             return joint_rows(b"")
         rows = np.array(self._bridge.joints)

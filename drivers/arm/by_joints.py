@@ -130,9 +130,7 @@ class ByJoints:
         self._robot.write_joints(motion, sent, last=last)
 
     def _has_arrived(self, motion: Any) -> bool:
-        """Whether the robot reached the joints it was sent; where it went further, nothing is sent,
-        and the next state shows where.
-        """
+        """Whether the robot reached the joints it was sent; where not, nothing is sent."""
         state = self._robot.read(motion, awaited=False)
         expected, self._ahead = self._here or Course([], [], []), False
         before, self._time = self._time, state.time.to_sec()

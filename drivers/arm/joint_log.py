@@ -1,6 +1,4 @@
-"""Log kept by the process that owns a robot: the joints at every tick, and the intervals between
-states.
-"""
+"""Log of the process that owns a robot: joints at every tick, intervals between states."""
 
 from bisect import bisect
 from dataclasses import dataclass, field

@@ -149,9 +149,7 @@ class Loop:
         return None if self._profile.moving else self._reason
 
     def _take_order(self, order: Order) -> None:
-        """Take a new command, unless the arm has braked for good; brake when the heartbeat stops,
-        once it has begun.
-        """
+        """Take a new command, unless braked for good; brake when the heartbeat stops."""
         if self._taken < 0 or self._reason is not None:
             return
         if order.beat != self._beat:
@@ -273,9 +271,7 @@ class Loop:
 
 
 def rehearse(installation: Installation) -> None:
-    """Run the computations of the first ticks once, without a robot: a first call takes as long as
-    several ticks, in which a robot would get no command.
-    """
+    """Run the first ticks once without a robot: a first call takes as long as several ticks."""
     plane = StripPlane(installation.mounting.transform())
     limits, space = installation.limits, installation.workspace
     x, z, pitch = (0.5 * (low + high) for low, high in zip(space.low, space.high, strict=True))

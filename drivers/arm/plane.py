@@ -75,9 +75,7 @@ class StripPlane:
         return numbers
 
     def course(self, pose: Numbers, twist: Numbers, change: Numbers) -> Course:
-        """Course of a hand at `pose` with twist (6,) in the base and its derivative: the inverse of
-        `command`, with rates.
-        """
+        """Course of a hand at `pose` with twist (6,) and its derivative in the base."""
         hand = matrix(pose)
         inside = hand if self._back is None else hand @ self._back
         spin, turn = _cross_matrix(twist[3:]), _cross_matrix(change[3:])

@@ -128,9 +128,7 @@ def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) ->
 def _first_braking(
     installation: Installation, path: Array, speeds: Array, way: Reach
 ) -> Problem | None:
-    """The first pose on a `way`, from the lift on, at which the guard of the arm's driver would
-    brake; the moves before it brake by themselves.
-    """
+    """The first pose on a `way`, from the lift on, at which the arm's driver would brake."""
     plane = StripPlane(installation.mounting.transform(), turned=way.turned)
     guard = ReachGuard(plane, installation.limits, way.start.tolist())
     poses, times = dense(path, speeds)

@@ -60,9 +60,7 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids:
 
 
 def _steps_away(joints: Array, direction: Array) -> Array:
-    """Joints (n, 7) [rad] from `joints` on that move the tip by AWAY along `direction` (3,) without
-    turning it.
-    """
+    """Joints (n, 7) [rad] on the way of the tip by AWAY along `direction` (3,), not turned."""
     places = islice(straight(joints, PLACE_STEP * direction), round(AWAY / PLACE_STEP))
     way = np.array([joints, *places])
     if not limits.margins(way[-1]).min() >= JOINT_MARGIN:
@@ -72,9 +70,7 @@ def _steps_away(joints: Array, direction: Array) -> Array:
 
 
 def _require_room(way: Array, solids: Solids) -> None:
-    """Raise Failed where the arm comes nearer to one of the `solids` on `way` (n, 7) [rad] than it
-    begins, and than ARM_CLEARANCE.
-    """
+    """Raise Failed where `way` (n, 7) [rad] comes nearer to `solids` than it begins and may."""
     gaps = solids.clearance(way)
     allowed = np.minimum(gaps[0] - CLEARANCE_TOLERANCE, ARM_CLEARANCE)
     for box, gap, least in zip(solids.boxes, gaps.T, allowed, strict=True):

@@ -33,9 +33,7 @@ Numbers = list[float]
 
 
 class Course(NamedTuple):
-    """Joints (7,) [rad] with rates [rad/s] and accelerations [rad/s^2], which a robot computes as
-    differences of successive setpoints.
-    """
+    """Joints (7,) [rad], rates and accelerations, as differences of successive setpoints."""
 
     place: Numbers
     rate: Numbers
@@ -43,8 +41,8 @@ class Course(NamedTuple):
 
 
 def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
-    """The robot's setpoint in `state`, `ticks` after it was `before`, if `sent` joints (7,) reached
-    it: finer than the rounded numbers of the state.
+    """The robot's setpoint `ticks` after `before`, finer than in `state`, if `sent` joints
+    reached it.
     """
     seen = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
     heard = largest_difference(seen.change, before.change) > CHANGE_TOLERANCE

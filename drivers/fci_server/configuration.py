@@ -1,6 +1,4 @@
-"""Settings that a client may change while the arm stands still: thresholds,
-impedances, tool, load.
-"""
+"""Settings that a client may change at rest: thresholds, impedances, tool, load."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

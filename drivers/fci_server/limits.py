@@ -103,9 +103,7 @@ def check_tool_course(old: Course, new: Course) -> None:
 
 
 def check_swing(old: Array, new: Array) -> None:
-    """Raises Violation where the elbow exceeds its velocity, acceleration or jerk limits; both are
-    (3,) of angle, velocity, acceleration.
-    """
+    """Raises Violation where the elbow (3,), angle, rate, acceleration, exceeds its limits."""
     rates = (*new[1:].tolist(), float(new[2] - old[2]) / TICK)
     if any(abs(rate) > LIMIT_FACTOR * most for rate, most in zip(rates, limits.ELBOW, strict=True)):
         raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION)

@@ -32,8 +32,8 @@ class Posture:
 
     @classmethod
     def of(cls, q: Array, tool: Array, joints: Course) -> Self:
-        """Joints (7,) [rad] on their `joints` course, the commanded pose of the tool (4, 4) being
-        the one that they give.
+        """Posture with joints (7,) [rad] on their course and the tool's pose (4, 4) that they
+        give.
         """
         reached, jacobian = pose_and_jacobian(q, tool)
         swing = np.array([q[ELBOW_JOINT], 0.0, 0.0])
@@ -66,9 +66,7 @@ class Posture:
         return np.array([elbow, speed, (speed - rate) / TICK])
 
     def with_command(self, pose: Array, course: Course, swing: Array) -> Self:
-        """The same joints with another commanded `pose` (4, 4) of the tool on its course, and
-        `swing` (3,) of the elbow.
-        """
+        """The same joints, another `pose` (4, 4) on its course, and `swing` (3,) of the elbow."""
         return replace(self, pose=pose, tool=course, swing=swing)
 
     def move_on(self, q: Array, tool: Array, joints: Course) -> Self:

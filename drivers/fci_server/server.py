@@ -1,6 +1,4 @@
-"""The emulated robot on the network: one event loop over its ports, in
-lock-step or by the wall clock.
-"""
+"""The emulated robot on the network: one event loop, in lock-step or by the wall clock."""
 
 import select
 import socket

@@ -83,9 +83,7 @@ def damped_inverse(jac: Array, damping: float) -> Array:
 
 
 def straight(joints: Array, step: Array) -> Iterator[Array]:
-    """Joints (7,) [rad] along a straight line of the tip, in steps of `step` (3,) [m] without
-    turning; endless, and limits and reach are not checked.
-    """
+    """Joints (7,) [rad], endless and unchecked, as the tip goes on in steps of `step` (3,) [m]."""
     twist = np.concatenate([step, np.zeros(3)])
     while True:
         joints = joints + damped_inverse(jacobian(joints), LINE_DAMPING) @ twist

@@ -1,6 +1,4 @@
-"""Differential inverse kinematics: tool pose and elbow angle determine all seven joints at each
-tick.
-"""
+"""Differential inverse kinematics: tool pose and elbow angle determine all joints at each tick."""
 
 from math import atan2, cos, hypot, sin
 

@@ -61,9 +61,7 @@ def beside(curve: Any, q: int, chosen: Any, bend: float, x: float, z: float) -> 
 
 @kernel
 def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
-    """Signed distance of (x, z) to the nearer of the two segments at node q; a curve has no
-    curvature at its ends.
-    """
+    """Signed distance of (x, z) to the nearer segment at node q, straight at both ends."""
     last = len(curve) - 1
     best, found = math.inf, 0.0
     here = chord(curve, max(q - 1, 0))

@@ -61,9 +61,7 @@ class Adaptive:
         self._fold: Fold = _begun(REFERENCE_LENGTH, 1, critic.memory)
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Add biases to the critic's displacements: `seen` [m] for images, `unseen` [m] for the
-        truth.
-        """
+        """Add biases to predicted displacements: `seen` [m] for images, `unseen` [m] for truth."""
         self._seen, self._unseen = seen, unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:

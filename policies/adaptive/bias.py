@@ -1,6 +1,4 @@
-"""Bias of the critic's displacement: predicted minus true, where folds differ from those of its
-training.
-"""
+"""Bias of the critic's displacement, predicted minus true, in folds unlike its training."""
 
 import math
 from dataclasses import dataclass
@@ -70,8 +68,6 @@ class Bias:
 
 
 def bias_terms(log_length: Array, beyond: Array) -> Array:
-    """Terms (n, 3) of the bias, by ln of the bending length (n,) and the thickness beyond 1 mm
-    (n,) [m].
-    """
+    """Terms (n, 3) of the bias, by ln of bending length (n,) and thickness beyond 1 mm (n,) [m]."""
     length, beyond = np.broadcast_arrays(log_length - REFERENCE_LOG_LENGTH, beyond)
     return np.stack([np.ones_like(length), length, beyond], axis=1)

@@ -1,6 +1,4 @@
-"""Registry of policies that an operator can name: every module of this folder is one, its `ENTRY`,
-and so is every plug-in of the kind `policies`.
-"""
+"""Registry of policies: the `ENTRY` of every module of this folder, and plug-ins of that kind."""
 
 import importlib
 import pkgutil

@@ -86,9 +86,7 @@ def cases(
 
 
 def _scatter_level(number: int) -> Scattered:
-    """Level of the run-to-run scatter in case `number` of a kind: every level occurs at every
-    strength, and for motions of either kind.
-    """
+    """Level of scatter in case `number` of a kind: every level at every strength and motion."""
     levels, triples = len(SCATTER), number // len(CASE_STRENGTHS)
     return SCATTER[(number + triples + triples // BY_HAND_PERIOD) % levels]
 
@@ -131,9 +129,7 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
 
 
 def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator) -> Case:
-    """Case with one hidden effect; every third chain case uses the library's laws, the others laws
-    that resemble them.
-    """
+    """Case with one hidden effect, of the library's law or, mostly, a chain's similar law."""
     turn, place = divmod(number, len(CASE_STRENGTHS))
     own = case.tier == "state" and case.engine == "rod"
     if own or turn % UNLIKE_PERIOD == 0:
@@ -154,9 +150,7 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
 def _visible_effect(
     case: Case, effect: Effect, target: float, rng: np.random.Generator
 ) -> tuple[str, Values] | None:
-    """A strip on which an effect leaves a gap of `target`, and the effect's values; None where no
-    strip does, as for air drag on a heavy one.
-    """
+    """A strip on which an effect leaves a gap of `target`, and its values; else None."""
     others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
     for strip in [case.strip, *others]:
         for _ in range(PLACE_DRAWS):

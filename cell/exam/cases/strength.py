@@ -61,8 +61,8 @@ class Path:
 
 
 class Ruler:
-    """Measures the gap that effects leave, as the model sees it, on the motions of `made`,
-    simulated runs of a plant without effects.
+    """Measures, as the model sees it, the gap of effects on the motions of `made`, simulated
+    runs.
     """
 
     def __init__(self, plant: StripFile, made: Sequence[MeasuredRun]) -> None:

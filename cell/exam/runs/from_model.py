@@ -1,6 +1,4 @@
-"""Runs of the state-based tier: standard motions or some by hand, in the rod or in a fine chain
-whose laws may only resemble the rod's; noise is added.
-"""
+"""Runs of the state-based tier, in the rod or in a fine chain with laws that only resemble it."""
 
 from collections.abc import Sequence
 from dataclasses import replace

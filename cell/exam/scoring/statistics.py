@@ -33,9 +33,7 @@ def rate(found: Iterable[bool]) -> Rate:
 
 
 def wilson(hits: int, count: int, z: float = NORMAL) -> tuple[float, float]:
-    """Score interval of a proportion (Wilson 1927, J. Am. Stat. Assoc. 22, 209); all of [0, 1]
-    where nothing was counted.
-    """
+    """Score interval of a proportion (Wilson 1927, J. Am. Stat. Assoc. 22, 209); [0, 1] of none."""
     if count == 0:
         return 0.0, 1.0
     p, spread = hits / count, z * z / count
@@ -54,9 +52,7 @@ class Bin:
 
 
 def reliability(stated: Sequence[tuple[float, bool]], bins: int = 10) -> list[Bin]:
-    """Non-empty bins of equal width, the least confident first (DeGroot and Fienberg 1983, The
-    Statistician 32, 12).
-    """
+    """Non-empty bins of equal width, least confident first (DeGroot, Fienberg 1983)."""
     groups: dict[int, list[tuple[float, bool]]] = {}
     for confidence, right in stated:
         groups.setdefault(min(int(confidence * bins), bins - 1), []).append((confidence, right))
@@ -74,9 +70,7 @@ def brier(stated: Sequence[tuple[float, bool]]) -> float:
 
 
 def calibration_error(stated: Sequence[tuple[float, bool]], bins: int = 10) -> float:
-    """Expected calibration error: mean distance of confidence and rate over bins, weighed by
-    their cases (Naeini, Cooper, Hauskrecht 2015, AAAI).
-    """
+    """Mean distance of confidence and rate, by cases (Naeini, Cooper, Hauskrecht 2015)."""
     if not stated:
         return float("nan")
     parts = reliability(stated, bins)

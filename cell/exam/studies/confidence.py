@@ -83,9 +83,7 @@ def measure(case: Values) -> Values:
 
 
 def names_to_withhold(case: Case) -> list[str]:
-    """Names removed from the library: a hidden effect, or the one that resembles the hidden law,
-    and its twins.
-    """
+    """Names removed from the library: the hidden or resembled effect, and its twins."""
     hidden = sorted(case.effects or case.answer)[0]
     return sorted({hidden, *registry()[hidden].looks_like})
 
@@ -125,9 +123,7 @@ def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
 
 
 def shares(found: Sequence[Name], without: float) -> Array:
-    """Weights (n,) of the verdicts, so that the effect is absent from OUTSIDE_SHARE of all cases
-    instead of the share `without`.
-    """
+    """Weights (n,) of verdicts that turn the share `without` the effect into OUTSIDE_SHARE."""
     lacking, whole = (
         OUTSIDE_SHARE / without if without else 1.0,
         (1.0 - OUTSIDE_SHARE) / (1.0 - without or 1.0),
@@ -165,9 +161,7 @@ def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibr
 
 
 def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
-    """For each verdict, the confidence by the calibration of all other cases with their weights
-    (n,), and whether it is right.
-    """
+    """Confidence of each verdict by all other cases, weighted (n,), and whether it is right."""
     stated = []
     for name in found:
         kept = np.array([other.case != name.case for other in found])

@@ -18,9 +18,7 @@ SHOWN_UNITS = {
 
 
 def repeats(found: Findings) -> list[tuple[str, ...]] | None:
-    """Spread of each quantity that differs from run to run, with its remedy; None where runs say
-    nothing of it.
-    """
+    """Spread of each quantity that differs from run to run, with its remedy; None if unknown."""
     if not any(p.random for run in found.subject.runs for p in run.local):
         return None
     return list(_rows(found))

@@ -11,9 +11,7 @@ from cell.gap.verdict.findings import Findings
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """A run measured and simulated; `after` is None where no effect was accepted, and both
-    simulations where the model found no motion.
-    """
+    """A run measured and simulated; `after` is None where no effect was accepted."""
 
     name: str
     held_out: bool

@@ -17,9 +17,7 @@ TITLES = {
 
 
 def headline(verdict: Verdict) -> str:
-    """The verdict in a line: values that the file does not state, then the name with its size and
-    interval, or what stands open.
-    """
+    """The verdict in a line: deviations from the file, then name with size, or what stands open."""
     parts = []
     if verdict.deviates:
         names = ", ".join(d.parameter.replace("_", " ") for d in verdict.deviates)

@@ -9,8 +9,8 @@ PER_BLOCK = 16  # readings used of a sample at most
 
 
 def blocks(t: Array, width: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Edges (b + 1,) of samples of `width` [s] of readings at t (n,) [s] from 0, and the readings
-    in them (k,), thinned to PER_BLOCK each.
+    """Edges (b + 1,) of samples of `width` [s] of t (n,) [s], and readings (k,) at most
+    PER_BLOCK.
     """
     starts = np.flatnonzero(np.diff(np.floor(t / width))) + 1
     chosen = [inside if len(inside) <= PER_BLOCK

@@ -225,9 +225,7 @@ class Subject(Protocol):
         """Residuals of many simulations, each independent of the others in the call."""
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """The runs of `requests`, corrected for the coarseness of their simulation at these values,
-        with floors that allow for it.
-        """
+        """The runs of `requests`, corrected for coarse simulation, with floors for it."""
 
     def experiments(self) -> Sequence[Experiment]:
         """Possible next runs, to be rated by how well they separate explanations."""
@@ -255,6 +253,4 @@ class EditsModel(Protocol):
     def model_text(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
     ) -> str | None:
-        """Text of the model after acceptance, where it has its own file; the patch names that under
-        `model`.
-        """
+        """Text of the model after acceptance, where the patch names one as `model`."""

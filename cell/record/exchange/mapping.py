@@ -27,9 +27,7 @@ ResultColumn = Literal["t_layer_touch", "l1", "l2", "displacement"]
 
 
 class Column(Settings):
-    """A foreign column: its name and unit; `offset` [SI] is their value of our zero, and of a
-    `reversed` axis the sign is turned.
-    """
+    """A foreign column: name, unit, `offset` [SI] of our zero; the sign of `reversed` is turned."""
 
     column: str = Field(min_length=1)
     unit: str

@@ -182,9 +182,7 @@ def _is_picture(schema: "Schema") -> bool:
 
 
 def flat(message: Row) -> list[Row]:
-    """A message as rows of scalars: nested names joined by dots, a list of objects a row an entry
-    with its place `i`.
-    """
+    """A message as rows of scalars: names joined by dots, lists of objects a row an entry `i`."""
     plain_parts: Row = {}
     several: list[Row] = []
     for name, value in message.items():

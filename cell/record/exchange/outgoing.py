@@ -45,9 +45,7 @@ class Outgoing:
 
 
 def outgoing(runs: Sequence[Run]) -> tuple[Outgoing, ...]:
-    """Tables of `runs`; ConfigurationError for runs that one mapping cannot describe: without a
-    row, or of several strips, starts or noises.
-    """
+    """Tables of `runs`; ConfigurationError where one mapping cannot describe them all."""
     for run in runs:
         if not len(run.ticks.t):
             raise ConfigurationError(f"{run.folder}: holds no row; leave it out")

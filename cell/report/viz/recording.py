@@ -113,9 +113,7 @@ def open_recording(
 def watched_recording(
     application: str, path: Path, *, live: bool, viewer: Callable[[str], None] | None
 ) -> Iterator[rr.RecordingStream]:
-    """Recording of `application` into the file at `path`, named by its folder; see
-    `open_recording`.
-    """
+    """Recording of `application` into the file at `path`; see `open_recording`."""
     recording = rr.RecordingStream(application, recording_id=ascii(path.parent.name).strip("'"))
     servers = (
         [rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=SERVER_MEMORY)]

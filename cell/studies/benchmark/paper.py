@@ -1,6 +1,4 @@
-"""Numbers stated in the paper's text; its measured points are only in pictures that are not
-published with the source.
-"""
+"""Numbers stated in the paper's text; its measured points are only in unpublished pictures."""
 
 MEANS = {"triangular": -0.0368, "circular": 0.0627}  # m, over ten materials
 WORST = {"feedback": 0.020}  # m, on every material

@@ -77,9 +77,7 @@ def _loop_size(run: Path, length: float, edges: float | None) -> Values:
 
 
 def laid_weights(outcomes: Sequence[Outcome]) -> Values:
-    """Weights of the loop's size for the length it holds, and the rms error [m] over every fifth
-    fold, left out in turn.
-    """
+    """Weights of the loop's size for its length, and the rms error [m] on fifths left out."""
     kept = [o for o in outcomes if "held" in o.values and o.case.values["known"] == "calipers"]
     thickness = [o.case.values["strip"]["thickness"] for o in kept]
     size = [(1.0, o.values["height"], o.values["width"]) for o in kept]

@@ -39,8 +39,8 @@ class Sight:
         return self.seen.contact_x - self.fold.contact_x(self.stamp)
 
     def profile(self) -> tuple[Array, Array]:
-        """Distances (n,) [m] of the measured points to the left of the true curve, and their
-        positions on it as shares (n,) of its length.
+        """Distances (n,) [m] of measured points left of the true curve, and shares (n,) along
+        it.
         """
         return signed_distances(self.seen.profile, self.fold.shape(self.stamp))
 

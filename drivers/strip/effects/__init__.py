@@ -1,6 +1,4 @@
-"""Registry of effects: every module of this folder with an `EFFECT`, and every plug-in of the kind
-`effects`.
-"""
+"""Registry of effects: the `EFFECT` of every module of this folder, and plug-ins of that kind."""
 
 import importlib
 import pkgutil

@@ -1,6 +1,4 @@
-"""Stepping of blocks of strips along their grippers' paths: steps, observables,
-end at layer_touch.
-"""
+"""Stepping of blocks of strips along their grippers' paths, until their layers touch."""
 
 import math
 from typing import Any, NamedTuple

@@ -61,9 +61,7 @@ def fold_tip(x: Any, z: Any, j: int) -> Any:
 
 @kernel
 def gap_over(x: Any, z: Any, j: int, k: int) -> Any:
-    """Height of node j above the lower layer, and the segment below it, searched from k on;
-    infinity where no segment is below.
-    """
+    """Height of node j over the lower layer, infinite without one, and the segment below it."""
     if x[j] < x[0]:
         return math.inf, k
     while k > 0 and x[k] > x[j]:

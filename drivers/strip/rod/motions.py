@@ -16,9 +16,7 @@ PIECE_TIME = 0.5  # s of motion in one compiled call: a batch closes up between 
 
 
 class GripperPath(NamedTuple):
-    """A reported gripper path: times `t` (m,) [s], `poses` (m, 3); with `hanging` the strip starts
-    at rest from the first pose instead of flat.
-    """
+    """A reported path: times `t` (m,) [s], `poses` (m, 3); `hanging` starts at the first pose."""
 
     t: Array
     poses: Array

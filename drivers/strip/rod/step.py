@@ -29,8 +29,8 @@ class Grips(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Step `h` [s]; its ratio to the step before, and the ratio of equal steps, 0 for Euler; the
-    `tolerance` [rad] of Newton's method.
+    """Step `h` [s], its ratio to the last one, that of equal steps, and Newton's `tolerance`
+    [rad].
     """
 
     h: float
@@ -89,9 +89,7 @@ def copy(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
 
 @kernel
 def in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
-    """Step the lanes `gate` by `parts` equal substeps without history; returns the lanes that
-    failed.
-    """
+    """Step the lanes `gate` by `parts` equal substeps without history; the failed lanes."""
     going = gate
     for part in range(parts):
         place(block, grips, (part + 1) / parts)

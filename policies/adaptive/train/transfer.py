@@ -39,9 +39,7 @@ class FoldedBatch(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FitQuality:
-    """Quality of a transfer: number of `folds`, rms [m] of left-out folds after correction, and the
-    share of their displacements `within` one sigma.
-    """
+    """Quality of a transfer on left-out `folds`: rms [m], and the share `within` one sigma."""
 
     folds: int
     bias: float

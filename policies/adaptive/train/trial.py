@@ -15,9 +15,7 @@ COVERAGES = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Result of a trial: |d| over folds in the rod [m], and the share of outcomes within one and
-    1.96 sigma of the prediction at the touch.
-    """
+    """|d| over folds in the rod [m], and the shares within 1 and 1.96 sigma of the prediction."""
 
     folds: int
     untouched: int
@@ -48,9 +46,7 @@ def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
 
 
 def off_over_sigma(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
-    """|outcome - predicted| / sigma of displacement and the belief's three numbers, (m,) each, at
-    the `last` kept decisions before each touch.
-    """
+    """|outcome - predicted| / sigma (m,) of d and the belief, `last` decisions before touch."""
     found: list[list[Array]] = [[] for _ in range(4)]
     count = len(piece.displacement)
     memory, counted = np.zeros((count, critic.memory)), np.zeros((count, 1))

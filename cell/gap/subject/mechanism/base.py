@@ -73,9 +73,7 @@ def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[
 
 
 def _free_axes(model: Any, body: int) -> Iterator[str]:
-    """Axes of a body along which its centre of mass matters: not that of all joints, where these
-    are parallel hinges.
-    """
+    """Axes of a body along which its centre of mass matters: not along parallel hinges."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     own = data.xmat[body].reshape(3, 3)

@@ -13,9 +13,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """Data of a run for its simulation: its readings, its stated `load`, and its `motion` or its
-    `commands`.
-    """
+    """Data of a run: its readings, its stated `load`, and its `motion` or its `commands`."""
 
     cut: Cut
     load: Mapping[str, Any] | None = None

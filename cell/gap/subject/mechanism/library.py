@@ -18,9 +18,7 @@ Accepted = Mapping[str, Mapping[str, float]]
 def candidates(
     mechanism: Mechanism, accepted: Accepted, stated: Collection[str] = ()
 ) -> tuple[Candidate, ...]:
-    """Effects that this mechanism can have and its file does not accept yet; errors of the fields
-    `stated` to be uncertain are the base's.
-    """
+    """Effects that this mechanism can have, not yet accepted nor covered by `stated` fields."""
     return tuple(e.candidate(mechanism) for name, e in registry().items()
                  if name not in accepted and e.error_of not in stated
                  and e.applies(mechanism))  # fmt: skip

@@ -177,9 +177,7 @@ def _joint_weights(signal: Signal, spec: SignalSpec, model: Any) -> Array:
 
 
 def _sum_of_joints(model: Any, name: str) -> Array:
-    """Weights (joints,) with which a sensor adds joints' positions, as a fixed tendon does; zeros
-    where it reads something else.
-    """
+    """Weights (joints,) with which a sensor adds joint positions; zeros for any other."""
     row, sensor = np.zeros(model.njnt), model.sensor(name)
     kind, number = int(sensor.type[0]), int(sensor.objid[0])
     if kind == int(mujoco.mjtSensor.mjSENS_JOINTPOS):

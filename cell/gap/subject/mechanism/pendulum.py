@@ -181,8 +181,8 @@ def recording(
     name: str, condition: str, t: Array, angles: Array, sigma: float, rates: Array | None = None,
     index: int = 0,
 ) -> Recording:  # fmt: skip
-    """A recording of absolute angles from upright (n, m) [rad], read with noise `sigma` [rad];
-    `rates` (n,) [rad/s] are those at the start.
+    """A recording of angles from upright (n, m) [rad], noise `sigma`, start `rates` (n,)
+    [rad/s].
     """
     columns = {str(i): frozen(a - np.pi) for i, a in enumerate(angles, start=1)}
     return Recording(name, condition, index, frozen(t - t[0]), columns, None, sigma, rates)

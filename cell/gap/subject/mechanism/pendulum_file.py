@@ -46,9 +46,7 @@ class PendulumFile(Settings):
         return self
 
     def xml(self) -> str:
-        """MJCF of the chain, which hangs at zero; bodies and joints are called 1, 2, ..., a site
-        is where the last link is stated to end.
-        """
+        """MJCF of the chain, hanging at zero; bodies and joints are 1, 2, ..., a site the end."""
         opened, above = "", 0.0
         for i, link in enumerate(self.links, start=1):
             moments = " ".join([repr(link.inertia)] * 3)

@@ -138,9 +138,7 @@ def _derivatives(t: Array, x: Array) -> tuple[Array, Array, Array]:
 
 
 def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
-    """Errors (2,) of mean rates and accelerations of filtered positions, of a unit of white noise
-    in each; means are over `width` [s].
-    """
+    """Errors (2,) of mean rates and accelerations over `width` [s] by unit white noise."""
     box = np.ones(max(1, round(width / dt)))
     half = len(box) + round(2.0 * SETTLED / cutoff / dt)
     one = np.zeros((1, 2 * half + 1))
@@ -241,9 +239,7 @@ class Prescribed:
         return float(model.actuator_gear[number, 0] * gain)
 
     def _tracking(self, motion: Motion, case: Case, turns: Array) -> Array:
-        """Measured minus commanded positions of joints whose links stand `turns` (m, joints) behind
-        their motors; commands take effect late.
-        """
+        """Measured minus commanded positions; links stand `turns` (m, joints) behind."""
         ahead, rows = case.readings.command, []
         soon = motion.q + ahead * motion.v + 0.5 * ahead**2 * motion.a  # as motors stood already
         for _, joint in self._mechanism.trackings:

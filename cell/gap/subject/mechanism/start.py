@@ -30,9 +30,7 @@ def start_of(opened: Opened, recording: Recording) -> tuple[Array, Array]:
 
 
 def initial_state(opened: Opened, start: tuple[Array, Array]) -> tuple[Parameter, ...]:
-    """Unknowns of a run that starts at positions and rates (joints,); none where the file states
-    them as exact.
-    """
+    """Unknowns of a run from positions and rates (joints,); none where stated as exact."""
     spec, pace = opened.file.start, opened.pace
     if spec.spread == 0.0 or spec.settle:
         return ()

@@ -36,9 +36,7 @@ class Bias(Settings):
 
 
 class ModelError(Settings):
-    """One sigma of the share by which a fitted `damping` is off beyond noise, as two engines differ
-    in it. Written by `cell study damping`.
-    """
+    """One sigma of a fitted `damping` between engines (share), by `cell study damping`."""
 
     schema_: Literal[1] = Field(1, alias="schema")
     damping: float

@@ -16,9 +16,7 @@ def patch_file(
     effects: Mapping[str, Mapping[str, float]],
     source: str,
 ) -> tuple[dict[str, object], dict[str, object] | None]:
-    """The strip file with refitted values and its named effects, old values in provenance, and
-    the named effects of the cell, if any.
-    """
+    """The strip file with refitted values and named effects, and the cell's named effects."""
     content: dict[str, Any] = strip.model_dump(mode="json", by_alias=True)
     notes = list(content.pop("provenance"))
     known = {name: dict(values) for name, values in content["effects"].items()}

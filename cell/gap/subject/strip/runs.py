@@ -140,9 +140,7 @@ def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRu
 
 
 def _with_pitch(run: Recorded) -> Recorded:
-    """`run`, where it has no pitch with that of its start: hanging straight down, or flat and
-    growing over the first stretch (formats.md, start).
-    """
+    """`run` with the pitch of its start where it has none: hanging, or growing from flat."""
     ticks = run.ticks
     if not len(ticks.t) or np.isfinite(ticks.pitch).any():
         return run

@@ -31,9 +31,7 @@ SELDOM = 16 * 2**20  # the same, where hardly any is asked for twice
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """Resolution of the rod: `segments`, its step `dt` [s], and the `tolerance` [rad] of a step's
-    solution.
-    """
+    """Resolution of the rod: `segments`, step `dt` [s], and `tolerance` [rad] of a solution."""
 
     segments: int
     dt: float

@@ -13,9 +13,7 @@ from policies.rollout import Marching
 
 
 class RecordingEngine:
-    """Wraps `engine`; records contacts and holding forces of all strips, poses of their grippers
-    and, where requested, `shapes`.
-    """
+    """Wraps `engine`; records contacts, holding forces, grippers' poses and `shapes`."""
 
     def __init__(self, engine: Stepper, *, shapes: bool = False) -> None:
         self.midlines: list[Array] = []
