@@ -188,6 +188,7 @@ def lock_folders(folders: Iterable[Path]) -> Iterator[None]:
 
 
 def _lock(handle: int, folder: Path) -> None:
+    """Lock `folder` by its open `handle`; ConfigurationError after LOCK_TIMEOUT."""
     until = time.monotonic() + LOCK_TIMEOUT
     while True:
         try:

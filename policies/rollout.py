@@ -172,6 +172,7 @@ class _Loop:
         return not np.any(self._going & ~decision.done)
 
     def _advance(self, poses: Array) -> None:
+        """Move the grippers through `poses`, add up forces, and let the camera see the result."""
         seen = self._march(poses, self._dt)
         if seen.touch is not self._touch:
             self._touch = seen.touch

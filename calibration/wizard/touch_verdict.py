@@ -192,6 +192,7 @@ def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings)
 
 
 def _compose(solved: Solved, settings: TouchSettings) -> TouchVerdict:
+    """Verdict on a solved map: its errors at held-out points, rejected points, and grade."""
     decide = np.reshape([solved.error(p) for p in solved.decide], (-1, 2))
     errors = 1e3 * np.hypot(*decide.T)
     points = sorted((*solved.used, *solved.decide), key=lambda p: p.number)

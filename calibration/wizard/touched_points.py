@@ -135,6 +135,7 @@ class TouchedPoints:
             )
 
     def _accept(self, number: int, frame: Frame, pose: Pose) -> TouchResult:
+        """Result of an image: accepted if it agrees with the one before, in pixel and pose."""
         centre = find_pointer(frame.image)
         if centre is None:
             self._last = None

@@ -121,6 +121,7 @@ def figure(quantity: Quantity, samples: Sequence[Sequence[float]]) -> Figure:
 
 
 def _interval(statistic: Statistic, cases: list[Array], values: Array) -> tuple[float, float]:
+    """95 % interval of a statistic: exact for shares, else by bootstrap over cases."""
     if len(cases) < 2 or statistic in EXACT_STATISTICS:
         return float("nan"), float("nan")
     if statistic is Statistic.SHARE and values.size == len(cases):

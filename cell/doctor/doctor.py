@@ -41,6 +41,7 @@ def checks(
 
 
 def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterator[Check]:
+    """Checks of a real or emulated robot, its kernel settings and network, as far as reachable."""
     address = settings.fci.address
     if not choice.arm_driver(settings).real or address is None:
         yield Check("robot", State.SKIPPED, "the twin's", "there is nothing to connect")

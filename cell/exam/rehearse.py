@@ -255,6 +255,7 @@ def page(made: Plan, records: Sequence[Record]) -> str:
 def _summary(
     made: Plan, hidden: Sequence[Mapping[str, Any]], empty: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
+    """Sentences: how many hidden effects would be named, and how many names are false."""
     good, alarms = sum(map(right, hidden)), sum(bool(o["named"]) for o in empty)
     sure = [o["confidence"] for o in hidden if o["named"] and right(o)]
     yield (

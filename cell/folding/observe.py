@@ -119,6 +119,7 @@ def _appearance(
     settings: PerceptionSettings,
     strip: StripFile,
 ) -> Appearance:
+    """Appearance of the strip in the film's first image; ConfigurationError where none is seen."""
     checked = inspect(first, calibration, settings, strip)
     if checked.appearance is not None:
         return checked.appearance

@@ -63,6 +63,7 @@ class Rehearsal:
         return [first + 1 + int(at) for at in np.flatnonzero(~straight)]
 
     def _follow_part(self, first: int, last: int) -> Motion:
+        """Drive along the path between two corners, eased in and out, then rest."""
         part = slice(first, last + 1)
         poses, times = dense(self.path[part], self.speeds[part])
         due = EASE * np.concatenate([[0.0], np.cumsum(times[1:])])

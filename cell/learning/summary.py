@@ -23,6 +23,7 @@ def _row(
     experiences: Sequence[Experience],
     settings: LearningSettings,
 ) -> dict[str, Any]:
+    """Row of one policy and specimen: its folds, biases and one sigma [m]."""
     mine = [one for one in experiences if one.policy == policy]
     found = bias(mine, strip, specimen, settings)
     folds = [one for one in mine if (one.strip, one.specimen) == (strip, specimen)]

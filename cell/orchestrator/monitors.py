@@ -85,6 +85,7 @@ def _not_finite(snapshot: Snapshot, _: Rules) -> str | None:
 
 
 def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where no image is young enough although the arm waited for one."""
     limits, view = rules.limits, snapshot.view
     if view.frame is None:
         return "the camera has delivered no image"
@@ -155,6 +156,7 @@ def _check_speed(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _tracking(snapshot: Snapshot, rules: Rules) -> str | None:
+    """Reason to stop where measured and commanded pose are too far apart."""
     limits = rules.limits
     measured, commanded = snapshot.arm.pose, snapshot.arm.commanded
     error = float(np.hypot(measured.x - commanded.x, measured.z - commanded.z))
@@ -281,6 +283,7 @@ def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
 
 
 def _check_command(snapshot: Snapshot, command: Command, rules: Rules) -> None:
+    """Refuse a command that leaves the workspace, meets the desk or is too fast."""
     if isinstance(command, MoveTo):
         rules.workspace.check(command.pose)
         require_clear([snapshot.arm.commanded, command.pose], rules.desk)

@@ -115,6 +115,7 @@ class Run:
             self._turn(due)
 
     def _turn(self, due: float) -> None:
+        """One cycle of the control loop: sense, decide, check, send, record."""
         self._devices.clock.wait_until(due)
         begun = time.perf_counter()
         snapshot = self._sense()
@@ -235,6 +236,7 @@ class Run:
         return self._context.predicted if isinstance(self._context, FoldContext) else None
 
     def _outcome(self, duration: float) -> Outcome:
+        """Outcome of the ended run, its touch in measured time."""
         if self._stopped is not None:
             name, reason, code = self._stopped.name, self._stopped.reason, self._stopped.exit_code
         else:

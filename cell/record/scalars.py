@@ -28,6 +28,7 @@ def read_scalars(text: str) -> dict[str, Scalar]:
 
 
 def _scalars(text: str) -> Iterator[tuple[str, Scalar]]:
+    """Keys and scalars of the document, walked event by event."""
     path: list[str | int | None] = []  # the key at hand in each open mapping, ITEM in a list
     for event in yaml.parse(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
         if not isinstance(event, yaml.NodeEvent | yaml.CollectionEndEvent):

@@ -59,6 +59,7 @@ def outlook_figure(run: Run, outlook: Outlook) -> str:
 
 
 def _draw_prediction(axes: Any, outlook: Outlook, name: str, scale: float, colour: str) -> None:
+    """Draw one predicted quantity over time, with its band of one sigma."""
     value, low, high = (scale * outlook.column(name + end) for end in ("", "_low", "_high"))
     axes.fill_between(outlook.t, low, high, color=colour, alpha=0.22, lw=0, gid="one sigma")
     axes.plot(outlook.t, value, color=colour, lw=1.2, gid=PANELS[name][0].partition("  [")[0])

@@ -95,6 +95,7 @@ def _trace_midline(path: Path, image: Image) -> Midline:
 
 
 def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> Photograph:
+    """The photograph in metres, scaled by its overhang, with errors along the midline."""
     traced = midline.points * (1, -1)
     travel = arc_lengths(traced)
     pixel = overhang / travel[-1]

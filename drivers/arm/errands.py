@@ -71,6 +71,7 @@ def _run_in_process(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
 
 
 def _process_main(task: Task, errand: dict[str, Any], pipe: Connection) -> None:
+    """Execute `errand` in this process and send its answer, or its failure, through `pipe`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.disable()  # a collection takes longer than a robot waits for a command
     try:
@@ -86,6 +87,7 @@ def _process_main(task: Task, errand: dict[str, Any], pipe: Connection) -> None:
 
 
 def _execute(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, Any]:
+    """Connect to the robot, check it and carry out `errand`; returns its pose or joints."""
     from drivers.arm.robot import Robot
 
     robot = Robot(task.address, task.settings)

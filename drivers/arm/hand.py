@@ -179,6 +179,7 @@ class FciHand:
             self._flagged |= self._closed and fingers.grasped
 
     def _finish_motion(self, reply: wire.Reply) -> None:
+        """Note the end of the motion under way and start the next; Fault where it failed."""
         if reply.number != self._motion:
             return
         self._motion, self._ended = None, self._fingers.number

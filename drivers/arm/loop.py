@@ -224,6 +224,7 @@ class Loop:
             self._profile.stop()
 
     def _publish(self, state: Any) -> None:
+        """Write the report of `state`; brake where its pose is no number or off the plane."""
         self.success = state.control_command_success_rate
         pose = state.O_T_EE
         here = self._plane.to_cell(pose)

@@ -50,6 +50,9 @@ def run(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
 
 
 def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
+    """Connect to the robot, run its loop until the end, and send timing and joints through
+    `pipe`.
+    """
     clock = WallClock(task.origin)
     rehearse(task.installation)
     robot = Robot(task.address, task.settings)

@@ -92,6 +92,7 @@ def plan_reach(
 def _postures(
     installation: Installation, path: Array, speeds: Array, turned: bool, elbows: tuple[float, ...]
 ) -> Iterator[Reach]:
+    """Reach of the arm along `path` from each start posture, one for each elbow angle."""
     plane = StripPlane(installation.mounting.transform(), turned=turned)
     poses, times = dense(path, speeds)
     for elbow in elbows:
@@ -106,6 +107,7 @@ def _postures(
 
 
 def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
+    """Reach along `poses` by tracking joints from `start`, up to the first few problems."""
     joints, problems, least = start, list[Problem](), (np.inf, 0)
     count = 0
     for pose, time in zip(poses, times, strict=True):

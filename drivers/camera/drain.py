@@ -134,6 +134,7 @@ class Drain:
             )
 
     def _keep(self, session: Session, capture: Capture) -> None:
+        """Count a capture and publish it as the newest frame, unless it is corrupt."""
         step = self._sequence.step_to(capture.counter)
         self._last_any = capture.taken
         self.counts.missing += max(step - 1, 0)

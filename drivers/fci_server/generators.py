@@ -82,6 +82,7 @@ def _joint_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture
 
 
 def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
+    """Next posture with joints `q` at `velocity`, within the limits of the joints."""
     course = old.joints.step(velocity)
     check_joint_course(old.joints, course, JOINT)
     check_joints(
@@ -106,6 +107,9 @@ def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Pos
 def _cartesian(
     old: Posture, command: RobotCommand, pose: Array, twist: Array, tool: Array
 ) -> Posture:
+    """Next posture for a commanded tool `pose` with `twist`, within the limits of tool and
+    joints.
+    """
     course = old.tool.step(twist)
     check_tool_course(old.tool, course)
     swing = old.swing_to(_elbow(old, command))

@@ -71,6 +71,7 @@ class Publisher:
             self._errors = (robot.errors, robot.reasons)
 
     def _put_posture(self, robot: Robot) -> None:
+        """Write setpoints and measured joints of the robot into the packet."""
         posture, arm, fields = robot.posture, robot.measured, self._packet.fields
         for name in ("O_T_EE_d", "O_T_EE_c"):
             self._packet.put_matrix(name, posture.pose)

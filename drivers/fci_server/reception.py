@@ -71,6 +71,7 @@ class Reception:
         return True
 
     def _read_greeting(self, guest: Link) -> None:
+        """Read a guest's connection request and admit it as the client, or refuse it."""
         if not guest.read():
             self._refuse(guest)
             return

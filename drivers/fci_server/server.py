@@ -199,6 +199,7 @@ class RobotServer:
         return alone and self.robot.posture.at_rest and not self.hand.moving
 
     def _wait_for_command(self) -> None:
+        """In lock-step, wait for the client's command and follow it."""
         events = self._poll_sockets(OFFER_HAND)
         if not events:
             self._hand_port.repeat()
@@ -213,6 +214,7 @@ class RobotServer:
             self._pace.restart()
 
     def _wait_for_period(self) -> None:
+        """By the wall clock, take a command until the control period has passed."""
         self._poll_sockets(max(self._pace.remaining(), 0.0))
         command = self._next_command()
         if command is not None and self._lock_step:

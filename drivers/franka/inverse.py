@@ -96,6 +96,7 @@ def manipulability(jac: Array) -> float:
 
 
 def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
+    """Damped least-squares search from `start`, drawn to the joints' middle by `centre`."""
     joints = np.array(start, dtype=np.float64)
     for _ in range(ITERATIONS):
         reached, jac = pose_and_jacobian(joints, tool)

@@ -133,6 +133,7 @@ class Adaptive:
 
 
 def _begun(length: float, count: int, memory: int) -> Fold:
+    """State of `count` folds before the first decision."""
     return Fold(
         rise=np.full(count, UNKNOWING * length),
         memory=np.zeros((count, memory)),
@@ -142,6 +143,7 @@ def _begun(length: float, count: int, memory: int) -> Fold:
 
 
 def _check(length: float, speed: float) -> None:
+    """Refuse a strip's `length` [m] or a `speed` [m/s] that the policy was not trained for."""
     low, high = LENGTH_RANGE
     if not low <= length <= high:
         raise ConfigurationError(

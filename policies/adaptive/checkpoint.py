@@ -95,6 +95,7 @@ def _read_facts(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
 
 
 def _read_weights(path: FilePath) -> dict[str, Array]:
+    """Arrays of the critic from a file, of the expected names, shapes and finite values."""
     arrays = _read_arrays(path)
     _read_facts(arrays, path)
     missing = [name for name in ARRAY_NAMES if name not in arrays]

@@ -81,6 +81,7 @@ class Search:
             yield self._generation(evaluate, validate)
 
     def _generation(self, evaluate: Evaluate, validate: Validate) -> Progress:
+        """Run one generation: ask, evaluate, update, validate if due, write to the journal."""
         number = self._optimiser.generation
         start = time.monotonic()
         asked = self._ask()

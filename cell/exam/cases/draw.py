@@ -102,6 +102,7 @@ def _kinds(tier: Tier, count: int) -> list[Kind]:
 
 
 def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
+    """Draw the case of this kind, again where the cell would not fold it."""
     rng = np.random.default_rng([seed, i])
     bare = Case(
         name=f"{tier}-{seed}-{i:03d}",

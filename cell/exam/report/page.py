@@ -89,6 +89,7 @@ def scatter_table(entries: Sequence[Entry]) -> str:
 
 
 def _scatter_words(name: Scattered) -> str:
+    """Text of a level of scatter: its spreads of grip, damping, stiffness."""
     of = LEVELS[name]
     sizes = f"{1e3 * of.grip:g} mm, {100 * of.damping:g} %, {100 * of.stiffness:g} %"
     return "no scatter" if name == "none" else sizes

@@ -68,6 +68,7 @@ def _line(
 
 
 def _false_alarms(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
+    """Lines on cases without a hidden effect: no gap, a false name, a claimed gap."""
     nothing = outcomes(entries, "nothing")
     least, most = (0.93, 0.03) if through else (0.95, 0.02)
     quiet = rate(o.result == "correct_no_gap" for o in nothing)

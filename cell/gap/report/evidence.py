@@ -21,6 +21,7 @@ def where(found: Findings) -> dict[str, str]:
 
 
 def _where(found: Findings) -> str:
+    """Text on the strongest place of disagreement, and how many exceed the noise."""
     places = found.places
     strong = [place for place in places if place.p < LISTED.significance]
     if not strong:

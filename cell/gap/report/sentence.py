@@ -42,6 +42,7 @@ def sentence(found: Findings, verdict: Verdict) -> str:
 
 
 def _name_effects(found: Findings, verdict: Verdict) -> str:
+    """Sentence on the named effects, with doubts about them."""
     sentences = {c.name: c.sentence for c in found.subject.scope.candidates}
     effects = ", and ".join(
         f"{sentences[e.name]} ({e.name}: {_parameter_values(e.parameters)})"
@@ -175,6 +176,7 @@ def label(of: Quantity) -> str:
 
 
 def _gaps(found: Findings, verdict: Verdict) -> str:
+    """Text of the gaps on held-out runs, by quantity."""
     parts = [
         f"{label(q)} {number(verdict.gap.before[q.key])} {q.unit}"
         for q in found.subject.scope.quantities.values()

@@ -37,6 +37,7 @@ def find_runs(paths: Sequence[Path]) -> tuple[RunFolder, ...]:
 
 
 def _unique(paths: Sequence[Path]) -> list[Path]:
+    """Distinct run folders at or in `paths`, two at least; ConfigurationError otherwise."""
     found: list[Path] = []
     for path in paths:
         if (path / HEADER_FILE).is_file():

@@ -114,6 +114,7 @@ def episodes(root: Path) -> Iterator[Episode]:
 def _read(
     root: Path, row: Mapping[str, Any], features: Mapping[str, Any], shared: Mapping[str, bytes]
 ) -> Episode:
+    """The episode of one row of meta/episodes."""
     place = {"chunk_index": row["data/chunk_index"], "file_index": row["data/file_index"]}
     path = root / DATA.format(**place)
     frames = read_parquet(path)

@@ -41,6 +41,7 @@ def write_mcap(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
 
 
 def _write(part: Outgoing, path: Path) -> Path:
+    """Write one run as an MCAP file, its documents and mapping as attachments."""
     from mcap.writer import Writer
 
     with replacing(path) as scratch, scratch.open("wb") as file:

@@ -121,6 +121,7 @@ def _is_number(value: object) -> bool:
 
 
 def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
+    """A foreign column in SI units and our axes; ConfigurationError for one that is no number."""
     known = MEASURES.get(name, LENGTHS)
     if name not in COUNTS and column.unit not in known:
         raise ConfigurationError(

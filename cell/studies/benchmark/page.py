@@ -171,6 +171,7 @@ def _strip_cells(row: Row) -> tuple[str, ...]:
 
 
 def _range_cells(row: Row) -> tuple[str, ...]:
+    """Cells of one policy's row in the table of the paper's range."""
     rod, chain = row.rod, row.chain
     numbers = [numeral(value) for value in (rod.mean, rod.quantile_95, rod.worst)]
     other = [numeral(chain.mean), numeral(chain.worst), newtons(rod.force)]

@@ -58,6 +58,8 @@ def page(outcomes: Sequence[Outcome]) -> str:
 
 
 def _fault_row(fault: str, cases: Sequence[Outcome]) -> str:
+    """Table row of one fault: verdicts, outcomes, exit codes, worst times and distance."""
+
     def states(verdict: str) -> str:
         some = [str(o.case.values["state"]) for o in cases if o.values["verdict"] == verdict]
         named = ", ".join(dict.fromkeys(some))

@@ -80,6 +80,7 @@ class Explorer(Adaptive):
         return super()._judge(inputs, fresh)
 
     def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
+        """Rises before each fold's switch as the critic's, after it the drawn ones."""
         before = self.rise if self._alone else super()._smooth_rise(judgement, time)
         step = self._count / INPUT_STRIDE
         reached = np.isnan(self._after) & (step >= self.switch)

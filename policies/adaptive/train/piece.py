@@ -66,6 +66,7 @@ def explore(settings: CriticSettings, turn: int, number: int, critic: Critic | N
 
 
 def _explore(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
+    """Draw strips of one length and fold them, those with further terms of the rod apart."""
     rng = np.random.default_rng([settings.seed, turn, number])
     draw = unknown if settings.friction else plain
     length = STRIP_LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTH_RANGE))
@@ -108,6 +109,7 @@ def _fold_strips(
     critic: Critic | None,
     rng: np.random.Generator,
 ) -> Piece:
+    """Fold `strips` by an exploring policy and collect its inputs with the results."""
     trial = turn >= settings.rounds
     rate = 60.0 if trial else float(rng.uniform(*RATES))
     sensing = IMAGE_SENSING if trial else TRAINING

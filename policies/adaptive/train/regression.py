@@ -97,6 +97,7 @@ def fit(
 
 
 def _fit(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
+    """Train by Adam with a cosine schedule, each batch with new biases of its inputs."""
     mean, whiten = (start.weights["mean"], start.weights["whiten"]) if start else whitening(piece)
     whiten = whiten * input_mask(settings)[:, None]
     network = Network(len(mean), settings.memory, settings.hidden)
@@ -148,6 +149,9 @@ def _add_bias(batch: list[Tensor], whiten: Tensor) -> list[Tensor]:
 
 
 def _loss(network: Network, batch: list[Tensor]) -> Tensor:
+    """Negative log likelihood of displacement and strip, at randomly picked moments of each
+    fold.
+    """
     whitened, moved, alive, predicted, displacement, strip = batch
     # moments that predict a displacement first, at random; a fold with few repeats some
     score = torch.rand(alive.shape) + predicted + alive

@@ -54,6 +54,7 @@ def stated_fields(base: Sequence[Base], mechanism: Mechanism) -> Collection[str]
 
 
 def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[Base]:
+    """Base parameters of one entry of `uncertain`, for each owner that `*` stands for."""
     model = mechanism.model
     kind = "body" if spec.body else "joint" if spec.joint else "actuator"
     names: Sequence[str]
@@ -87,6 +88,7 @@ def _free_axes(model: Any, body: int) -> Iterator[str]:
 def _base_parameter(
     spec: UncertainSpec, mechanism: Mechanism, number: int, name: str, axis: str
 ) -> Base:
+    """Base parameter of one field of one owner, with its bounds."""
     start, put, size = _access(spec.field, mechanism, number, axis)
     width = _spread_width(spec.spread, size)
     free = spec.field == "com"

@@ -74,6 +74,7 @@ def open_file(path: Path) -> tuple[MechanismFile, str, Any]:
 
 
 def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
+    """Refuse signals and inputs that name nothing in the model, or the wrong kind."""
     for name, spec in file.signals.items():
         for kind in ("joint", "actuator", "site", "sensor"):
             wanted = getattr(spec, kind)
@@ -140,6 +141,7 @@ def _is_given_motion(spec: SignalSpec, file: MechanismFile) -> bool:
 
 def _signal(name: str, spec: SignalSpec, model: Any,
             recordings: Sequence[Recording], origin: str) -> Signal:  # fmt: skip
+    """The compared signal of a column: kind, noise, zone, and the joint or sensor it reads."""
     sigma = repeat_noise(recordings, name, origin) if spec.sigma == "repeats" else spec.sigma
     kind = spec.is_ or ("site" if spec.site else "sensor")
     if spec.sensor is not None and _sum_of_joints(model, spec.sensor).any():
@@ -192,6 +194,7 @@ def _sum_of_joints(model: Any, name: str) -> Array:
 
 def _mechanism(file: MechanismFile, xml: str, model: Any, recordings: Sequence[Recording],
                signals: Sequence[Signal]) -> Mechanism:  # fmt: skip
+    """The mechanism of a compiled model, its solver options set and its joints measured."""
     free = model.actuator_forcelimited == 0
     model.actuator_forcerange[free] = (-LIMITLESS, LIMITLESS)
     model.actuator_forcelimited[:] = 1

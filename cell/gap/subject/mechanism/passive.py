@@ -98,6 +98,7 @@ class Torques:
 
 def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: int,
               slots: int) -> Any:  # fmt: skip
+    """MuJoCo's passive-force hook, compiled: adds the `law` of every joint."""
     pointers = types.CPointer(types.CPointer(types.float64))
 
     @numba.cfunc(types.void(pointers, pointers), error_model="numpy")

@@ -116,6 +116,7 @@ def _has_changed(mechanism: Mechanism, edited: Any, i: int, names: Sequence[str]
 
 
 def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
+    """Write changed inertias as `inertial` elements."""
     by_name = {e.get("name"): e for e in root.iter("body")}
     by_joint = {j.get("name"): e for e in root.iter("body") for j in e.findall("joint")}
     for i in range(1, edited.nbody):
@@ -135,6 +136,7 @@ def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
 
 
 def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
+    """Write changed damping, armature, stiffness, friction and rest positions."""
     radian = any(c.get("angle") == "radian" for c in root.findall("compiler"))
     elements = {e.get("name"): e for e in root.iter("joint") if e.get("name")}
     for joint in m.joints:
@@ -153,6 +155,7 @@ def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
 
 
 def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
+    """Write changed gains as general actuators, and force limits."""
     every = [e for group in root.findall("actuator") for e in group]
     for i, element in enumerate(every):
         if _has_changed(m, edited, i, ("actuator_gainprm", "actuator_biasprm")):

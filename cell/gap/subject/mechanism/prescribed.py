@@ -181,6 +181,7 @@ class Prescribed:
         return np.abs([np.interp(t, motion.t, row) for row in rows])
 
     def _torque(self, case: Case) -> Array:
+        """Torques of one case at its readings, of links behind elastic gears where it has any."""
         model = copy.copy(self._model)
         fields = ModelFields(model)
         case.edit(fields)

@@ -111,6 +111,7 @@ class MechanismSubject:
         return frozenset(e.name for e in known if e.law is not None and not e.edits(m))
 
     def _scope_without(self, without: Sequence[str]) -> Scope:
+        """Base, candidates and quantities, effects `without` left out."""
         accepted, m = self.opened.file.effects, self._mechanism
         base = [b.parameter for b in self.opened.base]
         base += list(accepted_parameters(m, accepted))
@@ -139,6 +140,7 @@ class MechanismSubject:
         return Quantity(f"{channel}_{key}", factor, UNITS.get(key, key), tolerance)
 
     def _run(self, recording: Recording) -> Run:
+        """The run for the engine: samples, phases, and its own unknowns."""
         o, m = self.opened, self._mechanism
         names, width = [s.name for s in o.signals], width_of(recording, BLOCK / o.pace)
         made = cut(recording, names, width)

@@ -48,6 +48,7 @@ def minutes(run: MeasuredRun) -> float:
 
 
 def _measure(fold: Fold, sigma: Sigma, index: int) -> Measured:
+    """Noise-free measurements of a simulated fold, up to its touch."""
     way, touch = fold.way, fold.motion.touch
     end = float(way.t[-1]) if touch is None else touch.time
     travel = arc_lengths(way.poses[:, :2])
@@ -69,6 +70,7 @@ def _measure(fold: Fold, sigma: Sigma, index: int) -> Measured:
 
 
 def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
+    """Midline points of simulated `shapes` from where the strip leaves the desk."""
     s = np.arange(0.0, arc[-1], POINT_SPACING)
     points, image, places = [], [], []
     for k, shape in enumerate(shapes):

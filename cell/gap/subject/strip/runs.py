@@ -118,6 +118,7 @@ def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRu
 
 
 def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
+    """Read a run and check it against the strip and itself."""
     try:
         recorded = _with_pitch(read_run(folder))
     except ConfigurationError as error:
@@ -166,6 +167,7 @@ def _check_kind(folder: Path) -> None:
 
 
 def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
+    """Arrays that the model is compared with, from a run's tables."""
     ticks, header = run.ticks, run.header
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)

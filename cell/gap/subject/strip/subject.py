@@ -124,6 +124,7 @@ class Strip:
         return found | compared
 
     def _compare_new(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
+        """Simulate and compare what is not cached, long motions and equal paths together."""
         first = {look[1]: i for i, look in reversed(list(enumerate(asked)))}
         order = sorted(asked, key=lambda k: (k[2], asked[k][1].way.duration, first[k[1]]))
         seen: dict[Look, Residuals] = {}

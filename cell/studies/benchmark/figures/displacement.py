@@ -145,6 +145,7 @@ def _draw_paper_numbers(axes: Any) -> None:
 
 
 def _draw_policy_range(axes: Any, results: Results, policy: str, row: int) -> None:
+    """Draw the simulated range of d as bars, and folds through images as squares."""
     over = results.over_range(policy, "rod")
     if over is not None and np.isfinite(over.d).any():
         d = 1e3 * over.d[np.isfinite(over.d)]
