@@ -15,7 +15,7 @@ from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain
 CAMERAS: Mapping[str, Mapping[str, float]] = {
     "30 Hz, 120 ms": {"rate": 30.0, "transport_delay": 0.12},
     "noise of 8": {"noise": 8.0},
-    "640 x 360": {"width": 640, "height": 360},
+    "960 x 540": {"width": 960, "height": 540},
     "1920 x 1080": {"width": 1920, "height": 1080},
     "1.2 m away": {"distance": 1.2},
     "3.2 m away": {"distance": 3.2},
