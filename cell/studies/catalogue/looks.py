@@ -1,4 +1,4 @@
-"""Strips folded in every look of the cell: what preflight and images make of it."""
+"""Study of strips folded in every look of the cell, by preflight and images."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,14 +15,14 @@ ALLOWED_MM = 6.0  # mm of displacement
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Every look of every strip of the cell."""
+    """Draw every look of every strip of the cell."""
     strips = find_configs(None).strip_names()
     strip, look = divmod(number, len(looks()))
     return {"look": list(looks())[look], "strip": strips[strip % len(strips)]}
 
 
 def measure(case: Values) -> Values:
-    """The fold by feedback with the calibration of the plain look: the camera stays in place."""
+    """Facts of the fold by feedback with the plain look's calibration; the camera stays."""
     with TemporaryDirectory() as place:
         configs = configs_with_twin(Path(place), case["look"])
         result = fold_strip(

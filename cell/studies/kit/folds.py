@@ -27,7 +27,7 @@ SPECIMEN_NAME = "studied"
 
 @cache
 def cached_calibration(configs: Path | None = None) -> Calibration:
-    """The calibration of the cell in `configs`, made or read once a process."""
+    """Calibration of the cell in `configs`, made or read once a process."""
     return calibration_of(find_configs(configs).cell())
 
 
@@ -44,7 +44,7 @@ def fold_strip(
     calibration: Calibration | None = None,
     memory: Path | None = None,
 ) -> FoldResult:
-    """The fold of `strip`, recorded in `folder` without images and page.
+    """Fold `strip`, recorded in `folder` without images and page.
 
     With a `memory` the cell learns from it there, and all its folds are of one specimen.
     """
@@ -63,7 +63,7 @@ def _learning(
     configs: Path | None = None,
     checkpoint: Path | None = None,
 ) -> Request:
-    """The request of a fold, corrected by what is learned in `memory`, if any."""
+    """Request of a fold, corrected by the biases learned in `memory`, if any."""
     request = Request(
         strip, policy, checkpoint, choice, folder / "runs", configs, "none", truth=True, viz="off",
         specimen=SPECIMEN_NAME, memory=memory,
@@ -87,7 +87,7 @@ def configs_with_twin(
 
 
 def changed_since(strip: StripFile, memory: Path) -> str | None:
-    """The run since which a cell says that something moved, by its folds of `strip` in `memory`."""
+    """Run since which the cell reports a change, by its folds of `strip` in `memory`."""
     name, choice = name_of(strip.length, strip.thickness), DeviceSelection()
     learned = _learning(name, "adaptive", memory, memory, choice).correction.learned
     return None if learned is None else learned.since
@@ -104,7 +104,7 @@ def fold_unknown(
     thicker: float = 0.0,
     configs: Path | None = None,
 ) -> FoldResult:
-    """The fold by `adaptive` of `strip`, whose length, and thickness if `measured`, it knows.
+    """Fold `strip` by `adaptive`, which knows its length, and its thickness if `measured`.
 
     The thickness is stated `thicker` [m] than it is; `memory` as in `fold_strip`.
     """
@@ -119,14 +119,14 @@ def fold_unknown(
 
 
 def next_strip(number: int, _rng: np.random.Generator) -> Values:
-    """Each strip of the cell, then each with another noise."""
+    """Draw each strip of the cell, then each with another noise."""
     strips = find_configs(None).strip_names()
     noise, strip = divmod(number, len(strips))
     return {"strip": strips[strip], "noise": noise}
 
 
 def facts(result: FoldResult) -> Mapping[str, Any]:
-    """What a study keeps of a fold [m, s]: no path and no wall time, so that it repeats."""
+    """Facts of a result for a study [m, s]: without paths and wall times, so that they repeat."""
     seen, true = result.displacement, result.displacement_true
     return {
         "outcome": result.outcome,
