@@ -13,8 +13,7 @@ from scipy.optimize import least_squares
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.record.run import read_run
-from cell.studies.kit.folds import fold_unknown
-from cell.studies.kit.poor_images import dropping
+from cell.studies.kit.folds import configs_with_twin, fold_unknown
 from cell.studies.kit.predicted import QUANTITIES, SIGMAS_95, compare
 from drivers.strip.file import StripFile
 from drivers.types import Array
@@ -52,10 +51,13 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 def measure(case: Values) -> Values:
     """Facts of the fold, and the errors of `adaptive`'s estimate of the strip."""
     strip = StripFile.model_validate(case["strip"])
-    measured, share = case["known"] != "length alone", 0.5 if case["known"] == "half dropped" else 0
-    with TemporaryDirectory() as place:
-        opened = dropping(share, case["noise"])
-        result = fold_unknown(strip, case["noise"], Path(place), measured=measured, opened=opened)
+    with TemporaryDirectory() as name:
+        place = Path(name)
+        lost = 0.5 if case["known"] == "half dropped" else 0.0
+        result = fold_unknown(
+            strip, case["noise"], place, measured=case["known"] != "length alone",
+            configs=configs_with_twin(place, camera={"lost": lost}),
+        )  # fmt: skip
         found = dict(compare(result)) | {"untrained": untrained_spread().added}
         found |= _loop_size(Path(result.run), strip.length, result.edge_offset_true)
     length, time, _ = truth(strip)

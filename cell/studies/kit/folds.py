@@ -1,8 +1,10 @@
 """One fold through images on the twin, as a case of a study."""
 
+import shutil
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,11 +16,11 @@ from cell.campaign.study import Values
 from cell.config.places import find_configs
 from cell.config.unknown import name_of
 from cell.devices.devices import DeviceSelection
-from cell.devices.open import DeviceFactory
 from cell.folding.correct import with_correction
 from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
 from drivers.strip.file import StripFile
+from drivers.twin.renderer.looks import DEFAULT_LOOK
 
 SPECIMEN_NAME = "studied"
 
@@ -40,7 +42,6 @@ def fold_strip(
     checkpoint: Path | None = None,
     arm: str | None = None,
     calibration: Calibration | None = None,
-    opened: DeviceFactory | None = None,
     memory: Path | None = None,
 ) -> FoldResult:
     """Fold `strip`, recorded in `folder` without images and page.
@@ -50,7 +51,7 @@ def fold_strip(
     choice = DeviceSelection(arm=arm, plant=plant, seed=seed)
     request = _learning(strip, policy, folder, memory, choice, configs, checkpoint)
     known = calibration or cached_calibration(configs)
-    return fold(request, calibration=known, opened=opened, page=False)
+    return fold(request, calibration=known, page=False)
 
 
 def _learning(
@@ -70,6 +71,21 @@ def _learning(
     return with_correction(request, "off" if memory is None else "on")
 
 
+def configs_with_twin(
+    folder: Path, look: str = DEFAULT_LOOK, camera: Mapping[str, float] = MappingProxyType({})
+) -> Path:
+    """A copy of the configuration as `folder`/configs, its twin in `look`, with these settings of
+    its `camera`.
+    """
+    configs = find_configs(None)
+    copy = Path(shutil.copytree(configs.folder, folder / "configs"))
+    content = configs.cell().model_dump(mode="json", by_alias=True)
+    content["twin"]["look"] = look
+    content["twin"]["camera"] |= camera
+    (copy / "cell.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    return copy
+
+
 def changed_since(strip: StripFile, memory: Path) -> str | None:
     """Run since which the cell reports a change, by its folds of `strip` in `memory`."""
     name, choice = name_of(strip.length, strip.thickness), DeviceSelection()
@@ -84,9 +100,9 @@ def fold_unknown(
     *,
     measured: bool = True,
     checkpoint: Path | None = None,
-    opened: DeviceFactory | None = None,
     memory: Path | None = None,
     thicker: float = 0.0,
+    configs: Path | None = None,
 ) -> FoldResult:
     """Fold `strip` by `adaptive`, which knows its length, and its thickness if `measured`.
 
@@ -97,8 +113,8 @@ def fold_unknown(
     plant.write_text(yaml.safe_dump(content), encoding="utf-8")
     name = name_of(strip.length, strip.thickness + thicker if measured else None)
     return fold_strip(
-        name, "adaptive", seed, folder, plant=plant, checkpoint=checkpoint, opened=opened,
-        memory=memory,
+        name, "adaptive", seed, folder, plant=plant, checkpoint=checkpoint, memory=memory,
+        configs=configs,
     )  # fmt: skip
 
 
