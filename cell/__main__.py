@@ -47,10 +47,10 @@ def _show_usage(error: Any) -> int:
         error.show()
         return int(error.exit_code)
     command = "cell" if error.ctx is None else error.ctx.command_path
-    said = error.format_message().replace("Value error, ", "").rstrip(".")
-    said = f"{said[:1].lower()}{said[1:]}"
+    text = error.format_message().replace("Value error, ", "").rstrip(".")
+    text = f"{text[:1].lower()}{text[1:]}"
     return _print_line(
-        ConfigurationError(f"{said}; `{command} --help` lists what goes{_hint(error)}")
+        ConfigurationError(f"{text}; `{command} --help` lists what goes{_hint(error)}")
     )
 
 

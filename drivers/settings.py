@@ -164,11 +164,11 @@ def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
     }
     bounds = bounds or {name: item["ctx"][name] for name in BOUND_WORDS if name in item["ctx"]}
     words = " and ".join(f"{BOUND_WORDS[name]} {bound:g}{unit}" for name, bound in bounds.items())
-    said = f"is {value:g}{unit}, must be {words}"
+    text = f"is {value:g}{unit}, must be {words}"
     small = SMALLER_UNITS.get(unit.strip())
     if small and all(COMPARED[name](value / 1e3, bound) for name, bound in bounds.items()):
-        said += f"; if {value:g} is in {small}, write {value / 1e3:g}"
-    return said
+        text += f"; if {value:g} is in {small}, write {value / 1e3:g}"
+    return text
 
 
 def _keys(model: type[BaseModel], place: tuple[Any, ...]) -> list[str]:

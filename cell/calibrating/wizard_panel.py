@@ -55,8 +55,8 @@ class WizardPanel:
         answer = news.answer
         self._news = news
         if answer:
-            said = answer.partition(": ")[2]
-            kept = [line for line in self._answers if line.partition(": ")[2] != said]
+            news_text = answer.partition(": ")[2]
+            kept = [line for line in self._answers if line.partition(": ")[2] != news_text]
             self._answers = [*kept[1 - RECENT :], answer]
         if self._live is not None:
             self._live.update(self.draw(news), refresh=True)

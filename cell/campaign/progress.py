@@ -70,12 +70,12 @@ class Meter:
         if self._quiet:
             return
         failed = f", {self._failed} failed" if self._failed else ""
-        said = f"{self._done} of {self._count}{failed}{self._time_left()}  {part.key}"
-        said += self._says(record)
+        text = f"{self._done} of {self._count}{failed}{self._time_left()}  {part.key}"
+        text += self._says(record)
         if self._task is None or record.state != "measured":
-            self._print(said)
+            self._print(text)
         if self._task is not None:
-            self._bar.update(self._task, completed=self._known, description=said)
+            self._bar.update(self._task, completed=self._known, description=text)
 
     def close(self) -> None:
         """Remove the bar."""

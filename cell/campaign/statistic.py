@@ -72,8 +72,8 @@ class Quantity:
         """Head of the quantity's column."""
         name = self.label or self.value.replace("_", " ")
         if not self.label:
-            said = self.statistic.value
-            name = said.replace("| |", f"|{name}|") if "| |" in said else f"{said} {name}"
+            text = self.statistic.value
+            name = text.replace("| |", f"|{name}|") if "| |" in text else f"{text} {name}"
         return f"{name} [{self.unit}]" if self.unit else name
 
 
@@ -95,10 +95,10 @@ class Figure:
         if not np.isfinite(self.value):
             return "-"
         digits = self.quantity.digits
-        said = f"{self.value:.{digits}f}"
+        text = f"{self.value:.{digits}f}"
         if np.isfinite(self.low):
-            said += f" ({self.low:.{digits}f} to {self.high:.{digits}f})"
-        return said + {None: "", True: "", False: " over its bar"}[self.held]
+            text += f" ({self.low:.{digits}f} to {self.high:.{digits}f})"
+        return text + {None: "", True: "", False: " over its bar"}[self.held]
 
 
 def figure(quantity: Quantity, samples: Sequence[Sequence[float]]) -> Figure:

@@ -174,6 +174,6 @@ def _print_table(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> 
     sys.stdout.write(f"{words}: {page}\n")
 
 
-def _print_progress(done: int, total: int, said: str) -> None:
-    if said:
-        sys.stderr.write(f"{done}/{total}  {said}\n")
+def _print_progress(done: int, total: int, text: str) -> None:
+    if text:
+        sys.stderr.write(f"{done}/{total}  {text}\n")

@@ -41,8 +41,8 @@ def observe(
         line |= {"displacement": None if touch is None else round(touch.displacement, 6)}
         print_json(line)
         return
-    said = "no touch of the layers was seen"
+    text = "no touch of the layers was seen"
     if found.touch is not None:
-        said = f"displacement {1e3 * found.touch.displacement:+.1f} mm"
-    sys.stdout.write(f"{film}: {found.read} of {found.images} images read; {said}\n")
+        text = f"displacement {1e3 * found.touch.displacement:+.1f} mm"
+    sys.stdout.write(f"{film}: {found.read} of {found.images} images read; {text}\n")
     sys.stdout.write(f"  {folder}\n  {folder / OVERLAY}\n")

@@ -21,7 +21,7 @@ def replay(
         facts = {"run": run, "images": result.images, "decisions": result.decisions}
         print_json({**facts, "differences": result.differences})
     else:
-        said = "the same" if result.same else f"{len(result.differences)} differences"
-        sys.stdout.write(f"{result.images} images, {result.decisions} decisions: {said}\n")
+        text = "the same" if result.same else f"{len(result.differences)} differences"
+        sys.stdout.write(f"{result.images} images, {result.decisions} decisions: {text}\n")
         sys.stdout.writelines(f"  {line}\n" for line in result.differences)
     sys.exit(0 if result.same else 1)

@@ -6,5 +6,5 @@ Progress = Callable[[int, int, str], None]
 """Called with how many cases are done, of how many, and what came of the last one."""
 
 
-def quiet(done: int, total: int, said: str) -> None:
+def quiet(done: int, total: int, text: str) -> None:
     """Ignore a progress report."""

@@ -92,8 +92,8 @@ def keep_runs(case: Case, place: Path, make: Maker) -> None:
     try:
         make(case, scratch)
     except CellError as error:
-        said = {"case": case_hash(case), "reason": str(error)}
-        replace_file(_refusal_file(place), json.dumps(said).encode())
+        stored = {"case": case_hash(case), "reason": str(error)}
+        replace_file(_refusal_file(place), json.dumps(stored).encode())
         raise
     (scratch / MADE).write_text(case_hash(case), encoding="utf-8")
     scratch.replace(place)
@@ -107,8 +107,8 @@ def _refusal_file(place: Path) -> Path:
 def _stored_refusal(place: Path, case: Case) -> str | None:
     """Reason why the runs of this very case could not be made; None where that was not tried."""
     try:
-        said = json.loads(_refusal_file(place).read_text(encoding="utf-8"))
-        return str(said["reason"]) if said["case"] == case_hash(case) else None
+        stored = json.loads(_refusal_file(place).read_text(encoding="utf-8"))
+        return str(stored["reason"]) if stored["case"] == case_hash(case) else None
     except (OSError, ValueError, KeyError):
         return None
 

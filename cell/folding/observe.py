@@ -124,8 +124,8 @@ def _appearance(
     if checked.appearance is not None:
         return checked.appearance
     failed = next((check for check in checked.checks if not check.passed), None)
-    said = "no strip is seen" if failed is None else f"{failed.reason}; {failed.remedy}"
-    raise ConfigurationError(f"{film}: its first image must show the strip lying flat: {said}")
+    problem = "no strip is seen" if failed is None else f"{failed.reason}; {failed.remedy}"
+    raise ConfigurationError(f"{film}: its first image must show the strip lying flat: {problem}")
 
 
 def _read(

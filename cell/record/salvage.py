@@ -51,8 +51,8 @@ class Salvage(Run):
         for read in (run.events, run.sights, run.costs, run.calibration, run.frame_index):
             read()
         problems += run.noted
-        said = tuple(dict.fromkeys(problems))
-        return cls(folder, header, ticks, profile, result, said, run.parts)
+        distinct = tuple(dict.fromkeys(problems))
+        return cls(folder, header, ticks, profile, result, distinct, run.parts)
 
     def _once(self, read: Callable[[Run], Found], empty: Callable[[], Found]) -> Found:
         """Result of `read` on the folder, cached, or `empty` where that fails."""

@@ -62,8 +62,8 @@ def _verdict(runs: Sequence[Run]) -> Verdict:
         return Verdict("fair", "No run has a displacement", ())
     spread = millimetres(max(found) - min(found))
     mean = millimetres(float(np.mean(found)), signed=True)
-    said = f"{len(found)} of {len(runs)} runs have one; their mean is {mean}."
-    return Verdict("good", f"Displacements lie within {spread} of one another", (said,))
+    mean_text = f"{len(found)} of {len(runs)} runs have one; their mean is {mean}."
+    return Verdict("good", f"Displacements lie within {spread} of one another", (mean_text,))
 
 
 def _numbers(run: Run, place: Path) -> tuple[str | Link, ...]:

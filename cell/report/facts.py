@@ -101,8 +101,8 @@ def advice(run: Run) -> list[str]:
     ]
     errors = [e for e in run.events() if e.kind == "fault"]
     if errors:
-        said = f"t = {errors[-1].t:.2f} s: {_sentence(errors[-1])}"
-        steps.insert(0, f"The last fault before the end: {said}.")
+        text = f"t = {errors[-1].t:.2f} s: {_sentence(errors[-1])}"
+        steps.insert(0, f"The last fault before the end: {text}.")
     return steps
 
 

@@ -144,8 +144,8 @@ def _histogram_bins(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list
         places = axes.transData.transform(np.column_stack([edges, np.ones_like(edges)]))[:, 0]
         for k, value in enumerate(values):
             ends = ((places[k], axes.bbox.y1), (places[k + 1], axes.bbox.y0))
-            said = f"{_span(x, edges[k], edges[k + 1] - edges[k])}: {_number(value)} {y['unit']}"
-            yield [*(v for end in ends for v in _svg_point(figure, *end)), said.strip()]
+            label = f"{_span(x, edges[k], edges[k + 1] - edges[k])}: {_number(value)} {y['unit']}"
+            yield [*(v for end in ends for v in _svg_point(figure, *end)), label.strip()]
 
 
 def _bar_value(axis: Facts, start: float, size: float) -> str:
@@ -172,8 +172,8 @@ def _image_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[A
             if np.isfinite(value):
                 ends = axes.transData.transform([(j - 0.5, i - 0.5), (j + 0.5, i + 0.5)])
                 (left, right), (low, high) = np.sort(ends, axis=0).T
-                said = f"{y['words'][i][1]} · {x['words'][j][1]}: {_number(value)}"
-                yield [*_svg_point(figure, left, high), *_svg_point(figure, right, low), said]
+                label = f"{y['words'][i][1]} · {x['words'][j][1]}: {_number(value)}"
+                yield [*_svg_point(figure, left, high), *_svg_point(figure, right, low), label]
 
 
 def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
@@ -190,8 +190,8 @@ def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[An
                 f"{axis['name'] or 'y'} {v:.3g} {axis['unit']}".strip()
                 for axis, v in zip((x, y), middle, strict=True)
             )
-            said = f"{', '.join(at)}: {_number(value) if np.isfinite(value) else 'none'}"
-            yield [*_svg_point(figure, left, high), *_svg_point(figure, right, low), said]
+            label = f"{', '.join(at)}: {_number(value) if np.isfinite(value) else 'none'}"
+            yield [*_svg_point(figure, left, high), *_svg_point(figure, right, low), label]
 
 
 def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:

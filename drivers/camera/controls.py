@@ -115,10 +115,10 @@ def _entries(device: Device, query: ControlQuery, kind: ControlType) -> dict[int
         return {}
     entries = {}
     for index in range(query.minimum, query.maximum + 1):
-        said = MenuQuery(id=query.id, index=index)
-        if device.supports(Request.QUERYMENU, said):
+        reply = MenuQuery(id=query.id, index=index)
+        if device.supports(Request.QUERYMENU, reply):
             named = kind is ControlType.MENU
-            entries[index] = said.entry.name.decode() if named else str(said.entry.value)
+            entries[index] = reply.entry.name.decode() if named else str(reply.entry.value)
     return entries
 
 
@@ -144,8 +144,8 @@ def _read_back(device: Device, control: CameraControl, value: int) -> int:
 
 
 def _value(device: Device, number: int) -> int:
-    said = device.call(Request.G_CTRL, Control(id=number), "reading a control")
-    return int(said.value)
+    reply = device.call(Request.G_CTRL, Control(id=number), "reading a control")
+    return int(reply.value)
 
 
 def spell(name: str) -> str:

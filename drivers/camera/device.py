@@ -128,12 +128,18 @@ class Device:
 
 
 def _identity(kernel: Kernel, path: str, fd: int) -> Identity:
-    said = Capability()
+    capability = Capability()
     try:
-        kernel.ioctl(fd, Request.QUERYCAP, said)
+        kernel.ioctl(fd, Request.QUERYCAP, capability)
     except OSError as error:
         raise translate_error(error, path, "asking what it is", users_of(path)) from None
-    can = said.device_caps if said.capabilities & Can.DEVICE_CAPS else said.capabilities
+    can = (
+        capability.device_caps
+        if capability.capabilities & Can.DEVICE_CAPS
+        else capability.capabilities
+    )
     if not (can & Can.VIDEO_CAPTURE and can & Can.STREAMING):
         raise CameraRefused(path, "device", "does not stream video; name the camera's video node")
-    return Identity(said.driver.decode(), said.card.decode(), said.bus_info.decode())
+    return Identity(
+        capability.driver.decode(), capability.card.decode(), capability.bus_info.decode()
+    )

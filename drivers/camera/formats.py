@@ -115,8 +115,8 @@ def _agree_rate(device: Device, settings: V4l2Settings) -> float:
     asked = StreamParameters(type=CAPTURE)
     asked.parm.capture.timeperframe = Fraction(PER_SECOND, round(PER_SECOND * settings.rate))
     device.call(Request.S_PARM, asked, "setting the rate")
-    said = StreamParameters(type=CAPTURE)
-    period = device.call(Request.G_PARM, said, "reading the rate").parm.capture.timeperframe
+    parameters = StreamParameters(type=CAPTURE)
+    period = device.call(Request.G_PARM, parameters, "reading the rate").parm.capture.timeperframe
     rate = period.denominator / period.numerator if period.numerator else 0.0
     if abs(rate - settings.rate) > RATE_TOLERANCE * settings.rate:
         problem = f"{settings.rate:g} Hz became {rate:g} Hz; allowed: {_offered_formats(device)}"

@@ -103,9 +103,9 @@ class Stream:
     def _map_buffer(self, index: int) -> Mapping:
         device = self._device
         asked = Buffer(index=index, type=CAPTURE, memory=MMAP)
-        said = device.call(Request.QUERYBUF, asked, "asking for a buffer")
+        reply = device.call(Request.QUERYBUF, asked, "asking for a buffer")
         try:
-            return device.kernel.map(device.fd, said.length, said.m.offset)
+            return device.kernel.map(device.fd, reply.length, reply.m.offset)
         except OSError as error:
             raise translate_error(error, device.path, "sharing a buffer", "") from None
 

@@ -220,10 +220,10 @@ def _verdict_words(entry: Entry) -> str:
 def _confusion_table(counts: Confusion) -> str:
     rows = []
     for row in counts.rows:
-        said = {c: counts.count(row, c) for c in counts.columns if counts.count(row, c)}
-        often = sorted(said.items(), key=lambda item: -item[1])
+        answers = {c: counts.count(row, c) for c in counts.columns if counts.count(row, c)}
+        often = sorted(answers.items(), key=lambda item: -item[1])
         words = ", ".join(f"{column} {count}" for column, count in often)
-        rows.append((row, str(sum(said.values())), words))
+        rows.append((row, str(sum(answers.values())), words))
     return table(["hidden", "cases", "said"], rows)
 
 

@@ -95,6 +95,6 @@ def confusion(found: Iterable[tuple[str, str]]) -> Confusion:
     """Confusion matrix of pairs (hidden, stated); hidden words come first, in row order."""
     counts = Counter(found)
     rows = tuple(sorted({hidden for hidden, _ in counts}))
-    said = {column for _, column in counts}
-    columns = [row for row in rows if row in said] + sorted(said - set(rows))
+    stated = {column for _, column in counts}
+    columns = [row for row in rows if row in stated] + sorted(stated - set(rows))
     return Confusion(rows, tuple(columns), dict(counts))

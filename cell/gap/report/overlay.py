@@ -58,9 +58,9 @@ def blueprint(runs: Sequence[Replayed]) -> Any:
     A subject without curves has its plots only.
     """
     tabs = [_run_tab(run) for run in runs]
-    said = rrb.TextDocumentView(origin="/verdict", name="verdict")
+    text_view = rrb.TextDocumentView(origin="/verdict", name="verdict")
     return rrb.Blueprint(
-        rrb.Vertical(said, rrb.Tabs(*tabs, active_tab=0), row_shares=[1, 6]),
+        rrb.Vertical(text_view, rrb.Tabs(*tabs, active_tab=0), row_shares=[1, 6]),
         rrb.TimePanel(timeline="t", state="collapsed"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),

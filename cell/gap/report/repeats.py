@@ -57,8 +57,8 @@ def _rows(found: Findings) -> Iterator[tuple[str, ...]]:
     for s in found.judged.scatter:
         factor, unit = SHOWN_UNITS.get(s.unit, (1.0, s.unit))
         ends = f"{number(factor * s.low, 2)} to {number(factor * s.high, 2)}"
-        said, remedy = known[s.name].sentence, known[s.name].remedy
-        yield said, spread(s), f"{ends} {unit}", more.get(s.name, ""), remedy
+        sentence, remedy = known[s.name].sentence, known[s.name].remedy
+        yield sentence, spread(s), f"{ends} {unit}", more.get(s.name, ""), remedy
 
 
 def spread(s: Spread) -> str:

@@ -56,13 +56,13 @@ class Episode:
         columns = {}
         for name in self.frames.column_names:
             column = self.frames[name].combine_chunks()
-            said = self.features.get(name, {}).get("names")
+            axes = self.features.get(name, {}).get("names")
             if not _is_vector(column):
-                only = f"{name}.{said[0]}" if isinstance(said, list) and len(said) == 1 else name
+                only = f"{name}.{axes[0]}" if isinstance(axes, list) and len(axes) == 1 else name
                 columns[only] = column
                 continue
             values = _matrix(column, len(self.frames))
-            names = said if isinstance(said, list) else range(values.shape[1])
+            names = axes if isinstance(axes, list) else range(values.shape[1])
             columns |= {f"{name}.{n}": values[:, k] for k, n in enumerate(names)}
         return pa.table(columns)
 

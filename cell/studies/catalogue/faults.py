@@ -73,8 +73,8 @@ def _fault_row(fault: str, cases: Sequence[Outcome]) -> str:
         _worst_text(stopped, key, scale)
         for key, scale in (("stop", 1), ("rest", 1), ("distance", 1e3))
     ]
-    said = str((stopped or cases)[0].values["message"]).splitlines()[0]
-    return f"| {fault} | {verdicts} | {named} | {codes} | {' | '.join(worst)} | {said[:120]} |"
+    message = str((stopped or cases)[0].values["message"]).splitlines()[0]
+    return f"| {fault} | {verdicts} | {named} | {codes} | {' | '.join(worst)} | {message[:120]} |"
 
 
 def _remedy(outcome: str) -> str:

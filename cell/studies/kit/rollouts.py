@@ -38,8 +38,8 @@ class Kept(Adaptive):
         if judged is None:
             return decision
         d, sigma, belief = judged.displacement[0], judged.sigma[0], judged.belief.first()
-        said = FoldPrediction(float(d), float(sigma), **belief, blind=False)
-        self.seen.append((observation, said))
+        prediction = FoldPrediction(float(d), float(sigma), **belief, blind=False)
+        self.seen.append((observation, prediction))
         return decision
 
 
