@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from drivers.arm.failure import Cause, Failed, Failure
+from drivers.arm.setpoint import largest_difference
 from drivers.arm.way import ROUNDING, Course, go_on
-from drivers.arm.whereabouts import largest_difference
 from drivers.franka.kinematics import forward, pose_and_jacobian
 from drivers.franka.tracking import ELBOW_JOINT, joint_step
 from drivers.motion import TICK

@@ -5,16 +5,16 @@ from collections.abc import Callable
 from math import degrees, hypot, isfinite
 from typing import Any, Protocol
 
-from drivers.arm.departure import Departure
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.arm.force import Drift, ForceGuard
 from drivers.arm.guard import REACTION, ReachGuard, Soon
 from drivers.arm.joint_log import JointLog
 from drivers.arm.latest import Latest
 from drivers.arm.messages import Kind, Order, Report
+from drivers.arm.offset import FadingOffset
 from drivers.arm.plane import LEANING, OUT_OF_PLANE, StripPlane
+from drivers.arm.setpoint import SetpointEstimate
 from drivers.arm.settings import FciSettings
-from drivers.arm.whereabouts import Whereabouts
 from drivers.errors import Fault
 from drivers.franka.kinematics import HOME
 from drivers.installation import Installation
@@ -80,7 +80,7 @@ class Loop:
         self._reason: Failure | None = None
         self.ticks = 0
         self.success = 0.0
-        self._departure = Departure()
+        self._offset = FadingOffset()
         self._path: deque[tuple[float, float, float, float]] = deque(maxlen=VELOCITY_STATES + 1)
 
     def begin(self) -> None:
@@ -97,7 +97,7 @@ class Loop:
         self._state = state = self._wait_until_followed(
             state
         )  # from here on the robot counts what it misses
-        self._whereabouts = Whereabouts(state)
+        self._setpoint = SetpointEstimate(state)
         self._time = state.time.to_sec()
         self._publish(state)
 
@@ -118,7 +118,7 @@ class Loop:
         """
         self._take_order(self._orders.read())
         x, z, pitch = self._profile.tick()
-        sent = self._plane.command(x, z, pitch, self._departure.tick())
+        sent = self._plane.command(x, z, pitch, self._offset.tick())
         self._robot.write_pose(self._motion, sent)
         if not self._lock_step:
             self._check_state(self._state)
@@ -192,7 +192,7 @@ class Loop:
         """
         before, self._time = self._time, state.time.to_sec()
         ticks = round((self._time - before) / TICK)
-        if self._whereabouts.keep_up(state, sent, ticks):
+        if self._setpoint.keep_up(state, sent, ticks):
             self._resume(state, ticks - 1)
 
     def _resume(self, state: Any, lost: int) -> None:
@@ -202,10 +202,10 @@ class Loop:
         """
         half = [0.5 * TICK * part for part in state.O_ddP_EE_c]
         twist = [part + gain for part, gain in zip(state.O_dP_EE_c, half, strict=True)]
-        course = self._plane.course(self._whereabouts.pose, twist, state.O_ddP_EE_c)
+        course = self._plane.course(self._setpoint.pose, twist, state.O_ddP_EE_c)
         pose, velocity = Pose(*course.pose), Velocity(*course.velocity)
         self._profile.resume(pose, velocity, Velocity(*course.acceleration), lost)
-        self._departure.begin(course.aside, course.aside_velocity, course.aside_acceleration)
+        self._offset.begin(course.aside, course.aside_velocity, course.aside_acceleration)
 
     def _check_ahead(self) -> None:
         """Brake while the arm still can, before it reaches a pose that it could not follow."""
@@ -281,7 +281,7 @@ def rehearse(installation: Installation) -> None:
     profile.set_velocity(Velocity(SLOW_SPEED, SLOW_SPEED, SLOW_SPEED))
     for _ in range(TICKS_BETWEEN_LOOKS):
         x, z, pitch = profile.tick()
-        plane.command(x, z, pitch, Departure().tick())
+        plane.command(x, z, pitch, FadingOffset().tick())
         guard.objection(Soon(*profile.soon(REACTION)))
         profile.resume(profile.pose, profile.velocity, profile.acceleration, 1)
 

@@ -5,7 +5,7 @@ from math import atan2, cos, pi, sin
 
 import numpy as np
 
-from drivers.arm.departure import NO_OFFSET
+from drivers.arm.offset import NO_OFFSET
 from drivers.franka.tracking import rotation, rotation_vector
 from drivers.geometry import CellInRobot
 from drivers.types import Array

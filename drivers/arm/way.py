@@ -13,7 +13,7 @@ import ruckig
 
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.arm.force import ForceGuard
-from drivers.arm.whereabouts import largest_difference
+from drivers.arm.setpoint import largest_difference
 from drivers.motion import TICK
 
 AXES = 7

@@ -52,9 +52,9 @@ from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from cell.orchestrator.steps import pause
 from cell.perception.beside import Seen, StripSight, Subject
-from drivers.arm.errands import go_to
 from drivers.arm.latest import Latest, allocate
 from drivers.arm.process import Task
+from drivers.arm.requests import go_to
 from drivers.clock import WallClock, lock_memory, take_priority
 from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer

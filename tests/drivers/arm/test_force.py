@@ -9,11 +9,11 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 from drivers.arm.clear_way import solids_of
-from drivers.arm.errands import go_to
 from drivers.arm.failure import Cause, Failed
 from drivers.arm.force import Drift, ForceGuard, Tare
 from drivers.arm.messages import Kind
 from drivers.arm.plane import StripPlane
+from drivers.arm.requests import go_to
 from drivers.arm.retreat import retreat
 from drivers.arm.settings import FciSettings
 from drivers.errors import Fault

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drivers.arm.departure import FADE_TICKS, Departure
 from drivers.arm.failure import Failed
 from drivers.arm.force import ForceGuard
 from drivers.arm.messages import Kind
+from drivers.arm.offset import FADE_TICKS, FadingOffset
 from drivers.arm.plane import StripPlane
 from drivers.arm.way import follow_joints
 from drivers.franka.kinematics import HOME
@@ -150,11 +150,11 @@ def test_course_of_a_hand_gives_back_its_command_and_the_rates_of_it(
     assert course.aside_velocity == pytest.approx(drift, abs=1e-4)
 
 
-def test_departure_continues_what_it_found_and_comes_to_rest_in_the_plane() -> None:
-    departure = Departure()
-    assert departure.tick() == (0.0, 0.0, 0.0)
-    departure.begin([1e-5, 0.0, 0.0], [2e-4, 0.0, 0.0], [0.03, 0.0, 0.0])
-    way = [1e-5, *(departure.tick()[0] for _ in range(FADE_TICKS + 3))]
+def test_offset_continues_what_it_found_and_comes_to_rest_in_the_plane() -> None:
+    offset = FadingOffset()
+    assert offset.tick() == (0.0, 0.0, 0.0)
+    offset.begin([1e-5, 0.0, 0.0], [2e-4, 0.0, 0.0], [0.03, 0.0, 0.0])
+    way = [1e-5, *(offset.tick()[0] for _ in range(FADE_TICKS + 3))]
     velocity = np.diff(way) / TICK
     acceleration = np.diff(velocity) / TICK
     assert velocity[0] == pytest.approx(2e-4, rel=0.1)

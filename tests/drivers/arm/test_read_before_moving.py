@@ -9,8 +9,8 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 
 from drivers.arm.bridge import Bridge
 from drivers.arm.description import read_description, require_limits
-from drivers.arm.errands import go_to, hand_pose
 from drivers.arm.failure import Failed
+from drivers.arm.requests import go_to, hand_pose
 from drivers.errors import Fault
 from drivers.fci_server.model import robot_model
 from drivers.fci_server.reflex import Reflex

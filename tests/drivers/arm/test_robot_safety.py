@@ -13,16 +13,16 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 import drivers.arm.robot
-from drivers.arm import errands
+from drivers.arm import requests
 from drivers.arm.arm import FciArm
 from drivers.arm.bridge import Bridge
-from drivers.arm.errands import go_to
 from drivers.arm.failure import Cause
 from drivers.arm.force import ForceGuard
 from drivers.arm.guard import ReachGuard, Soon
 from drivers.arm.hand import FciHand
 from drivers.arm.messages import Kind
 from drivers.arm.plane import StripPlane
+from drivers.arm.requests import go_to
 from drivers.arm.robot import Robot
 from drivers.arm.settings import FciSettings, HandLimits
 from drivers.arm.way import follow_joints
@@ -109,12 +109,12 @@ def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rat
 
     way = [np.array(near(0.02)), np.array(near(0.04))]
     monkeypatch.setattr("drivers.arm.robot.Robot", Still)
-    monkeypatch.setattr(errands, "clear_way", lambda *_: way)
-    monkeypatch.setattr(errands, "schedule", lambda _: None)
-    monkeypatch.setattr(errands, "Ending", NeverEnding)
-    errand = {"joints": near(0.04), "share": 1.0, "recover": False, "reset_tool": False}
+    monkeypatch.setattr(requests, "clear_way", lambda *_: way)
+    monkeypatch.setattr(requests, "schedule", lambda _: None)
+    monkeypatch.setattr(requests, "Ending", NeverEnding)
+    request = {"joints": near(0.04), "share": 1.0, "recover": False, "reset_tool": False}
     given = SimpleNamespace(address="", settings=FciSettings(), installation=INSTALLATION)
-    errands._execute(given, errand, SimpleNamespace(poll=lambda: False))
+    requests._execute(given, request, SimpleNamespace(poll=lambda: False))
     assert taken == pytest.approx([JOINTS[0], JOINTS[0], near(0.02)[0]][:tares], abs=1e-4)
 
 

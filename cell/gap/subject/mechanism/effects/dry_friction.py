@@ -42,7 +42,7 @@ def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque of one joint [N m] for floats or columns (m,); its numbers stand from `p[at]` on."""
+    """Torque [N m] of one joint, of floats or columns (m,); its parameters start at `p[at]`."""
     size = p[at] + p[at + 1] * abs(load)
     if p[at + 3] != 0.0:
         size += p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))

@@ -14,7 +14,7 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque of one joint [N m] for floats or columns (m,); its number stands at `p[at]`."""
+    """Torque [N m] of one joint, of floats or columns (m,); its parameters start at `p[at]`."""
     return -p[at] * abs(v) * v
 
 

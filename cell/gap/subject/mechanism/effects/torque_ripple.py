@@ -21,7 +21,7 @@ def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque of one joint [N m] for floats or columns (m,); its numbers stand from `p[at]` on."""
+    """Torque [N m] of one joint, of floats or columns (m,); its parameters start at `p[at]`."""
     return p[at] * np.sin(p[at + 1] * q + p[at + 2])
 
 

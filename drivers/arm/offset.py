@@ -8,7 +8,7 @@ NO_OFFSET = (0.0, 0.0, 0.0)
 Numbers = list[float]
 
 
-class Departure:
+class FadingOffset:
     """The hand's offset across the strip's plane [m] and its two angles out of it [rad].
 
     A robot that hears no command continues what it heard last, and with it the rounding of its

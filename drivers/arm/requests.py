@@ -16,7 +16,7 @@ from drivers.arm.retreat import retreat
 from drivers.arm.scheduling import schedule
 from drivers.arm.way import follow_joints
 
-ERRAND_TIMEOUT = 180.0  # s of an errand
+REQUEST_TIMEOUT = 180.0  # s of an request
 REST_RATE = 0.01  # rad/s of a joint that stands, the noise of its measurement included
 
 
@@ -34,8 +34,8 @@ def go_to(
     `reset_tool` it is given the cell's tool, which is read back. Where the straight way meets the
     arm itself, desk, clamp or floor, it goes around. Interrupting this ends the motion.
     """
-    errand = {"joints": joints, "share": share, "recover": recover, "reset_tool": reset_tool}
-    _run_in_process(task, errand)
+    request = {"joints": joints, "share": share, "recover": recover, "reset_tool": reset_tool}
+    _run_in_process(task, request)
 
 
 def hand_pose(task: Task) -> list[float]:
@@ -47,16 +47,18 @@ def hand_pose(task: Task) -> list[float]:
     return pose
 
 
-def _run_in_process(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
-    """Run `errand` in its own process and return its answer; the robot brakes if this dies."""
+def _run_in_process(task: Task, request: dict[str, Any]) -> dict[str, Any]:
+    """Run `request` in its own process and return its answer; the robot brakes if this dies."""
     context = get_context("forkserver")
     pipe, theirs = context.Pipe()
-    process = context.Process(target=_process_main, args=(task, errand, theirs), daemon=True)
+    process = context.Process(target=_process_main, args=(task, request, theirs), daemon=True)
     process.start()
     theirs.close()
     try:
-        if not pipe.poll(ERRAND_TIMEOUT):
-            raise Failure(Cause.SILENT, f"the errand took more than {ERRAND_TIMEOUT:.0f} s").fault()
+        if not pipe.poll(REQUEST_TIMEOUT):
+            raise Failure(
+                Cause.SILENT, f"the request took more than {REQUEST_TIMEOUT:.0f} s"
+            ).fault()
         answer = decode(pipe.recv_bytes())
     except (EOFError, OSError):
         raise Failure(Cause.LOST, "the process of the arm ended by itself").fault() from None
@@ -70,12 +72,12 @@ def _run_in_process(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
     return answer
 
 
-def _process_main(task: Task, errand: dict[str, Any], pipe: Connection) -> None:
-    """Execute `errand` in this process and send its answer, or its failure, through `pipe`."""
+def _process_main(task: Task, request: dict[str, Any], pipe: Connection) -> None:
+    """Execute `request` in this process and send its answer, or its failure, through `pipe`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.disable()  # a collection takes longer than a robot waits for a command
     try:
-        answer = _execute(task, errand, pipe)
+        answer = _execute(task, request, pipe)
     except Failed as failed:
         answer = {"failure": failed.failure.content()}
     except Exception as error:  # noqa: BLE001  an edge: reported to the cell, and the process ends
@@ -86,19 +88,19 @@ def _process_main(task: Task, errand: dict[str, Any], pipe: Connection) -> None:
         return
 
 
-def _execute(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, Any]:
-    """Connect to the robot, check it and carry out `errand`; returns its pose or joints."""
+def _execute(task: Task, request: dict[str, Any], pipe: Connection) -> dict[str, Any]:
+    """Connect to the robot, check it and carry out `request`; returns its pose or joints."""
     from drivers.arm.robot import Robot
 
     robot = Robot(task.address, task.settings)
     schedule(task.settings.realtime)
-    if not errand:
+    if not request:
         robot.require_tool()
         return {"pose": list(robot.state().O_T_EE)}
-    if errand["recover"]:
+    if request["recover"]:
         robot.recover()
     robot.require_ready()
-    if errand["reset_tool"]:
+    if request["reset_tool"]:
         robot.reset_tool()
     robot.require_tool()
     ending, solids = Ending(), solids_of(task.installation)
@@ -106,15 +108,15 @@ def _execute(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, 
     def left() -> bool:
         return ending() or pipe.poll()
 
-    if errand["recover"]:
+    if request["recover"]:
         retreat(robot, task.settings, left, solids)
     robot.configure(task.settings.collision)
     guard, reached = robot.guard(), list(robot.state().q)
-    way = clear_way(np.array(reached), np.array(errand["joints"]), solids)
+    way = clear_way(np.array(reached), np.array(request["joints"]), solids)
     for joints in way:
         if not left():
             guard = robot.guard() if _rests(robot.state()) else guard
-            reached = follow_joints(robot, joints.tolist(), errand["share"], guard, left)
+            reached = follow_joints(robot, joints.tolist(), request["share"], guard, left)
     ending.check()
     return {"joints": reached}
 

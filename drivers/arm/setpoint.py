@@ -14,7 +14,7 @@ ACCELERATION_TOLERANCE = 1e-6  # m/s^2 and rad/s^2: likewise, of an acceleration
 Numbers = list[float]
 
 
-class Whereabouts:
+class SetpointEstimate:
     """Follows the setpoint of a robot that hears some commands, and goes on where it misses one.
 
     Its state is rounded, and a rounding of 1e-7 m in one tick is 0.1 m/s^2. But a robot that has
