@@ -54,11 +54,7 @@ class StripReader:
     dead = ""
 
     def __init__(
-        self,
-        perception: Perception,
-        touch: LayerTouch,
-        latency: float,
-        standing: Standing,
+        self, perception: Perception, touch: LayerTouch, latency: float, standing: Standing
     ) -> None:
         """Start with the colours in `perception` and `standing` things of preflight."""
         self._perception, self._touch, self.latency = perception, touch, latency

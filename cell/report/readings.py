@@ -121,16 +121,10 @@ def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
             named = not patch.reading.startswith("_")
             if named or container.orientation == "vertical":
                 ends = ((box.x0, whole.y1), (box.x1, whole.y0))
-                span, reach = (
-                    _span(x, patch.get_x(), wide),
-                    _bar_value(y, patch.get_y(), high),
-                )
+                span, reach = (_span(x, patch.get_x(), wide), _bar_value(y, patch.get_y(), high))
             else:
                 ends = ((whole.x0, box.y1), (whole.x1, box.y0))
-                span, reach = (
-                    _span(y, patch.get_y(), high),
-                    _bar_value(x, patch.get_x(), wide),
-                )
+                span, reach = (_span(y, patch.get_y(), high), _bar_value(x, patch.get_x(), wide))
             places = (value for end in ends for value in _svg_point(figure, *end))
             yield [*places, patch.reading if named else f"{span}: {name}{reach}"]
 

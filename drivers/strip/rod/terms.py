@@ -121,11 +121,7 @@ def air(block: Any, r: int, rate: Any) -> Any:
     motion: of second order in the step, and symmetric.
     """
     work = block.work
-    xx, xz, zz = (
-        load(work, r, at.DRAG_XX),
-        load(work, r, at.DRAG_XZ),
-        load(work, r, at.DRAG_ZZ),
-    )
+    xx, xz, zz = (load(work, r, at.DRAG_XX), load(work, r, at.DRAG_XZ), load(work, r, at.DRAG_ZZ))
     vx = rate * (load(block.state, r, at.X) - load(work, r, at.BASE_X))
     vz = rate * (load(block.state, r, at.Z) - load(work, r, at.BASE_Z))
     return (fma(xx, vx, xz * vz), fma(xz, vx, zz * vz)), (rate * xx, rate * xz, rate * zz)

@@ -95,7 +95,9 @@ def _base_parameter(
     low = -np.inf if free else (0.2 * start if spec.field in ("mass", "inertia", "gain") else 0.0)
     high = np.inf if free else max(5.0 * start, start + 20.0 * width)
     key = f"com_{axis}" if free else spec.field
-    parameter = Parameter(f"{key}_{name}", UNITS[spec.field], start, low, high, 1e-3 * width, width)
+    parameter = Parameter(
+        f"{key}_{name}", UNITS[spec.field], start, low, high, step=1e-3 * width, spread=width
+    )
     by_run = None if spec.by_run is None else _spread_width(spec.by_run, size)
     return Base(parameter, put, spec.field, name, by_run)
 

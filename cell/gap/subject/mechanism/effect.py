@@ -120,8 +120,8 @@ def per_joint(
     for joint, s in zip(mechanism.joints, size, strict=True):
         low = -high * s if signed else 0.0
         shown = unit if joint.hinge else unit.replace("N m", "N").replace("rad", "m")
-        found.append(Parameter(f"{key}_{joint.name}", shown, 0.0, low, high * s, s / 1000.0,
-                               25.0 * s, shape=shape))  # fmt: skip
+        found.append(Parameter(f"{key}_{joint.name}", shown, 0.0, low, high * s, step=s / 1000.0,
+                               spread=25.0 * s, shape=shape))  # fmt: skip
     return tuple(found)
 
 
@@ -130,13 +130,13 @@ def single(
 ) -> tuple[Parameter, ...]:  # fmt: skip
     """One parameter for the whole mechanism."""
     low = -high * size if signed else 0.0
-    return (Parameter(key, unit, 0.0, low, high * size, size / 1000.0, 25.0 * size),)
+    return (Parameter(key, unit, 0.0, low, high * size, step=size / 1000.0, spread=25.0 * size),)
 
 
 def per_encoder(mechanism: Mechanism, key: str, unit: str, spread: float) -> tuple[Parameter, ...]:
     """One parameter an encoder, `key_ENCODER`, for an error of its readings."""
     return tuple(
-        Parameter(f"{key}_{name}", unit, 0.0, -0.2, 0.2, 1e-5, spread)
+        Parameter(f"{key}_{name}", unit, 0.0, -0.2, 0.2, step=1e-5, spread=spread)
         for name in mechanism.encoders
     )
 

@@ -40,8 +40,8 @@ def accepted_parameters(mechanism: Mechanism, accepted: Accepted) -> Iterator[Pa
     for name, values in accepted.items():
         for p in effect_of(name).with_shape(mechanism):
             value = _inside(p, values.get(p.name))
-            yield Parameter(f"{name}.{p.name}", p.unit, value, p.low, p.high, p.step, p.spread,
-                            p.inverse, p.shape)  # fmt: skip
+            yield Parameter(f"{name}.{p.name}", p.unit, value, p.low, p.high, step=p.step,
+                            spread=p.spread, inverse=p.inverse, shape=p.shape)  # fmt: skip
 
 
 def _inside(p: Parameter, value: float | None) -> float:

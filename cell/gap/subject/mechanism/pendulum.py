@@ -97,8 +97,8 @@ def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
     found = []
     for i, (link, joint) in enumerate(zip(pendulum.links, mechanism.joints, strict=True)):
         most = joint.torque / joint.rate  # its links would hardly swing
-        parameter = Parameter(f"damping_{i + 1}", "N m s", link.damping, 0.0, most, 1e-5 * most,
-                              0.1 * most)  # fmt: skip
+        parameter = Parameter(f"damping_{i + 1}", "N m s", link.damping, 0.0, most,
+                              step=1e-5 * most, spread=0.1 * most)  # fmt: skip
         found.append(_field_access(parameter, "dof_damping", (i,), 1.0))
     places = {"com": ("body_ipos", 1, 2, -1.0), "inertia": ("body_inertia", 1, slice(None), 1.0),
               "length": ("body_pos", 2, 2, -1.0)}  # fmt: skip
@@ -106,8 +106,8 @@ def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
         field, first, at, sign = places[key]
         for i, link in enumerate(pendulum.links[:-1] if key == "length" else pendulum.links):
             v = float(getattr(link, key))
-            parameter = Parameter(f"{key}_{i + 1}", unit, v, 0.2 * v, 5.0 * v, 1e-3 * spread * v,
-                                  spread * v)  # fmt: skip
+            parameter = Parameter(f"{key}_{i + 1}", unit, v, 0.2 * v, 5.0 * v,
+                                  step=1e-3 * spread * v, spread=spread * v)  # fmt: skip
             found.append(_field_access(parameter, field, (i + first, at), sign))
     return found
 

@@ -37,8 +37,8 @@ def initial_state(opened: Opened, start: tuple[Array, Array]) -> tuple[Parameter
     wide = np.inf if spec.spread is None else spec.spread
     rows = (("angle", start[0], "rad", 1.0), ("rate", start[1], "rad/s", pace))
     return tuple(
-        Parameter(f"{name}_{joint.name}", unit, float(value), -np.inf, np.inf, 1e-5 * times,
-                  wide * times)
+        Parameter(f"{name}_{joint.name}", unit, float(value), -np.inf, np.inf, step=1e-5 * times,
+                  spread=wide * times)
         for name, values, unit, times in rows
         for joint, value in zip(opened.mechanism.joints, values, strict=True)
     )  # fmt: skip

@@ -30,15 +30,7 @@ from cell.gap.subject.mechanism.load import Opened, open_all
 from cell.gap.subject.mechanism.patch import accepted_xml, patch_file, patch_pendulum
 from cell.gap.subject.mechanism.pendulum import open_swings, plans
 from cell.gap.subject.mechanism.prescribed import Prescribed, cutoff_of, motion_of
-from cell.gap.subject.mechanism.runs import (
-    Cut,
-    Recording,
-    cut,
-    falls,
-    phases,
-    samples,
-    width_of,
-)
+from cell.gap.subject.mechanism.runs import Cut, Recording, cut, falls, phases, samples, width_of
 from cell.gap.subject.mechanism.start import initial_state, start_of
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
@@ -173,8 +165,8 @@ class MechanismSubject:
             )
         local += tuple(
             Parameter(name, o.base[i].parameter.unit, 0.0, -np.inf, np.inf,
-                      o.base[i].parameter.step, o.base[i].by_run or 0.0, random=True, common=True)
-            for i, name in self._by_run
+                      step=o.base[i].parameter.step, spread=o.base[i].by_run or 0.0, random=True,
+                      common=True) for i, name in self._by_run
         )  # fmt: skip
         return Run(recording.name, recording.condition, known, local, content, recording.index)
 

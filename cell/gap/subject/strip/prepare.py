@@ -10,14 +10,7 @@ from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
-from cell.gap.subject.strip.simulation import (
-    FINE,
-    FINER,
-    HashedModel,
-    HashedPath,
-    Job,
-    Simulation,
-)
+from cell.gap.subject.strip.simulation import FINE, FINER, HashedModel, HashedPath, Job, Simulation
 from cell.gap.subject.subject import Parameter, Residuals, Run, Samples
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile

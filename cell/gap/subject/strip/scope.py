@@ -82,10 +82,10 @@ def _base(strip: StripFile) -> list[Parameter]:
     c, b = strip.bending_length, max(strip.retardation_time, 0.005)
     near = ((1 - SPECIMEN_SPREAD) * c, (1 + SPECIMEN_SPREAD) * c)
     return [
-        Parameter("bending_length", "m", c, max(0.002, c / 3), min(0.2, 3 * c), 0.003 * c, 0.5 * c,
-                  tolerated=strip.spread.get("bending_length", near)),
-        Parameter("retardation_time", "s", b, 0.1 * b, min(10.0, 30 * b), 0.02 * b, 2 * b,
-                  tolerated=strip.spread.get("retardation_time")),
+        Parameter("bending_length", "m", c, max(0.002, c / 3), min(0.2, 3 * c), step=0.003 * c,
+                  spread=0.5 * c, tolerated=strip.spread.get("bending_length", near)),
+        Parameter("retardation_time", "s", b, 0.1 * b, min(10.0, 30 * b), step=0.02 * b,
+                  spread=2 * b, tolerated=strip.spread.get("retardation_time")),
     ]  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def _density_parameter(strip: StripFile) -> list[Parameter]:
     """Base parameter areal density, which moves only force and air drag at one bending length."""
     m = strip.areal_density
     return [
-        Parameter("areal_density", "kg/m^2", m, m / 3, 3 * m, 0.02 * m, WEIGHED * m,
+        Parameter("areal_density", "kg/m^2", m, m / 3, 3 * m, step=0.02 * m, spread=WEIGHED * m,
                   tolerated=strip.spread.get("areal_density")),
     ]  # fmt: skip
 
@@ -148,9 +148,11 @@ def _parameters(effect: Effect, strip: StripFile, numbers: Sequence[Number]) -> 
 def _amount_parameter(p: Number, step: float, spread: float) -> Parameter:
     """Parameter for the amount of an effect; for one that vanishes at infinity, its reciprocal."""
     if p.null is None:
-        return Parameter(p.name, p.unit, 0.0, 0.0, 1.0 / p.low, step, spread, inverse=True)
+        return Parameter(
+            p.name, p.unit, 0.0, 0.0, 1.0 / p.low, step=step, spread=spread, inverse=True
+        )
     low, high = min(p.low, p.null), max(p.high, p.null)
-    return Parameter(p.name, p.unit, p.null, low, high, step, spread)
+    return Parameter(p.name, p.unit, p.null, low, high, step=step, spread=spread)
 
 
 def _shape_parameter(p: Number, strip: StripFile) -> Parameter:
@@ -158,14 +160,16 @@ def _shape_parameter(p: Number, strip: StripFile) -> Parameter:
     if p.role == "place":
         low, high = max(p.low, 0.0), min(p.high, strip.length)
         middle = 0.5 * (low + high)
-        return Parameter(p.name, p.unit, middle, low, high, 0.002, high - low, shape=True)
+        return Parameter(
+            p.name, p.unit, middle, low, high, step=0.002, spread=high - low, shape=True
+        )
     if p.role == "shape":
         guess = p.guess or 0.0
         start, step, spread = p.default or 0.0, SECANT * guess, FARTHEST * guess
-        return Parameter(p.name, p.unit, start, p.low, p.high, step, spread, shape=True)
+        return Parameter(p.name, p.unit, start, p.low, p.high, step=step, spread=spread, shape=True)
     start = p.default if p.default is not None else float(np.sqrt(p.low * p.high))
     step, spread = 0.02 * start, (SHAPE_SPREAD if p.default is not None else UNKNOWN_SPREAD) * start
-    return Parameter(p.name, p.unit, start, p.low, p.high, step, spread, shape=True)
+    return Parameter(p.name, p.unit, start, p.low, p.high, step=step, spread=spread, shape=True)
 
 
 def _probes(

@@ -16,7 +16,7 @@ def candidates() -> tuple[Candidate, ...]:
 
 def _candidate(term: Term) -> Candidate:
     step = SECANT * term.size
-    amount = Parameter("amount", term.unit, 0.0, term.low, term.most, step, term.most)
+    amount = Parameter("amount", term.unit, 0.0, term.low, term.most, step=step, spread=term.most)
     sizes = term.size * (term.most / term.size) ** np.array(TRIED)
     probes = tuple(((float(size),),) for size in sizes)
     return Candidate(term.name, term.sentence, "strip", (amount,), probes)

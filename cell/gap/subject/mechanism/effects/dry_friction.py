@@ -30,7 +30,7 @@ def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     ones = np.ones(len(mechanism.joints))
     rates = [
         Parameter(f"stribeck_velocity_{j.name}", "rad/s" if j.hinge else "m/s",
-                  v, 0.1 * v, 10.0 * v, 0.01 * v, v, shape=True)
+                  v, 0.1 * v, 10.0 * v, step=0.01 * v, spread=v, shape=True)
         for j, v in zip(mechanism.joints, STRIBECK * mechanism.rate, strict=True)
     ]  # fmt: skip
     return (

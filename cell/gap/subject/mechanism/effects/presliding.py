@@ -17,7 +17,7 @@ YIELD = 0.02
 def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(f"torque_{j.name}", "N m", 0.05 * j.torque, 0.001 * j.torque, j.torque,
-                  0.001 * j.torque, 0.1 * j.torque, shape=True)
+                  step=0.001 * j.torque, spread=0.1 * j.torque, shape=True)
         for j in mechanism.joints
     )  # fmt: skip
 

@@ -8,8 +8,8 @@ from drivers.types import Array
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return tuple(
-        Parameter(f"torque_{j.name}", "N m", 0.0, 0.0, 20.0 / j.torque, 1e-3 / j.torque,
-                  1.0 / j.torque, inverse=True)
+        Parameter(f"torque_{j.name}", "N m", 0.0, 0.0, 20.0 / j.torque, step=1e-3 / j.torque,
+                  spread=1.0 / j.torque, inverse=True)
         for j in driven_joints(mechanism)
     )  # fmt: skip
 

@@ -7,7 +7,7 @@ from drivers.types import Array
 
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    return tuple(Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, 1e-5, 0.25)
+    return tuple(Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, step=1e-5, spread=0.25)
                  for j in driven_joints(mechanism))  # fmt: skip
 
 

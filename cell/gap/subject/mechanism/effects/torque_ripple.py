@@ -13,8 +13,8 @@ ORDER = 6.0  # periods a turn, where nothing says otherwise
 
 
 def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    orders = [Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, 0.01, ORDER, shape=True)
-              for j in mechanism.joints]  # fmt: skip
+    orders = [Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, step=0.01, spread=ORDER,
+                        shape=True) for j in mechanism.joints]  # fmt: skip
     size = 0.04 * np.ones(len(mechanism.joints))
     phases = per_joint(mechanism, "phase", "rad", size, signed=True, shape=True, high=100.0)
     return (*orders, *phases)
