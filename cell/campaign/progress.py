@@ -14,11 +14,9 @@ Says = Callable[[Record], str]
 
 def briefly(record: Record) -> str:
     """Result of a part, in a few words."""
-    return (
-        ""
-        if record.state == "measured"
-        else f": {record.state.replace('_', ' ')}: " + (record.reason)
-    )
+    if record.state == "measured":
+        return ""
+    return f": {record.state.replace('_', ' ')}: {record.reason}"
 
 
 class Quiet:

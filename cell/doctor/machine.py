@@ -37,8 +37,13 @@ def cores() -> Check:
     count = len(os.sched_getaffinity(0))
     why = "the control loop, images and the recording share the cores; a late tick stops the arm"
     remedy = f"give this process at least {PLENTY} cores (taskset, container limits)"
-    state = State.FAIL if count < CORES else State.WARN if count < PLENTY else State.PASS
-    return Check("cores", state, f"{count} usable", why, remedy)
+    return Check("cores", _state(count, CORES, PLENTY), f"{count} usable", why, remedy)
+
+
+def _state(amount: float, needed: float, plenty: float) -> State:
+    if amount < needed:
+        return State.FAIL
+    return State.WARN if amount < plenty else State.PASS
 
 
 def disk(runs: Path) -> Check:
@@ -51,9 +56,10 @@ def disk(runs: Path) -> Check:
     if not os.access(place, os.W_OK):
         return Check("disk", State.FAIL, f"{place} cannot be written", why, "mend its permissions")
     free = shutil.disk_usage(place).free / 1e9
-    state = State.FAIL if free < RUN_GB else State.WARN if free < ROOM_GB else State.PASS
     remedy = f"make room: `cell runs --runs {runs} --keep 100 --delete`"
-    return Check("disk", state, f"{free:.1f} GB free for {runs}", why, remedy)
+    return Check(
+        "disk", _state(free, RUN_GB, ROOM_GB), f"{free:.1f} GB free for {runs}", why, remedy
+    )
 
 
 def kernel(realtime: str) -> Check:
@@ -77,7 +83,9 @@ def priority(realtime: str) -> Check:
     found = f"real-time priority {'allowed' if ready else f'up to {allowed}'}, memory {memory}"
     why = "without priority another program delays the process that owns the robot's loop"
     remedy = "add `@realtime - rtprio 99` and `@realtime - memlock 102400` to limits.conf, join it"
-    state = State.PASS if ready else State.WARN if realtime == "ignore" else State.FAIL
+    if ready:
+        return Check("scheduler", State.PASS, found, why, remedy)
+    state = State.WARN if realtime == "ignore" else State.FAIL
     return Check("scheduler", state, found, why, remedy)
 
 
