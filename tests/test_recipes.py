@@ -284,7 +284,7 @@ def test_a_broken_package_is_named(installed: Path, name: str, text: str, said: 
         registry()
 
 
-def test_an_effect_beside_the_installed_package_is_said_to_be_none_of_it(
+def test_an_effect_beside_the_installed_package_is_reported_as_not_installed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

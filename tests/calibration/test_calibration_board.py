@@ -69,7 +69,7 @@ def test_view_shown_before_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("size", "remedy"), [(0.125, "come nearer"), (1.6, "too close")])
-def test_board_too_far_or_too_close_is_told_what_to_do(size: float, remedy: str) -> None:
+def test_board_too_far_or_too_close_is_reported_with_a_remedy(size: float, remedy: str) -> None:
     views = BoardViews(SETTINGS)
     assert remedy in str(_shown(views, Held(0.5, 0.5, size)))
 
@@ -107,7 +107,7 @@ def test_view_that_nobody_asked_for_counts() -> None:
     assert views.ask() == WantedView(0.84, 0.27, 0.31, SETTINGS.lean / 2, -SETTINGS.lean / 2)
 
 
-def test_wanted_view_is_told_in_words() -> None:
+def test_wanted_view_is_described_in_words() -> None:
     assert str(WantedView(0.5, 0.5, 0.4)) == (
         "the middle, 40 % of the image wide, facing the camera"
     )

@@ -43,7 +43,7 @@ def arm(bench):
     return bench.arm
 
 
-def test_arm_that_is_not_connected_tells_and_does_nothing(bench) -> None:
+def test_arm_that_is_not_connected_refuses_commands_and_does_nothing(bench) -> None:
     for command in _commands(bench.arm):
         with pytest.raises(Fault):
             command()

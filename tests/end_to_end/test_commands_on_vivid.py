@@ -40,7 +40,7 @@ def test_picture_is_taken_by_the_cell_file_and_by_name(told) -> None:
     assert "640x360" in told["grab by name"]["out"]
 
 
-def test_camera_that_is_not_there_is_said_in_a_line(told) -> None:
+def test_missing_camera_is_reported_in_a_line(told) -> None:
     absent = told["grab of none"]
     assert absent["code"] == 4
     assert absent["err"].startswith("cell: camera_lost: /dev/v4l/by-id/none: No such file")

@@ -43,7 +43,7 @@ def test_measured_time_begins_with_a_strip_that_hangs_still(folds: list[Folded])
         assert np.abs(late - early).max() < 0.001
 
 
-def test_what_is_seen_agrees_with_what_happened(folds: list[Folded]) -> None:
+def test_measurements_agree_with_the_truth(folds: list[Folded]) -> None:
     for fold in folds:
         touch = fold.truth.touch
         assert fold.result.displacement == pytest.approx(touch.displacement, abs=0.003)

@@ -28,7 +28,7 @@ def test_denim_and_two_more_have_plants() -> None:
 
 
 @pytest.mark.parametrize("path", PLANTS, ids=lambda path: path.stem)
-def test_a_plant_differs_from_its_strip_in_what_the_strip_file_does_not_know(path: Path) -> None:
+def test_a_plant_differs_from_its_strip_by_effects_unknown_to_the_file(path: Path) -> None:
     plant, strip = loaded(path)
     assert path.stem == plant.name
     assert not strip.effects

@@ -76,7 +76,7 @@ def test_another_camera_has_another_place(cache) -> None:
     assert kept_calibration(other) != kept_calibration(SETTINGS)
 
 
-def test_where_it_cannot_be_kept_it_serves_once_and_that_is_said(cache, count) -> None:
+def test_calibration_that_cannot_be_kept_serves_once_with_a_remark(cache, count) -> None:
     cache.write_text("a file where a folder should be")
     remarks: list[str] = []
     assert calibration_of(SETTINGS, remarks.append).id == made().id

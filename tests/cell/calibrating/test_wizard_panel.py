@@ -42,7 +42,7 @@ def _touches(count: int) -> tuple[Touched, ...]:
     )
 
 
-def test_board_panel_says_what_is_wanted_why_and_what_is_missing() -> None:
+def test_board_panel_states_request_reason_and_missing_coverage() -> None:
     wanted = WantedView(0.16, 0.27, 0.4, 0.28, 0.28)
     shown = _terminal(ViewNews(wanted, f"still missing: {GATES[0]}", GATES))
     assert "show the board high and left, 40 % of the image wide, top away by 16 deg" in shown

@@ -114,7 +114,7 @@ def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
     assert rows[4:7] == [(5, True), (5, False), (5, True)], "taken, taken back, taken anew"
 
 
-def test_watchers_are_told_of_every_stage(touched) -> None:
+def test_watchers_are_notified_of_every_stage(touched) -> None:
     _, news, _ = touched
     assert [*dict.fromkeys(item.stage for item in news)] == [
         Stage.TOUCH,

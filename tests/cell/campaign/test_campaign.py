@@ -43,7 +43,7 @@ def test_parts_that_fail_die_or_never_end_leave_the_others_measured(tmp_path: Pa
     assert found["e"].reason == "no outcome after 6 s; its process was ended"
 
 
-def test_what_is_done_is_not_measured_again_and_what_failed_is(tmp_path: Path) -> None:
+def test_finished_parts_are_not_measured_again_and_failed_ones_are(tmp_path: Path) -> None:
     marks = tmp_path / "marks"
     parts = [Fine("a", marks), Impossible("b", marks), Deadly("c", marks)]
     run(parts, tmp_path / "j")

@@ -65,7 +65,7 @@ def test_suggested_settings_lock_exposure_where_it_stands() -> None:
     )
 
 
-def test_no_camera_is_said_and_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_camera_is_reported_and_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.camera.listing.device_links", lambda *_: [])
     done = CliRunner().invoke(app, ["camera"])
     assert (done.exit_code, done.stdout) == (0, "")

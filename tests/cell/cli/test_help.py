@@ -23,7 +23,7 @@ def run(capsys, *words: str) -> str:
     return capsys.readouterr().out
 
 
-def test_version_is_told(capsys) -> None:
+def test_version_is_printed(capsys) -> None:
     assert re.fullmatch(r"cell \d+\.\d+\.\d+\S*\n", run(capsys, "--version"))
 
 

@@ -81,7 +81,7 @@ def test_output_in_ascii_is_escaped(tmp_path) -> None:
     assert rb"g/m\xb2" in done.stdout
 
 
-def test_names_that_are_not_utf8_are_told_in_one_line(tmp_path) -> None:
+def test_names_that_are_not_utf8_are_reported_in_one_line(tmp_path) -> None:
     (tmp_path / os.fsdecode(b"\xff")).mkdir()
     for command in ("report $'\\xff'", "fold --strip $'\\xff.yaml'", "gap advise $'\\xff'"):
         done = shell(f"$CELL {command}", tmp_path)
@@ -102,7 +102,7 @@ def test_what_is_printed_never_lands_in_a_file_that_was_opened_later(tmp_path) -
     assert (tmp_path / "record").read_text() == ""
 
 
-def test_what_takes_long_is_said_on_a_terminal_alone(monkeypatch, capsys) -> None:
+def test_long_work_is_announced_on_a_terminal_alone(monkeypatch, capsys) -> None:
     with busy("writing the page"):
         pass
     assert capsys.readouterr().err == ""

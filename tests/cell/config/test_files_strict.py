@@ -55,7 +55,7 @@ def load(path: Path, text: str) -> StripFile:
         ("schema: 1", "schema: 1\n7: seven"),
     ],
 )
-def test_nothing_is_taken_for_what_it_is_not(path: Path, old: str, new: str) -> None:
+def test_no_value_is_converted_to_another_type(path: Path, old: str, new: str) -> None:
     assert old in TEXT
     with pytest.raises(ConfigurationError) as refused:
         load(path, TEXT.replace(old, new))
@@ -96,7 +96,7 @@ def test_an_id_of_digits_and_an_e_stays_text(path: Path) -> None:
     assert read_yaml(path) == {"id": "12345e678901"}
 
 
-def test_an_unknown_key_is_told_those_that_are_known_as_files_spell_them(path: Path) -> None:
+def test_an_unknown_key_is_answered_with_the_known_ones_as_files_spell_them(path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"allowed here: .*\bschema\b,"):
         load(path, TEXT + "colur: [1, 2, 3]\n")
 

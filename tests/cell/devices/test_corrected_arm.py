@@ -72,7 +72,7 @@ def test_corrected_arm_reports_where_the_edge_truly_is(name: str, values: Values
 
 
 @pytest.mark.parametrize(("name", "values"), FELT)
-def test_corrected_arm_goes_where_it_is_told(name: str, values: Values) -> None:
+def test_corrected_arm_goes_to_the_commanded_pose(name: str, values: Values) -> None:
     twin, arm = _affected(name, values)
     for time, pose in ((2.0, Pose(0.6, 0.0, 0.0)), (8.0, Pose(0.45, 0.2, 1.2))):
         _go(twin, arm, pose, time)

@@ -85,7 +85,7 @@ def test_through_images_the_cell_makes_as_many_motions_by_hand_as_standard_ones(
     assert len({policy.name for policy in paths}) == len(made)
 
 
-def test_a_sealed_run_by_hand_tells_its_number_and_no_seed() -> None:
+def test_a_sealed_run_by_hand_states_its_number_and_no_seed() -> None:
     header = {"policy": "motion:by-hand-71-3", "condition": "motion:by-hand-71-3", "index": 3,
               "strip": "denim", "plant_sha256": "0"}  # fmt: skip
     assert through_images._sealed_header(header) == {

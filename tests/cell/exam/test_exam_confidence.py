@@ -34,7 +34,7 @@ def drawn(count: int, seed: int = 0) -> list[Name]:
     return found
 
 
-def test_what_is_stated_comes_true_as_often() -> None:
+def test_names_are_right_as_often_as_stated() -> None:
     by = fit_calibration(drawn(2000), np.ones(2000), "drawn")
     fresh = drawn(2000, seed=1)
     stated = [(by.probability(name.signs), name.right) for name in fresh]
@@ -85,7 +85,7 @@ def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
     assert 0.0 < stated[0] < stated[2] < 1.0
 
 
-def test_without_a_name_the_calibration_is_what_was_known_before() -> None:
+def test_without_a_name_the_calibration_is_its_prior() -> None:
     facts = {"is_named": False, "signs": None, "without": ["seam"], "case": "a"}
     found = Calibration.model_validate(calibrate([Outcome(Case(0, 0, {}), facts)]))
     assert {sign: w.weight for sign, w in found.weights.items()} == pytest.approx(
@@ -93,7 +93,7 @@ def test_without_a_name_the_calibration_is_what_was_known_before() -> None:
     )
 
 
-def test_the_package_holds_what_the_verdicts_of_its_source_give() -> None:
+def test_the_package_holds_the_calibration_of_its_source() -> None:
     source = [LEDGERS / f"confidence-{seed}.jsonl" for seed in (7301, 7302)]
     found = Calibration.model_validate(calibrate(verdicts_in(source)))
     assert found.source.startswith("67 verdicts that name, 10 of them wrong")

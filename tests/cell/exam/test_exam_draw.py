@@ -22,7 +22,7 @@ def test_effects_that_cancel_leave_nothing_beside_each_other(ruler: Ruler) -> No
     assert ruler.beside(twins).max() < 0.3
 
 
-def test_effects_that_differ_keep_what_they_leave(ruler: Ruler) -> None:
+def test_different_effects_keep_their_gaps(ruler: Ruler) -> None:
     both = {
         "homography_shift": {"x": 0.004, "z": 0.0},
         "hem_mass": {"mass": 0.001, "position": 0.5, "width": 0.02},

@@ -56,7 +56,7 @@ def test_right_names_are_counted_from_medium_strength_on() -> None:
     assert met(weak + clear, "at weak strength") is True
 
 
-def test_plants_that_are_the_model_are_told_apart_from_others() -> None:
+def test_plants_that_are_the_model_are_listed_apart_from_others() -> None:
     own = single("a", "strong", tilted(0.01), tier="state")
     chain = single("b", "strong", named("seam"), tier="state", engine="chain")
     rows = plant_table([own, chain]).splitlines()
@@ -125,7 +125,7 @@ def entries() -> list[Entry]:
     ]  # fmt: skip
 
 
-def test_the_page_tells_every_miss_and_nothing_else_as_one() -> None:
+def test_the_page_lists_every_miss_and_nothing_else_as_one() -> None:
     page = markdown(entries())
     misses = [line for line in page.splitlines() if line.startswith("- `")]
     assert [line.split("`")[1] for line in misses] == ["fooled", "lost"]
@@ -225,7 +225,7 @@ def test_an_exam_of_one_kind_is_another_one_and_outside_needs_images(kept: Path)
         load_or_draw(kept, "state", 2, 7, kind="outside")
 
 
-def test_the_digest_of_a_case_tells_what_runs_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_digest_of_a_case_depends_on_the_runs_made(monkeypatch: pytest.MonkeyPatch) -> None:
     once = entries()[0].case
     before = case_hash(once)
     for other in ({"repeats": 2}, {"motions": "by_hand"}):

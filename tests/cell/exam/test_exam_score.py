@@ -137,7 +137,7 @@ def test_confidence_is_binned_and_judged() -> None:
     assert calibration_error([(1.0, True)]) == 0.0
 
 
-def test_confusion_counts_what_was_said_of_what() -> None:
+def test_confusion_counts_hidden_causes_by_stated_names() -> None:
     table = confusion([("tilt", "tilt"), ("tilt", "drag"), ("seam", "none"), ("tilt", "tilt")])
     assert table.rows == ("seam", "tilt")
     assert table.columns == ("tilt", "drag", "none")

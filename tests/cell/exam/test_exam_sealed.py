@@ -138,7 +138,7 @@ def test_a_process_that_takes_too_long_is_ended(tmp_path: Path) -> None:
         run_sandboxed(STRIP, [], tmp_path / "out", [tmp_path], limit=0.05)
 
 
-def test_a_refusal_is_told_in_its_own_words(tmp_path: Path) -> None:
+def test_a_refusal_is_reported_in_its_own_words(tmp_path: Path) -> None:
     with pytest.raises(NoVerdict, match=r"ended with code 2: runs: no such folder"):
         run_sandboxed(STRIP, [], tmp_path / "out", [tmp_path])
 
@@ -173,7 +173,7 @@ def test_what_depends_on_another_engine_is_not_the_same() -> None:
     assert Sources("1", "x").entry(one) != Sources("1", "x").entry(case("b", "nothing", {}))
 
 
-def test_a_case_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None:
+def test_a_case_that_fails_is_reported_and_the_others_go_on(tmp_path: Path) -> None:
     cases = [case("bad", "nothing", {}, seed=13), case("good", "nothing", {})]
     seen = Seen()
     run_exam(cases, tmp_path, steps="make", make=few_runs, watcher=seen)

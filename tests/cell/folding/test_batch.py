@@ -94,7 +94,7 @@ def test_a_process_that_dies_is_a_fault() -> None:
     assert "-9" in died.reason
 
 
-def test_a_fold_in_a_process_is_told_to_stop_and_then_to_stop_at_once() -> None:
+def test_a_fold_in_a_process_is_asked_to_stop_and_then_to_stop_at_once() -> None:
     ours, theirs = Pipe()
     told = StopSignal(theirs)
     assert not told()

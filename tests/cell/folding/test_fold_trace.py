@@ -79,7 +79,7 @@ def finished(outcome: Outcome) -> FoldResult:
     )
 
 
-def test_fold_of_the_models_law_is_said_to_agree_and_raises_no_event() -> None:
+def test_fold_of_the_models_law_agrees_and_raises_no_event() -> None:
     notes = Notes()
     outcome = traced(measured()).review(ended(measured()), notes)
     assert outcome.agreement is not None

@@ -139,7 +139,9 @@ def test_an_arm_that_creeps_where_it_was_commanded_does_not_rest_yet(bench) -> N
     assert settled <= bench.clock.now() < settled + 0.1
 
 
-def test_an_arm_that_never_answers_again_is_told_to_stop_until_its_time_is_over(bench) -> None:
+def test_an_arm_that_never_answers_again_is_stopped_repeatedly_until_its_time_is_over(
+    bench,
+) -> None:
     bench.arm.state = later(bench, bench.arm.state)
     outcome = bench.run()
     assert outcome.exit_code == 4

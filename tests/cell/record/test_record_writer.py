@@ -159,7 +159,7 @@ def test_rows_whose_stamp_stands_still_are_left_out(tmp_path):
     assert read_run(writer.folder).ticks.t.tolist() == [0.0, 0.01, 0.02, 0.03]
 
 
-def test_rows_of_an_arm_that_told_no_number_are_left_out(tmp_path):
+def test_rows_of_an_arm_without_finite_numbers_are_left_out(tmp_path):
     writer = RunWriter.create(tmp_path, HEADER, "none")
     nan = float("nan")
     for t, x, pitch in ((0.0, 0.6, 0.0), (0.01, nan, 0.0), (0.02, 0.6, nan), (0.03, 0.6, 0.0)):

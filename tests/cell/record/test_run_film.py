@@ -155,7 +155,7 @@ def test_other_process_says_why_its_film_breaks_off(tmp_path):
         film.__exit__(None, None, None)
 
 
-def test_failure_without_words_is_told_by_its_kind(tmp_path, monkeypatch):
+def test_failure_without_a_message_is_reported_by_its_kind(tmp_path, monkeypatch):
     ours, theirs = multiprocessing.Pipe()
     ours.send_bytes(IMAGE_HEADER.pack(0.0, *image(0).shape))
     ours.send_bytes(image(0).tobytes())

@@ -32,7 +32,7 @@ def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
     assert text.count("<svg") == 1
 
 
-def test_what_the_wizard_refused_is_said(calibration):
+def test_refusals_of_the_wizard_are_shown(calibration):
     taken = replace(calibration, accepted_anyway=("two halves differ by 2.1 mm",))
     text = calibration_report(taken, "calibration.yaml")
     assert "verdict bad" in text

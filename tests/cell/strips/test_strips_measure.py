@@ -104,12 +104,12 @@ def test_overhangs_given_to_the_wrong_photographs_are_noticed(tmp_path: Path) ->
     assert any("is each --overhang that of its --photo" in each for each in found.warnings)
 
 
-def test_bend_that_is_too_sharp_to_be_seen_is_told(tmp_path: Path) -> None:
+def test_bend_that_is_too_sharp_to_be_measured_is_reported(tmp_path: Path) -> None:
     found = measured(tmp_path, [Scene(0.25, 0.010, 0.003, HEIGHT)])
     assert any("bends too sharply at the ledge" in each for each in found.warnings)
 
 
-def test_line_for_programs_holds_what_the_text_says(tmp_path: Path) -> None:
+def test_line_for_programs_agrees_with_the_text(tmp_path: Path) -> None:
     found = measured(tmp_path, [Scene(0.08, 0.02, 0.002, HEIGHT)])
     line = found.line()
     assert set(line["bending_length"]) == {"value", "low", "high"}

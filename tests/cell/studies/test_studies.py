@@ -52,7 +52,7 @@ def test_a_figure_of_nothing_is_nothing(statistic: Statistic) -> None:
     assert nothing.count == 0
 
 
-def test_an_interval_holds_the_truth_as_often_as_it_says() -> None:
+def test_an_interval_contains_the_truth_at_its_nominal_rate() -> None:
     rng = np.random.default_rng(0)
     inside = 0
     for _ in range(200):
@@ -105,7 +105,7 @@ def test_the_table_says_how_many_of_how_many_and_what_was_set_aside(tmp_path: Pa
     assert r"\|finer - d\|" in text
 
 
-def test_records_of_other_code_are_told_apart(tmp_path: Path) -> None:
+def test_records_of_other_code_are_counted_apart(tmp_path: Path) -> None:
     filled(tmp_path, "other", count=4)
     found = kept_outcomes(filled(tmp_path, count=2))
     assert found.present

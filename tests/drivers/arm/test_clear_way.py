@@ -56,7 +56,7 @@ def test_blocked_way_is_gone_around() -> None:
     assert nearest([start, *way], wall()) > ARM_CLEARANCE - 0.002
 
 
-def test_way_that_nothing_leads_around_is_refused_with_what_is_met() -> None:
+def test_way_without_a_detour_is_refused_and_names_the_obstacle() -> None:
     fence = Solids(np.eye(4), (Box("fence", (-2, 0.1, -1), (2, 0.14, 2)),))
     crossed = HOME + np.array([2 * -HOME[0], 0, 0, 0, 0, 0, 0])
     with pytest.raises(Failed, match="from the fence") as refused:

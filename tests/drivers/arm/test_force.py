@@ -38,7 +38,7 @@ def state(force=(0.0, 0.0, 0.0), torques=(0.0,) * 7) -> SimpleNamespace:
     return SimpleNamespace(O_F_ext_hat_K=wrench, tau_ext_hat_filtered=together)
 
 
-def test_tare_is_the_mean_of_what_is_felt_at_rest() -> None:
+def test_tare_is_the_mean_of_forces_at_rest() -> None:
     tare = Tare.of([state((0.0, 0.0, 1.0)), state((0.0, 0.0, -1.0))], 10.0)
     assert tare.wrench == pytest.approx(OFFSET)
     assert tare.torques == pytest.approx(TORQUES)
@@ -69,7 +69,7 @@ def test_push_on_the_arm_itself_is_felt_by_its_joint(joint: int) -> None:
     assert guard.objection(state(torques=0.8 * push)) == ""
 
 
-def test_loop_guards_and_reports_what_is_beyond_the_tare() -> None:
+def test_loop_guards_and_reports_force_beyond_the_tare() -> None:
     setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS), guard=TARED)
     setup.robot.force, setup.robot.torques = OFFSET, TORQUES
     setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
@@ -204,7 +204,7 @@ def test_force_that_is_no_number_begins_no_retreat_and_ends_one() -> None:
 
 
 @pytest.mark.parametrize(("room", "free"), [(0.1, True), (0.031, False), (-0.01, False)])
-def test_retreat_does_not_lead_towards_what_stands_there(room: float, free: bool) -> None:
+def test_retreat_does_not_lead_towards_obstacles(room: float, free: bool) -> None:
     """A wall beside the arm, `room` [m] from it: what comes nearer is not begun."""
     robot = Pressed(lambda y: -max(20.0 + STIFF * y, 0.0))
     edge = robot.place[1] - 1.0
@@ -220,7 +220,7 @@ def test_retreat_does_not_lead_towards_what_stands_there(room: float, free: bool
     assert robot.robot.ticks == 0
 
 
-def test_retreat_from_what_stands_there_may_begin_too_near() -> None:
+def test_retreat_from_an_obstacle_may_begin_too_near() -> None:
     robot = Pressed(lambda y: -max(20.0 + STIFF * y, 0.0))
     edge = robot.place[1] - 0.02
     wall = Solids(np.eye(4), (Box("wall", (-3.0, edge, -3.0), (3.0, edge + 1.0, 3.0)),))

@@ -96,7 +96,7 @@ def test_each_property_of_the_tool_is_read(changes, words: tuple[str, ...]) -> N
         assert all(word in fault.reason for word in words)
 
 
-def test_reset_cannot_pass_over_what_desk_states() -> None:
+def test_reset_cannot_override_what_desk_states() -> None:
     with served() as server:
         server.robot.configuration = replace(server.robot.configuration, hand_mass=0.9)
         fault = refused(server, lambda: go_to(task(server), near(), 1.0, reset_tool=True))

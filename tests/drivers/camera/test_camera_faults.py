@@ -82,7 +82,7 @@ def test_pause_of_the_reader_leaves_no_old_frame(kernel, camera) -> None:
     assert camera.counts.missing == 0
 
 
-def test_stall_is_told_until_a_frame_comes(kernel, camera) -> None:
+def test_stall_is_reported_until_a_frame_arrives(kernel, camera) -> None:
     kernel.faults.all_dropped = True
     go_on(kernel, 0.4)
     camera.read(ALWAYS, 0.0)
@@ -97,7 +97,7 @@ def test_stall_is_told_until_a_frame_comes(kernel, camera) -> None:
     assert kernel.now() - camera.read(ALWAYS, 0.0).stamp < 2 / 60
 
 
-def test_io_error_restarts_the_stream_and_is_told_once(kernel, camera) -> None:
+def test_io_error_restarts_the_stream_and_is_reported_once(kernel, camera) -> None:
     before = camera.read(ALWAYS, 0.0)
     kernel.fail(Request.DQBUF, errno.EIO)
     go_on(kernel, 0.3)

@@ -82,7 +82,7 @@ def test_interlaced_video_is_refused(field: int) -> None:
     assert kernel.opened == set()
 
 
-def test_automatics_go_off_before_what_they_held_is_locked() -> None:
+def test_automatics_are_switched_off_before_their_controls_are_locked() -> None:
     kernel = FakeKernel()
     camera = connected(kernel, controls={"exposure_time_absolute": 40})
     assert camera.setup.locks == {

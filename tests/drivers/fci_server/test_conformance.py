@@ -73,7 +73,7 @@ def test_client_moves_meets_a_wall_recovers_retreats_and_stops(script: str, modu
 
 
 @pytest.mark.parametrize("module", PACKAGES)
-def test_client_of_another_version_is_told_so(module: str) -> None:
+def test_client_of_another_version_gets_the_version_in_its_reply(module: str) -> None:
     fault = VersionFault(at=0, kind="wrong_version", version=9)
     with RobotServer(faults=[fault]) as server:
         said = told_by("turned_away.py", module, server.address, module)["said"]

@@ -224,7 +224,7 @@ def test_scripted_fault_stops_the_arm_at_its_tick(fault, mode: int, status: int)
         assert not any(arm.newest().dq)
 
 
-def test_contact_below_the_threshold_is_told_and_not_stopped() -> None:
+def test_contact_below_the_threshold_is_reported_and_not_stopped() -> None:
     fault = ContactFault(at=10, kind="contact", force=(0.0, 0.0, 15.0))
     with RobotServer(faults=[fault]) as server, RawArm(server.address) as arm:
         state = drive(arm, arm.start_still(), 20)

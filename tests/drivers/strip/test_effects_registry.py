@@ -85,7 +85,7 @@ def test_registry_holds_the_names_and_parameters_of_the_contract() -> None:
 
 
 @of_effect
-def test_what_bends_a_law_comes_last_and_by_default_leaves_it_as_it_is(effect: Effect) -> None:
+def test_shape_parameters_come_last_and_default_to_no_change(effect: Effect) -> None:
     finer = [p for p in effect.parameters if p.role == "shape"]
     assert finer == list(effect.parameters[len(effect.parameters) - len(finer) :])
     assert all(p.default == p.low == 0.0 for p in finer)
@@ -105,7 +105,7 @@ def test_effects_apply_strip_first_then_boundary_then_observation() -> None:
 
 
 @of_effect
-def test_effect_says_what_it_is_where_it_shows_and_what_reveals_it(effect: Effect) -> None:
+def test_effect_describes_itself_its_signs_and_the_motion_that_reveals_it(effect: Effect) -> None:
     assert effect.sentence
     assert effect.revealed_by
     sizes = effect.sizes(denim())
@@ -197,7 +197,7 @@ def test_effect_survives_a_file(effect: Effect, tmp_path: Path) -> None:
 
 
 @of_effect
-def test_effect_refuses_what_it_does_not_know(effect: Effect) -> None:
+def test_effect_refuses_unknown_parameters(effect: Effect) -> None:
     good = _middle(effect)
     first = effect.parameters[0]
     check_effects({effect.name: good}, "here", effect.of)

@@ -73,7 +73,7 @@ def test_higher_desk_brings_the_grip_nearer_to_it_and_the_picture_up() -> None:
 
 
 @given(x=SMALL, z=SMALL, tilt=SMALL, height=SMALL, share=st.floats(0.0, 1.0))
-def test_what_the_arm_is_told_undoes_what_it_gets_wrong(
+def test_commands_to_the_arm_compensate_its_errors(
     x: float, z: float, tilt: float, height: float, share: float
 ) -> None:
     rig = Rig(grip_x=x, grip_z=z, grip_tilt=tilt, desk_height=height)
@@ -83,7 +83,7 @@ def test_what_the_arm_is_told_undoes_what_it_gets_wrong(
 
 
 @given(scale=SMALL, x=SMALL, z=SMALL, bias=SMALL, latency=SMALL, height=SMALL)
-def test_perception_undoes_what_the_camera_gets_wrong(
+def test_perception_compensates_the_camera_errors(
     scale: float, x: float, z: float, bias: float, latency: float, height: float
 ) -> None:
     observation = Observation(0.001, latency, scale, x, z, bias)

@@ -110,7 +110,7 @@ def test_quadratic_damping_is_its_coefficient_times_the_square_of_the_rate(speed
     assert slope == pytest.approx(2 * abs(law / speed) / span * RATE, rel=1e-9)
 
 
-def test_relaxed_strip_hangs_as_one_of_what_rigidity_is_left() -> None:
+def test_relaxed_strip_hangs_as_one_of_the_remaining_rigidity() -> None:
     relaxed, straight = affected("relaxation", STIFF, ratio=0.4, time=0.5), describe(STIFF)
     left = replace(straight, mechanics=straight.mechanics.scale_rigidity(np.full(600, 0.6)))
     hung, expected, before = overhang([relaxed, left, straight])
@@ -170,7 +170,7 @@ def test_loose_edge_holds_no_more_than_its_friction_and_slides_to_the_pull() -> 
     assert touch.to_fixed == pytest.approx(touch.x - edges[0])
 
 
-def test_grip_lets_go_of_what_is_pulled_harder() -> None:
+def test_grip_slips_above_its_force() -> None:
     motions = folds([affected("grip_slip", force=0.3), bare()], "circular", 100)
     pulls = [-motion.holding_force.min() for motion in motions]
     assert pulls[1] > 1.0

@@ -82,7 +82,7 @@ def test_order_and_call_lengths_change_nothing() -> None:
     assert len(there) == len(models)
 
 
-def test_strip_that_touched_keeps_its_shape_and_what_it_showed() -> None:
+def test_strip_that_touched_keeps_its_shape_and_observables() -> None:
     rod = Rod(60)
     models = [paper_model(0.02), paper_model(0.3)]
     rod.reset(models)

@@ -67,7 +67,7 @@ def test_friction_between_yarns_moves_the_displacement_as_measured() -> None:
     assert displacement[1] - displacement[0] == pytest.approx(-0.014, abs=0.006)
 
 
-def test_friction_between_yarns_tells_there_from_back() -> None:
+def test_friction_between_yarns_separates_loading_from_unloading() -> None:
     yarns = {"bending_hysteresis": {"yield_curvature": 12.0}}
     middle, far = np.array([0.5, 0.12, np.pi / 2]), np.array([0.38, 0.2, np.pi / 2])
     away = middle + np.linspace(0.0, 1.0, 300)[:, None] * (far - middle)

@@ -174,7 +174,7 @@ def _strains(shapes: Array) -> Array:
     return np.asarray(4 * np.tan(np.diff(angle, axis=1) / 4))
 
 
-def test_free_swing_loses_what_viscosity_takes() -> None:
+def test_free_swing_loses_the_energy_that_viscosity_dissipates() -> None:
     energy, taken = _swing(2, 0.0005)
     assert energy[0] - energy[-1] == pytest.approx(taken[-1], rel=0.06)
     assert np.diff(energy).max() < 0.01 * (energy[0] - energy[-1])

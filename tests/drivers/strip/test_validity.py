@@ -35,7 +35,7 @@ def test_a_strip_on_which_the_chain_diverges_is_refused_when_it_is_read(tmp_path
         ({"thickness": 0.008}, "rod"),
     ],
 )
-def test_a_strip_beyond_what_was_measured_is_doubted(tmp_path, changes, engine) -> None:
+def test_a_strip_outside_the_validated_range_is_doubted(tmp_path, changes, engine) -> None:
     said = doubts(load_strip(written(tmp_path, **changes)))
     assert said
     assert any(engine in doubt for doubt in said)

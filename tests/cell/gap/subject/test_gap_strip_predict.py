@@ -206,7 +206,7 @@ def test_the_lift_off_and_the_snap_are_not_compared(plain: Strip) -> None:
         assert t.max() <= measured.end - (SNAP if measured.touch else 0.0)
 
 
-def test_phases_and_zones_tell_what_happened(plain: Strip) -> None:
+def test_phases_and_zones_name_the_stages_of_a_fold(plain: Strip) -> None:
     words = {run.name[3:]: set(run.samples.phase) for run in plain.runs}
     assert words["there-and-back"] >= {"carry", "return", "fall", "touch"}
     assert words["early-shake"] >= {"hold", "carry", "fall"}

@@ -41,7 +41,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return found
 
 
-def test_what_is_wanted_and_why_is_told(recorded) -> None:
+def test_request_and_its_reason_are_shown(recorded) -> None:
     words = recorded["/wizard/words"]
     assert "next: high and left, 40 % of the image wide, facing the camera" in words
     assert "why: still missing: x" in words

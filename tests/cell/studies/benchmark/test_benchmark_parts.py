@@ -71,7 +71,7 @@ def test_learned_policy_leads_stiffer_strips_further_before_they_touch() -> None
     assert ends[-1] < ends[0] - 0.02
 
 
-def test_friction_that_nobody_told_of_spoils_a_plan_and_hardly_the_feedback_of_adaptive() -> None:
+def test_unknown_friction_spoils_a_plan_and_hardly_the_feedback_of_adaptive() -> None:
     adaptive, planned = (
         HiddenEffect(policy, FRICTION_EFFECT, 4, 0.1, "").measure()
         for policy in ("adaptive", "planned")

@@ -65,9 +65,7 @@ def test_torques_near_an_end_or_a_reading_that_is_absent_are_absent():
 
 
 @pytest.mark.parametrize("hidden", HIDDEN)
-def test_what_is_hidden_in_a_mechanism_is_what_the_library_says_of_it(
-    tmp_path, monkeypatch, hidden
-):
+def test_hidden_effect_of_a_mechanism_has_the_librarys_values(tmp_path, monkeypatch, hidden):
     monkeypatch.setattr(synthetic, "RUNS", 2)
     monkeypatch.setattr(synthetic, "SPAN", 2.0)
     file = synthetic.make_runs(tmp_path, hidden, 2, 1.0, 3)
