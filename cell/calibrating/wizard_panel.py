@@ -73,7 +73,7 @@ class WizardPanel:
             self._console.print(words, markup=False, highlight=False, soft_wrap=True)
 
     def draw(self, news: News) -> RenderableType:
-        """The panel, no higher than the terminal, where a live view leaves lines behind."""
+        """The panel, no higher than the terminal: a higher live view leaves lines behind."""
         body = views_table(news) if isinstance(news, ViewNews) else touches_map(news)
         says = (("next", news.request, "bold"), ("why ", news.why, ""))
         head = [

@@ -70,7 +70,7 @@ def _steps_away(joints: Array, direction: Array) -> Array:
 
 
 def _require_room(way: Array, solids: Solids) -> None:
-    """Raise Failed where `way` (n, 7) [rad] comes nearer to `solids` than it begins and may."""
+    """Raise Failed where `way` (n, 7) [rad] nears a solid beyond its start and ARM_CLEARANCE."""
     gaps = solids.clearance(way)
     allowed = np.minimum(gaps[0] - CLEARANCE_TOLERANCE, ARM_CLEARANCE)
     for box, gap, least in zip(solids.boxes, gaps.T, allowed, strict=True):

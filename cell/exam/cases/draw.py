@@ -130,7 +130,7 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
 
 
 def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator) -> Case:
-    """Case with one hidden effect, of the library's law or, mostly, a chain's similar law."""
+    """Case with one hidden effect; on a chain every second round of laws unlike the library's."""
     turn, place = divmod(number, len(CASE_STRENGTHS))
     own = case.tier == "state" and case.engine == "rod"
     if own or turn % UNLIKE_PERIOD == 0:

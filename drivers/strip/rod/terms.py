@@ -129,7 +129,7 @@ def air(block: Any, r: int, rate: Any) -> Any:
 
 @kernel
 def resist(block: Any, r: int, rate: Any) -> None:
-    """Write into `work` the drag coefficient at row r, from the predicted positions."""
+    """Write into `work` the drag matrix at row r, from the predicted motion."""
     state, work = block.state, block.work
     tx = load(state, r + 1, at.X) - load(state, r - 1, at.X)
     tz = load(state, r + 1, at.Z) - load(state, r - 1, at.Z)

@@ -170,7 +170,7 @@ class Forward:
 
     def _torque(self, joint: int, batch: Batch, i: int, q: Array, v: Array, control: Array,
                 t: Array) -> Array:  # fmt: skip
-        """Motor torque of a joint at the readings; the engine's own is a stage's of RK4."""
+        """Motor torque of a joint at the readings; MuJoCo records that of an inner stage."""
         a = self._mechanism.joints[joint].actuator
 
         def field(name: str) -> Array:
