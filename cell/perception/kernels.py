@@ -18,6 +18,7 @@ LEAST_SEPARATION = 2.0
 
 Floats = NDArray[np.float32]
 Offsets = NDArray[np.int64]
+Columns = NDArray[np.int64]
 
 
 @kernel
@@ -38,20 +39,43 @@ def _fisher(
 
 @entry
 def discriminants(colour: Floats, scene: Floats, shade: Floats, variance: float) -> Floats:
-    """Fisher's a and b and the squared separation, (n, 3), of `colour` (3,) from each background
-    (n, 3).
+    """Fisher's a and b, the squared separation and the direction's length, (n, 4), of `colour` (3,)
+    from each background (n, 3).
 
     Fisher's direction is a colour + b scene. `shade` (n,) is the share of brightness by which the
     background may differ, `variance` the sensor's [grey levels squared].
     """
-    found = np.empty((len(scene), 3), np.float32)
-    of_own = (colour * colour).sum()
+    found = np.empty((len(scene), 4), np.float32)
+    c0, c1, c2 = colour
+    of_own = c0 * c0 + c1 * c1 + c2 * c2
     for i in range(len(scene)):
-        mixed, of_scene = (scene[i] * colour).sum(), (scene[i] * scene[i]).sum()
+        s0, s1, s2 = scene[i]
+        mixed, of_scene = s0 * c0 + s1 * c1 + s2 * c2, s0 * s0 + s1 * s1 + s2 * s2
         a, b, det = _fisher(mixed, of_own, of_scene, shade[i], np.float32(variance))
-        found[i, 0], found[i, 1] = a / det, b / det
+        f, g = a / det, b / det
+        d0, d1, d2 = f * c0 + g * s0, f * c1 + g * s1, f * c2 + g * s2
+        found[i, 0], found[i, 1] = f, g
+        found[i, 3] = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
         found[i, 2] = max((a * (of_own - mixed) + b * (mixed - of_scene)) / det, np.float32(0))
     return found
+
+
+@entry
+def bridge(image: Image, columns: Columns, top: Columns, bottom: Columns, edge: int) -> None:
+    """Interpolate every one of `columns` (n,) between its rows `top` and `bottom` (n,), from the
+    means of `edge` rows beyond, in place.
+    """
+    for k in range(len(columns)):
+        u, first, last = columns[k], top[k], bottom[k]
+        for c in range(3 if first < last else 0):
+            above, below = 0.0, 0.0
+            for v in range(edge):
+                above += image[first - edge + v, u, c]
+                below += image[last + 1 + v, u, c]
+            above, below = above / edge, below / edge
+            for v in range(first, last + 1):
+                share = (v - first + 1) / (last - first + 2)
+                image[v, u, c] = np.uint8(np.rint(above + share * (below - above)))
 
 
 @entry
@@ -94,14 +118,11 @@ def changed_cells(
             now, then = seen[v], behind[v]
             lines += 1
             for j in range(inside):
-                first, bright, total = (
-                    3 * (left + CELL_PX * j),
-                    np.int32(light[i, j]),
-                    np.int32(0),
-                )
+                first, bright, total = left + CELL_PX * j, np.int32(light[i, j]), np.int32(0)
+                here, there = now[3 * first :], then[3 * first :]
                 for c in range(3 * CELL_PX):
-                    difference = np.int32(now[first + c]) * np.int32(EVEN_LIGHT)
-                    total += abs(difference - np.int32(then[first + c]) * bright)
+                    difference = np.int32(here[c]) * np.int32(EVEN_LIGHT)
+                    total += abs(difference - np.int32(there[c]) * bright)
                 away[j] += total
         most = limit * EVEN_LIGHT * 3 * CELL_PX * lines
         for j in range(inside):
