@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
 from drivers.strip.rod.compiled import entry, kernel
-from drivers.types import Image
+from drivers.types import Array, Image
 
 CELL_PX = 8  # px, side of a cell, by which change is detected
 PATCH_PX = 2 * CELL_PX  # px, side of a patch, by which light is read
@@ -255,3 +255,46 @@ def silhouette_of(
                         mask[v, u] = 255
                         break
     return mask
+
+
+@kernel
+def _crossing(line: Array, offsets: Array, left: int, level: float) -> Any:
+    """Where `line` (m,) crosses `level` between sample `left` and the next, by their `offsets`."""
+    right = min(left + 1, len(line) - 1)
+    change = line[right] - line[left]
+    part = (level - line[left]) / (change if abs(change) >= 1e-6 else 1e-6)
+    return offsets[left] + (offsets[1] - offsets[0]) * min(max(part, 0.0), 1.0)
+
+
+@entry
+def borders(
+    across: Array, offsets: Array, widths: Array, latest: Columns, plateau: tuple[float, float]
+) -> tuple[Array, Array]:
+    """Outer and inner border, NaN where there is none, and strength, (n, 3), of the band on lines
+    `across` (n, m) it, and the shares (n, m) of it alone.
+
+    `offsets` (m,) [px] are those of the samples. The outer border comes before the sample `latest`
+    (n,) and lies where the share passes half of the strongest one within the band's `widths` (n,)
+    [px], kept within the `plateau`; the inner one where it falls below that again.
+    """
+    n, m = across.shape
+    found, mass = np.full((n, 3), np.nan), np.zeros((n, m))
+    for i in range(n):
+        line, peak, most = across[i], 0, -1.0
+        for j in range(m):
+            if -1.0 <= offsets[j] <= widths[i] + 1.0 and line[j] > most:
+                most, peak = line[j], j
+            if -3.0 <= offsets[j] <= widths[i] + 3.0:
+                mass[i, j] = max(line[j], 0.0)
+        strength = max(most, 0.0)
+        level = 0.5 * min(max(strength, plateau[0]), plateau[1])
+        rise = 0
+        for j in range(min(max(peak, 1), latest[i])):
+            rise = rise if line[j] > level else j
+        fall = max(peak, rise + 1) + 1
+        while fall < m and line[fall] > level:
+            fall += 1
+        found[i, 0], found[i, 2] = _crossing(line, offsets, rise, level), strength
+        if fall < m:
+            found[i, 1] = _crossing(line, offsets, fall - 1, level)
+    return found, mass
