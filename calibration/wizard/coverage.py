@@ -6,7 +6,6 @@ from math import acos, degrees, pi
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from calibration.board import BoardSettings, BoardView
 from calibration.lens import Lens
@@ -45,6 +44,8 @@ class WantedView:
 
     def outline(self, corners: Array, lens: Lens) -> Array:
         """Where `lens` shows the outer `corners` (4, 2) [m] of a board held so, (4, 2) [px]."""
+        from scipy.spatial.transform import Rotation  # half a second that no fold needs
+
         turned = Rotation.from_euler("zxy", (self.roll, -self.tilt, -self.turn)).as_matrix()
         depth = float(lens.matrix[0, 0]) * float(np.ptp(corners[:, 0])) / (self.size * lens.width)
         middle = np.array([self.x * lens.width, self.y * lens.height, 1.0])

@@ -3,6 +3,7 @@
 Not `multiprocessing`: a Dask worker is a daemon, which may have no such children.
 """
 
+import gc
 import os
 import signal
 import subprocess
@@ -111,8 +112,11 @@ def serve(descriptor: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pipe = Connection(descriptor)
     with suppress(OSError):  # nobody waits for the result any more
-        while (task := _next_call(pipe)) is not None:
+        task = _next_call(pipe)
+        gc.freeze()  # the libraries' half a million objects, which no collection has to look at
+        while task is not None:
             pipe.send(_call(*task, StopSignal(pipe)))
+            task = _next_call(pipe)
 
 
 def _call(function: Call, arguments: tuple[Any, ...], stop: StopSignal) -> Any:

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.perception.kernels import CELL_PX, EVEN_LIGHT, PATCH_PX, Floats, brightness
+from cell.perception.kernels import CELL_PX, EVEN_LIGHT, PATCH_PX, Floats, bridge, brightness
 from cell.perception.region import Region
-from drivers.types import Array, Image
+from drivers.types import Image
 
 EDGE = 3  # rows of desk that are averaged to either side of the strip
 LIFTED_SHADE, DESK_SHADE = 0.06, 0.15  # shares of brightness by which evened light may be off
@@ -82,21 +82,10 @@ def learn_background(
         for z in (place.low, place.high)
     )
     empty = image.copy()
-    _bridge(empty, columns, np.floor(top).astype(int), np.ceil(bottom).astype(int))
+    first = np.maximum(np.floor(top).astype(int), EDGE)
+    last = np.minimum(np.ceil(bottom).astype(int), image.shape[0] - EDGE - 1)
+    bridge(empty, columns, first, last, EDGE)
     edge = np.interp(np.arange(image.shape[1]), columns, top) - EDGE
     lying = np.arange(image.shape[0])[:, None] >= edge[None]
     shade = np.where(lying, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
     return Background(empty, shade, about)
-
-
-def _bridge(image: Image, columns: Array, top: Array, bottom: Array) -> None:
-    """Interpolate every column between its rows `top` and `bottom`, in place."""
-    height = image.shape[0]
-    tops, bottoms = np.maximum(top, EDGE), np.minimum(bottom, height - EDGE - 1)
-    for u, first, last in zip(columns, tops, bottoms, strict=True):
-        if first >= last:
-            continue
-        above = image[first - EDGE : first, u].mean(axis=0)
-        below = image[last + 1 : last + 1 + EDGE, u].mean(axis=0)
-        share = (np.arange(first, last + 1) - first + 1)[:, None] / (last - first + 2)
-        image[first : last + 1, u] = np.rint(above + share * (below - above))

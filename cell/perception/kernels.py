@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
 from drivers.strip.rod.compiled import entry, kernel
-from drivers.types import Image
+from drivers.types import Array, Image
 
 CELL_PX = 8  # px, side of a cell, by which change is detected
 PATCH_PX = 2 * CELL_PX  # px, side of a patch, by which light is read
@@ -18,6 +18,7 @@ LEAST_SEPARATION = 2.0
 
 Floats = NDArray[np.float32]
 Offsets = NDArray[np.int64]
+Columns = NDArray[np.int64]
 
 
 @kernel
@@ -38,20 +39,43 @@ def _fisher(
 
 @entry
 def discriminants(colour: Floats, scene: Floats, shade: Floats, variance: float) -> Floats:
-    """Fisher's a and b and the squared separation, (n, 3), of `colour` (3,) from each background
-    (n, 3).
+    """Fisher's a and b, the squared separation and the direction's length, (n, 4), of `colour` (3,)
+    from each background (n, 3).
 
     Fisher's direction is a colour + b scene. `shade` (n,) is the share of brightness by which the
     background may differ, `variance` the sensor's [grey levels squared].
     """
-    found = np.empty((len(scene), 3), np.float32)
-    of_own = (colour * colour).sum()
+    found = np.empty((len(scene), 4), np.float32)
+    c0, c1, c2 = colour
+    of_own = c0 * c0 + c1 * c1 + c2 * c2
     for i in range(len(scene)):
-        mixed, of_scene = (scene[i] * colour).sum(), (scene[i] * scene[i]).sum()
+        s0, s1, s2 = scene[i]
+        mixed, of_scene = s0 * c0 + s1 * c1 + s2 * c2, s0 * s0 + s1 * s1 + s2 * s2
         a, b, det = _fisher(mixed, of_own, of_scene, shade[i], np.float32(variance))
-        found[i, 0], found[i, 1] = a / det, b / det
+        f, g = a / det, b / det
+        d0, d1, d2 = f * c0 + g * s0, f * c1 + g * s1, f * c2 + g * s2
+        found[i, 0], found[i, 1] = f, g
+        found[i, 3] = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
         found[i, 2] = max((a * (of_own - mixed) + b * (mixed - of_scene)) / det, np.float32(0))
     return found
+
+
+@entry
+def bridge(image: Image, columns: Columns, top: Columns, bottom: Columns, edge: int) -> None:
+    """Interpolate every one of `columns` (n,) between its rows `top` and `bottom` (n,), from the
+    means of `edge` rows beyond, in place.
+    """
+    for k in range(len(columns)):
+        u, first, last = columns[k], top[k], bottom[k]
+        for c in range(3 if first < last else 0):
+            above, below = 0.0, 0.0
+            for v in range(edge):
+                above += image[first - edge + v, u, c]
+                below += image[last + 1 + v, u, c]
+            above, below = above / edge, below / edge
+            for v in range(first, last + 1):
+                share = (v - first + 1) / (last - first + 2)
+                image[v, u, c] = np.uint8(np.rint(above + share * (below - above)))
 
 
 @entry
@@ -94,14 +118,11 @@ def changed_cells(
             now, then = seen[v], behind[v]
             lines += 1
             for j in range(inside):
-                first, bright, total = (
-                    3 * (left + CELL_PX * j),
-                    np.int32(light[i, j]),
-                    np.int32(0),
-                )
+                first, bright, total = left + CELL_PX * j, np.int32(light[i, j]), np.int32(0)
+                here, there = now[3 * first :], then[3 * first :]
                 for c in range(3 * CELL_PX):
-                    difference = np.int32(now[first + c]) * np.int32(EVEN_LIGHT)
-                    total += abs(difference - np.int32(then[first + c]) * bright)
+                    difference = np.int32(here[c]) * np.int32(EVEN_LIGHT)
+                    total += abs(difference - np.int32(there[c]) * bright)
                 away[j] += total
         most = limit * EVEN_LIGHT * 3 * CELL_PX * lines
         for j in range(inside):
@@ -110,50 +131,63 @@ def changed_cells(
 
 
 @kernel
-def _between(light: Floats, v: int, u: int) -> Any:
-    """Light (n + 2, m + 2) of cells with a border, interpolated at row v and column u [px]."""
-    half = np.float32(0.5) / np.float32(CELL_PX)
-    y = np.float32(v) / np.float32(CELL_PX) + half + np.float32(0.5)
-    x = np.float32(u) / np.float32(CELL_PX) + half + np.float32(0.5)
-    i, j = int(y), int(x)
-    down, right = y - np.float32(i), x - np.float32(j)
-    upper = light[i, j] + right * (light[i, j + 1] - light[i, j])
-    lower = light[i + 1, j] + right * (light[i + 1, j + 1] - light[i + 1, j])
-    return upper + down * (lower - upper)
+def _spread(
+    seen: Image,
+    behind: Image,
+    shade: Floats,
+    light: Floats,
+    corner: tuple[int, int],
+    cell: tuple[int, int],
+    pixels: Floats,
+) -> None:
+    """Into `pixels` (7, CELL_PX^2) those of `cell`, row and column: the difference of B, G, R, in
+    even light, from the background's, these themselves, and their shade.
+
+    `light` (n + 2, m + 2) of cells with a border is interpolated.
+    """
+    (left, top), (i, j) = corner, cell
+    half = np.float32(0.5) / np.float32(CELL_PX) + np.float32(0.5)
+    for v in range(CELL_PX):
+        y = min(top + CELL_PX * i + v, seen.shape[0] - 1)
+        low = (v + CELL_PX // 2) // CELL_PX
+        down = np.float32(v) / np.float32(CELL_PX) + half - np.float32(low)
+        for u in range(CELL_PX):
+            x = min(left + CELL_PX * j + u, seen.shape[1] - 1)
+            far = (u + CELL_PX // 2) // CELL_PX
+            right = np.float32(u) / np.float32(CELL_PX) + half - np.float32(far)
+            above, below = light[i + low, j + far], light[i + low + 1, j + far]
+            above += right * (light[i + low, j + far + 1] - above)
+            below += right * (light[i + low + 1, j + far + 1] - below)
+            gain = np.float32(EVEN_LIGHT) / (above + down * (below - above))
+            n = CELL_PX * v + u
+            for c in range(3):
+                scene = np.float32(behind[y, x, c])
+                pixels[c, n] = np.float32(seen[y, x, c]) * gain - scene
+                pixels[3 + c, n] = scene
+            pixels[6, n] = shade[y, x]
 
 
 @kernel
-def _share(
-    now: tuple[Any, Any, Any],
-    then: tuple[Any, Any, Any],
-    shade: Any,
-    colours: Floats,
-    variance: Any,
-) -> Any:
-    """Share of strip in a pixel of colour `now`, in even light, whose background is `then`."""
-    s0, s1, s2 = then
-    d0, d1, d2 = now[0] - s0, now[1] - s1, now[2] - s2
-    of_scene, along = s0 * s0 + s1 * s1 + s2 * s2, d0 * s0 + d1 * s1 + d2 * s2
-    best = np.float32(0)
+def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> None:
+    """Into `shares` (n,) the most of any of `colours` (k, 3) that is seen in `pixels` (7, n).
+
+    Without branches in the inner loop, so that it is compiled to vectors of pixels.
+    """
+    d0, d1, d2, s0, s1, s2 = pixels[0], pixels[1], pixels[2], pixels[3], pixels[4], pixels[5]
+    shade = pixels[6]
+    shares[:] = 0
     for k in range(len(colours)):
         c0, c1, c2 = colours[k, 0], colours[k, 1], colours[k, 2]
-        own, mixed = c0 * c0 + c1 * c1 + c2 * c2, s0 * c0 + s1 * c1 + s2 * c2
-        a, b, det = _fisher(mixed, own, of_scene, shade, variance)
-        reach = a * (own - mixed) + b * (mixed - of_scene)
-        if reach > np.float32(LEAST_SEPARATION * LEAST_SEPARATION) * det:
-            found = (a * (d0 * c0 + d1 * c1 + d2 * c2) + b * along) / reach
-            best = max(best, found)
-    return best
-
-
-@kernel
-def _colour(image: Image, v: int, u: int, gain: Any) -> tuple[Any, Any, Any]:
-    """Pixel of `image` (h, w, 3) at row v, column u, times `gain`."""
-    return (
-        np.float32(image[v, u, 0]) * gain,
-        np.float32(image[v, u, 1]) * gain,
-        np.float32(image[v, u, 2]) * gain,
-    )
+        own = c0 * c0 + c1 * c1 + c2 * c2
+        for n in range(CELL_PX * CELL_PX):
+            of_scene = s0[n] * s0[n] + s1[n] * s1[n] + s2[n] * s2[n]
+            along = d0[n] * s0[n] + d1[n] * s1[n] + d2[n] * s2[n]
+            mixed = s0[n] * c0 + s1[n] * c1 + s2[n] * c2
+            a, b, det = _fisher(mixed, own, of_scene, shade[n], variance)
+            reach = a * (own - mixed) + b * (mixed - of_scene)
+            found = (a * (d0[n] * c0 + d1[n] * c1 + d2[n] * c2) + b * along) / reach
+            distinct = reach > np.float32(LEAST_SEPARATION * LEAST_SEPARATION) * det
+            shares[n] = found if distinct & (found > shares[n]) else shares[n]
 
 
 @entry
@@ -173,22 +207,20 @@ def segment(
     that of the cells and a border of one, of which the first inside begins at `corner`, column
     and row [px]. Of `colours` (k, 3) the one counts that a pixel shows most of.
     """
-    left, top = corner
     rows, columns = cells.shape
     levels = np.full((rows * CELL_PX, columns * CELL_PX), ZERO_LEVEL, np.uint8)
-    noise = np.float32(variance)
+    pixels = np.empty((7, CELL_PX * CELL_PX), np.float32)
+    shares = np.empty(CELL_PX * CELL_PX, np.float32)
     for i in range(rows):
         for j in range(columns):
             if cells[i, j] == 0:
                 continue
-            for v in range(CELL_PX * i, min(CELL_PX * (i + 1), seen.shape[0] - top)):
-                for u in range(CELL_PX * j, min(CELL_PX * (j + 1), seen.shape[1] - left)):
-                    y, x = top + v, left + u
-                    gain = np.float32(EVEN_LIGHT) / _between(light, v, u)
-                    now, then = _colour(seen, y, x, gain), _colour(behind, y, x, np.float32(1))
-                    best = _share(now, then, shade[y, x], colours, noise)
-                    level = np.float32(ZERO_LEVEL) + np.float32(LEVEL_SPAN) * best + np.float32(0.5)
-                    levels[v, u] = np.uint8(min(level, np.float32(255)))
+            _spread(seen, behind, shade, light, corner, (i, j), pixels)
+            _shares(pixels, colours, np.float32(variance), shares)
+            for n in range(CELL_PX * CELL_PX):
+                level = np.float32(ZERO_LEVEL) + np.float32(LEVEL_SPAN) * shares[n]
+                level = min(level + np.float32(0.5), np.float32(255))
+                levels[CELL_PX * i + n // CELL_PX, CELL_PX * j + n % CELL_PX] = np.uint8(level)
     return levels
 
 
@@ -198,26 +230,71 @@ def silhouette_of(
 ) -> Image:
     """Mask (h, w), 255 in the zone `strip` where `levels` exceed `solid`, and where in the zone
     `lifted` their mean exceeds `faint` along one of `lines` (k, n, 2) of rows and columns.
+
+    `levels` (h + n - 1, w + n - 1) have a border that is as wide as the lines reach.
     """
-    h, w = levels.shape
+    (h, w), (count, length) = strip.shape, lines.shape[:2]
+    flat, width, reach = levels.reshape(-1), levels.shape[1], length // 2
+    steps = lines[:, :, 0] * width + lines[:, :, 1]
     mask = np.zeros((h, w), np.uint8)
-    count, length = lines.shape[:2]
     half = ZERO_LEVEL + (faint - ZERO_LEVEL) // 2
     for v in range(h):
+        row = levels[v + reach, reach : reach + w]
         for u in range(w):
-            level = levels[v, u]
-            if level <= half or strip[v, u] == 0:
+            if row[u] <= half or strip[v, u] == 0:
                 continue
-            if level > solid:
+            if row[u] > solid:
                 mask[v, u] = 255
             elif lifted[v, u] != 0:
+                here = (v + reach) * width + u + reach
                 for k in range(count):
                     total = 0
                     for n in range(length):
-                        row = min(max(v + lines[k, n, 0], 0), h - 1)
-                        column = min(max(u + lines[k, n, 1], 0), w - 1)
-                        total += levels[row, column]
+                        total += flat[here + steps[k, n]]
                     if total > faint * length:
                         mask[v, u] = 255
                         break
     return mask
+
+
+@kernel
+def _crossing(line: Array, offsets: Array, left: int, level: float) -> Any:
+    """Where `line` (m,) crosses `level` between sample `left` and the next, by their `offsets`."""
+    right = min(left + 1, len(line) - 1)
+    change = line[right] - line[left]
+    part = (level - line[left]) / (change if abs(change) >= 1e-6 else 1e-6)
+    return offsets[left] + (offsets[1] - offsets[0]) * min(max(part, 0.0), 1.0)
+
+
+@entry
+def borders(
+    across: Array, offsets: Array, widths: Array, latest: Columns, plateau: tuple[float, float]
+) -> tuple[Array, Array]:
+    """Outer and inner border, NaN where there is none, and strength, (n, 3), of the band on lines
+    `across` (n, m) it, and the shares (n, m) of it alone.
+
+    `offsets` (m,) [px] are those of the samples. The outer border comes before the sample `latest`
+    (n,) and lies where the share passes half of the strongest one within the band's `widths` (n,)
+    [px], kept within the `plateau`; the inner one where it falls below that again.
+    """
+    n, m = across.shape
+    found, mass = np.full((n, 3), np.nan), np.zeros((n, m))
+    for i in range(n):
+        line, peak, most = across[i], 0, -1.0
+        for j in range(m):
+            if -1.0 <= offsets[j] <= widths[i] + 1.0 and line[j] > most:
+                most, peak = line[j], j
+            if -3.0 <= offsets[j] <= widths[i] + 3.0:
+                mass[i, j] = max(line[j], 0.0)
+        strength = max(most, 0.0)
+        level = 0.5 * min(max(strength, plateau[0]), plateau[1])
+        rise = 0
+        for j in range(min(max(peak, 1), latest[i])):
+            rise = rise if line[j] > level else j
+        fall = max(peak, rise + 1) + 1
+        while fall < m and line[fall] > level:
+            fall += 1
+        found[i, 0], found[i, 2] = _crossing(line, offsets, rise, level), strength
+        if fall < m:
+            found[i, 1] = _crossing(line, offsets, fall - 1, level)
+    return found, mass

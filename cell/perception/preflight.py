@@ -20,7 +20,7 @@ from cell.perception.checks import (
 from cell.perception.levels import ZERO_LEVEL, soft
 from cell.perception.region import Region
 from cell.perception.resting import inner_pixels, resting_line, samples, underside
-from cell.perception.segmenter import Segmenter, learn, resting_place
+from cell.perception.segmenter import Segmenter, learn, resting_place, sensor_noise
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Frame, Image, frozen
@@ -55,11 +55,11 @@ def inspect(
     ]
     if refused:
         return Preflight(tuple(refused), None)
-    rise = 0.0
+    rise, noise = 0.0, sensor_noise(image)
     for margin in MARGINS:
         place = resting_place(calibration, strip, rise, margin)
         inner = inner_pixels(image, calibration, strip, rise)
-        scene = learn(image, inner, calibration, strip, place)
+        scene = learn(image, noise, inner, calibration, strip, place)
         levels = soft(_levels(scene, image))
         lying = underside(levels, calibration, strip)
         rise = float(np.median(lying.z[lying.present])) if lying.present.any() else rise

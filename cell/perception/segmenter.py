@@ -101,16 +101,22 @@ def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float
 
 
 def learn(
-    image: Image, strip: Array, calibration: Calibration, stated: StripFile, place: Place
+    image: Image,
+    noise: float,
+    strip: Array,
+    calibration: Calibration,
+    stated: StripFile,
+    place: Place,
 ) -> Segmenter:
-    """The scene in `image` (h, w, 3) with the strip at `place`, whose pixels are `strip` (n, 3)."""
-    sensor = max(sensor_noise(image), LEAST_NOISE) * DIFFERENCE
+    """The scene in `image` (h, w, 3) of a `noise` [grey levels] with the strip at `place`, whose
+    pixels are `strip` (n, 3).
+    """
+    sensor = max(noise, LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
     about = Sizes.of(calibration, PATCH_PX).light
     behind = learn_background(image, calibration, place, about)
     colours, scene = palette(strip), behind.image[way_of(calibration, stated.length) > 0]
-    noise = _share_noise(colours, scene, smooth) * sensor
-    return Segmenter(colours, behind, sensor, smooth, noise)
+    return Segmenter(colours, behind, sensor, smooth, _share_noise(colours, scene, smooth) * sensor)
 
 
 def resting_place(calibration: Calibration, strip: StripFile, rise: float, margin: float) -> Place:
@@ -142,8 +148,7 @@ def _share_noise(colours: Array, behind: Image, smooth: float) -> float:
     scene, worst = _floats(behind), 0.0
     shade = np.full(len(scene), LIFTED_SHADE, dtype=np.float32)
     for colour in _floats(colours):
-        a, b, reach = discriminants(colour, scene, shade, smooth**2).T
-        size = np.linalg.norm(a[:, None] * colour + b[:, None] * scene, axis=1)
+        _, _, reach, size = discriminants(colour, scene, shade, smooth**2).T
         distinct = reach > LEAST_SEPARATION**2
         if distinct.any():
             worst = max(worst, float(np.median(size[distinct] / reach[distinct])))

@@ -59,7 +59,9 @@ def silhouette(soft: Image, faint: float, strip: Image, lifted: Image, length: i
     over `length` [px] along the way on which it hangs raises it above the noise.
     """
     solid, least = (round(ZERO_LEVEL + LEVEL_SPAN * share) for share in (SOLID, faint))
-    return silhouette_of(soft, strip, lifted, lines(length), solid, least)
+    reach = length // 2
+    wide = cv2.copyMakeBorder(soft, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
+    return silhouette_of(wide, strip, lifted, lines(length), solid, least)
 
 
 @lru_cache

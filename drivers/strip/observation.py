@@ -7,7 +7,6 @@ calibration. measured = (1 + scale) true + shift; times are stamps.
 from dataclasses import replace
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from drivers.strip.model import Observation, StripModel
 from drivers.strip.shape import Touch
@@ -48,6 +47,8 @@ def mean_force(t: Array, force: Array) -> Array:
 
     A path that is given in rows has kinks, where a gripper jerks from step to step.
     """
+    from scipy.integrate import cumulative_trapezoid  # a second that no fold needs
+
     total = cumulative_trapezoid(force, t, axis=0, initial=0.0)
     ends = [np.clip(t + side * FORCE_WINDOW / 2, t[0], t[-1]) for side in (-1, 1)]
     first, last = (np.stack([np.interp(e, t, c) for c in total.T], axis=1) for e in ends)

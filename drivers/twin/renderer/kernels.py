@@ -62,6 +62,15 @@ def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Arra
 
 
 @entry
+def greatest(bins: Indices, values: Array, count: int) -> Array:
+    """(count,) the greatest of the `values` (m,) in each of `bins` (m,), at least 0."""
+    found = np.zeros(count)
+    for k in range(len(bins)):
+        found[bins[k]] = max(found[bins[k]], values[k])
+    return found
+
+
+@entry
 def sow(
     start: Array,
     across: Array,
@@ -103,16 +112,26 @@ def sow(
 
 @kernel
 def _gather(
-    sums: Array, points: Array, tint: Array, corner: tuple[int, int], low: int, right: int
-) -> None:
-    """Add to `sums` (rows, columns, channels), of which the first pixel is `corner`, what `points`
-    leave in one of the four pixels about each: in the lower ones, in the right ones.
+    sums: Array,
+    kept: tuple[NDArray[np.int32], Indices, int],
+    points: Array,
+    tint: Array,
+    origin: tuple[int, int],
+    low: int,
+    right: int,
+) -> int:
+    """Add to `sums` (n, channels) what `points` leave in one of the four pixels about each: in the
+    lower ones, in the right ones; returns how many sums are taken.
+
+    They are `kept` by their numbers, from 1 on: that of each pixel (rows, columns), of which the
+    first is `origin`, 0 where it has none, the pixel of each (n,), and how many are taken before.
     """
-    u0, v0 = corner
+    places, pixels, taken = kept
+    (u0, v0), (rows, columns) = origin, places.shape
     for k in range(points.shape[1]):
         u, v = points[0, k] - u0, points[1, k] - v0
         j, i = int(u), int(v)
-        if u < 0 or v < 0 or j >= sums.shape[1] - 1 or i >= sums.shape[0] - 1:
+        if u < 0 or v < 0 or j >= columns - 1 or i >= rows - 1:
             continue
         a, b = u - j, v - i
         share = points[2, k] * a
@@ -120,26 +139,15 @@ def _gather(
             share = points[2, k] - share
         share = share * b if low == 1 else share - share * b
         glow = share * points[3, k]
-        pixel = sums[i + low, j + right]
+        if places[i + low, j + right] == 0:
+            taken += 1
+            places[i + low, j + right], pixels[taken] = taken, (i + low) * columns + j + right
+        pixel = sums[places[i + low, j + right]]
         pixel[0] += share
         pixel[1] += glow
         for c in range(tint.shape[1]):
             pixel[2 + c] += glow * tint[k, c]
-
-
-@kernel
-def _bounds(points: Array, corner: tuple[int, int], size: tuple[int, int]) -> tuple[int, ...]:
-    """First row and column and the number of each that hold what `points` leave in an image of
-    `size` (rows, columns) whose first pixel is `corner`.
-    """
-    top, left, bottom, right = size[0], size[1], -2, -2
-    for k in range(points.shape[1]):
-        u, v = points[0, k] - corner[0], points[1, k] - corner[1]
-        if u >= 0 and v >= 0 and u < size[1] - 1 and v < size[0] - 1:
-            i, j = int(v), int(u)
-            top, left = min(top, i), min(left, j)
-            bottom, right = max(bottom, i), max(right, j)
-    return top, left, max(bottom + 2 - top, 0), max(right + 2 - left, 0)
+    return taken
 
 
 @entry
@@ -157,21 +165,21 @@ def splat(
     what a pixel gathers is its coverage. The ink is `colour` (3,) BGR, or where `tint` (n, 3) is
     not empty its mean by brightness, under the `light` of the whole image.
     """
-    rows, columns = image.shape[0], image.shape[1]
-    top, left, height, width = _bounds(points, origin, (rows, columns))
-    sums = np.zeros((height, width, 2 + tint.shape[1]))
+    columns = image.shape[1]
+    most = 4 * points.shape[1] + 1
+    sums, pixels, taken = np.zeros((most, 2 + tint.shape[1])), np.empty(most, np.int64), 0
+    places = np.zeros(image.shape[:2], np.int32)
     for low in range(2):
         for right in range(2):
-            _gather(sums, points, tint, (origin[0] + left, origin[1] + top), low, right)
-    for i in range(height):
-        for j in range(width):
-            coverage, glow = sums[i, j, 0], sums[i, j, 1]
-            if coverage == 0:
-                continue
-            v, u = top + i, left + j
-            alpha = min(coverage / FULL, 1.0)
-            ink = glow / max(coverage, 1e-12) * light[origin[1] + v, origin[0] + u] * alpha
-            for c in range(3):
-                mixed = colour[c] if tint.shape[1] == 0 else sums[i, j, 2 + c] / max(glow, 1e-12)
-                level = image[v, u, c] * (1 - alpha) + ink * mixed + 0.5
-                image[v, u, c] = np.uint8(min(level, 255.0))
+            taken = _gather(sums, (places, pixels, taken), points, tint, origin, low, right)
+    for n in range(1, taken + 1):
+        coverage, glow = sums[n, 0], sums[n, 1]
+        if coverage == 0:
+            continue
+        v, u = pixels[n] // columns, pixels[n] % columns
+        alpha = min(coverage / FULL, 1.0)
+        ink = glow / max(coverage, 1e-12) * light[origin[1] + v, origin[0] + u] * alpha
+        for c in range(3):
+            mixed = colour[c] if tint.shape[1] == 0 else sums[n, 2 + c] / max(glow, 1e-12)
+            level = image[v, u, c] * (1 - alpha) + ink * mixed + 0.5
+            image[v, u, c] = np.uint8(min(level, 255.0))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.twin.renderer.curve import Curve
+from drivers.twin.renderer.kernels import greatest
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
@@ -67,7 +68,6 @@ def shadow_profile(curve: Curve) -> Array:
     """(BINS,) depth of the shadow along x, 0 to 1: the deeper, the lower the strip hangs."""
     place = (curve.points[:, 0] - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS
     bins = np.clip(place, 0, BINS - 1).astype(np.int64)
-    profile = np.zeros(BINS)
-    np.maximum.at(profile, bins, np.exp(-np.maximum(curve.points[:, 1], 0) / FADE_HEIGHT))
-    soft: Array = cv2.blur(profile[None, :], (7, 1))[0]
+    depth = np.exp(-np.maximum(curve.points[:, 1], 0) / FADE_HEIGHT)
+    soft: Array = cv2.blur(greatest(bins, depth, BINS)[None, :], (7, 1))[0]
     return soft

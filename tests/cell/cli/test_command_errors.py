@@ -163,6 +163,21 @@ def test_help_imports_nothing_heavy() -> None:
     assert told.stdout.strip().endswith("heavy: []")
 
 
+def test_a_fold_imports_no_solvers() -> None:
+    import subprocess
+    import sys
+
+    script = (
+        "import sys, cell.folding.batch, cell.devices.twin\n"
+        "heavy = {'scipy.spatial', 'scipy.integrate', 'scipy.optimize', 'torch', 'matplotlib'}\n"
+        "print('heavy:', sorted(heavy & set(sys.modules)))\n"
+    )
+    imported = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert imported.stdout.strip() == "heavy: []"
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
