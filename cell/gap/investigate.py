@@ -9,7 +9,7 @@ from scipy import special
 
 from cell.gap.diagnosis import lack_of_fit
 from cell.gap.diagnosis.detection_limit import detectable
-from cell.gap.diagnosis.drift import drift
+from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.localise import localise
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
@@ -25,7 +25,7 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import (
     ALPHA,
     LikelihoodScale,
-    holm,
+    family_wise,
     likelihood_scale,
     margin,
 )
@@ -118,14 +118,11 @@ def _judged_base(
 ) -> Fitted:
     """The base refitted finely from `rough`, and what it leaves beyond noise, scatter, repeats."""
     base = refit_base_fine(subject, simulate, rough)
-    change = drift(base)
-    inflation = change.inflation if change is not None else lack_of_fit.pure_error(base)
-    noise = lack_of_fit.noise_left(projection(base, robustly=False), rng)
-    allowed = lack_of_fit.slack(base.evidence, inflation, {})
+    repeats, noise = Repeats.of(base), lack_of_fit.noise_left(base, rng)
+    allowed = lack_of_fit.slack(base.evidence, repeats.inflation)
     return Fitted(
         run_one(simulate, validate(base)),
-        inflation,
-        change,
+        repeats,
         lack_of_fit.lack_of_fit(base, noise, allowed),
         tuple(localise(base, noise, allowed)),
         tuple(weak_directions(base)),
@@ -173,11 +170,11 @@ def _screened_p(
 ) -> dict[str, float]:
     """Likelihood-ratio probabilities of the linear screen, family-wise over the library."""
     size = {c.name: len(c.parameters) for c in subject.scope.candidates}
-    raw = {s.names[0]: special.chdtrc(size[s.names[0]], 2.0 * s.gain / by.inefficiency)
-           for s in singles}  # fmt: skip
-    names = list(size)
-    adjusted = holm([float(raw.get(name, 1.0)) for name in names])
-    return dict(zip(names, adjusted, strict=True))
+    raw = {
+        s.names[0]: float(special.chdtrc(size[s.names[0]], 2.0 * s.gain / by.inefficiency))
+        for s in singles
+    }
+    return family_wise(raw, list(size))
 
 
 def _scatter_beside(
@@ -274,11 +271,8 @@ def _refit_further(
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:
     """Whether the best model leaves more than noise: overall, or `anywhere`."""
     best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
-    change = drift(best)
-    inflation = change.inflation if change is not None else lack_of_fit.pure_error(best)
-    rng = np.random.default_rng(1)
-    noise = lack_of_fit.noise_left(projection(best, robustly=False), rng)
-    allowed = lack_of_fit.slack(best.evidence, inflation, {})
+    noise = lack_of_fit.noise_left(best, np.random.default_rng(1))
+    allowed = lack_of_fit.slack(best.evidence, Repeats.of(best).inflation)
     if lack_of_fit.lack_of_fit(best, noise, allowed).p < ALPHA:
         return True
     return anywhere and any(place.p < ALPHA for place in localise(best, noise, allowed))

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from scipy import special
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence
-from cell.gap.fitting.projection import Projection
+from cell.gap.fitting.projection import projection
 from cell.gap.subject.subject import Run
 from drivers.types import Array
 
@@ -122,11 +123,12 @@ def _groups(estimate: Estimate) -> dict[tuple[str, str], NDArray[np.int64]]:
     return {k: np.flatnonzero((channel == k[0]) & (condition == k[1])) for k in keys}
 
 
-def noise_left(about: Projection, rng: np.random.Generator) -> Array:
+def noise_left(estimate: Estimate, rng: np.random.Generator) -> Array:
     """Residuals (N, draws) that unit noise, and what differs from run to run, leave after a fit.
 
     Parametric bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
     """
+    about = projection(estimate, robustly=False)
     noise = rng.standard_normal((len(about.residual), TESTING.draws))
     if about.scatter.shape[1]:
         noise += about.scatter @ rng.standard_normal((about.scatter.shape[1], TESTING.draws))
@@ -134,7 +136,9 @@ def noise_left(about: Projection, rng: np.random.Generator) -> Array:
 
 
 def slack(
-    evidence: Evidence, inflation: Mapping[str, float], tolerance: Mapping[str, float]
+    evidence: Evidence,
+    inflation: Mapping[str, float],
+    tolerance: Mapping[str, float] = MappingProxyType({}),
 ) -> Array:
     """Factor (N,) on the scale of each sample that allows for more than its stated noise.
 

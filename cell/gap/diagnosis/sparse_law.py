@@ -109,9 +109,7 @@ def _forward(form: normal_equations.Normal, worth: float) -> list[int]:
 
 def _amounts(form: normal_equations.Normal, chosen: Sequence[int]) -> tuple[Array, float]:
     some = normal_equations.Normal(form.gradient[chosen], form.curvature[np.ix_(chosen, chosen)])
-    free = np.full(len(chosen), np.inf)
-    limits = normal_equations.Bounds(-free, free, np.zeros(len(chosen)), np.zeros(len(chosen)))
-    step = normal_equations.bounded_step(some, np.zeros(len(chosen)), limits)
+    step = normal_equations.free_step(some)
     return step, normal_equations.decrease(some, step)
 
 

@@ -5,7 +5,8 @@ responses nearly linear, so that a Jacobian is kept while it predicts the decrea
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from cell.gap.fitting.tasks import Task
 from cell.gap.subject.subject import Residuals
 from drivers.types import Array
 
+T = TypeVar("T")
 # nats that a further step must promise: in the end, to compare; set by hand, small beside MIN_GAIN
 FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 
@@ -63,13 +65,41 @@ class Estimate:
         """Values of the shared parameters (P,)."""
         return self.point.shared
 
+    @property
+    def place(self) -> normal_equations.Layout:
+        """Where its unknowns sit in one vector."""
+        return normal_equations.layout(self.model, self.evidence)
+
+    @property
+    def z(self) -> Array:
+        """Values of all unknowns (size,)."""
+        return self.place.pack(self.point)
+
+    @property
+    def limits(self) -> normal_equations.Bounds:
+        """Bounds and priors of all unknowns."""
+        return normal_equations.bounds(self.model, self.evidence)
+
     def normal(self, scale: float | None = None) -> normal_equations.Normal:
         """Normal equations of data and priors here, at `scale` or the estimate's own."""
-        place = normal_equations.layout(self.model, self.evidence)
         used = self.scale if scale is None else scale
-        data = normal_equations.normal(place, self.residuals, self.jacobians, used)
-        limits = normal_equations.bounds(self.model, self.evidence)
-        return normal_equations.with_prior(data, place.pack(self.point), limits)
+        data = normal_equations.normal(self.place, self.residuals, self.jacobians, used)
+        return normal_equations.with_prior(data, self.z, self.limits)
+
+    def on(self, keep: Sequence[int]) -> "Estimate":
+        """The same values on the runs of the numbers `keep` alone."""
+
+        def some(of: Sequence[T]) -> tuple[T, ...]:
+            return tuple(of[i] for i in keep)
+
+        return replace(
+            self,
+            evidence=Evidence(some(self.evidence.runs), some(self.evidence.scales)),
+            point=Point(self.shared, some(self.point.local)),
+            residuals=some(self.residuals),
+            raw=some(self.raw),
+            jacobians=some(self.jacobians),
+        )
 
 
 def refit(

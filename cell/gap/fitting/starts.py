@@ -56,9 +56,7 @@ def best(estimates: list[Estimate]) -> Estimate:
 
 def objective_of(estimate: Estimate, scale: float) -> float:
     """Objective of an estimate at a given dispersion [nats]."""
-    place = normal_equations.layout(estimate.model, estimate.evidence)
-    limits = normal_equations.bounds(estimate.model, estimate.evidence)
-    return normal_equations.objective(estimate.residuals, place.pack(estimate.point), limits, scale)
+    return normal_equations.objective(estimate.residuals, estimate.z, estimate.limits, scale)
 
 
 def _draw_start(model: Model, rng: np.random.Generator) -> Array:

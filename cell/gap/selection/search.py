@@ -14,10 +14,9 @@ from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.starts import best, objective_of
 from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
 from cell.gap.selection.choice import choose, is_exhausted
-from cell.gap.selection.fits import Fits, by_loss
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
-from cell.gap.selection.origins import Start, starts
-from cell.gap.selection.score import Score
+from cell.gap.selection.score import Score, Start, starts
 from cell.gap.selection.screening import Probed, probe, ranking, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
@@ -77,11 +76,12 @@ def fit_scores(
         least = known.estimate if known else base
         tasks.append(_promising(base, *starts(base, s, candidates), least))
     begun = [e for e in run_all(simulate, tasks) if e is not None]
-    most = _most([base, *(m.estimate for m in models), *begun])
-    worth = [_gain(base, e, most) >= BUDGET.finished * _gain(base, most, most) for e in begun]
-    going = [_finish(e) for e, going_on in zip(begun, worth, strict=True) if going_on]
-    done = iter(run_all(simulate, going))
-    found = [next(done) if going_on else e for e, going_on in zip(begun, worth, strict=True)]
+    every = [base, *(m.estimate for m in models), *begun]
+    scale = min(e.scale for e in every)
+    least_gain = BUDGET.finished * _gain(base, best(every), scale)
+    found = run_all(
+        simulate, [_finish(e, worth=_gain(base, e, scale) >= least_gain) for e in begun]
+    )
     return run_all(simulate, [validate(e) for e in found])
 
 
@@ -112,14 +112,9 @@ def _begun(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[Es
     return best((yield from side_by_side(fits)))
 
 
-def _most(estimates: list[Estimate]) -> Estimate:
-    """The estimate of the smallest objective, with the smallest dispersion of all."""
-    return replace(best(estimates), scale=min(e.scale for e in estimates))
-
-
-def _gain(base: Estimate, estimate: Estimate, by: Estimate) -> float:
-    """Nats that `estimate` gains over the base at the dispersion of `by`."""
-    return objective_of(base, by.scale) - objective_of(estimate, by.scale)
+def _gain(base: Estimate, estimate: Estimate, scale: float) -> float:
+    """Nats that `estimate` gains over the base at a dispersion."""
+    return objective_of(base, scale) - objective_of(estimate, scale)
 
 
 def _fit_promising(
@@ -130,8 +125,10 @@ def _fit_promising(
     return None if first is None else (yield from _finish(first))
 
 
-def _finish(first: Estimate) -> Task[Estimate]:
-    """The fit `first` to the end, where that is better."""
+def _finish(first: Estimate, *, worth: bool = True) -> Task[Estimate]:
+    """The fit `first` to the end, where it is `worth` it and that is better."""
+    if not worth:
+        return first
     known = first.evidence
     done = yield from refit(first.model, known, first.point, first.jacobians, ROUGH_GAIN)
     return best([first, done])
@@ -162,7 +159,7 @@ def _farthest(base: Estimate, begun: Sequence[Estimate], least: Estimate) -> lis
     """Those that gained over the base a good part of what the best of them, or `least`, did."""
     every = [*begun, least]
     scale = min(e.scale for e in every)
-    gains = [objective_of(base, scale) - objective_of(e, scale) for e in every]
+    gains = [_gain(base, e, scale) for e in every]
     most = max(gains)
     return [e for e, g in zip(begun, gains, strict=False) if g >= min(BUDGET.hope * most, most)]
 
@@ -283,10 +280,9 @@ def without_each(fits: Fits) -> list[Score]:
 
     Begun from where they were fitted: beside another effect a fit may have left a local minimum.
     """
-    found = choose(fits)
-    best = by_loss(fits.models, found.by)[0]
+    accepted, first = choose(fits).accepted, fits.best
     scores = []
-    for model in [found.accepted] if best is found.accepted else [found.accepted, best]:
+    for model in [accepted] if first is accepted else [accepted, first]:
         names, fit = sorted(model.model.names), model.estimate
         if len(names) > 1:
             less = [tuple(n for n in names if n != gone) for gone in names]

@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.diagnosis.drift import Drift
+from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.invariance import Invariance
 from cell.gap.diagnosis.lack_of_fit import Misfit
-from cell.gap.diagnosis.localise import Bin
-from cell.gap.diagnosis.next_experiment import Advice
-from cell.gap.diagnosis.shown_places import surer_of_two
+from cell.gap.diagnosis.localise import Bin, surer_of_two
+from cell.gap.diagnosis.next_experiment import Advice, Steadier
 from cell.gap.diagnosis.sparse_law import Law
-from cell.gap.diagnosis.steadier import Steadier
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
@@ -24,22 +22,17 @@ from cell.gap.selection.screening import Probed, Table
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
 
-UNSTEADY = 3.0  # times the stated noise by which repeats may differ; set by hand
-
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
     """The refitted base and what it leaves.
 
-    `inflation` by channel is the factor on the stated noise that repeats demand; `drift` is None
-    where no condition was repeated; `weak` are directions that the runs do not determine, `scatter`
-    the quantities that differ from run to run; `strained` where it fits by values that what was
-    known of them all but rules out.
+    `weak` are directions that the runs do not determine, `scatter` the quantities that differ from
+    run to run; `strained` where it fits by values that what was known of them all but rules out.
     """
 
     base: Validated
-    inflation: dict[str, float]
-    drift: Drift | None
+    repeats: Repeats
     misfit: Misfit
     places: tuple[Bin, ...]
     weak: tuple[Undetermined, ...]
@@ -55,17 +48,7 @@ class Fitted:
     def gap(self) -> bool:
         """Whether the base leaves more than noise, anywhere, overall or from run to run."""
         seen = self.misfit.p < ALPHA or any(place.p < ALPHA for place in self.places)
-        return seen or self.drifts or self.repeats_differ
-
-    @property
-    def repeats_differ(self) -> bool:
-        """Whether repeats differ so much that the stated noise means little."""
-        return max(self.inflation.values(), default=1.0) > UNSTEADY
-
-    @property
-    def drifts(self) -> bool:
-        """Whether the specimen changes from run to run."""
-        return self.drift is not None and self.drift.real
+        return seen or self.repeats.drifts or self.repeats.differ
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +69,8 @@ class Judged:
     """Every doubt about the accepted model.
 
     `misfit` is its lack of fit against noise alone, `leftover` against noise and tolerance,
-    without the `outlying_run` where it fits all others; `drift` and `inflation` are
-    changes between repeats that it leaves. `classes` are effects that stand in for one another,
+    without the `outlying_run` where it fits all others; `repeats` differ by what it leaves.
+    `classes` are effects that stand in for one another,
     `scatter` the quantities that differ from run to run beside it, `sized` the model fitted with
     these, from which sizes are estimated. `phases` tests each of several effects by the parts of a
     motion: by rate, height, direction and time. `places` are where the
@@ -99,8 +82,7 @@ class Judged:
     misfit: Misfit
     leftover: Misfit
     outlying_run: str | None
-    drift: Drift | None
-    inflation: dict[str, float]
+    repeats: Repeats
     rivals: tuple[Alternative, ...]
     classes: tuple[tuple[str, ...], ...]
     sized: Estimate
@@ -113,16 +95,6 @@ class Judged:
     def remains(self) -> bool:
         """Whether the accepted model leaves more than noise."""
         return self.misfit.p < ALPHA
-
-    @property
-    def drifts(self) -> bool:
-        """Whether the specimen changes from run to run in another way than the model says."""
-        return self.drift is not None and self.drift.real
-
-    @property
-    def repeats_differ(self) -> bool:
-        """Whether repeats differ so much, for no reason, that a fit to them means little."""
-        return max(self.inflation.values(), default=1.0) > UNSTEADY
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap, lack_of_fit
-from cell.gap.diagnosis.drift import drift
+from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.invariance import Invariance, invariance
-from cell.gap.diagnosis.localise import Bin
-from cell.gap.diagnosis.shown_places import shown_places
+from cell.gap.diagnosis.localise import Bin, shown_places
 from cell.gap.diagnosis.sparse_law import Law, describe
 from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
@@ -63,11 +62,9 @@ def judge(
     best = choice.accepted.estimate
     invariances = _invariances(choice, simulate)
     tolerance = {k: q.tolerance for k, q in subject.scope.quantities.items()}
-    noise = lack_of_fit.noise_left(projection(best, robustly=False), rng)
-    change = drift(best)
-    inflation = change.inflation if change is not None else lack_of_fit.pure_error(best)
-    strict = lack_of_fit.slack(best.evidence, inflation, {})
-    kind = lack_of_fit.slack(best.evidence, inflation, tolerance)
+    repeats, noise = Repeats.of(best), lack_of_fit.noise_left(best, rng)
+    strict = lack_of_fit.slack(best.evidence, repeats.inflation)
+    kind = lack_of_fit.slack(best.evidence, repeats.inflation, tolerance)
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
     kind[lack_of_fit.unshown(best)] = np.inf
     leftover, outlying_run = _leftover(best, noise, kind)
@@ -80,8 +77,7 @@ def judge(
         misfit,
         leftover,
         outlying_run,
-        change,
-        inflation,
+        repeats,
         tuple(close),
         groups,
         run_one(simulate, settle(with_own_scatter(simulate, best, scatter, whole))),
@@ -117,10 +113,8 @@ def _places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...]:
     fitted, base = choice.accepted, choice.fits.base.estimate
     if not fitted.model.effects:
         return ()
-    noise = lack_of_fit.noise_left(projection(base, robustly=False), rng)
-    change = drift(base)
-    inflation = change.inflation if change is not None else lack_of_fit.pure_error(base)
-    allowed = lack_of_fit.slack(base.evidence, inflation, {})
+    noise = lack_of_fit.noise_left(base, rng)
+    allowed = lack_of_fit.slack(base.evidence, Repeats.of(base).inflation)
     others = [m.estimate for m in choice.fits.models if m.model.effects and m is not fitted]
     return tuple(shown_places(base, fitted.estimate, others, noise, allowed))
 
@@ -183,5 +177,4 @@ def show(
     if accepted.model.effects:
         runs = at(accepted.estimate).runs
         after = held_out_gap.unseen(simulate, accepted.estimate, Evidence(runs, known.scales))
-    squares = held_out_gap.run_squares(before), held_out_gap.run_squares(after)
-    return Shown(before, after, held_out_gap.shrink(*squares, rng))
+    return Shown(before, after, held_out_gap.shrink(before, after, rng))

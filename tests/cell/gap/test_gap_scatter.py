@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.diagnosis.steadier import steadier
-from cell.gap.fitting.degrees_of_freedom import degrees_of_freedom
+from cell.gap.diagnosis.next_experiment import steadier
 from cell.gap.fitting.gauss_newton import refit
 from cell.gap.fitting.model import Model, Point, evidence
 from cell.gap.fitting.scatter import with_own_scatter, with_scatter
 from cell.gap.fitting.spreads import spreads
 from cell.gap.fitting.tasks import run_one
+from cell.gap.fitting.uncertainty import degrees_of_freedom
 from cell.gap.report.repeats import remedies
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Parameter, Request, Residuals
