@@ -1,8 +1,7 @@
 """The whole investigation, stage by stage, for any subject."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 from scipy import special
@@ -34,9 +33,9 @@ from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranked_pairs, ranking, table
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
-from cell.gap.verdict.decide import has_unexplained_part, in_doubt, kind
+from cell.gap.verdict.decide import in_doubt, kind
 from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
-from cell.gap.verdict.judge import chosen, fit_rest_law, judge, show
+from cell.gap.verdict.judge import chosen, judge, show
 from cell.gap.verdict.offered_law import Names, offered_law
 
 Progress = Callable[[str, float], None]
@@ -55,24 +54,16 @@ def investigate(
     fitted = _fit_base(subject, whole, simulate, rng)
     progress("screen the candidates", 0.12)
     screened = _screen(subject, fitted, simulate)
-    progress("refit the best", 0.25)
-    fits = _refit_singles(subject, fitted, screened, simulate)
-    beside = _scatter_beside(fits, fitted, whole, simulate)
-    if beside is not None:
-        progress("begin anew with what differs from run to run", 0.35)
-        again = with_scatter(fitted.base.estimate, beside, whole)
-        fitted = _judged_base(subject, again, beside, simulate, rng)
-        screened = _score_candidates(subject, fitted, screened.probed)
-        begun = search.singles_with_scatter(fits, subject.scope.candidates, beside, whole)
-        fits = _refit_singles(subject, fitted, screened, simulate, begun)
-    fits = _refit_further(subject, fitted, fits, screened, simulate, progress)
-    better = search.better_base(simulate, fits)
-    if better is not None:
-        progress("begin anew from a better base", 0.5)
-        fitted = _judged_base(subject, better, fitted.scatter, simulate, rng)
-        screened = _screen(subject, fitted, simulate)
-        fits = _refit_singles(subject, fitted, screened, simulate)
-        fits = _refit_further(subject, fitted, fits, screened, simulate, progress)
+    fits = Fits((fitted.base,))
+    for refit_more in (_refit_singles, _refit_further):  # each time, the best says more of the base
+        known = fits.best
+        fits = refit_more(subject, fitted, fits, screened, simulate, progress)
+        beside = _beside(fits, fitted, whole, simulate) if fits.best is not known else None
+        if beside is not None:
+            progress("refit the base beside the best", 0.4)
+            fitted = _judged_base(subject, *beside, simulate, rng)
+            screened = _score_candidates(subject, fitted, screened.probed)
+            fits = search.beside_base(simulate, fits, fitted.base, fitted.scatter, whole)
     progress("judge", 0.8)
     believed = subject.scope.believed
     sets = posterior(fits, screened.probed, fits.scale, believed=believed)
@@ -89,9 +80,6 @@ def investigate(
         subject, tuple(held_out), fitted, screened, choice, sets, judged, shown, advised
     )
     which = kind(found)
-    if has_unexplained_part(found, which):
-        law = fit_rest_law(subject, choice, simulate, rng)
-        found = replace(found, judged=replace(judged, law=law))
     if which == "no_gap" or (which == "named" and not in_doubt(found)):
         return found
     names = Names(choice.accepted, choice.by, which == "named", is_exhausted(choice.fits))
@@ -177,44 +165,42 @@ def _screened_p(
     return family_wise(raw, list(size))
 
 
-def _scatter_beside(
+def _beside(
     fits: Fits, fitted: Fitted, whole: Evidence, simulate: Simulate
-) -> tuple[Spread, ...] | None:
-    """Spreads beside the best single effect, where they differ clearly from those at the base.
+) -> tuple[Estimate, tuple[Spread, ...]] | None:
+    """The base and the spreads as they are beside the best model, where either is another one.
 
-    A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it.
+    A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it,
+    and may have stopped in a local minimum.
     """
-    singles, by = fits.of_size(1), fits.scale
-    if not singles or margin(singles[0], fits.base, by).gain < by.least:
+    best, by = fits.best, fits.scale
+    if margin(best, fits.base, by).gain < by.least:
         return None
-    best = singles[0]
     found = estimate_spreads(simulate, best.estimate, whole)
+    better = search.better_base(simulate, fits)
     before, now = ({s.name: s.value for s in some} for some in (fitted.scatter, found))
-    return found if clearly_differ(before, now) else None
+    if better is None and not clearly_differ(before, now):
+        return None
+    return with_scatter(better or fits.base.estimate, found, whole), found
 
 
 def _refit_singles(
     subject: Subject,
     fitted: Fitted,
+    fits: Fits,
     screened: Screened,
     simulate: Simulate,
-    begun: Mapping[str, Estimate] = MappingProxyType({}),
+    progress: Progress,
 ) -> Fits:
-    """The base and the most promising single effects, where any effect could be earned.
-
-    Those `begun` are fitted from there.
-    """
+    """The most promising single effects beside the base, where any effect could be earned."""
+    progress("refit the best", 0.25)
     base, candidates = fitted.base, subject.scope.candidates
     by = likelihood_scale([base])
     least = by.least * by.inefficiency
-    fits = Fits((base,))
     promising = any(s.gain > least for s in screened.singles)
     if not (promising or fitted.doubted or ranked_pairs(screened.known, 1, least)):
         return fits
-    singles = [
-        Score(s.names, s.gain, {}, after=begun[s.names[0]]) if s.names[0] in begun else s
-        for s in screened.singles[: search.BUDGET.singles]
-    ]
+    singles = screened.singles[: search.BUDGET.singles]
     fits = fits.merge(search.fit_scores(simulate, base.estimate, singles, candidates))
     fits = fits.merge(search.other_sign(simulate, fits, singles))
     if not is_exhausted(fits):
@@ -246,7 +232,7 @@ def _refit_further(
     unnamed = fitted.doubted and not choose(fits).accepted.model.effects
     if not unnamed and not _leaves_more(fits, anywhere=True):
         return fits
-    progress("refit other single effects", 0.4)
+    progress("refit other single effects", 0.45)
     others = [
         s for s in screened.singles[: search.BUDGET.looked] if fits.of(frozenset(s.names)) is None
     ]
@@ -255,7 +241,7 @@ def _refit_further(
     )
     if is_exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits
-    progress("refit pairs", 0.45)
+    progress("refit pairs", 0.5)
     screened_pairs = ranked_pairs(screened.known, search.BUDGET.sifted)
     pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.BUDGET.pairs)
     fits = more(fit_and_merge(fits, pairs), 1)
@@ -273,6 +259,6 @@ def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:
     best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
     noise = lack_of_fit.noise_left(best, np.random.default_rng(1))
     allowed = lack_of_fit.slack(best.evidence, Repeats.of(best).inflation)
-    if lack_of_fit.lack_of_fit(best, noise, allowed).p < ALPHA:
+    if lack_of_fit.lack_of_fit(best, noise, allowed) < ALPHA:
         return True
     return anywhere and any(place.p < ALPHA for place in localise(best, noise, allowed))

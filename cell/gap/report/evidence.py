@@ -116,7 +116,7 @@ def name_model(model: str) -> str:
 def base(found: Findings, verdict: Verdict) -> dict[str, Any]:
     """Stated and refitted values of the base."""
     stated = {p.name: p for p in found.subject.scope.base}
-    weak = "; ".join(u.words for u in found.fitted.weak)
+    weak = "; ".join(found.fitted.weak)
     return {
         "rows": [
             (name, _four(stated[name].start, of), _four(value.value, of),

@@ -89,10 +89,6 @@ class Posterior:
         nats = {m.names: m.nats for m in self.models}
         return nats[names] - nats[frozenset()]
 
-    def p(self, of: Callable[[frozenset[str]], bool]) -> float:
-        """Probability of these sets together."""
-        return sum(m.p for m in self.models if of(m.names))
-
 
 def posterior(
     fits: Fits,

@@ -264,15 +264,17 @@ def extensions(
     return scores if beam == 1 else shortlist(simulate, base, scores, candidates, BUDGET.further)
 
 
-def singles_with_scatter(
-    fits: Fits, candidates: Sequence[Candidate], found: Sequence[Spread], whole: Evidence
-) -> dict[str, Estimate]:
-    """The fitted single effects by name, with the random unknowns `found` of the runs `whole`.
-
-    Those with free shape parameters are left out.
+def beside_base(
+    simulate: Simulate, fits: Fits, base: Validated, found: Sequence[Spread], whole: Evidence
+) -> Fits:
+    """The models of `fits` refitted, from where they were, to the runs as another `base` has them:
+    with the random unknowns `found` of the runs `whole`.
     """
-    plain = [m.estimate for m in fits.of_size(1) if m.model.effects[0] in candidates]
-    return {e.model.effects[0].name: with_scatter(e, found, whole) for e in plain}
+    begun = [with_scatter(m.estimate, found, whole) for m in fits.models if m.model.effects]
+    known = base.estimate.evidence
+    tasks = [refit(e.model, known, e.point, None, ROUGH_GAIN) for e in begun]
+    done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+    return Fits((base, *done))
 
 
 def without_each(fits: Fits) -> list[Score]:
@@ -309,15 +311,13 @@ def substitutes(simulate: Simulate, fits: Fits, candidates: Sequence[Candidate])
 
 
 def better_base(simulate: Simulate, fits: Fits) -> Estimate | None:
-    """The base refitted from the values that the accepted model gave it, where that is better.
+    """The base refitted from the values that the best model gave it, where that is better.
 
     A base that had stopped in a local minimum leaves a gap that is none.
     """
-    accepted, base = choose(fits).accepted.estimate, fits.base.estimate
-    if not accepted.model.effects:
-        return None
-    values, _ = accepted.model.split(accepted.shared)
-    start = Point(values, accepted.point.local)
+    first, base = fits.best.estimate, fits.base.estimate
+    values, _ = first.model.split(first.shared)
+    start = Point(values, first.point.local)
     begun = run_one(
         simulate, refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.begun)
     )

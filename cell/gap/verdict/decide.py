@@ -42,7 +42,7 @@ def kind(found: Findings) -> Kind:
     if not found.accepted.model.effects:
         return "unexplained" if gap_is_there(found) else "no_gap"
     changes = judged.repeats.drifts or judged.repeats.differ or drifting(found)
-    if judged.leftover.p < ALPHA or changes or not _mostly(found) or unseen_remains(found):
+    if judged.leftover < ALPHA or changes or not _mostly(found) or unseen_remains(found):
         return "unexplained"
     if is_proxy(found):
         return "unexplained"
@@ -156,21 +156,13 @@ def lone_run(found: Findings) -> Run | None:
     return base.estimate.evidence.runs[best]
 
 
-def has_unexplained_part(found: Findings, which: Kind) -> bool:
-    """Whether what remains is described: if `unexplained`, or if a cause leaves more than noise."""
-    return which == "unexplained" or (which != "no_gap" and found.judged.remains)
-
-
 def describe_rest(found: Findings, which: Kind) -> Unexplained | None:
-    """What remains, where it is described."""
-    judged = found.judged
-    if not has_unexplained_part(found, which):
+    """What remains: if `unexplained`, or if a cause leaves more than noise."""
+    if which == "no_gap" or not (which == "unexplained" or found.judged.remains):
         return None
-    law = judged.law
+    law = found.offered.words if found.offered is not None else "no sparse law found"
     return Unexplained(
-        description=unexplained_part(found),
-        law=law.words if law else "no sparse law found",
-        stable=bool(law and law.stable),
+        description=unexplained_part(found), law=law, stable=found.offered is not None
     )
 
 

@@ -8,11 +8,9 @@ from cell.gap.diagnosis import held_out_gap, lack_of_fit
 from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.invariance import Invariance, invariance
 from cell.gap.diagnosis.localise import Bin, shown_places
-from cell.gap.diagnosis.sparse_law import Law, describe
 from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Point
-from cell.gap.fitting.projection import projection
 from cell.gap.fitting.scatter import estimate_spreads, with_own_scatter
 from cell.gap.fitting.settle import settle
 from cell.gap.fitting.starts import refine, refit_fine
@@ -22,7 +20,6 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA
 from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.rivals import Alternative, classes, more_probable, probable_rivals, rivals
-from cell.gap.selection.screening import probe
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.findings import Judged, Shown
 from drivers.types import Array
@@ -91,21 +88,11 @@ def _rivals(choice: Choice, sets: Posterior, *, believed: bool) -> list[Alternat
     """What explains the runs about as well as the accepted model, by what accepted it, and what is
     more probable; where priors are `believed`, they refute, too.
     """
-    known = (choice.accepted, choice.fits, choice.by)
+    known = (choice.accepted, choice.fits)
     if choice.sets is not None:
         return probable_rivals(*known, choice.sets)
-    close = rivals(*known, sets if believed else None)
+    close = rivals(*known, choice.by, sets if believed else None)
     return [*close, *more_probable(*known, sets)]
-
-
-def fit_rest_law(
-    subject: Subject, choice: Choice, simulate: Simulate, rng: np.random.Generator
-) -> Law | None:
-    """Sparse law of what the accepted model of `choice` leaves."""
-    best = choice.accepted.estimate
-    secants = [replace(t, probes=()) for t in subject.scope.terms]
-    terms = run_all(simulate, [probe(best, t) for t in secants])
-    return describe(best, projection(best), terms, choice.by.inefficiency, rng)
 
 
 def _places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...]:
@@ -147,16 +134,14 @@ def _invariances(choice: Choice, simulate: Simulate) -> dict[str, dict[str, Inva
     return found
 
 
-def _leftover(
-    estimate: Estimate, noise: Array, allowed: Array
-) -> tuple[lack_of_fit.Misfit, str | None]:
+def _leftover(estimate: Estimate, noise: Array, allowed: Array) -> tuple[float, str | None]:
     """Lack of fit of all runs; where effects fit all runs but one, of the others, and that one."""
     whole = lack_of_fit.lack_of_fit(estimate, noise, allowed)
-    if whole.p >= ALPHA or not estimate.model.effects:
+    if whole >= ALPHA or not estimate.model.effects:
         return whole, None
     name, samples = lack_of_fit.outlying_run(estimate)
     others = lack_of_fit.lack_of_fit(estimate, noise, np.where(samples, np.inf, allowed))
-    return (others, name) if others.p >= ALPHA else (whole, None)
+    return (others, name) if others >= ALPHA else (whole, None)
 
 
 def show(

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from cell.gap import investigate
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.score import Score
 
 LEAST = 5.0  # nats
@@ -29,7 +30,10 @@ def refitted(monkeypatch: pytest.MonkeyPatch, *, gain: float, gap: bool) -> list
     base = SimpleNamespace(estimate=None, model=SimpleNamespace(name="", names=frozenset()))
     fitted: Any = SimpleNamespace(base=base, doubted=gap)
     screened: Any = SimpleNamespace(known=None, singles=(Score(("seam",), gain, {}),))
-    investigate._refit_singles(subject, fitted, screened, lambda _asked: [])
+    fits = Fits((base,))  # type: ignore[arg-type]
+    investigate._refit_singles(
+        subject, fitted, fits, screened, lambda _asked: [], lambda _stage, _share: None
+    )
     return asked
 
 
