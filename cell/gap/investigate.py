@@ -201,7 +201,7 @@ def _refit_singles(
     if not (promising or fitted.doubted or ranked_pairs(screened.known, 1, least)):
         return fits
     singles = screened.singles[: search.BUDGET.singles]
-    fits = fits.merge(search.fit_scores(simulate, base.estimate, singles, candidates))
+    fits = search.fit_scores(simulate, fits, singles, candidates)
     fits = fits.merge(search.other_sign(simulate, fits, singles))
     if not is_exhausted(fits):
         fits = fits.merge(search.shape_parameters(simulate, fits))
@@ -219,13 +219,13 @@ def _refit_further(
     """Other single effects and then larger models, where the best leave something to find."""
     base, candidates = fits.base.estimate, subject.scope.candidates
 
-    def fit_and_merge(fits: Fits, scores: Sequence[Score]) -> Fits:
+    def with_models(fits: Fits, scores: Sequence[Score]) -> Fits:
         known = search.with_shape_parameters(candidates, fits)
-        return fits.merge(search.fit_scores(simulate, base, scores, known, fits))
+        return search.fit_scores(simulate, fits, scores, known)
 
-    def more(fits: Fits, size: int) -> Fits:
+    def extend(fits: Fits, size: int) -> Fits:
         known = search.with_shape_parameters(candidates, fits)
-        return fit_and_merge(fits, search.extensions(simulate, fits, size, known, screened.probed))
+        return with_models(fits, search.extensions(simulate, fits, size, known, screened.probed))
 
     if len(fits.models) == 1 or is_exhausted(fits):
         return fits
@@ -236,7 +236,7 @@ def _refit_further(
     others = [
         s for s in screened.singles[: search.BUDGET.looked] if fits.of(frozenset(s.names)) is None
     ]
-    fits = fit_and_merge(
+    fits = with_models(
         fits, search.shortlist(simulate, base, others, candidates, search.BUDGET.further)
     )
     if is_exhausted(fits) or not _leaves_more(fits, anywhere=True):
@@ -244,14 +244,14 @@ def _refit_further(
     progress("refit pairs", 0.5)
     screened_pairs = ranked_pairs(screened.known, search.BUDGET.sifted)
     pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.BUDGET.pairs)
-    fits = more(fit_and_merge(fits, pairs), 1)
+    fits = extend(with_models(fits, pairs), 1)
     pair = len(choose(fits).accepted.model.effects) == 2
     if pair and not is_exhausted(fits) and _leaves_more(fits, anywhere=False):
         progress("refit triples", 0.7)
-        fits = more(fits, 2)
-    fits = fit_and_merge(fits, search.without_each(fits))
+        fits = extend(fits, 2)
+    fits = with_models(fits, search.without_each(fits))
     known = search.with_shape_parameters(candidates, fits)
-    return fit_and_merge(fits, search.substitutes(simulate, fits, known))
+    return with_models(fits, search.substitutes(simulate, fits, known))
 
 
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:

@@ -79,7 +79,9 @@ def drift(estimate: Estimate) -> Drift | None:
     owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
     columns = about.weigh(stacked_jacobian(estimate)[:, :count] * later[owner][:, None])
     form = about.form(columns)
-    rates = normal_equations.free_step(form)
+    nothing, free = np.zeros(count), np.full(count, np.inf)
+    limits = normal_equations.Bounds(-free, free, nothing, nothing)
+    rates = normal_equations.bounded_step(form, nothing, limits)
     corrected = (about.residual + about.left(columns) @ rates) / about.weight
     parts = np.split(corrected, np.cumsum([len(r) for r in estimate.residuals])[:-1])
     inflation = pure_error(estimate, parts, spent=count)

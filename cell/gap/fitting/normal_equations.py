@@ -133,13 +133,6 @@ def bounded_step(equations: Normal, z: Array, limits: Bounds) -> Array:
     return best
 
 
-def free_step(equations: Normal) -> Array:
-    """Step (size,) to the minimum of the quadratic model from zero, without bounds."""
-    size = len(equations.gradient)
-    nothing, free = np.zeros(size), np.full(size, np.inf)
-    return bounded_step(equations, nothing, Bounds(-free, free, nothing, nothing))
-
-
 def _within(
     gradient: Array, curvature: Array, free: Mask, step: Array, low: Array, high: Array
 ) -> tuple[Array, Mask]:

@@ -58,31 +58,27 @@ BUDGET = Budget()
 
 
 def fit_scores(
-    simulate: Simulate,
-    base: Estimate,
-    scores: Sequence[Score],
-    candidates: Sequence[Candidate],
-    fits: Fits | None = None,
-) -> list[Validated]:
-    """Screened models refitted with the base, from null and from what the screen found; of those
-    that are among `fits` only the ones that come farther.
+    simulate: Simulate, fits: Fits, scores: Sequence[Score], candidates: Sequence[Candidate]
+) -> Fits:
+    """`fits` and the screened models, refitted with the base from null and from what the screen
+    found; of those that are among `fits` only the ones that come farther.
 
     Models that gain far less than others are left where a few steps brought them: they are
     listed, and nothing is built on them.
     """
-    tasks, models = [], fits.models if fits else ()
+    tasks, base = [], fits.base.estimate
     for s in scores:
-        known = fits.of(frozenset(s.names)) if fits else None
+        known = fits.of(frozenset(s.names))
         least = known.estimate if known else base
         tasks.append(_promising(base, *starts(base, s, candidates), least))
     begun = [e for e in run_all(simulate, tasks) if e is not None]
-    every = [base, *(m.estimate for m in models), *begun]
+    every = [*(m.estimate for m in fits.models), *begun]
     scale = min(e.scale for e in every)
     least_gain = BUDGET.finished * _gain(base, best(every), scale)
     found = run_all(
         simulate, [_finish(e, worth=_gain(base, e, scale) >= least_gain) for e in begun]
     )
-    return run_all(simulate, [validate(e) for e in found])
+    return fits.merge(run_all(simulate, [validate(e) for e in found]))
 
 
 def shortlist(
@@ -99,17 +95,18 @@ def shortlist(
     tasks = []
     for s in scores:
         model, points = starts(base, s, candidates)
-        tasks.append(_begun(model, base.evidence, points[1:] or points))
-    done = run_all(simulate, tasks)
+        tasks.append(_few_steps(model, base.evidence, points[1:] or points))
+    done = [best(tried) for tried in run_all(simulate, tasks)]
     scale = min((e.scale for e in done), default=1.0)
     order = sorted(range(len(done)), key=lambda i: objective_of(done[i], scale))
     return [Score(scores[i].names, scores[i].gain, {}, after=done[i]) for i in order[:most]]
 
 
-def _begun(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[Estimate]:
-    """The best of the first few steps from each start."""
-    fits = [refit(model, evidence, p, known, ROUGH_GAIN, BUDGET.sifting) for p, known in points]
-    return best((yield from side_by_side(fits)))
+def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[list[Estimate]]:
+    """Where the first few steps from each start come."""
+    return side_by_side(
+        [refit(model, evidence, p, known, ROUGH_GAIN, BUDGET.sifting) for p, known in points]
+    )
 
 
 def _gain(base: Estimate, estimate: Estimate, scale: float) -> float:
@@ -141,8 +138,7 @@ def _promising(
     farthest; None where that is not as far as the fit `least` of the same model.
     """
     known = base.evidence
-    begun = [refit(model, known, p, first, ROUGH_GAIN, BUDGET.sifting) for p, first in points]
-    tried = yield from side_by_side(begun)
+    tried = yield from _few_steps(model, known, points)
     far = _farthest(base, tried, least) or ([best(tried)] if least is base else [])
     if len(far) > 1 or (far and least is not base):
         more = [
@@ -270,11 +266,23 @@ def beside_base(
     """The models of `fits` refitted, from where they were, to the runs as another `base` has them:
     with the random unknowns `found` of the runs `whole`.
     """
-    begun = [with_scatter(m.estimate, found, whole) for m in fits.models if m.model.effects]
-    known = base.estimate.evidence
-    tasks = [refit(e.model, known, e.point, None, ROUGH_GAIN) for e in begun]
+    known, tasks = base.estimate.evidence, []
+    for fit in (m.estimate for m in fits.models if m.model.effects):
+        start = with_scatter(fit, found, whole).point
+        tasks.append(refit(fit.model, known, start, _secants(fit, known), ROUGH_GAIN))
     done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
     return Fits((base, *done))
+
+
+def _secants(fit: Estimate, known: Evidence) -> tuple[Array, ...] | None:
+    """Secants of a fit, whitened as the runs of `known` are; None where those have other unknowns
+    of their own.
+    """
+    pairs = list(zip(fit.evidence.runs, known.runs, strict=True))
+    if any([p.name for p in a.local] != [p.name for p in b.local] for a, b in pairs):
+        return None
+    rows = zip(fit.jacobians, fit.evidence.scales, known.scales, strict=True)
+    return tuple(jacobian * (had / has)[:, None] for jacobian, had, has in rows)
 
 
 def without_each(fits: Fits) -> list[Score]:

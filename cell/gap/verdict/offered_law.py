@@ -121,11 +121,11 @@ def _fit_laws(subject: Subject, simulate: Simulate, base: Validated, longest: in
     scores = ranking(known)[: OFFER.singles]
     if longest > 1:
         scores += ranked_pairs(known, OFFER.pairs)
-    fits = Fits((base,)).merge(search.fit_scores(simulate, fit, scores, terms))
+    fits = search.fit_scores(simulate, Fits((base,)), scores, terms)
     for size in range(1, longest):
         if fits.of_size(size) and not is_exhausted(fits):
             more = search.extensions(simulate, fits, size, plain, probed)
-            fits = fits.merge(search.fit_scores(simulate, fit, more, terms))
+            fits = search.fit_scores(simulate, fits, more, terms)
     return fits
 
 

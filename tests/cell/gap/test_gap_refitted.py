@@ -16,9 +16,9 @@ def refitted(monkeypatch: pytest.MonkeyPatch, *, gain: float, gap: bool) -> list
     """The effects that are refitted where the screen expects `gain` of one and little of pairs."""
     asked: list[str] = []
 
-    def fit_scores(_simulate: Any, _base: Any, scores: list[Score], _known: Any) -> list[Any]:
+    def fit_scores(_simulate: Any, fits: Fits, scores: list[Score], _known: Any) -> Fits:
         asked.extend(s.names[0] for s in scores)
-        return []
+        return fits
 
     scale = SimpleNamespace(least=LEAST, inefficiency=1.0)
     monkeypatch.setattr(investigate, "likelihood_scale", lambda _models: scale)
@@ -64,7 +64,7 @@ def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
     monkeypatch.setattr(investigate, "is_exhausted", lambda _fits: False)
     monkeypatch.setattr(investigate, "_leaves_more", lambda _fits, **_: False)
     monkeypatch.setattr(investigate.search, "shortlist", shortlist)
-    monkeypatch.setattr(investigate.search, "fit_scores", lambda *_: [])
+    monkeypatch.setattr(investigate.search, "fit_scores", lambda _simulate, fits, *_: fits)
     monkeypatch.setattr(investigate.search, "with_shape_parameters", lambda *_: [])
     fits: Any = SimpleNamespace(
         models=(None, None),
