@@ -55,12 +55,12 @@ def investigate(
     progress("screen the candidates", 0.12)
     screened = _screen(subject, fitted, simulate)
     fits = Fits((fitted.base,))
-    for refit_more in (_refit_singles, _refit_further):  # each time, the best says more of the base
-        known = fits.best
+    for refit_more, share in ((_refit_singles, 0.4), (_refit_further, 0.75)):
+        known = fits.best  # what is better says more of the base, and of how runs differ
         fits = refit_more(subject, fitted, fits, screened, simulate, progress)
         beside = _beside(fits, fitted, whole, simulate) if fits.best is not known else None
         if beside is not None:
-            progress("refit the base beside the best", 0.4)
+            progress("refit the base beside the best", share)
             fitted = _judged_base(subject, *beside, simulate, rng)
             screened = _score_candidates(subject, fitted, screened.probed)
             fits = search.beside_base(simulate, fits, fitted.base, fitted.scatter, whole)
@@ -218,15 +218,6 @@ def _refit_further(
 ) -> Fits:
     """Other single effects and then larger models, where the best leave something to find."""
     base, candidates = fits.base.estimate, subject.scope.candidates
-
-    def with_models(fits: Fits, scores: Sequence[Score]) -> Fits:
-        known = search.with_shape_parameters(candidates, fits)
-        return search.fit_scores(simulate, fits, scores, known)
-
-    def extend(fits: Fits, size: int) -> Fits:
-        known = search.with_shape_parameters(candidates, fits)
-        return with_models(fits, search.extensions(simulate, fits, size, known, screened.probed))
-
     if len(fits.models) == 1 or is_exhausted(fits):
         return fits
     unnamed = fitted.doubted and not choose(fits).accepted.model.effects
@@ -236,22 +227,22 @@ def _refit_further(
     others = [
         s for s in screened.singles[: search.BUDGET.looked] if fits.of(frozenset(s.names)) is None
     ]
-    fits = with_models(
-        fits, search.shortlist(simulate, base, others, candidates, search.BUDGET.further)
-    )
+    others = search.shortlist(simulate, base, others, candidates, search.BUDGET.further)
+    fits = search.fit_scores(simulate, fits, others, candidates)
     if is_exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits
     progress("refit pairs", 0.5)
     screened_pairs = ranked_pairs(screened.known, search.BUDGET.sifted)
     pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.BUDGET.pairs)
-    fits = extend(with_models(fits, pairs), 1)
+    fits = search.fit_scores(simulate, fits, pairs, candidates)
+    fits = search.extend(simulate, fits, 1, candidates, screened.probed)
     pair = len(choose(fits).accepted.model.effects) == 2
     if pair and not is_exhausted(fits) and _leaves_more(fits, anywhere=False):
         progress("refit triples", 0.7)
-        fits = extend(fits, 2)
-    fits = with_models(fits, search.without_each(fits))
-    known = search.with_shape_parameters(candidates, fits)
-    return with_models(fits, search.substitutes(simulate, fits, known))
+        fits = search.extend(simulate, fits, 2, candidates, screened.probed)
+    fits = search.fit_scores(simulate, fits, search.without_each(fits), candidates)
+    others = search.substitutes(simulate, fits, candidates)
+    return search.fit_scores(simulate, fits, others, candidates)
 
 
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:

@@ -67,6 +67,7 @@ def fit_scores(
     listed, and nothing is built on them.
     """
     tasks, base = [], fits.base.estimate
+    candidates = with_shape_parameters(candidates, fits)
     for s in scores:
         known = fits.of(frozenset(s.names))
         least = known.estimate if known else base
@@ -228,27 +229,27 @@ def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[C
     return [known.get(c.name, c) for c in candidates]
 
 
-def extensions(
+def extend(
     simulate: Simulate,
     fits: Fits,
     size: int,
     candidates: Sequence[Candidate],
     probed: Sequence[Probed],
-) -> list[Score]:
-    """The best models of `size` effects, each with the most promising further effects.
+) -> Fits:
+    """`fits` and the best models of `size` effects, each with the most promising further effects.
 
     Screened from where those models were fitted: responses to a further effect at the base,
     `probed`, mean little where another one is strong, and only say which are looked at. Only the
     best model is extended where a larger one leaves nothing: its alternatives are beside that.
     """
     beam = 1 if is_exhausted(fits) else BUDGET.beam
-    scale = fits.scale.scale
+    scale, known = fits.scale.scale, with_shape_parameters(candidates, fits)
     found: dict[tuple[str, ...], tuple[float, Score]] = {}
     for fit in [m.estimate for m in fits.worth(size, BUDGET.worth)[:beam]]:
         about = projection(fit)
         others = [p for p in probed if p.candidate.name not in fit.model.names]
         looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.looked]}
-        again = run_all(simulate, [probe(fit, c) for c in candidates if c.name in looked])
+        again = run_all(simulate, [probe(fit, c) for c in known if c.name in looked])
         before, worth = objective_of(fit, scale), (fit.scale / scale) ** 2
         for s in ranking(table(about, again))[: BUDGET.further]:
             beside = s.beside(fit)
@@ -257,7 +258,9 @@ def extensions(
                 found[beside.names] = after, beside
     order = sorted(found.values(), key=lambda each: each[0])[: BUDGET.extended]
     scores, base = [score for _, score in order], fits.base.estimate
-    return scores if beam == 1 else shortlist(simulate, base, scores, candidates, BUDGET.further)
+    if beam > 1:
+        scores = shortlist(simulate, base, scores, known, BUDGET.further)
+    return fit_scores(simulate, fits, scores, candidates)
 
 
 def beside_base(
@@ -310,7 +313,8 @@ def substitutes(simulate: Simulate, fits: Fits, candidates: Sequence[Candidate])
         if others is None or not others.model.effects:
             continue
         fit = others.estimate
-        new = [c for c in candidates if c.name not in accepted.model.names]
+        known = with_shape_parameters(candidates, fits)
+        new = [c for c in known if c.name not in accepted.model.names]
         probed = run_all(simulate, [probe(fit, c) for c in new])
         for s in ranking(table(projection(fit), probed))[: BUDGET.substitutes]:
             beside = s.beside(fit)

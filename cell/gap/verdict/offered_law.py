@@ -124,8 +124,7 @@ def _fit_laws(subject: Subject, simulate: Simulate, base: Validated, longest: in
     fits = search.fit_scores(simulate, Fits((base,)), scores, terms)
     for size in range(1, longest):
         if fits.of_size(size) and not is_exhausted(fits):
-            more = search.extensions(simulate, fits, size, plain, probed)
-            fits = search.fit_scores(simulate, fits, more, terms)
+            fits = search.extend(simulate, fits, size, plain, probed)
     return fits
 
 

@@ -65,7 +65,6 @@ def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
     monkeypatch.setattr(investigate, "_leaves_more", lambda _fits, **_: False)
     monkeypatch.setattr(investigate.search, "shortlist", shortlist)
     monkeypatch.setattr(investigate.search, "fit_scores", lambda _simulate, fits, *_: fits)
-    monkeypatch.setattr(investigate.search, "with_shape_parameters", lambda *_: [])
     fits: Any = SimpleNamespace(
         models=(None, None),
         base=SimpleNamespace(estimate=None),
