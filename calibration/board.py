@@ -88,16 +88,16 @@ class BoardView:
 
     def tilt(self, lens: Lens) -> tuple[float, float]:
         """Angles [rad] by which the board's top and right edge lean away from the camera."""
-        turned = cv2.Rodrigues(self._pose(lens)[0])[0]
+        turned = cv2.Rodrigues(self._board_pose(lens)[0])[0]
         return float(np.arcsin(-turned[2, 1])), float(np.arcsin(turned[2, 0]))
 
     def depth(self, lens: Lens) -> float:
         """Distance [m] from the camera to the middle of the corners, along the optical axis."""
-        rotation, shift = self._pose(lens)
+        rotation, shift = self._board_pose(lens)
         middle = cv2.Rodrigues(rotation)[0] @ self.board.mean(axis=0) + shift.ravel()
         return float(middle[2])
 
-    def _pose(self, lens: Lens) -> tuple[Array, Array]:
+    def _board_pose(self, lens: Lens) -> tuple[Array, Array]:
         ideal = lens.undistort(self.image)
         _, rotation, shift = cv2.solvePnP(self.board, ideal, lens.matrix, None)
         return rotation, shift
@@ -125,7 +125,7 @@ def find_board(
     """Detection of `board` in `image` (h, w, 3)."""
     corners, ids, outlines, marks = detector.detectBoard(image)
     markers = 0 if marks is None else len(marks)
-    side = _side(outlines) if markers else 0.0
+    side = _mean_side(outlines) if markers else 0.0
     if ids is None or len(ids) == 0:
         return BoardLook(None, markers, side)
     on_board, in_image = board.matchImagePoints(corners, ids)
@@ -137,7 +137,7 @@ def find_board(
     return BoardLook(view, markers, side)
 
 
-def _side(outlines: object) -> float:
+def _mean_side(outlines: object) -> float:
     """Mean side [px] of marker outlines, each (4, 2)."""
     square = np.asarray(outlines, dtype=np.float64).reshape(-1, 4, 2)
     return float(np.hypot(*np.moveaxis(square - np.roll(square, 1, axis=1), -1, 0)).mean())

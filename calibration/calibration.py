@@ -82,7 +82,7 @@ class CalibrationFile(Settings):
         """The calibration; contents that do not match their id are a ConfigurationError."""
         lens = self.lens.lens(f"{origin}: lens")
         homography = Homography.of(self.homography.array((3, 3), f"{origin}: homography"))
-        expected = _identity(self.content())
+        expected = _digest(self.content())
         if self.id != expected:
             raise ConfigurationError(
                 f"{origin}: id: is {self.id}, its contents say {expected}; "
@@ -125,7 +125,7 @@ def make_calibration(
 
 
 def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
-    """The calibration with other `facts`, keywords of `make_calibration`, and its own new id."""
+    """A copy with other `facts`, keywords of `make_calibration`, and its own new id."""
     kept = {name: getattr(calibration, name) for name in KEYWORDS}
     return make_calibration(
         facts.pop("lens", calibration.lens),
@@ -161,9 +161,9 @@ def _signed_file(lens: Lens, homography: Homography, facts: Mapping[str, Any]) -
         lens=CameraFile.of(lens, facts["camera"]),
         **facts,
     )
-    return unsigned.model_copy(update={"id": _identity(unsigned.content())})
+    return unsigned.model_copy(update={"id": _digest(unsigned.content())})
 
 
-def _identity(content: dict[str, Any]) -> str:
+def _digest(content: dict[str, Any]) -> str:
     signed = {key: value for key, value in content.items() if key not in {"id", "date"}}
     return hashlib.sha256(json.dumps(signed, sort_keys=True).encode()).hexdigest()[:12]

@@ -24,7 +24,7 @@ class Homography:
 
     @classmethod
     def of(cls, matrix: Array) -> Self:
-        """The map with this matrix; a singular one is a ConfigurationError."""
+        """The homography with this matrix; a singular one is a ConfigurationError."""
         scaled = np.asarray(matrix, dtype=np.float64)
         if not np.isfinite(scaled).all() or abs(np.linalg.det(scaled)) < 1e-18:
             raise ConfigurationError("homography: the matrix is singular; calibrate again")

@@ -56,7 +56,7 @@ class Landmark(Settings):
         return cls(kind=kind, left=left, top=top, png=b64encode(bytes(content)).decode("ascii"))
 
     def patch(self) -> Image:
-        """Grey levels (side, side); a broken one is a ConfigurationError."""
+        """Grey levels (side, side) of the landmark; a broken one is a ConfigurationError."""
         try:
             content = b64decode(self.png, validate=True)
         except ValueError:
@@ -96,7 +96,7 @@ class CameraShift:
 
     @property
     def distance(self) -> float:
-        """The largest known component [mm]; NaN when none is known."""
+        """Largest known component of the shift [mm]; NaN when none is known."""
         known = [abs(self.desk), float(np.hypot(self.x, self.z))]
         finite = [value for value in known if np.isfinite(value)]
         return max(finite) if finite else float("nan")
@@ -175,8 +175,8 @@ def _find(grey: Image, mark: Landmark) -> tuple[float, float] | None:
 
 
 def peak(scores: Array, at: int) -> float:
-    """Place of the maximum, within a pixel of index `at` and relative to it, of a parabola through
-    three `scores` of (n,).
+    """Subpixel position of the maximum near index `at` of `scores` (n,), relative to it, by a
+    parabola through three of them.
     """
     if not 0 < at < len(scores) - 1:
         return 0.0
@@ -188,7 +188,7 @@ def peak(scores: Array, at: int) -> float:
 def _moved_mm(
     mark: Landmark, shift: Sequence[float], lens: Lens, homography: Homography
 ) -> tuple[float, float]:
-    """A shift [px] of a landmark as x, z [mm] in the plane."""
+    """Shift of a landmark [px] converted to x, z [mm] in the plane of the near edge."""
     side = TIP_SIDE if mark.kind == "tip" else DESK_SIDE
     here = np.array([mark.left, mark.top]) + side / 2
     was, now = homography.to_plane(lens.undistort(np.array([here, here + shift])))

@@ -99,7 +99,7 @@ def _check_inside(points: Array, size: tuple[int, int]) -> None:
 
 
 def checked_lens(lens: Lens, origin: str) -> Lens:
-    """`lens`, if a camera can have it; else a ConfigurationError that names `origin`.
+    """Return `lens` if a camera can have it; else raise a ConfigurationError that names `origin`.
 
     Focal lengths must be finite and of the order of the image, its centre near the image, the
     distortion finite and bounded.
@@ -189,7 +189,7 @@ class CameraFile(Settings):
         return checked_lens(lens, origin)
 
     def content(self) -> dict[str, Any]:
-        """Plain mapping for YAML or JSON."""
+        """The lens as a plain mapping for YAML or JSON."""
         return self.model_dump(mode="json")
 
 
@@ -239,10 +239,10 @@ def _read_opencv(path: Path, text: str) -> Lens:
         raise ConfigurationError(
             f"{path}: cannot be read as a file of OpenCV; write it with cv2.FileStorage"
         ) from None
-    return _check(path, (width, height), matrix.astype(np.float64), distortion.ravel())
+    return _check_matrices(path, (width, height), matrix.astype(np.float64), distortion.ravel())
 
 
-def _check(path: Path, size: tuple[int, int], matrix: Array, distortion: Array) -> Lens:
+def _check_matrices(path: Path, size: tuple[int, int], matrix: Array, distortion: Array) -> Lens:
     if matrix.shape != (3, 3):
         raise ConfigurationError(f"{path}: camera_matrix: must be 3 x 3 numbers")
     if len(distortion) not in COEFFICIENTS:

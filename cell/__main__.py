@@ -27,17 +27,17 @@ def _run() -> int | str | None:
     except SystemExit as end:
         return end.code
     except Exception as error:  # noqa: BLE001  an edge: an operator is not shown a traceback
-        return _answer(error)
+        return _print_error(error)
 
 
-def _answer(error: Exception) -> int:
-    """Show `error` in one line, or the help of a group that was given nothing; the exit code."""
+def _print_error(error: Exception) -> int:
+    """Show `error` in one line, or the help of a bare command group; returns the exit code."""
     from typer import Abort, BadParameter
 
     usage: type = BadParameter.__mro__[1]  # of all misuse; no version of Typer exports it
     if isinstance(error, usage):
         return _show_usage(error)
-    return _show(
+    return _print_line(
         CellError("no answer was given") if isinstance(error, Abort) else _cell_error(error)
     )
 
@@ -49,11 +49,20 @@ def _show_usage(error: Any) -> int:
     command = "cell" if error.ctx is None else error.ctx.command_path
     said = error.format_message().replace("Value error, ", "").rstrip(".")
     said = f"{said[:1].lower()}{said[1:]}"
-    return _show(ConfigurationError(f"{said}; `{command} --help` lists what goes"))
+    return _print_line(
+        ConfigurationError(f"{said}; `{command} --help` lists what goes{_hint(error)}")
+    )
+
+
+def _hint(error: Any) -> str:
+    """Hint at `--runs` for a command that takes a folder of runs by that option alone."""
+    options = [name for p in (error.ctx.command.params if error.ctx else ()) for name in p.opts]
+    is_extra = "extra argument" in error.message and "--runs" in options
+    return "; a folder of runs goes after `--runs`" if is_extra else ""
 
 
 def _cell_error(error: Exception) -> CellError:
-    """`error` as one of the cell's own: a library that is missing, or a defect."""
+    """`error` as a CellError: a missing library, or a defect of this program."""
     from cell.extras import FEATURES, missing_library
     from drivers.errors import Unexpected
 
@@ -64,7 +73,7 @@ def _cell_error(error: Exception) -> CellError:
     return Unexpected(error)
 
 
-def _show(error: CellError) -> int:
+def _print_line(error: CellError) -> int:
     sys.stdout.flush()
     sys.stderr.write(f"cell: {error}\n")
     return error.exit_code

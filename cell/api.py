@@ -50,7 +50,7 @@ def fold(
     frames: Literal["all", "key", "none"] | None = None,
     truth: bool = True,
 ) -> FoldResult:
-    """Fold a strip once, as `cell fold` does, and record it in a new folder under `runs`.
+    """Fold a strip once, as the command `cell fold`, and record it in a new folder under `runs`.
 
     `strip` is a name, a path to a strip file, or `unknown:0.6` with a length [m]; `plant` the file
     of another strip on the twin's desk; `speed` [m/s] replaces the cell's own. An error before the
@@ -144,7 +144,7 @@ def read_verdict(out: Place) -> Verdict:
 
 
 def read_strip(name: str, configs: Place | None = None) -> StripFile:
-    """The strip called `name`, or in the file of that path, checked."""
+    """The strip file called `name`, or at that path, checked."""
     return find_configs(_path(configs)).strip(name)
 
 

@@ -1,4 +1,4 @@
-"""Optional libraries: which feature needs which, and the command that installs it."""
+"""Optional libraries: the features that need them, and the command that installs them."""
 
 import re
 import sys
@@ -27,7 +27,7 @@ def require_library(module: str) -> None:
 
 
 def missing_library(module: str) -> ConfigurationError:
-    """Error for the optional `module`: what needs it, and how to install it in this environment."""
+    """Error for the optional library `module`: what needs it, and how to install it here."""
     wanted = " ".join(f"'{each}'" for each in _requirements(module))
     return ConfigurationError(
         f"{FEATURES[module]} needs the library {module}, which is not installed here; install it "
@@ -36,7 +36,7 @@ def missing_library(module: str) -> ConfigurationError:
 
 
 def _requirements(module: str) -> list[str]:
-    """`module`, and what is needed beside it, with the ranges that the package states."""
+    """`module` and other libraries of its feature, with the package's version ranges."""
     try:
         stated = [line.partition(";") for line in requires("folding-cell") or []]
     except PackageNotFoundError:

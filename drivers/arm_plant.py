@@ -1,4 +1,4 @@
-"""What an emulated arm's mechanics have that its published model lacks."""
+"""Mechanics of an emulated arm that its published model lacks."""
 
 from typing import Annotated
 

@@ -30,8 +30,7 @@ class WallClock:
 
 
 def lock_memory() -> bool:
-    """Keep what this process has in memory, or touches of it from now on, there; False where this
-    user may not.
+    """Lock the memory of this process, now and from now on, in RAM; False where this user may not.
 
     A page that was given up is read from the disk again, for some milliseconds. What is allocated
     later is not locked: where little may be locked, allocating it would fail. Source: mlockall(2).

@@ -16,7 +16,7 @@ class CellError(Exception):
     exit_code = 1
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (type(self), self.args), self.__dict__
+        return _rebuild, (type(self), self.args), self.__dict__
 
 
 class ConfigurationError(CellError):
@@ -79,7 +79,7 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     return f" (did you mean {near[0]!r}?)" if near else ""
 
 
-def _again(kind: type[CellError], arguments: tuple[Any, ...]) -> CellError:
+def _rebuild(kind: type[CellError], arguments: tuple[Any, ...]) -> CellError:
     error = kind.__new__(kind)
     error.args = arguments
     return error

@@ -1,5 +1,5 @@
-"""The door of all files: reading only what is regular and of bounded size, writing whole files that
-follow no link, locks on folders.
+"""Access to files: reads regular ones of bounded size, writes whole files and follows no links,
+locks folders.
 """
 
 import errno
@@ -34,7 +34,7 @@ def read_bytes(path: Path, most: int) -> bytes:
     """
     try:
         _check_kind(path, path.stat())
-        with open(path, "rb", opener=_without_waiting) as file:
+        with open(path, "rb", opener=_open_nonblocking) as file:
             _check_kind(path, os.fstat(file.fileno()))
             content = file.read(most + 1)
     except OSError as error:
@@ -57,7 +57,7 @@ def read_text(path: Path, most: int = TEXT) -> str:
         raise ConfigurationError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
 
 
-def _without_waiting(path: str, flags: int) -> int:
+def _open_nonblocking(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
 
 
@@ -128,7 +128,7 @@ def new_file(path: Path) -> FileIO:
 
 
 def own_file(path: Path) -> None:
-    """Make sure that a regular file stands at `path`, for a writer that opens it by name.
+    """Ensure a regular file at `path`, for a writer that opens it by name.
 
     Raises OSError where a link, a pipe or another special file stands there.
     """

@@ -108,7 +108,7 @@ class MotionProfile:
         self._follow(_STILL)
 
     def resume(self, pose: Pose, velocity: Velocity, acceleration: Velocity, lost: int) -> None:
-        """Go on from where the arm came by itself in `lost` ticks without a setpoint."""
+        """Continue from where the arm came by itself in `lost` ticks without a setpoint."""
         self._age += lost
         self._position = [pose.x, pose.z, pose.pitch]
         self._velocity = [velocity.vx, velocity.vz, velocity.pitch_rate]
@@ -139,7 +139,7 @@ class MotionProfile:
         self._elapsed += 1
         state = self._plan.at_time(self._elapsed * self.period)
         if self._wish is not None and any(state[1]):
-            state = self._kept_inside(state)
+            state = self._keep_inside(state)
         self._position, self._velocity, self._acceleration = state
         if not self._pending:
             self._arrive()
@@ -209,7 +209,7 @@ class MotionProfile:
         self._elapsed = 0
         return not self._leaving(self._plan)
 
-    def _kept_inside(self, state: State) -> State:
+    def _keep_inside(self, state: State) -> State:
         """`state`, or one in which axes brake that could not stop inside the workspace after it."""
         for _ in range(3):
             self._calculate(self._brake, self._stopping, state)

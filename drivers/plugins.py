@@ -24,7 +24,7 @@ def plugins(kind: str, of: type[T], taken: Collection[str]) -> Mapping[str, T]:
     found: dict[str, T] = {}
     for point in sorted(entry_points(group=f"{GROUP}.{kind}"), key=lambda point: point.name):
         if point.name in taken or point.name in found:
-            raise ConfigurationError(f"{_origin(point)}: this name is taken; choose another one")
+            raise ConfigurationError(f"{_origin_of(point)}: this name is taken; choose another one")
         found[point.name] = _load(point, of)
     return found
 
@@ -34,16 +34,16 @@ def _load(point: EntryPoint, of: type[T]) -> T:
         value = point.load()
     except (ImportError, AttributeError, SyntaxError) as error:
         raise ConfigurationError(
-            f"{_origin(point)}: {point.value} cannot be imported: {error}; mend or uninstall it"
+            f"{_origin_of(point)}: {point.value} cannot be imported: {error}; mend or uninstall it"
         ) from None
     if not isinstance(value, of):
         raise ConfigurationError(
-            f"{_origin(point)}: {point.value} is of {type(value).__name__}, must be of "
+            f"{_origin_of(point)}: {point.value} is of {type(value).__name__}, must be of "
             f"{of.__name__}"
         )
     return value
 
 
-def _origin(point: EntryPoint) -> str:
+def _origin_of(point: EntryPoint) -> str:
     package = "" if point.dist is None else f" of package {point.dist.name}"
     return f"plug-in {point.group}: {point.name}{package}"

@@ -68,7 +68,7 @@ def parse_yaml(text: str, path: str) -> dict[str, Any]:
 
 
 def read_json(path: Path, most: int = TEXT) -> dict[str, Any]:
-    """Mapping in a JSON file; a missing, broken or non-mapping file is a ConfigurationError."""
+    """The mapping in a JSON file of at most `most` bytes; else a ConfigurationError."""
     text = read_text(path, most)
     try:
         content = json.loads(text)
@@ -97,7 +97,7 @@ def parse(content: object, model: type[S], origin: str) -> S:
         return model.model_validate_json(_json(content, origin), strict=True)
     except ValidationError as error:
         items = [dict(item) for item in error.errors()]
-        lines = [_problem(origin, model, item) for item in items if not _follows(item, items)]
+        lines = [_problem(origin, model, item) for item in items if not _is_follow_up(item, items)]
         raise ConfigurationError("\n".join(lines)) from None
 
 
@@ -116,7 +116,7 @@ def load(path: Path, model: type[S], *, bare: bool = False) -> S:
 
 
 def _check_kind(content: Mapping[str, Any], model: type[BaseModel], origin: str) -> None:
-    """Refuse, in one line, a file of another kind: of what must be there it has a name at most."""
+    """Refuse, in one line, a file of another kind, with no required key but a name."""
     fields = model.model_fields.items()
     needed = [field.alias or name for name, field in fields if field.is_required()]
     if len(needed) > 1 and not content.keys() & set(needed) - {"name"}:
@@ -133,7 +133,7 @@ def _json(content: Mapping[str, Any], origin: str) -> str:
         raise ConfigurationError(f"{origin}: cannot be read: {error}") from None
 
 
-def _follows(item: dict[str, Any], items: list[dict[str, Any]]) -> bool:
+def _is_follow_up(item: dict[str, Any], items: list[dict[str, Any]]) -> bool:
     """Whether a list is too short only because its items were refused."""
     place = item["loc"]
     inner = (other["loc"] for other in items if len(other["loc"]) > len(place))
@@ -155,8 +155,8 @@ def _problem(origin: str, model: type[BaseModel], item: dict[str, Any]) -> str:
 
 
 def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
-    """A number beyond the bounds of its field, the bounds, and the value in the unit that is meant
-    where a thousandth of it fits.
+    """Text for a number beyond the bounds of its field: the bounds, and the value in the unit that
+    is probably meant where a thousandth of it fits.
     """
     value, parts = item["input"], [] if field is None else field.metadata
     unit = next((f" {part.name}" for part in parts if isinstance(part, Unit)), "")
@@ -194,7 +194,7 @@ def _model(model: type[BaseModel], place: tuple[Any, ...]) -> type[BaseModel] | 
 
 
 def _inner(annotation: Any) -> Any:
-    """The one model of a field, of its items or where it is given; None where it has none."""
+    """The one model class in a field's annotation, itself or of its items; None without."""
     if hasattr(annotation, "model_fields"):
         return annotation
     if isinstance(get_origin(annotation), type) and issubclass(get_origin(annotation), Mapping):

@@ -50,7 +50,7 @@ def _change(node: Any, value: Any) -> None:
         return
     _check(node, MutableSequence)
     added = len(value) - len(node)
-    if added > 0 and _same(node, value[added:], besides=1):
+    if added > 0 and _nearly_equal(node, value[added:], besides=1):
         for item in reversed(value[:added]):
             node.insert(0, item)
     elif added:
@@ -59,13 +59,13 @@ def _change(node: Any, value: Any) -> None:
         node[i] = _merge(node[i], item)
 
 
-def _same(node: Sequence[Any], value: Sequence[Any], besides: int) -> bool:
-    """Whether two lists agree in all but so many entries."""
+def _nearly_equal(node: Sequence[Any], value: Sequence[Any], besides: int) -> bool:
+    """Whether two lists agree in all entries but `besides` of them."""
     return len([1 for one, other in zip(node, value, strict=True) if one != other]) <= besides
 
 
 def _merge(old: Any, new: Any) -> Any:
-    """`old` where it says the same as `new`, changed in place where it can be, or else `new`."""
+    """`old` where it equals `new`, changed in place where it can be, or else `new`."""
     if old == new and isinstance(old, bool) == isinstance(new, bool):
         return old
     if isinstance(old, MutableMapping) and isinstance(new, Mapping):

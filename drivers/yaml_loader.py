@@ -26,19 +26,21 @@ class BoundedLoader(yaml.SafeLoader):
         self._sizes: dict[str, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """The next node; an alias counts as often as what it stands for."""
+        """The next node of the document; an alias counts as often as the node it stands for."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         anchor: Any = getattr(event, "anchor", None)
         if self.check_event(yaml.AliasEvent):
             if anchor in self.anchors and anchor not in self._sizes:
-                raise _problem(event, f"alias {anchor!r} stands within what it names; write it out")
+                raise _error_at(
+                    event, f"alias {anchor!r} stands within what it names; write it out"
+                )
             self._count(event, self._sizes.get(anchor, 1))
             return super().compose_node(parent, index)
         before = self._nodes
         self._count(event, 1)
         self._depth += 1
         if self._depth > DEPTH:
-            raise _problem(event, f"is nested more than {DEPTH} deep")
+            raise _error_at(event, f"is nested more than {DEPTH} deep")
         node = super().compose_node(parent, index)
         self._depth -= 1
         if anchor is not None:
@@ -46,11 +48,13 @@ class BoundedLoader(yaml.SafeLoader):
         return node
 
     def compose_scalar_node(self, anchor: Any) -> Any:
-        """A scalar; a number with too many digits is refused before it is converted."""
+        """The next scalar; a number with too many digits is refused before it is converted."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         node = super().compose_scalar_node(anchor)
         if node.tag in NUMBER_TAGS and len(node.value) > MOST_DIGITS:
-            raise _problem(event, f"is a number of {len(node.value)} digits, at most {MOST_DIGITS}")
+            raise _error_at(
+                event, f"is a number of {len(node.value)} digits, at most {MOST_DIGITS}"
+            )
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
@@ -69,13 +73,13 @@ class BoundedLoader(yaml.SafeLoader):
     def _count(self, event: Any, nodes: int) -> None:
         self._nodes += nodes
         if self._nodes > MOST_NODES:
-            raise _problem(event, f"holds more than {MOST_NODES} values, aliases written out")
+            raise _error_at(event, f"holds more than {MOST_NODES} values, aliases written out")
 
 
 WORDLESS = ("tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:binary")  # no key in JSON either
 
 
-def _problem(event: Any, text: str) -> yaml.MarkedYAMLError:
+def _error_at(event: Any, text: str) -> yaml.MarkedYAMLError:
     return yaml.MarkedYAMLError(problem=text, problem_mark=event.start_mark)
 
 

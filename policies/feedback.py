@@ -25,7 +25,7 @@ PAST = -0.20
 
 
 class Feedback:
-    """Computes phi by the network; `weights` (p, WEIGHT_COUNT) drive p equal groups of the batch.
+    """The paper's feedback network; `weights` (p, WEIGHT_COUNT) drive p equal groups of the batch.
 
     Speed and pitch are constant. The direction always has a component toward the fixed edge, so
     that every fold ends in a touch or past the edge.
@@ -39,20 +39,20 @@ class Feedback:
         self._length = 1.0
         self._speed = 0.0
         self._contact: Array = np.zeros(0)
-        self._warm()
+        self._warm_up()
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Reset; `count` must be a multiple of the number of candidates."""
+        """Prepare for `count` strips, a multiple of the number of candidate weights."""
         self._length = strip.length
         self._speed = speed
         self._contact = np.full(count, np.nan)
 
     def lift(self) -> Path:
-        """The triangle, of which only the first leg is used."""
+        """Path of the lift: the triangle, of which only the first leg is used."""
         return triangular(self._length)
 
     def decide(self, observation: Observation) -> Decision:
-        """The network's direction, from the newest desk contact that was seen."""
+        """Directions by the network, from the newest desk contact that was seen."""
         seen = np.isfinite(observation.contact_x)
         self._contact = np.where(seen, observation.contact_x, self._contact)
         state = np.stack([observation.x, observation.z, self._contact], axis=-1) / self._length
@@ -71,7 +71,7 @@ class Feedback:
         with torch.inference_mode():
             return np.asarray(self._network(batch).numpy().reshape(-1))
 
-    def _warm(self) -> None:
+    def _warm_up(self) -> None:
         for _ in range(3):
             self._direction(np.full((self._groups, 3), 0.5))
 

@@ -5,7 +5,7 @@ from policies.path import Path, circular, triangular
 
 
 class Triangular(PathPolicy):
-    """Triangular path: up to (L/2, L/2), down to (0, 0); exact for an infinitely flexible strip
+    """The triangular path: up to (L/2, L/2), down to (0, 0); exact for an infinitely flexible strip
     that never slips (paper, state of the art).
     """
 
@@ -17,7 +17,7 @@ class Triangular(PathPolicy):
 
 
 class Circular(PathPolicy):
-    """Circular path: half a circle about (L/2, 0) (paper, state of the art)."""
+    """The circular path: half a circle about (L/2, 0) (paper, state of the art)."""
 
     name = "circular"
 
@@ -31,7 +31,7 @@ PAPER_RISE = 0.042
 
 
 class Shifted(PathPolicy):
-    """Triangular path moved up by `rise` [m], the same for every fabric."""
+    """The triangular path moved up by `rise` [m], the same for every fabric."""
 
     name = "shifted"
 

@@ -14,7 +14,7 @@ END_TOLERANCE = 0.0005  # m before its end at which a path has been followed
 
 
 class Follower:
-    """Progress of n grippers along one path; it never decreases.
+    """Path following of n grippers along one path; their progress never decreases.
 
     `progress` (n,) is the distance along the path [m] of the point nearest to each gripper.
     """
@@ -86,19 +86,19 @@ class PathPolicy:
         raise NotImplementedError
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Reset; compute the path for `strip`."""
+        """Compute the path for `strip` and start at its beginning."""
         self._speed = speed
         self._follower = Follower(self.path(strip.length), count)
 
     def lift(self) -> Path:
-        """The policy's own path."""
-        return self._ready().path
+        """Path of the lift: the policy's own path."""
+        return self._active_follower().path
 
     def decide(self, observation: Observation) -> Decision:
-        """Along the path at the configured speed; done at its end."""
-        return self._ready().decide(observation.x, observation.z, self._speed)
+        """Directions along the path at the configured speed; done at its end."""
+        return self._active_follower().decide(observation.x, observation.z, self._speed)
 
-    def _ready(self) -> Follower:
+    def _active_follower(self) -> Follower:
         if self._follower is None:
             raise RuntimeError(f"{self.name}: reset before the first decision")
         return self._follower

@@ -1,5 +1,5 @@
-"""Upper bound for feedback: stiffness and damping known, the path planned in
-the rod before the fold.
+"""The policy `planned`, an upper bound for feedback: stiffness and damping are known, the path is
+planned in the rod before the fold.
 """
 
 from collections.abc import Sequence
@@ -51,11 +51,11 @@ class Planned:
         self._paths = Paths([])
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Plan for the displacement in the rod that becomes 0 in truth: minus both biases [m]."""
+        """Plan for the displacement in the rod that is 0 in truth: minus both biases [m]."""
         self._aim = -seen - unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Plan, unless already planned; see `Policy.reset`, and `plan` for its errors."""
+        """Plan the path, unless already planned; see `Policy.reset`, and `plan` for its errors."""
         asked = (self._strips or (strip,), speed, self._aim)
         if asked != self._known:
             self.rises, self._known = plan(*asked), asked
@@ -64,7 +64,7 @@ class Planned:
         self._paths.reset(strip, speed, count)
 
     def lift(self) -> Path:
-        """The planned path; the first one of a batch, which all follow for the lift."""
+        """Path of the lift: the first planned path of a batch."""
         return self._paths.lift()
 
     def decide(self, observation: Observation) -> Decision:
@@ -90,7 +90,7 @@ class Paths:
         self._speed = speed
 
     def lift(self) -> Path:
-        """The first of the paths."""
+        """Path of the lift: the first of the paths."""
         return self._each[0]
 
     def decide(self, observation: Observation) -> Decision:
@@ -120,10 +120,10 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     d = _displacements(strips, motions, coarse) - aim
     for strip, row in zip(strips, d, strict=True):
         _check(strip, row)
-    rough = _zeros(coarse, d)
+    rough = _interpolate_zeros(coarse, d)
     fine = (np.round(rough)[:, None] + FINE_STEPS).astype(int)
     close = _displacements(strips, motions, fine) - aim
-    found = np.where(_bracket(close), _zeros(fine, close), rough)
+    found = np.where(_brackets_zero(close), _interpolate_zeros(fine, close), rough)
     return found * RISE_STEP * length
 
 
@@ -140,12 +140,12 @@ class Motions:
         """Poses (k, n, 3) along the paths whose rises are `steps` (n,) of RISE_STEP."""
         new = sorted(set(steps.tolist()) - set(self._known))
         if new:
-            self._work_out(new)
+            self._simulate_motions(new)
         last = max(len(motion) for motion in self._known.values())
         motions = [self._known[step] for step in steps.tolist()]
         return np.stack([np.pad(m, ((0, last - len(m)), (0, 0)), "edge") for m in motions], axis=1)
 
-    def _work_out(self, steps: list[int]) -> None:
+    def _simulate_motions(self, steps: list[int]) -> None:
         length = self._strip.length
         recorder = _PoseRecorder()
         roll_out(
@@ -170,7 +170,7 @@ class _PoseRecorder:
 
     @property
     def poses(self) -> Array:
-        """Poses (k, n, 3) so far."""
+        """Grippers' poses (k, n, 3) recorded so far."""
         return np.array(self._kept)
 
     def reset(self, models: Sequence[StripModel]) -> None:
@@ -207,19 +207,17 @@ def _check(strip: StripFile, d: Array) -> None:
         )
 
 
-def _bracket(d: Array) -> NDArray[np.bool_]:
-    """Which rows of the displacements `d` (n, m) hold both signs: beside the zero that the far ones
-    promised, those of the close rises say nothing.
-    """
+def _brackets_zero(d: Array) -> NDArray[np.bool_]:
+    """Rows of displacements `d` (n, m) that hold both signs: a zero within the searched rises."""
     return np.asarray(np.any(d <= 0, axis=1) & np.any(d >= 0, axis=1))
 
 
-def _zeros(steps: Array, d: Array) -> Array:
-    """Where the displacements `d` (n, m) of the rises `steps` (n, m) vanish (n,)."""
-    return np.array([_zero(*row) for row in zip(steps, d, strict=True)])
+def _interpolate_zeros(steps: Array, d: Array) -> Array:
+    """Rises (n,) at which the displacements `d` (n, m) of the rises `steps` (n, m) vanish."""
+    return np.array([_interpolate_zero(*row) for row in zip(steps, d, strict=True)])
 
 
-def _zero(steps: Array, d: Array) -> float:
+def _interpolate_zero(steps: Array, d: Array) -> float:
     order = np.argsort(d)  # NaN last
     count = int(np.isfinite(d).sum())
     return float(np.interp(0.0, d[order][:count], steps[order][:count]))

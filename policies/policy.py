@@ -36,7 +36,7 @@ class Observation:
 @dataclass(frozen=True, slots=True)
 class Decision:
     """Command for n grippers: `direction` phi from the x-axis [rad], `speed` [m/s], `pitch_rate`
-    [rad/s], `done` where the policy has finished; arrays (n,).
+    [rad/s], and `done` where the policy has finished; arrays (n,).
     """
 
     direction: Array
@@ -57,4 +57,4 @@ class Policy(Protocol):
         """The path whose first section lifts the edge from (L, 0) to the take-over height."""
 
     def decide(self, observation: Observation) -> Decision:
-        """Direction and speed for each strip."""
+        """Direction and speed of the gripper for each strip."""

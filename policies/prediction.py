@@ -13,7 +13,7 @@ class Estimate:
     high: float
 
     def text(self, scale: float, digits: int) -> str:
-        """Text of value and interval times `scale`."""
+        """Value and interval as text, times `scale`."""
         value, low, high = (f"{scale * v:.{digits}f}" for v in (self.value, self.low, self.high))
         return f"{value} ({low} to {high})"
 
@@ -34,7 +34,7 @@ class FoldPrediction:
     blind: bool
 
     def sentence(self) -> str:
-        """Text for the operator."""
+        """The prediction as text for the operator."""
         return (
             f"predicted {1e3 * self.displacement:+.1f} mm, sigma {1e3 * self.sigma:.1f} mm; "
             f"bending length {self.bending_length.text(1e3, 1)} mm, retardation time "
@@ -48,4 +48,4 @@ class Predicting(Protocol):
     """A policy that predicts the result of its fold."""
 
     def prediction(self) -> FoldPrediction | None:
-        """Prediction for the first fold of the batch; None before the first decision."""
+        """The prediction for the first fold of the batch; None before the first decision."""

@@ -1,4 +1,4 @@
-"""Policies by name."""
+"""Policies by name: their factories and their appearance in figures."""
 
 import re
 from pathlib import Path as FilePath
@@ -17,7 +17,7 @@ def policy_names() -> tuple[str, ...]:
 
 
 def look_of(name: str) -> Look:
-    """Colour and marker of a policy in figures; plain ones of an unknown name."""
+    """Colour and marker of a policy in figures; plain ones for an unknown name."""
     return entries()[name].look if name in entries() else Look()
 
 
@@ -30,7 +30,7 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
     leads the gripper, drawn from these numbers.
     """
     if name.startswith(MOTION) and checkpoint is None:
-        return _motion(name)
+        return _standard_motion(name)
     if name not in entries():
         raise ConfigurationError(
             f"policy: unknown name {name!r}{suggestion(name, entries())}; "
@@ -44,7 +44,7 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
     return make(checkpoint)
 
 
-def _motion(name: str) -> Policy:
+def _standard_motion(name: str) -> Policy:
     from policies.experiments.scripted import Scripted
     from policies.experiments.standard import STANDARD
 

@@ -21,7 +21,7 @@ NO_SHAPES = (np.empty((0, 0, 2)), np.empty((0, 0)))
 
 @runtime_checkable
 class Marching(Protocol):
-    """An engine that executes several steps in one call."""
+    """Protocol of an engine that executes several steps in one call."""
 
     def advance(self, poses: Array, dt: float) -> Observables:
         """Advance by a step of `dt` [s] to each of `poses` (k, n, 3) in turn."""
@@ -120,7 +120,7 @@ class _Loop:
         self._march = engine.advance if isinstance(engine, Marching) else self._step
 
     def lift(self, path: Path, count: int) -> None:
-        """Along `path` from rest until the grippers stand at the take-over height."""
+        """Move along `path` from rest until the grippers stand at the take-over height."""
         speed = self._settings.speed
         rise = path.points[np.argmax(path.points[:, 1]), 1]
         height = min(TAKEOVER_HEIGHT, 0.9 * float(rise))
@@ -138,13 +138,13 @@ class _Loop:
         self._velocity = np.tile(step / self._dt, (count, 1))
 
     def follow(self, decision: Decision) -> bool:
-        """Move as decided until the next decision; returns whether every fold has ended."""
+        """Carry out `decision` until the next one; returns whether every fold has ended."""
         if self._has_ended(decision):
             return True
-        self._advance(self._lead(decision))
+        self._advance(self._turn_into(decision))
         return False
 
-    def _lead(self, decision: Decision) -> Array:
+    def _turn_into(self, decision: Decision) -> Array:
         """Poses (substeps, n, 3) of the grippers while they turn into the decided directions."""
         heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], axis=-1)
         wanted = decision.speed[:, None] * heading

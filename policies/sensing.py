@@ -46,13 +46,13 @@ class Sensing:
 
     @property
     def sigmas(self) -> Array:
-        """Noise (STATE_SIZE,) of contact, tip x and tip z [m]."""
+        """Noise (STATE_SIZE,) [m] of contact, tip x and tip z, one standard deviation."""
         tip_z = self.tip_sigma if self.tip_z_sigma is None else self.tip_z_sigma
         return np.array([self.contact_sigma, self.tip_sigma, tip_z])
 
     @property
     def biases(self) -> Array:
-        """One-sigma biases (STATE_SIZE,) [m]."""
+        """Biases (STATE_SIZE,) [m] of contact, tip x and tip z, one standard deviation."""
         return np.array([self.contact_bias, self.tip_bias, self.tip_bias])
 
 
@@ -119,19 +119,19 @@ class Draws:
 
     def normal(self, *shape: int) -> Array:
         """Standard normal (n, *shape)."""
-        return self._tile(self._rng.normal(size=(self._size, *shape)))
+        return self._repeat_for_groups(self._rng.normal(size=(self._size, *shape)))
 
     def uniform(self, low: float, high: float) -> Array:
         """Uniform (n,) over [low, high)."""
-        return self._tile(self._rng.uniform(low, high, size=self._size))
+        return self._repeat_for_groups(self._rng.uniform(low, high, size=self._size))
 
-    def _tile(self, values: Array) -> Array:
+    def _repeat_for_groups(self, values: Array) -> Array:
         return np.concatenate([values] * self._groups)
 
 
 class Eye:
-    """Simulated camera: stores the state of n strips at each decision and returns it as images
-    would.
+    """Simulated camera: stores the state of n strips at each decision and returns it as a camera
+    would measure it.
 
     The strips come in `groups` equal groups which get the same noise and the same delays. Without
     `profile` no profiles are measured.
@@ -187,7 +187,7 @@ class Eye:
 
     def look(self, time: float, points: Array) -> Observation:
         """The observation at `time` [s] with the exact grippers at `points` (n, 2)."""
-        shown = self._drop_some(self._spoil(time))
+        shown = self._drop_images(self._add_noise(time))
         return Observation(
             time=np.full(len(points), time),
             x=points[:, 0],
@@ -200,8 +200,8 @@ class Eye:
             profile_confidence=np.ones(len(points) if self._points else 0),
         )
 
-    def _spoil(self, time: float) -> Shown:
-        """The newest image of each strip, with its noise."""
+    def _add_noise(self, time: float) -> Shown:
+        """The newest image of each strip, with noise added."""
         near = (self._newest + self._back) % len(self._recent)
         far = (near + 1) % len(self._recent)
         true = (1 - self._share) * self._recent[near, self._lane]
@@ -210,20 +210,20 @@ class Eye:
         state = true[:, :STATE_SIZE] + self._bias + noise
         profile = true[:, STATE_SIZE:].reshape(len(true), self._points, 2)
         if self._points:
-            profile = self._blur(profile)
+            profile = self._blur_profile(profile)
         if self._sensing.wild > 0:
             wild = self._draws.uniform(0.0, 1.0) < self._sensing.wild
             state[:, CONTACT] += wild * self._draws.normal() * self._sensing.wild_size
         return Shown(time - self._delay, state, profile)
 
-    def _blur(self, profile: Array) -> Array:
-        """Profiles with noise on all points but the last one, which the arm measures."""
+    def _blur_profile(self, profile: Array) -> Array:
+        """Profiles with noise on all points but the last, which the arm measures."""
         noise = self._draws.normal(self._points, 2) * self._sensing.profile_sigma
         noise = noise * self._factor[:, None, None] + self._shift
         noise[:, -1] = 0.0
         return profile + noise
 
-    def _drop_some(self, new: Shown) -> Shown:
+    def _drop_images(self, new: Shown) -> Shown:
         """The newest image that was not lost."""
         if self._shown is not None and self._sensing.dropped[1] > 0:
             gone = self._draws.uniform(0.0, 1.0) < self._dropped

@@ -1,1 +1,1 @@
-"""Calibration wizards: what to show or touch next and why, and the result."""
+"""Calibration wizards: they request views or touches, give the reason, and judge the result."""

@@ -23,7 +23,7 @@ INCHES_PER_MM = 1 / 25.4  # inches
 
 
 def paper(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
-    """The smallest sheet [mm, wide and high] that holds the board; ConfigurationError for none."""
+    """Smallest sheet [mm, wide and high] that holds the board; ConfigurationError without one."""
     square = 1e3 * settings.square
     wide = (settings.columns + 2 * QUIET_ZONE) * square
     high = (settings.rows + 2 * QUIET_ZONE) * square + FOOT
@@ -38,12 +38,12 @@ def paper(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
 def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
     """The board's page and the pointer's, as matplotlib figures of true size."""
     name, (width, height) = paper(settings)
-    page, axes = _page(width, height)
+    page, axes = _blank_page(width, height)
     square = 1e3 * settings.square
     left, top = (width - settings.columns * square) / 2, height - QUIET_ZONE * square
     board = settings.board()
     for x, y in _dark_squares(settings):
-        _fill(axes, left + x * square, top - (y + 1) * square, square, square)
+        _fill_rectangle(axes, left + x * square, top - (y + 1) * square, square, square)
     for number, place in enumerate(board.getObjPoints()):
         corner = 1e3 * np.asarray(place)[0, :2]
         _marker(axes, int(board.getIds()[number]), (left + corner[0], top - corner[1]), settings)
@@ -76,7 +76,7 @@ def _create(path: Path) -> FileIO:
         ) from None
 
 
-def _page(width: float, height: float) -> tuple["Figure", Any]:
+def _blank_page(width: float, height: float) -> tuple["Figure", Any]:
     """A figure whose axes are millimetres from the sheet's lower left corner."""
     from matplotlib.figure import Figure
 
@@ -104,10 +104,10 @@ def _marker(axes: Any, number: int, corner: tuple[float, float], settings: Board
     side = 1e3 * settings.marker / MODULES
     for row, column in zip(*np.nonzero(bits < 128), strict=True):
         x, y = corner[0] + column * side, corner[1] - (row + 1) * side
-        _fill(axes, x, y, side, side)
+        _fill_rectangle(axes, x, y, side, side)
 
 
-def _fill(axes: Any, x: float, y: float, width: float, height: float) -> None:
+def _fill_rectangle(axes: Any, x: float, y: float, width: float, height: float) -> None:
     from matplotlib.patches import Rectangle
 
     axes.add_patch(Rectangle((x, y), width, height, facecolor="black", linewidth=0))
@@ -131,7 +131,7 @@ def _pointer_page() -> "Figure":
     """The page with the pointer to cut out: a bright disc on a dark plate."""
     from matplotlib.patches import Circle
 
-    page, axes = _page(*PAPERS["A4"])
+    page, axes = _blank_page(*PAPERS["A4"])
     axes.add_patch(Circle((60, 150), PLATE_MM, facecolor="black", linewidth=0))
     axes.add_patch(Circle((60, 150), DISC_MM, facecolor="white", linewidth=0))
     words = (

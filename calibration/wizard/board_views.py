@@ -60,7 +60,7 @@ class BoardViews:
         refused = self._refuse(frame, look)
         if refused is not None:
             self._last = None
-            self._give_up()
+            self._drop_request()
             return Result(number, look.view, None, refused)
         last, self._last = self._last, look.view
         view = look.view
@@ -68,10 +68,10 @@ class BoardViews:
             return Result(number, view, None, None, waits=True)
         moved = view.distance(last)
         if moved > self._settings.still:
-            self._give_up()
+            self._drop_request()
             reason = f"the board moved by {moved:.1f} px between two images; hold it still"
             return Result(number, view, None, reason)
-        self._take(number, frame.image, view)
+        self._accept(number, frame.image, view)
         return Result(number, view, view, None)
 
     def restore(self, number: int, image: Image) -> BoardView | None:
@@ -80,7 +80,7 @@ class BoardViews:
         """
         view = find_board(image, self._detector, self._board).view
         if view is not None:
-            self._take(number, image, view)
+            self._accept(number, image, view)
             self._count = max(self._count, number + 1)
         return view
 
@@ -113,19 +113,19 @@ class BoardViews:
 
     @property
     def views(self) -> tuple[BoardView, ...]:
-        """All accepted views."""
+        """All accepted views of the board."""
         return tuple(self._views.values())
 
     def gates(self) -> tuple[Gate, ...]:
-        """Coverage so far, gate by gate."""
+        """Coverage by the views so far, gate by gate."""
         return coverage(self.views, self._lens or guessed_lens((1280, 720)), self._settings)
 
     def verdict(self) -> LensVerdict:
-        """The verdict on the views so far."""
+        """The verdict on the lens from the views so far."""
         return lens_verdict(self._views, self._size, self._length, self._settings)
 
     def _refuse(self, frame: Frame, look: BoardLook) -> str | None:
-        """Why this image shows no usable view, or None."""
+        """Reason why this image shows no usable view, or None."""
         size = (frame.image.shape[1], frame.image.shape[0])
         if self._size is not None and size != self._size:
             return (
@@ -133,7 +133,7 @@ class BoardViews:
                 f"{self._size[1]} px; set the camera back"
             )
         if look.view is None or look.corners < self._settings.corners:
-            return self._unseen(look, size)
+            return self._why_undetected(look, size)
         if look.side < self._settings.smallest:
             return (
                 f"the board is too far: its markers are {look.side:.0f} px, at least "
@@ -144,8 +144,8 @@ class BoardViews:
             return f"a view that differs by only {apart:.0f} px was taken before; move the board"
         return None
 
-    def _unseen(self, look: BoardLook, size: tuple[int, int]) -> str:
-        """Why too few corners are seen: too close, too far, or not there."""
+    def _why_undetected(self, look: BoardLook, size: tuple[int, int]) -> str:
+        """Reason why too few corners are detected: too close, too far, or no board."""
         settings = self._settings
         need = f"{look.corners} corners of the board are seen, {settings.corners} are needed"
         width = look.side * settings.columns * settings.square / settings.marker
@@ -155,30 +155,30 @@ class BoardViews:
             return f"{need}; the board is too far, its markers are {look.side:.0f} px; come nearer"
         return f"{need}; bring it into the image, light it, uncover it"
 
-    def _take(self, number: int, image: Image, view: BoardView) -> None:
+    def _accept(self, number: int, image: Image, view: BoardView) -> None:
         self._size = (image.shape[1], image.shape[0])
         self._views[number] = view
         self._last, self._tries = None, 0
         lens = self._lens = self._fitted_so_far(self._size)
         shown = placement(view, self._settings.outline(), lens)
         width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width
-        self._met[number] = [want for want in self._wanted if _meets(want, shown, width)]
+        self._met[number] = [want for want in self._wanted if _matches(want, shown, width)]
         self._wanted = [want for want in self._wanted if want not in self._met[number]]
 
-    def _give_up(self) -> None:
+    def _drop_request(self) -> None:
         self._tries += 1
         if self._patience is not None and self._tries >= self._patience and self._wanted:
             self.skip()
 
     def _fitted_so_far(self, size: tuple[int, int]) -> Lens:
-        """The lens as far as it is known, to compute the board's tilt."""
+        """Lens fitted to the views so far, to compute the board's tilt."""
         if len(self._views) < max(FEWEST_VIEWS, MINIMUM_VIEWS):
             return guessed_lens(size)
         return fit_views(self.views, size).lens
 
 
-def _meets(wanted: WantedView, shown: Placement, width: float) -> bool:
-    """Whether a view is close enough to the requested one."""
+def _matches(wanted: WantedView, shown: Placement, width: float) -> bool:
+    """Whether the `shown` view is close enough to the `wanted` one."""
     misses = (
         abs(shown.x - wanted.x),
         abs(shown.y - wanted.y),

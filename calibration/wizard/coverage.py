@@ -33,12 +33,12 @@ class WantedView:
     roll: float = 0.0
 
     def __str__(self) -> str:
-        place = f"{_along(self.y, 'high', 'low')} {_along(self.x, 'left', 'right')}".split()
+        place = f"{_words(self.y, 'high', 'low')} {_words(self.x, 'left', 'right')}".split()
         where = " and ".join(word for word in place if word != "middle") or "the middle"
         leans = [
-            _lean(self.tilt, "top away", "top nearer"),
-            _lean(self.turn, "right edge away", "right edge nearer"),
-            _lean(self.roll, "turned clockwise", "turned anticlockwise"),
+            _lean_words(self.tilt, "top away", "top nearer"),
+            _lean_words(self.turn, "right edge away", "right edge nearer"),
+            _lean_words(self.roll, "turned clockwise", "turned anticlockwise"),
         ]
         how = ", ".join(lean for lean in leans if lean) or "facing the camera"
         return f"{where}, {100 * self.size:.0f} % of the image wide, {how}"
@@ -78,13 +78,13 @@ def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, .
     )
 
 
-def _along(share: float, low: str, high: str) -> str:
+def _words(share: float, low: str, high: str) -> str:
     if abs(share - 0.5) <= MIDDLE_SHARE:
         return "middle"
     return low if share < 0.5 else high
 
 
-def _lean(angle: float, positive: str, negative: str) -> str:
+def _lean_words(angle: float, positive: str, negative: str) -> str:
     if abs(angle) < FLAT_ANGLE:
         return ""
     return f"{positive if angle > 0 else negative} by {degrees(abs(angle)):.0f} deg"
@@ -113,7 +113,7 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """One coverage requirement: how much the views `have` of the `need`, and the remedy."""
+    """One coverage requirement: how much of its `need` the views `have`, and the remedy."""
 
     name: str
     have: float
@@ -128,12 +128,12 @@ class Gate:
 
     @property
     def passed(self) -> bool:
-        """Whether enough is covered."""
+        """Whether the views cover enough."""
         return self.have >= self.need
 
     @property
     def ratio(self) -> str:
-        """`have` of `need` in figures, whole ones where views are counted."""
+        """`have` of `need` as text, in whole numbers where views are counted."""
         digits = 0 if self.unit else 2
         return f"{self.have:.{digits}f} of {self.need:.{digits}f}"
 
@@ -142,7 +142,7 @@ class Gate:
 
 
 def guessed_lens(size: tuple[int, int]) -> Lens:
-    """A lens accurate enough to compute a board's tilt, for images of `size` [px]."""
+    """Typical lens for images of `size` [px], accurate enough to compute a board's tilt."""
     width, height = size
     focal = GUESS * width
     matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]])
@@ -206,7 +206,13 @@ def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tu
         leaning("its top nearer", -tilt),
         leaning("its right edge away", turn),
         leaning("its right edge nearer", -turn),
-        Gate("image", _cells(views, lens), needs.covered, "", "bring corners to the image's edges"),
+        Gate(
+            "image",
+            _cell_share(views, lens),
+            needs.covered,
+            "",
+            "bring corners to the image's edges",
+        ),
         Gate("views", float(len(views)), needs.views, "views", "show more"),
     )
 
@@ -215,8 +221,8 @@ def _range(values: Sequence[float]) -> float:
     return max(values) - min(values) if values else 0.0
 
 
-def _cells(views: Sequence[BoardView], lens: Lens) -> float:
-    """Share of the image's cells that corners reach."""
+def _cell_share(views: Sequence[BoardView], lens: Lens) -> float:
+    """Share of the image's grid cells in which board corners were seen."""
     if not views:
         return 0.0
     points = np.vstack([view.image for view in views]) / (lens.width, lens.height)

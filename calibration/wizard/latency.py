@@ -40,7 +40,7 @@ class LatencySettings(Settings):
 
 @dataclass(frozen=True, slots=True)
 class SeenStep:
-    """One image of the pointer under way: its stamp [s] and the disc's centre (2,) [px]."""
+    """One image of the moving pointer: its stamp [s] and the disc's centre (2,) [px]."""
 
     stamp: float
     pixel: Array
@@ -85,12 +85,12 @@ class LatencySteps:
 
     @property
     def left(self) -> int:
-        """Number of moves still required."""
+        """Number of moves of the arm still required."""
         return len(self._queue)
 
     @property
     def arm(self) -> Array:
-        """(n, 3) arm measurements: stamp [s], x, z [m]."""
+        """Arm measurements (n, 3): stamp [s], x, z [m]."""
         return np.reshape(self._arm, (-1, 3))
 
     @property
@@ -99,7 +99,7 @@ class LatencySteps:
         return tuple(self._seen)
 
     def ask(self) -> Pose | None:
-        """The next pose of the pointer; None when enough was seen."""
+        """The next pose of the pointer; None once enough images have shown it."""
         return self._queue[0] if self._queue else None
 
     def record_arrival(self) -> None:
@@ -119,7 +119,7 @@ class LatencySteps:
         return centre is not None
 
     def verdict(self, lens: Lens, homography: Homography) -> LatencyVerdict:
-        """The latency, through the map that the touched points gave."""
+        """The verdict on the latency, through the map that the touched points gave."""
         return latency_verdict(self.arm, self._seen, lens, homography, self._settings)
 
 
@@ -142,17 +142,17 @@ def latency_verdict(
     if moving < settings.images:
         reason = f"{moving} images show the pointer under way, {settings.images} are needed"
         return LatencyVerdict(images=moving, reasons=(f"{reason}; step again, uncover it",))
-    latency, misfit = _best(arm, stamps, along, settings.most)
-    halves = [_best(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)]
+    latency, misfit = _best_latency(arm, stamps, along, settings.most)
+    halves = [_best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)]
     verdict = LatencyVerdict(latency, abs(halves[0] - halves[1]), 1e3 * misfit, moving)
-    found = _drift(arm, stamps, along, latency, settings) or _defects(verdict, settings)
+    found = _drift(arm, stamps, along, latency, settings) or _reasons(verdict, settings)
     return replace(verdict, reasons=found)
 
 
 def _drift(
     arm: Array, stamps: Array, along: Array, latency: float, settings: LatencySettings
 ) -> tuple[str, ...]:
-    """A latency that changes evenly over the steps: two clocks that do not run alike."""
+    """Latency that changes linearly over the steps: two clocks at different rates."""
     from scipy.optimize import least_squares
 
     since = stamps - stamps.mean()
@@ -175,7 +175,7 @@ def _drift(
     )
 
 
-def _best(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, float]:
+def _best_latency(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, float]:
     """The latency [s] at which image and arm agree best, and their rms distance [m] then.
 
     A constant offset between both is a free parameter: it belongs to the map.
@@ -194,7 +194,7 @@ def _best(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, 
     return float(found.x), float(found.fun)
 
 
-def _defects(verdict: LatencyVerdict, settings: LatencySettings) -> tuple[str, ...]:
+def _reasons(verdict: LatencyVerdict, settings: LatencySettings) -> tuple[str, ...]:
     return reasons(
         (abs(verdict.latency) > settings.most,
          f"the latency is {1e3 * verdict.latency:.0f} ms, plausible up to "

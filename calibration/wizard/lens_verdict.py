@@ -36,10 +36,10 @@ def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
     could, is the board's. x, y from its middle over half its length.
     """
     shared, own, errors = [], [], []
-    middle, reach = _frame(outline)
+    middle, reach = _centre_and_size(outline)
     for view in views:
         error, camera, pose, height = _linearise(view, lens)
-        shape = _shape(view.board, middle, reach)
+        shape = _bow_modes(view.board, middle, reach)
         shared.append(np.hstack([camera, height * np.repeat(shape, 2, axis=0)]))
         own.append(pose)
         errors.append(error)
@@ -53,15 +53,15 @@ def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
     freedom = max(len(b) - 6 * len(views) - len(found), 1)
     noise = float(np.sum((b - a @ found) ** 2)) / freedom
     spread = (noise * inverse / np.outer(scale, scale))[-3:, -3:]
-    everywhere = _shape(_grid(outline), middle, reach)
+    everywhere = _bow_modes(_grid(outline), middle, reach)
     heights = everywhere @ found[-3:]
     across = everywhere[np.argmax(heights)] - everywhere[np.argmin(heights)]
     sigma = float(np.sqrt(across @ spread @ across))
     return Bow(1e3 * float(np.ptp(heights)), 1e3 * sigma)
 
 
-def _frame(outline: Array) -> tuple[Array, float]:
-    """Middle (2,) and half the longer side [m] of a pattern with corners (4, 2)."""
+def _centre_and_size(outline: Array) -> tuple[Array, float]:
+    """Middle (2,) and half the longer side [m] of a pattern with corners `outline` (4, 2)."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     return 0.5 * (low + high), 0.5 * float((high - low).max())
 
@@ -72,8 +72,8 @@ def _grid(outline: Array) -> Array:
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def _shape(board: Array, middle: Array, reach: float) -> Array:
-    """Heights (n, 3) of the three bows at points (n, 2) or (n, 3) of the board."""
+def _bow_modes(board: Array, middle: Array, reach: float) -> Array:
+    """Heights (n, 3) of the three modes of a bow at points (n, 2) or (n, 3) of the board."""
     x, y = ((board[:, :2] - middle) / reach).T
     return np.stack([x * x, y * y, x * y], axis=1)
 
@@ -143,7 +143,7 @@ def lens_verdict(
         return LensVerdict(views=len(ordered), reasons=(str(error),))
     focal = float(fit.lens.matrix[0, 0])
     split = abs(float(one.matrix[0, 0] - other.matrix[0, 0])) / focal
-    bend = _bend(one, other)
+    bend = _largest_difference(one, other)
     depth = float(np.median([view.depth(fit.lens) for view in ordered]))
     bent = bow(ordered, fit.lens, settings.outline())
     gates = coverage(ordered, fit.lens, settings)
@@ -180,12 +180,12 @@ def lens_lines(verdict: LensVerdict) -> tuple[Line, ...]:
 
 
 def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
-    """The lens from `views` of the board in images of `size` [px]; as `fit_lens`."""
+    """Fit the lens to `views` of the board in images of `size` [px]; errors as of `fit_lens`."""
     return fit_lens([view.board for view in views], [view.image for view in views], size)
 
 
 def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
-    """A board that is not flat, which makes the focal length wrong by percents and little else."""
+    """Reasons for refusal: a board that is not flat, which falsifies the focal length."""
     return reasons(
         (found.height_mm > max(settings.bow_mm, SEEN_SIGMA * found.sigma_mm),
          f"the board is bent by {found.height_mm:.1f} mm (+- {found.sigma_mm:.1f}), allowed "
@@ -194,7 +194,7 @@ def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
 
 
 def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[str, ...]:
-    """Defects of the lens itself.
+    """Reasons for refusal: defects of the lens itself.
 
     Noise of the corners explains a difference of halves with twice the deviation of the whole; what
     exceeds that, and the tolerance, has another cause.
@@ -220,7 +220,7 @@ def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[
 
 
 def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str, ...]:
-    """Difference between the ruler and the stated squares, which images cannot reveal."""
+    """Reasons for refusal: the ruler contradicts the stated squares, unseen in images."""
     stated = settings.width
     if length is None:
         return (
@@ -235,7 +235,7 @@ def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str,
     )  # fmt: skip
 
 
-def _bend(one: Lens, other: Lens) -> float:
+def _largest_difference(one: Lens, other: Lens) -> float:
     """Largest difference [px] of two lenses over the image, after the best plane homography."""
     u, v = np.meshgrid(np.linspace(0.02, 0.98, 12), np.linspace(0.02, 0.98, 8))
     pixels = np.column_stack([u.ravel(), v.ravel()]) * (one.width, one.height)

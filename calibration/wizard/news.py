@@ -17,8 +17,8 @@ Taken = TypeVar("Taken")
 
 @dataclass(frozen=True, slots=True)
 class Result(Generic[Seen, Taken]):
-    """What became of one image: its `number`, what was `seen` in it, what was accepted (`taken`) or
-    the reason why it was `refused`. `waits` means that the next image decides.
+    """Result of one image: its `number`, what was `seen` in it, what was accepted (`taken`) or the
+    reason why it was `refused`. `waits` means that the next image decides.
     """
 
     number: int
@@ -28,7 +28,7 @@ class Result(Generic[Seen, Taken]):
     waits: bool = False
 
     def text(self, kind: str, taken: str) -> str:
-        """The result for the operator, empty while it waits."""
+        """The result of an image for the operator, empty while the next image is awaited."""
         if self.refused is None and self.waits:
             return ""
         return f"{kind} {self.number}: {self.refused or taken}"
@@ -53,12 +53,12 @@ class ViewNews:
 
     @property
     def title(self) -> str:
-        """What is being calibrated."""
+        """Title of the calibration with a board."""
         return "the lens, from a board"
 
     @property
     def request(self) -> str:
-        """What the operator does next."""
+        """Request to the operator: how to hold the board."""
         return "nothing: all is covered" if self.wanted is None else f"show the board {self.wanted}"
 
     @property
@@ -97,12 +97,12 @@ class TouchNews:
 
     @property
     def title(self) -> str:
-        """What is being calibrated."""
+        """Title of the calibration by touches."""
         return f"the map to the plane: {self.stage}"
 
     @property
     def request(self) -> str:
-        """What the arm does next."""
+        """The arm's next move, for the operator."""
         return "nothing" if self.wanted is None else f"the arm goes to {_place(self.wanted)}"
 
     @property

@@ -25,32 +25,32 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 def views_picture(image: Image, views: Iterable[BoardView], per_view: Mapping[int, float]) -> Image:
     """`image` (h, w, 3) with every corner of all views, which shows the coverage."""
-    drawn = _dim(image)
+    drawn = _darken(image)
     for view in views:
         for corner in view.image:
-            cv2.circle(drawn, _at(corner), 2, FITTED_BGR, -1, LINE_TYPE)
+            cv2.circle(drawn, _pixel(corner), 2, FITTED_BGR, -1, LINE_TYPE)
     words = (
         f"{len(per_view)} views; corners off by up to {max(per_view.values(), default=0):.2f} px"
     )
-    return _title(drawn, (words,))
+    return _draw_title(drawn, (words,))
 
 
 def touches_picture(
     image: Image, touches: Sequence[Touched], lens: Lens, verdict: TouchVerdict
 ) -> Image:
     """`image` (h, w, 3) with each touched point, its error `ENLARGED` times, outliers crossed."""
-    drawn = _dim(image)
+    drawn = _darken(image)
     off = {point.number for point in verdict.rejected}
     replaced = {point.number for point in verdict.wild}
     for touched in touches:
-        at = _at(touched.pixel)
+        at = _pixel(touched.pixel)
         wild = touched.number in off or (touched.number in replaced and not touched.again)
         colour = BAD_BGR if wild else HELD_OUT_BGR if touched.held_out else FITTED_BGR
         if wild:
             cv2.drawMarker(drawn, at, BAD_BGR, cv2.MARKER_TILTED_CROSS, 20, 2, LINE_TYPE)
         else:
             cv2.circle(drawn, at, 6, colour, 1, LINE_TYPE)
-            _error(drawn, touched, lens, verdict.homography, colour)
+            _draw_error(drawn, touched, lens, verdict.homography, colour)
         cv2.putText(
             drawn, str(touched.number), (at[0] + 12, at[1] - 10), FONT, 0.5, colour, 1, LINE_TYPE
         )
@@ -59,10 +59,10 @@ def touches_picture(
         f"held out: {verdict.residual_mm:.2f} mm rms, {verdict.worst_mm:.2f} mm at worst; "
         f"halves agree within {verdict.halves_mm:.2f} mm",
     )
-    return _title(drawn, words)
+    return _draw_title(drawn, words)
 
 
-def _error(
+def _draw_error(
     drawn: Image,
     touched: Touched,
     lens: Lens,
@@ -73,18 +73,18 @@ def _error(
         return
     mapped = lens.distort(homography.to_image(touched.place))[0]
     end = touched.pixel + ENLARGED * (touched.pixel - mapped)
-    cv2.arrowedLine(drawn, _at(touched.pixel), _at(end), colour, 2, LINE_TYPE, tipLength=0.25)
+    cv2.arrowedLine(drawn, _pixel(touched.pixel), _pixel(end), colour, 2, LINE_TYPE, tipLength=0.25)
 
 
-def _title(drawn: Image, lines: Sequence[str]) -> Image:
+def _draw_title(drawn: Image, lines: Sequence[str]) -> Image:
     for k, line in enumerate(lines):
         cv2.putText(drawn, line, (18, 30 + 26 * k), FONT, 0.62, WHITE_BGR, 1, LINE_TYPE)
     return drawn
 
 
-def _dim(image: Image) -> Image:
+def _darken(image: Image) -> Image:
     return np.asarray(image * 0.55, dtype=np.uint8)
 
 
-def _at(point: Array) -> tuple[int, int]:
+def _pixel(point: Array) -> tuple[int, int]:
     return round(float(point[0])), round(float(point[1]))

@@ -84,7 +84,7 @@ class Row(Settings):
 
     @property
     def taken(self) -> bool:
-        """Whether this image counts."""
+        """Whether the image of this row counts."""
         return self.image is not None
 
 
@@ -110,7 +110,7 @@ class SessionFolder:
         write_yaml(folder / SESSION_FILE, session.model_dump(mode="json", by_alias=True))
 
     def __call__(self, news: News) -> None:
-        """Write what was measured in the image of the news, and the image where it counts."""
+        """Write the measurements of the news, and its image where it counts."""
         if news.frame is not None:
             self.newest = news
         if isinstance(news, TouchNews) and news.steps is not None:
@@ -140,7 +140,7 @@ class SessionFolder:
 
 
 def _row(news: News) -> Row | None:
-    """What the newest image shows, None without a result."""
+    """Row of the session for the newest image, None without a result."""
     if news.result is None:
         return None
     number, refused = news.result.number, news.result.refused
@@ -174,7 +174,7 @@ def read_session(folder: Path, kind: Kind) -> Session:
 
 
 def session_to_resume(folder: Path, now: Session) -> Session:
-    """The session in `folder`; ConfigurationError if it was made otherwise than that of `now`."""
+    """The session in `folder`; ConfigurationError where its settings are not those of `now`."""
     begun = read_session(folder, now.kind)
     for key in ("camera", "image", "locks", "boards", "touches", "latency", "lens"):
         then, today = getattr(begun, key), getattr(now, key)
@@ -187,7 +187,7 @@ def session_to_resume(folder: Path, now: Session) -> Session:
 
 
 def _mend_rows(path: Path) -> None:
-    """Remove a last line that is not whole, so that more can follow."""
+    """Remove an incomplete last line from the file of rows, so that more can follow."""
     if not path.exists():
         return
     text = read_text(path, LARGEST_LOG)
@@ -251,7 +251,7 @@ def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
 
 
 class Steps(Settings):
-    """latency.json: `arm` [[t, x, z]] and `seen` [[t, u, v]] during the steps of the arm."""
+    """Contents of latency.json: `arm` [[t, x, z]] and `seen` [[t, u, v]] during the arm's steps."""
 
     model_config = ConfigDict(extra="ignore")  # a program writes it
 
@@ -268,7 +268,7 @@ def read_latency(folder: Path) -> Steps:
 
 
 def make_folder(folder: Path) -> None:
-    """Make `folder`, which --out names; ConfigurationError where that is not possible."""
+    """Make `folder`, named by --out; ConfigurationError where that is not possible."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

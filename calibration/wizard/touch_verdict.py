@@ -1,4 +1,4 @@
-"""Verdicts on touched points: on the map that they make, and on a calibration already in use."""
+"""Verdicts on touched points: on the map fitted to them, and on a calibration already in use."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -57,7 +57,7 @@ class TouchVerdict(Verdict):
     grade: Grade = Grade.REFUSED
 
     def lines(self) -> list[Line]:
-        """Lines on the map and its points, worst news last."""
+        """Lines for the operator on the map and its points, worst news last."""
         lines = []
         if self.homography is not None:
             lines = [
@@ -94,7 +94,7 @@ def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSetting
     except ConfigurationError as error:
         decide = len({t.number for t in touches if t.held_out})
         return TouchVerdict(held_out=decide, reasons=(str(error),))
-    verdict = _verdict(solved, settings)
+    verdict = _compose(solved, settings)
     causes = _causes(touches, solved, settings)
     if not causes:
         return verdict
@@ -114,7 +114,7 @@ def check_verdict(
     if len(values) < FEWEST_POINTS:
         few = f"{len(values)} points were touched, at least {FEWEST_POINTS} must decide; touch more"
         return CheckVerdict(errors, median, worst, reasons=(few,))
-    causes = tuple(_shift(off, settings)) or reasons(
+    causes = tuple(_common_shift(off, settings)) or reasons(
         (worst > settings.worst_mm,
          f"a point is {worst:.2f} mm off, allowed {settings.worst_mm:.2f}: the camera or the arm's "
          f"base has moved, or the pointer is loose; {ANEW}"),
@@ -157,9 +157,9 @@ def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
     return (*lines, verdict.last_line("this calibration still holds", "it no longer holds"))
 
 
-def _shift(off: Array, settings: TouchSettings) -> Iterator[str]:
-    """A shift that all errors `off` (n, 2) [mm] share: larger than a good map's error and than
-    their differences, so that it is no loose pointer.
+def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
+    """Shift shared by all errors `off` (n, 2) [mm]: larger than a good map's error and than their
+    differences, which excludes a loose pointer.
     """
     shared = np.median(off, axis=0)
     apart = float(np.hypot(*(off - shared).T).max())
@@ -172,7 +172,7 @@ def _shift(off: Array, settings: TouchSettings) -> Iterator[str]:
 
 
 def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings) -> tuple[str, ...]:
-    """What explains bad touches as a whole: a mirrored plane, or a camera that moved among them."""
+    """Explanations for bad touches as a whole: a mirrored plane, or a camera that moved."""
     middle = np.mean([touched.place for touched in touches], axis=0)
     around = solved.homography.to_image(
         middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
@@ -193,7 +193,7 @@ def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings)
     )
 
 
-def _verdict(solved: Solved, settings: TouchSettings) -> TouchVerdict:
+def _compose(solved: Solved, settings: TouchSettings) -> TouchVerdict:
     decide = np.reshape([solved.error(p) for p in solved.decide], (-1, 2))
     errors = 1e3 * np.hypot(*decide.T)
     points = sorted((*solved.used, *solved.decide), key=lambda p: p.number)
@@ -237,7 +237,7 @@ def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -
 
 
 def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, ...]:
-    """Defects of the map's numbers."""
+    """Reasons for refusal: defects of the map's numbers."""
     rejected = "; ".join(str(point) for point in verdict.rejected)
     return reasons(
         (verdict.held_out < FEWEST_POINTS,
@@ -257,7 +257,7 @@ def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, .
 
 
 def _point_reasons(solved: Solved, settings: TouchSettings) -> tuple[str, ...]:
-    """Defects of the points themselves."""
+    """Reasons for refusal: defects of the touched points themselves."""
     numbers = {p.number for p in (*solved.used, *solved.decide, *solved.off)}
     stubborn = ", ".join(str(p.number) for p in solved.stubborn)
     area = (settings.x_max - settings.x_min) * (settings.z_max - settings.z_min)

@@ -57,7 +57,7 @@ class TouchedPoints:
 
     @property
     def plan(self) -> tuple[Pose, ...]:
-        """All poses, by number."""
+        """All planned poses, by number."""
         return self._plan
 
     @property
@@ -72,21 +72,21 @@ class TouchedPoints:
 
     @property
     def held_out(self) -> bool:
-        """Whether the pose that is asked for decides and is not fitted."""
+        """Whether the requested pose is held out of the fit."""
         return bool(self._queue) and held_out(self._queue[0], self._settings)
 
     @property
     def fitted(self) -> bool:
-        """Whether the points make a map, not only check one."""
+        """Whether a map is fitted to the points, not only checked with them."""
         return self._fitted
 
     @property
     def again(self) -> bool:
-        """Whether the points that disagreed are being touched once more."""
+        """Whether points that disagreed are being touched a second time."""
         return self._second
 
     def ask(self) -> Pose | None:
-        """The next pose for the pointer, held still; None when there is enough."""
+        """The next pose for the pointer, to be held still; None once there are enough points."""
         return self._plan[self._queue[0]] if self._queue else None
 
     def tell(self, frame: Frame, pose: Pose) -> TouchResult:
@@ -97,7 +97,7 @@ class TouchedPoints:
         """
         self._check_size(frame)
         self._tries += 1
-        result = self._take(self._queue[0], frame, pose)
+        result = self._accept(self._queue[0], frame, pose)
         if result.taken is not None or self._tries >= self._settings.patience:
             self.skip()
         return result
@@ -118,7 +118,7 @@ class TouchedPoints:
         return dropped
 
     def verdict(self) -> TouchVerdict:
-        """The verdict on the points so far."""
+        """The verdict on the touched points so far."""
         return touch_verdict(self._touches, self._lens, self._settings)
 
     def _repeat_suspects(self) -> None:
@@ -136,7 +136,7 @@ class TouchedPoints:
                 "or run `cell calibrate camera` at this one"
             )
 
-    def _take(self, number: int, frame: Frame, pose: Pose) -> TouchResult:
+    def _accept(self, number: int, frame: Frame, pose: Pose) -> TouchResult:
         centre = find_pointer(frame.image)
         if centre is None:
             self._last = None

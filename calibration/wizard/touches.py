@@ -130,7 +130,7 @@ def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> So
 
     Independent of the order of `touches`. Raises ConfigurationError where they give no map.
     """
-    newest = _newest(touches)
+    newest = _newest_touches(touches)
     fitted = [p for p in newest if not p.held_out]
     fit = fit_homography(
         lens.undistort(np.reshape([p.pixel for p in fitted], (-1, 2))),
@@ -142,7 +142,7 @@ def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> So
     held = [p for p in newest if p.held_out]
     outside += [p for p in held if 1e3 * np.hypot(*whole.error(p)) > settings.worst_mm]
     firsts = {p.number: p for p in touches if not p.again}
-    stubborn = tuple(p for p in outside if _repeats(p, firsts, whole, settings))
+    stubborn = tuple(p for p in outside if _repeats_error(p, firsts, whole, settings))
     scattered = tuple(p for p in outside if p.again and p not in stubborn)
     wild = tuple(
         firsts[p.number] for p in newest if p.again and p.number in firsts and p not in outside
@@ -151,16 +151,16 @@ def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> So
     return replace(whole, decide=decide, off=tuple(outside), stubborn=stubborn, wild=wild)
 
 
-def _newest(touches: Sequence[Touched]) -> list[Touched]:
-    """The second touch of a pose where there is one, ordered by place."""
+def _newest_touches(touches: Sequence[Touched]) -> list[Touched]:
+    """Touches of distinct poses, the second touch where there is one, ordered by place."""
     by_number = {p.number: p for p in sorted(touches, key=lambda p: (p.number, p.again))}
     return sorted(by_number.values(), key=lambda p: (p.place[0], p.place[1], p.number))
 
 
-def _repeats(
+def _repeats_error(
     again: Touched, firsts: dict[int, Touched], solved: Solved, settings: TouchSettings
 ) -> bool:
-    """Whether a second touch has the same error as the first: then the map is wrong there."""
+    """Whether a second touch has the same error as the first, so that the map is wrong there."""
     first = firsts.get(again.number)
     if first is None or not again.again:
         return False
@@ -184,8 +184,8 @@ MOVE_SIGMA = 3.8  # sigma by which a move must be seen: the slow tests of `test_
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """All touches after the point `after` are seen shifted: by `shift_mm` in the plane, which a
-    turn of the camera by `mrad` makes.
+    """A move of the camera after the point `after`: later touches are seen shifted by `shift_mm` in
+    the plane, as a turn of the camera by `mrad` makes.
     """
 
     after: int
@@ -207,7 +207,7 @@ def camera_move(
     moments = range(FEWEST_TOUCHES, len(ordered) - FEWEST_TOUCHES + 1)
     if not moments:
         return None
-    start = _start(homography, places)
+    start = _start_numbers(homography, places)
     tried = [(_fit_move(places, pixels, moment, start), moment) for moment in moments]
     (fit, shift, sigma), moment = min(tried, key=lambda each: each[0][0])
     middle = homography.to_image(places.mean(axis=0)[None])[0]
@@ -219,16 +219,16 @@ def camera_move(
     return Move(ordered[moment - 1].number, shift_mm, 1e3 * size / float(lens.matrix[0, 0]))
 
 
-def _start(homography: Homography, places: Array) -> Array:
-    """The map's eight numbers on places over their own middle and reach."""
-    middle, reach = _frame(places)
+def _start_numbers(homography: Homography, places: Array) -> Array:
+    """The homography's eight numbers, over the middle and reach of `places`."""
+    middle, reach = _centre_and_reach(places)
     matrix = homography.inverse @ np.array(
         [[reach, 0.0, middle[0]], [0.0, reach, middle[1]], [0.0, 0.0, 1.0]]
     )
     return np.asarray((matrix / matrix[2, 2]).ravel()[:8])
 
 
-def _frame(places: Array) -> tuple[Array, float]:
+def _centre_and_reach(places: Array) -> tuple[Array, float]:
     return places.mean(axis=0), float(np.ptp(places, axis=0).max()) / 2.0
 
 
@@ -236,7 +236,7 @@ def _fit_move(
     places: Array, pixels: Array, moment: int, start: Array
 ) -> tuple[float, Array, float]:
     """Cost of a map with a shift from `moment` on, the shift (2,) and one sigma of it [px]."""
-    middle, reach = _frame(places)
+    middle, reach = _centre_and_reach(places)
     plane = np.column_stack([(places - middle) / reach, np.ones(len(places))])
     later = (np.arange(len(places)) >= moment).astype(np.float64)[:, None]
 

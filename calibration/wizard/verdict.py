@@ -1,11 +1,11 @@
-"""What every verdict of a wizard has: reasons for a refusal, and graded lines for the operator."""
+"""Common parts of all wizards' verdicts: reasons for a refusal, and graded lines to print."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 
 class Level(StrEnum):
-    """Quality of a fact."""
+    """Grade of a line: good, fair or bad."""
 
     GOOD = "good"
     FAIR = "fair"
@@ -37,14 +37,14 @@ class Verdict:
         return [Line(Level.BAD, reason) for reason in self.reasons]
 
     def last_line(self, good: str, refused: str) -> Line:
-        """What the operator does next, in both cases."""
+        """The operator's next step, where the result was `good` and where it was `refused`."""
         if self.passed:
             return Line(Level.GOOD, f"good: {good}")
         return Line(Level.BAD, f"refused: {refused}")
 
 
 def reasons(*facts: tuple[bool, str]) -> tuple[str, ...]:
-    """The reasons among `facts`, pairs of whether one holds and its text."""
+    """Texts of those `facts` that hold, pairs of a condition and its text."""
     return tuple(text for holds, text in facts if holds)
 
 

@@ -17,18 +17,18 @@ POINT_SPACING = 0.01  # m between points of the path that are kept
 
 @dataclass(frozen=True, slots=True)
 class ArmPrediction:
-    """How the arm follows the fold, lay and retreat included; `clearance` [m] of hand over desk."""
+    """Prediction of the arm's motion in a whole fold; `clearance` [m] of hand over desk."""
 
     reach: Reach
     clearance: float
 
     @property
     def allowed(self) -> bool:
-        """Whether the whole fold can be followed."""
+        """Whether the arm can follow the whole fold."""
         return self.reach.allowed and self.clearance > 0
 
     def line(self) -> dict[str, Any]:
-        """What `cell fold --dry-run --arm fci --json` adds."""
+        """The prediction as JSON, added to `cell fold --dry-run --arm fci --json`."""
         return {
             "reachable": self.allowed,
             "hand_turned": self.reach.turned,
@@ -40,7 +40,7 @@ class ArmPrediction:
         }
 
     def text(self) -> str:
-        """What the prediction says, in a line for the operator."""
+        """The prediction in a line for the operator."""
         reach = self.reach
         if not reach.allowed:
             problems = "\n    ".join(str(problem) for problem in reach.problems)
@@ -60,7 +60,7 @@ class ArmPrediction:
 def predict_arm(
     settings: CellFile, strip: StripFile, trace: Array, end: float | None
 ) -> ArmPrediction:
-    """For a strip carried along `trace` (k, 2) [m] from take-over to touch, laid at `end` [m]."""
+    """Predict the arm's motion for a strip carried along `trace` (k, 2) [m], laid at `end` [m]."""
     installation = settings.fci.limit(settings.installation)
     path, speeds = fold_poses(settings, strip, trace, end)
     desk = desk_end(installation, strip.length)
@@ -75,14 +75,14 @@ def fold_poses(
 
     The strip is carried along `trace` (k, 2) [m] from take-over to touch, and laid at `end` [m].
     """
-    carry = _sparse(np.concatenate([[(strip.length, 0.0)], trace]))
+    carry = _thin_out(np.concatenate([[(strip.length, 0.0)], trace]))
     limits = settings.fci.limit(settings.installation).limits
     home = settings.twin.arm.home_height
     return whole_path(strip.length, home, settings.fold, limits, carry, end)
 
 
-def _sparse(points: Array) -> Array:
-    """Points at least POINT_SPACING apart, the last one kept."""
+def _thin_out(points: Array) -> Array:
+    """Points of a path at least POINT_SPACING apart, the last one kept."""
     kept = [points[0]]
     for point in points[1:]:
         if np.hypot(*(point - kept[-1])) >= POINT_SPACING:

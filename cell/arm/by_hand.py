@@ -1,4 +1,4 @@
-"""The arm by hand: home, park, jog, open; under the monitors of every run."""
+"""Moves the arm by hand: home, park, jog, open; under the monitors of every run."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -31,7 +31,7 @@ def by_hand(
     interrupted: Asked = lambda: False,
     strip: StripFile = NO_STRIP,
 ) -> Outcome:
-    """Open the cell, carry out one `motion`, and close it; CellError for what is wrong before."""
+    """Open the cell, carry out one `motion`, and close it; CellError before the motion."""
     devices = open_cell(settings, strip, choice, calibrating=False)
     try:
         devices.arm.connect()
@@ -43,7 +43,7 @@ def by_hand(
 
 
 def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
-    """Move by x, z [m] and pitch [rad] from where the gripper is."""
+    """Motion by x, z [m] and pitch [rad] from the gripper's present pose."""
 
     def motion(snapshot: Snapshot) -> Motion:
         here = snapshot.arm.commanded
@@ -53,17 +53,17 @@ def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
 
 
 def to(pose: Pose) -> Callable[[Snapshot], Motion]:
-    """Move to rest at `pose`."""
+    """Motion to rest at `pose`."""
     return lambda _: move(pose)
 
 
 def open_fingers(_: Snapshot) -> Motion:
-    """Open the fingers."""
+    """Motion that opens the fingers."""
     return open_hand()
 
 
 def home_pose(settings: CellFile, strip: StripFile) -> Pose:
-    """Where the gripper begins: over the strip's edge."""
+    """The gripper's home pose: over the strip's edge."""
     return Pose(strip.length, settings.twin.arm.home_height, 0.0)
 
 
@@ -92,7 +92,7 @@ def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
 
 
 def robot_task(settings: CellFile) -> "Task":
-    """The robot at the address in cell.yaml; ConfigurationError where none is named."""
+    """Connection of the robot at the address in cell.yaml; ConfigurationError without one."""
     check_drivers(settings, DeviceSelection(arm="fci"))
     if settings.fci.address is None:
         raise ConfigurationError(

@@ -1,4 +1,4 @@
-"""What a robot that can hurt demands: its cell named, slow motion first, a strip laid again."""
+"""Precautions for a real robot: the cell named by its operator, slow motion, strip laid again."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -55,7 +55,7 @@ def await_strip(ask: Callable[[str], str]) -> None:
 
 
 def slow_down(settings: CellFile) -> CellFile:
-    """The cell with all speeds at FIRST_RUN_SPEED, and the time that a run then needs."""
+    """The cell's settings with all speeds at FIRST_RUN_SPEED, and the time that a run needs."""
     fold = settings.fold.model_copy(
         update={
             "speed": max(FIRST_RUN_SPEED * settings.fold.speed, 0.005),

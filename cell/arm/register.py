@@ -1,4 +1,4 @@
-"""Where the cell frame stands in the robot's base, from three points that the fingers touch."""
+"""Registers the cell frame in the robot's base by three points that the fingers touch."""
 
 import re
 from datetime import UTC, datetime

@@ -46,7 +46,7 @@ def calibration_of(
     if settings.calibration is not None:
         return load_calibration(Path(settings.calibration))
     path = kept_calibration(settings)
-    with _alone(path):
+    with _file_lock(path):
         try:
             return load_calibration(path)
         except ConfigurationError:
@@ -77,8 +77,8 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
 
 
 @contextmanager
-def _alone(path: Path) -> Iterator[None]:
-    """Hold a lock while the file at `path` is made, where locks exist; other processes wait."""
+def _file_lock(path: Path) -> Iterator[None]:
+    """Hold a lock while the file at `path` is made, for other processes, where locks exist."""
     with ExitStack() as held:
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -88,7 +88,7 @@ def calibrate_homography(
     Raises Fault when a monitor stopped the arm and Interrupted when the operator did; the data
     until then stay in `folder`.
     """
-    session, poses = _begin(settings, devices, lens, folder, plan)
+    session, poses = _start_or_resume(settings, devices, lens, folder, plan)
     keep = SessionFolder(folder, session, watch)
     write_yaml(folder / POSES_FILE, {"poses": [[p.x, p.z, p.pitch] for p in poses]})
     context = CalibrationContext(
@@ -97,7 +97,7 @@ def calibrate_homography(
     touch(devices, context, interrupted)
     found = context.touches, context.latency
     session = session.model_copy(update={"locks": dict(devices.camera_locks())})  # as read back
-    made = _accept(session, lens, *found, context.landmarks, accept_anyway=accept_anyway)
+    made = _make_calibration(session, lens, *found, context.landmarks, accept_anyway=accept_anyway)
     result = TouchSession(folder, *found, made)
     _keep_verdict(folder, result, settings.fold.speed)
     if context.landmarks is not None:
@@ -106,10 +106,10 @@ def calibrate_homography(
     return result
 
 
-def _begin(
+def _start_or_resume(
     settings: CellFile, devices: Devices, lens: Lens, folder: Path, plan: Sequence[Pose] | None
 ) -> tuple[Session, tuple[Pose, ...]]:
-    """A new session and its poses, those of `plan` if given; or the session that `folder` holds."""
+    """Start a new session with its poses, or those of `plan`; or resume the one in `folder`."""
     facts = {"lens": CameraFile.of(lens, devices.camera_identity), "touches": settings.touches}
     facts |= {"latency": settings.latency}
     size, locks = (lens.width, lens.height), dict(devices.camera_locks())
@@ -118,7 +118,7 @@ def _begin(
         return session, tuple(plan) if plan is not None else touch_plan(settings.touches)
     session = session_to_resume(folder, session)
     poses = BegunPlan(read_poses(folder / POSES_FILE))
-    poses.touched = tuple(_touches(folder, session, ()))
+    poses.touched = tuple(_accepted_points(folder, session, ()))
     return session, poses
 
 
@@ -147,7 +147,7 @@ def homography_again(
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
     session, lens = read_session(folder, "homography"), lens_of(folder)
-    verdict = touch_verdict(_touches(folder, session, without), lens, session.touches)
+    verdict = touch_verdict(_accepted_points(folder, session, without), lens, session.touches)
     latency = None
     steps = read_latency(folder)
     if steps.arm and verdict.homography is not None:
@@ -157,7 +157,7 @@ def homography_again(
         )
     path = folder / LANDMARKS_FILE
     marks = load(path, Landmarks) if path.exists() else None
-    made = _accept(session, lens, verdict, latency, marks, accept_anyway=accept_anyway)
+    made = _make_calibration(session, lens, verdict, latency, marks, accept_anyway=accept_anyway)
     result = TouchSession(out, verdict, latency, made)
     if out is not None:
         make_folder(out)
@@ -215,7 +215,7 @@ def assemble(
     landmarks: Landmarks | None = None,
     accept_anyway: bool = False,
 ) -> Calibration:
-    """A calibration from these parts; defects are a CellError, or recorded when overridden."""
+    """Make a calibration from these parts; defects are a CellError, or recorded if overridden."""
     reasons = refusals(touches, latency)
     if touches is None or touches.homography is None or (reasons and not accept_anyway):
         raise CellError("homography failed: " + "; ".join(reasons))
@@ -246,7 +246,7 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
     return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
 
 
-def _accept(
+def _make_calibration(
     session: Session,
     lens: Lens,
     touches: TouchVerdict | None,
@@ -255,7 +255,7 @@ def _accept(
     *,
     accept_anyway: bool,
 ) -> Calibration | None:
-    """The calibration of a session, None where it is refused."""
+    """Make the calibration of a session; None where it is refused."""
     try:
         return assemble(
             lens,
@@ -286,8 +286,8 @@ def _keep_verdict(folder: Path, found: TouchSession, speed: float) -> None:
         save_calibration(made, folder / CALIBRATION_FILE)
 
 
-def _touches(folder: Path, session: Session, without: Collection[int]) -> list[Touched]:
-    """Accepted points; of those with one number, first or second touch, the last one counts."""
+def _accepted_points(folder: Path, session: Session, without: Collection[int]) -> list[Touched]:
+    """Accepted points of a session; the last touch of a pose counts."""
     touches: dict[tuple[int, bool], Touched] = {}
     for row, image in taken_images(folder, session, without):
         if row.pose is None:

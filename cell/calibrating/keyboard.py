@@ -27,7 +27,7 @@ class Keys:
         """The next key, in lower case: ENTER for a bare Enter, END at the end of the input, None
         when nothing came within `seconds` [s].
         """
-        number = _number(self._stream)
+        number = _descriptor(self._stream)
         if number is None:  # text in memory: all of it is there
             return _key(self._stream.readline())
         while not self._is_whole(number):
@@ -49,7 +49,7 @@ class Keys:
 @contextmanager
 def single_keys(stream: TextIO) -> Iterator[None]:
     """A terminal that passes on each key as it is typed; nothing changes for other streams."""
-    number = _number(stream)
+    number = _descriptor(stream)
     if number is None or not os.isatty(number):
         yield
         return
@@ -61,7 +61,7 @@ def single_keys(stream: TextIO) -> Iterator[None]:
         termios.tcsetattr(number, termios.TCSADRAIN, before)
 
 
-def _number(stream: TextIO) -> int | None:
+def _descriptor(stream: TextIO) -> int | None:
     try:
         return stream.fileno()
     except (OSError, ValueError):
@@ -85,14 +85,14 @@ ANSWERS = {ENTER: Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
 
 
 class TwinOperator:
-    """Performs on the twin what `person` agrees to."""
+    """Simulated hands: performs on the twin what `person` agrees to."""
 
     def __init__(self, aids: CalibrationAids, person: Operator) -> None:
         self._aids = aids
         self._person = person
 
     def answer(self, question: Question) -> Answer | None:
-        """The person's answer, after the pointer was put in or removed."""
+        """The person's answer, after the pointer was mounted or removed on the twin."""
         answer = self._person.answer(question)
         if answer is not None and question.ask in {Ask.POINTER_IN, Ask.POINTER_OUT}:
             self._aids.hold_pointer(question.ask is Ask.POINTER_IN)

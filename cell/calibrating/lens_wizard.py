@@ -70,7 +70,7 @@ def calibrate_lens(
     views = BoardViews(settings.boards, patient=aids is None)
     devices.camera.connect()
     try:
-        source = aids.show_board if aids is not None else _live(devices)
+        source = aids.show_board if aids is not None else _live_images(devices)
         first = source(WantedView(0.5, 0.5, settings.boards.sizes[1]))
         if length is None and aids is not None:
             length = aids.measure_board()
@@ -82,7 +82,7 @@ def calibrate_lens(
             session = session_to_resume(folder, session)
             length = session.length
         keep = SessionFolder(folder, session, watch)
-        _restore(views, folder, session)
+        _restore_views(views, folder, session)
         _show_board(views, source, operator, keep, interrupted)
     finally:
         devices.camera.close()
@@ -97,7 +97,7 @@ def calibrate_lens(
 
 
 def lens_again(folder: Path, without: Collection[int], out: Path | None) -> LensVerdict:
-    """The lens of the session in `folder`, `without` some images; into `out` where given.
+    """Fit the lens of the session in `folder` again, `without` some images, into `out` if given.
 
     Boards are detected anew in the saved images. Raises ConfigurationError for broken files.
     """
@@ -138,7 +138,7 @@ def _show_board(
     watch: SessionFolder,
     interrupted: Callable[[], bool],
 ) -> None:
-    """Ask for one view after the other until none is wanted."""
+    """Request views of the board one after the other until enough are accepted."""
     size, seen = watch.session.image, None
     while (wanted := views.ask()) is not None:
         _check(interrupted)
@@ -165,7 +165,7 @@ def _show_board(
         watch(ViewNews(views.ask(), why, views.gates(), frame, result, sketch))
 
 
-def _restore(views: BoardViews, folder: Path, session: Session) -> None:
+def _restore_views(views: BoardViews, folder: Path, session: Session) -> None:
     """Accept the views that an interrupted session took."""
     for row, image in taken_images(folder, session, ()):
         if views.restore(row.number, image) is None:
@@ -194,8 +194,8 @@ def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
         write_opencv(verdict.fit.lens, folder / OPENCV)
 
 
-def _live(devices: Devices) -> Source:
-    """Images of the live camera, a tenth of a second apart; a person holds the board."""
+def _live_images(devices: Devices) -> Source:
+    """Images of the live camera, a tenth of a second apart, while a person holds the board."""
     newest = [-1.0]
 
     def look(_: WantedView) -> Frame:

@@ -45,13 +45,13 @@ class WizardPanel:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop, leaving the last view visible, without a question."""
+        """End the live view, leaving the last one visible, without a question."""
         if self._live is not None:
             self.ask("")
             self._live.stop()
 
     def __call__(self, news: News) -> None:
-        """Show the news."""
+        """Show the wizard's news."""
         answer = news.answer
         self._news = news
         if answer:
@@ -99,7 +99,7 @@ class WizardPanel:
 
 
 def verdict_text(lines: Iterable[Line]) -> Text:
-    """A verdict, coloured, a line a fact."""
+    """Coloured text of a verdict, a line a fact."""
     text = Text()
     for line in lines:
         text.append(f"{MARKS[line.level]} {line.text}\n", style=STYLES[line.level])
@@ -107,7 +107,7 @@ def verdict_text(lines: Iterable[Line]) -> Text:
 
 
 def views_table(news: ViewNews) -> Table:
-    """What the views cover, beside the board as it is wanted and as it is seen."""
+    """Table of the coverage by views, beside the board as requested and as seen."""
     table = Table.grid(padding=(0, 2))
     table.add_row(
         gates_table(news.gates), *([] if news.sketch is None else [sketch_text(news.sketch)])
@@ -116,12 +116,12 @@ def views_table(news: ViewNews) -> Table:
 
 
 def sketch_text(sketch: Sketch) -> Text:
-    """The image's frame with the board in it: yellow as it is wanted, green as it is seen."""
+    """Sketch of the board in the image's frame: yellow as requested, green as seen."""
     columns, rows = SKETCH
     size = np.array([2 * columns, 4 * rows])
     scale = size / sketch.size
     frame = (size - 1) / scale * [(0, 0), (1, 0), (1, 1), (0, 1)]
-    layers = [_dots(corners, scale) for corners in (frame, sketch.wanted, sketch.seen)]
+    layers = [_braille_line(corners, scale) for corners in (frame, sketch.wanted, sketch.seen)]
     text = Text(no_wrap=True)
     for row in np.stack(layers, axis=-1):
         for edge, wanted, seen in row.tolist():
@@ -131,7 +131,7 @@ def sketch_text(sketch: Sketch) -> Text:
     return text.append("yellow: wanted  green: seen", "dim")
 
 
-def _dots(corners: Array | None, scale: Array) -> NDArray[np.intp]:
+def _braille_line(corners: Array | None, scale: Array) -> NDArray[np.intp]:
     """Braille characters (rows, columns) of the line through `scale` times `corners` (4, 2)."""
     columns, rows = SKETCH
     picture = np.zeros((4 * rows, 2 * columns), np.uint8)
@@ -144,7 +144,7 @@ def _dots(corners: Array | None, scale: Array) -> NDArray[np.intp]:
 
 
 def gates_table(gates: Sequence[Gate]) -> Table:
-    """What the views cover: a bar for each gate."""
+    """Table of the coverage by views: a bar for each gate."""
     table = Table.grid(padding=(0, 1))
     for _ in range(3):
         table.add_column(no_wrap=True, overflow="ellipsis")
@@ -164,12 +164,12 @@ def touches_map(news: TouchNews) -> RenderableType:
     for height in heights:
         row = [k for k, pose in enumerate(news.plan) if round(pose.z, 3) == height]
         row.sort(key=lambda k: news.plan[k].x)
-        marks = [_mark(k, news, touched) for k in row]
+        marks = [_pose_mark(k, news, touched) for k in row]
         table.add_row(f"z {1e3 * height:4.0f} mm", *marks)
     return Group(table, Text(MARK_LEGEND, style="dim"))
 
 
-def _mark(number: int, news: TouchNews, touched: dict[int, Touched]) -> Text:
+def _pose_mark(number: int, news: TouchNews, touched: dict[int, Touched]) -> Text:
     if news.wanted is not None and news.plan[number] == news.wanted:
         return Text(">", style="bold cyan")
     point = touched.get(number)

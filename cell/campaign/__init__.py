@@ -1,1 +1,1 @@
-"""Campaigns: parts measured on processes or a Dask cluster, kept in a journal that resumes."""
+"""Campaigns: parts measured in processes or on a Dask cluster, kept in a journal to resume from."""

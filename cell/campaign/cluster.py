@@ -1,4 +1,4 @@
-"""Parts on a Dask cluster that the user started: it only hands out; the journal decides.
+"""Campaign on a Dask cluster that the user started: Dask distributes parts; the journal decides.
 
 Known traps and what is done here: a part runs in a process of its own beside the Dask worker, so
 that a part that holds the interpreter cannot look like a dead worker (distributed#6324), and one
@@ -58,8 +58,10 @@ class Cluster:
         left = {(part.key, part.of): part for part in parts}
         patience = CONNECT_TIMEOUT
         while left:
-            with _silence(), connect(self.address, patience) as client:
-                for record in _shift(client, list(left.values()), folder, versions, self.limit):
+            with _silence_dask(), connect(self.address, patience) as client:
+                for record in _run_until_lost(
+                    client, list(left.values()), folder, versions, self.limit
+                ):
                     left.pop((record.key, record.of), None)
                     yield record
             patience = ABSENCE
@@ -72,7 +74,7 @@ def executor(address: str) -> Iterator[Executor]:
     The scheduler reassigns the work of a worker that died. Raises ConfigurationError for an address
     without a usable cluster, WorkersLost when the cluster is gone.
     """
-    with _silence(), connect(address, CONNECT_TIMEOUT) as client:
+    with _silence_dask(), connect(address, CONNECT_TIMEOUT) as client:
         from distributed import KilledWorker
 
         try:
@@ -140,17 +142,17 @@ def _start_runner(tries: int) -> "LoopRunner":
     return runner
 
 
-def _shift(
+def _run_until_lost(
     client: "Client", parts: list[Part], folder: Path, here: Mapping[str, str], limit: float | None
 ) -> Iterator[Record]:
-    """Records until all parts have one or the scheduler is gone; one part a thread at a time."""
+    """Yield records until all parts have one or the scheduler is gone; a part for each thread."""
     from distributed import wait
 
     waiting, killed = parts[::-1], Counter[str]()
     out: dict[Future[str], Part] = {}
     seen = time.monotonic()
     while (waiting or out) and client.status == "running":
-        threads = _threads(client)
+        threads = _thread_count(client)
         while waiting and len(out) < max(threads, 1):
             part = waiting.pop()
             arguments = (part, str(folder.resolve()), dict(here), limit)
@@ -159,7 +161,7 @@ def _shift(
             wait(list(out), timeout=POLL_INTERVAL, return_when="FIRST_COMPLETED")
         for future in [future for future in out if future.done()]:
             part = out.pop(future)
-            record = _gather(future, part, folder, killed)
+            record = _store_record(future, part, folder, killed)
             if record is None:
                 waiting.append(part)
             else:
@@ -169,15 +171,17 @@ def _shift(
             raise WorkersLost(f"no worker for {ABSENCE:.0f} s")
 
 
-def _threads(client: "Client") -> int:
-    """Threads of all workers; 0 where the scheduler does not answer."""
+def _thread_count(client: "Client") -> int:
+    """Number of threads of all workers; 0 where the scheduler does not answer."""
     try:
         return sum(client.nthreads().values())
     except (OSError, TimeoutError):
         return 0
 
 
-def _gather(future: "Future[str]", part: Part, folder: Path, killed: Counter[str]) -> Record | None:
+def _store_record(
+    future: "Future[str]", part: Part, folder: Path, killed: Counter[str]
+) -> Record | None:
     """The record of a finished part, stored here where the worker shares no folder with us; None
     where worker or scheduler died, so that it must be handed out again.
     """
@@ -206,11 +210,11 @@ def remote(part: Part, folder: str, there: Mapping[str, str], limit: float | Non
 
     Raises ConfigurationError where this worker has other versions than the client.
     """
-    difference = _difference(there, versions())
+    difference = _different_versions(there, versions())
     if difference:
         raise ConfigurationError(f"--cluster: a worker {difference}; install the same there")
     place = Path(folder) if Path(folder).is_dir() else _own_folder()
-    crews = _crews()
+    crews = _idle_crews()
     crew = Crew(1) if crews.empty() else crews.get()
     [record] = crew.records([part], place, there, limit)
     crews.put(crew)
@@ -218,14 +222,14 @@ def remote(part: Part, folder: str, there: Mapping[str, str], limit: float | Non
 
 
 @cache
-def _crews() -> "SimpleQueue[Crew]":
-    """Processes of this worker that have nothing to do."""
+def _idle_crews() -> "SimpleQueue[Crew]":
+    """Idle processes of this worker, kept for its next parts."""
     return SimpleQueue()
 
 
 @cache
 def _own_folder() -> Path:
-    """A journal of this worker alone, where the client's folder is not here."""
+    """Journal folder of this worker alone, used where the client's folder is not reachable."""
     return Path(mkdtemp(prefix="campaign-"))
 
 
@@ -241,12 +245,12 @@ def _check(client: "Client", address: str, patience: float) -> None:
     for worker, there in client.run(versions, on_error="return").items():
         if there != here:
             raise ConfigurationError(
-                f"--cluster: {worker}: {_difference(here, there)}; install the same there"
+                f"--cluster: {worker}: {_different_versions(here, there)}; install the same there"
             )
 
 
-def _difference(here: Mapping[str, str], there: object) -> str:
-    """What `there` has otherwise; empty where nothing."""
+def _different_versions(here: Mapping[str, str], there: object) -> str:
+    """Names of the versions in `there` that differ from `here`; empty where none does."""
     if not isinstance(there, Mapping):
         return f"cannot run the cell ({there})"
     other = [f"{n} {there.get(n)}, here {here[n]}" for n in here if there.get(n) != here[n]]
@@ -254,7 +258,7 @@ def _difference(here: Mapping[str, str], there: object) -> str:
 
 
 @contextmanager
-def _silence() -> Iterator[None]:
+def _silence_dask() -> Iterator[None]:
     """Silence Dask's log of lost workers and connections, which the command reports itself."""
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
     before = [logger.level for logger in loggers]

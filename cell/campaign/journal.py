@@ -29,7 +29,7 @@ class Cost(BaseModel):
 
 
 class Record(BaseModel):
-    """What came of one part: `outcome` where it was measured, else the `reason`.
+    """Result of one part: its `outcome` where it was measured, else the `reason`.
 
     `key` names the part, `of` is the digest of its code and inputs. `failed` parts are tried again
     at the next start; `set_aside` ones killed their process or ran out of time, and stay. Unknown
@@ -50,7 +50,7 @@ class Record(BaseModel):
 
     @property
     def done(self) -> bool:
-        """Whether the part is not to be measured again."""
+        """Whether the part need not be measured again."""
         return self.state != "failed"
 
 
@@ -61,7 +61,7 @@ class Journal:
         self.folder = folder
 
     def path(self, key: str, of: str) -> Path:
-        """File of the part `key` by code and inputs `of`: the same on every machine."""
+        """File of the part `key`, with digest `of` its code and inputs; on every machine."""
         name = re.sub(r"[^\w.+-]+", "-", key)[:80]
         return self.folder / f"{name}.{digest(key, of)}.json"
 

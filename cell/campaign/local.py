@@ -1,4 +1,4 @@
-"""Parts side by side in processes of this machine."""
+"""Campaign on this machine: parts measured side by side in processes."""
 
 import time
 from collections import Counter, deque
@@ -19,7 +19,7 @@ TRIES = 2  # of a part that kills its process: the first may have been the machi
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """`jobs` processes; a part may take `limit` [s] of wall time, for ever where None."""
+    """Engine of `jobs` processes; a part may take `limit` [s] of wall time, any time where None."""
 
     jobs: int = 1
     limit: float | None = None
@@ -37,7 +37,7 @@ class Local:
 
 @dataclass(slots=True)
 class Task:
-    """A part under way in the process of `worker`, since `begun` [s]; None while that starts."""
+    """A part in the process of `worker`, since `begun` [s]; None while the process starts."""
 
     part: Part
     worker: Worker
@@ -45,7 +45,7 @@ class Task:
 
 
 class Crew:
-    """Up to `size` processes, kept from one call to the next."""
+    """Pool of up to `size` processes, kept from one call to the next."""
 
     def __init__(self, size: int) -> None:
         self._size = size
@@ -63,13 +63,13 @@ class Crew:
         waiting, died = deque(parts), Counter[str]()
         while waiting or self._busy:
             while waiting and len(self._busy) < self._size:
-                self._begin(waiting.popleft(), folder, versions)
+                self._start(waiting.popleft(), folder, versions)
             ready = wait([task.worker.pipe for task in self._busy], POLL_INTERVAL)
             for task in list(self._busy):
                 if task.worker.pipe in ready:
                     found = self._collect(task)
                 elif limit is not None and task.begun and time.monotonic() - task.begun > limit:
-                    self._dismiss(task)
+                    self._end_worker(task)
                     found = f"no outcome after {limit:g} s; its process was ended"
                 else:
                     continue
@@ -87,12 +87,12 @@ class Crew:
                 yield found
 
     def close(self) -> None:
-        """End all processes, idle or not: what is finished is in the journal."""
+        """End all processes, idle or not; finished parts are in the journal."""
         for worker in (*self._idle, *(task.worker for task in self._busy)):
             worker.kill()
         self._idle, self._busy = [], []
 
-    def _begin(self, part: Part, folder: Path, versions: Mapping[str, str]) -> None:
+    def _start(self, part: Part, folder: Path, versions: Mapping[str, str]) -> None:
         if self._idle:
             task = Task(part, self._idle.pop(), time.monotonic())
         else:
@@ -102,11 +102,11 @@ class Crew:
         task.worker.begin(measure, part, folder, dict(versions))
 
     def _collect(self, task: Task) -> Record | Died | str | None:
-        """What came of a part; None where its process is ready to begin with it."""
+        """Result of a part; None where its process is ready to begin with it."""
         try:
             found: Record | CellError | None = task.worker.result()
         except Died as died:
-            self._dismiss(task)
+            self._end_worker(task)
             return died
         if found is None:
             return None
@@ -116,6 +116,6 @@ class Crew:
             raise found
         return found
 
-    def _dismiss(self, task: Task) -> None:
+    def _end_worker(self, task: Task) -> None:
         self._busy.remove(task)
         task.worker.kill()

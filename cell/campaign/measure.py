@@ -1,4 +1,4 @@
-"""One part measured in a process of its own, and its record written there."""
+"""Measures one part in a process of its own, and writes its record there."""
 
 import fcntl
 import json
@@ -32,7 +32,7 @@ def measure(
     known = journal.get(part.key, part.of)
     if known is not None and known.done:
         return known
-    wall, processor, outcome, reason = time.perf_counter(), _processor(), None, ""
+    wall, processor, outcome, reason = time.perf_counter(), _processor_time(), None, ""
     try:
         outcome = plain(part.measure())
     except CellError as error:
@@ -46,7 +46,7 @@ def measure(
         state="failed" if outcome is None else "measured",
         outcome=outcome,
         reason=reason,
-        cost=Cost(wall=time.perf_counter() - wall, processor=_processor() - processor),
+        cost=Cost(wall=time.perf_counter() - wall, processor=_processor_time() - processor),
         versions=dict(versions),
         host=os.uname().nodename,
     )
@@ -62,7 +62,7 @@ def plain(outcome: Mapping[str, Any] | BaseModel) -> dict[str, Any]:
 
 
 def set_aside(part: Part, reason: str, folder: Path, versions: Mapping[str, str]) -> Record:
-    """The record of a part that gave none itself, stored as well."""
+    """Store and return a record for `part` that gave none itself, with the `reason`."""
     facts: dict[str, Any] = {"state": "set_aside", "reason": reason, "versions": dict(versions)}
     record = Record(schema=1, key=part.key, of=part.of, host=os.uname().nodename, **facts)
     Journal(folder).put(record)
@@ -85,7 +85,7 @@ def prepare(_stop: StopSignal | None = None) -> None:
     folder = compiled(numba.config.CACHE_DIR)
     if folder is None:
         return
-    with _alone(folder):
+    with _cache_lock(folder):
         if not any(folder.glob("*.nbc")):
             rod = Rod(20)
             rod.reset([describe(paper_strip(0.1, 0.01))])
@@ -93,8 +93,8 @@ def prepare(_stop: StopSignal | None = None) -> None:
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder of compiled code, which lies on this host."""
+def _cache_lock(folder: Path) -> Iterator[None]:
+    """Hold the lock of the folder of compiled code, which belongs to this host."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)  # for as long as the other compiles
@@ -103,7 +103,7 @@ def _alone(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def _processor() -> float:
-    """Processor time [s] of this process and of the children that it has waited for."""
+def _processor_time() -> float:
+    """Processor time [s] of this process and of its children that have ended."""
     both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(used.ru_utime + used.ru_stime for used in both)

@@ -7,7 +7,7 @@ from pydantic import BaseModel
 
 
 class Part(Protocol):
-    """One measurement; the same part gives the same outcome. It can be pickled."""
+    """A measurement for another process, to be pickled; equal parts give equal outcomes."""
 
     @property
     def key(self) -> str:
@@ -22,4 +22,4 @@ class Part(Protocol):
         """Estimated time on one core [s]."""
 
     def measure(self) -> Mapping[str, Any] | BaseModel:
-        """Its outcome, which JSON can hold; raises CellError where there is none."""
+        """Measure the part: an outcome that JSON can hold; raises CellError where there is none."""

@@ -1,4 +1,4 @@
-"""Progress of a campaign in the terminal: how many, how long still, what fails."""
+"""Progress of a campaign in the terminal: parts done, time left, failures."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ Says = Callable[[Record], str]
 
 
 def briefly(record: Record) -> str:
-    """What came of a part, in a few words."""
+    """Result of a part, in a few words."""
     return (
         ""
         if record.state == "measured"
@@ -25,14 +25,14 @@ class Quiet:
     """A watcher that shows nothing."""
 
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
-        """Nothing."""
+        """Show nothing at the start."""
 
     def finish(self, part: Part, record: Record) -> None:
-        """Nothing."""
+        """Show nothing after a part."""
 
 
 class Meter:
-    """A bar weighted by the parts' cost; without a terminal, a line for each part.
+    """Progress bar weighted by the parts' cost; without a terminal, a line for each part.
 
     Parts that failed stay on the screen.
     """
@@ -62,7 +62,7 @@ class Meter:
             self._bar.start()
 
     def finish(self, part: Part, record: Record) -> None:
-        """Advance."""
+        """Advance the bar by one part."""
         self._done += 1
         self._failed += record.state != "measured"
         self._left -= part.cost
@@ -70,7 +70,7 @@ class Meter:
         if self._quiet:
             return
         failed = f", {self._failed} failed" if self._failed else ""
-        said = f"{self._done} of {self._count}{failed}{self._still()}  {part.key}"
+        said = f"{self._done} of {self._count}{failed}{self._time_left()}  {part.key}"
         said += self._says(record)
         if self._task is None or record.state != "measured":
             self._print(said)
@@ -88,8 +88,8 @@ class Meter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _still(self) -> str:
-        """Time left, from what the parts measured here took."""
+    def _time_left(self) -> str:
+        """Estimated time left, from the time of the parts measured here."""
         here, passed = self._known - self._before, time.monotonic() - self._begun
         return f", {clock(self._left * passed / here)} left" if here > 0 and self._left > 0 else ""
 
@@ -98,7 +98,7 @@ class Meter:
 
 
 def clock(seconds: float) -> str:
-    """Minutes and seconds, or hours and minutes."""
+    """A duration as minutes and seconds, or hours and minutes."""
     minutes, rest = divmod(round(seconds), 60)
     hours, short = divmod(minutes, 60)
     return f"{hours} h {short:02d} min" if hours else f"{minutes}:{rest:02d}"

@@ -1,4 +1,4 @@
-"""A campaign carried out: parts without a record are measured, by whichever engine."""
+"""Runs a campaign: parts without a record are measured, by whichever engine."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from drivers.files import writing
 
 
 class Engine(Protocol):
-    """Measures parts somewhere."""
+    """Protocol of an engine that measures parts, here or on other machines."""
 
     def measure(
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
@@ -32,8 +32,8 @@ class Watcher(Protocol):
 def carry_out(
     parts: Sequence[Part], folder: Path, engine: Engine, watcher: Watcher, *, again: bool = False
 ) -> Iterator[tuple[Part, Record]]:
-    """Every part with its record: the done ones of the journal at `folder`, then the others as
-    they finish; `again` measures all of them anew.
+    """Return every part with its record: the done ones of the journal at `folder`, then the others
+    as they finish; `again` measures all of them anew.
 
     Raises CellError where the journal cannot be written or the workers are gone, KeyboardInterrupt
     from the keyboard; what is finished is kept in either case.

@@ -13,12 +13,12 @@ CONFIDENCE_LEVEL = 0.95
 DRAWS = 1000  # of the bootstrap
 
 
-def _size(of: Callable[[Array], float]) -> Callable[[Array], float]:
+def _absolute(of: Callable[[Array], float]) -> Callable[[Array], float]:
     return lambda values: of(np.abs(values))
 
 
 class Statistic(Enum):
-    """What is said of many values: by name, and whether it has an interval."""
+    """A statistic of many values, with its name and whether it has an interval."""
 
     MEAN = "mean"
     MEDIAN = "median"
@@ -40,9 +40,9 @@ _OF: dict[Statistic, Callable[[Array], float]] = {
     Statistic.MEDIAN: np.median,
     Statistic.RMS: lambda values: np.sqrt(np.mean(np.square(values))),
     Statistic.SIGMA: np.std,
-    Statistic.MEAN_SIZE: _size(np.mean),
-    Statistic.P95_SIZE: _size(lambda values: np.quantile(values, 0.95)),
-    Statistic.WORST_SIZE: _size(np.max),
+    Statistic.MEAN_SIZE: _absolute(np.mean),
+    Statistic.P95_SIZE: _absolute(lambda values: np.quantile(values, 0.95)),
+    Statistic.WORST_SIZE: _absolute(np.max),
     Statistic.SHARE: np.mean,
     Statistic.COUNT: np.sum,
 }
@@ -69,7 +69,7 @@ class Quantity:
 
     @property
     def title(self) -> str:
-        """Head of the column."""
+        """Head of the quantity's column."""
         name = self.label or self.value.replace("_", " ")
         if not self.label:
             said = self.statistic.value
@@ -80,7 +80,7 @@ class Quantity:
 @dataclass(frozen=True, slots=True)
 class Figure:
     """A number with its 95 % interval, NaN where it has none, and the `count` of cases behind it;
-    `held` says whether the bar is kept, None without a bar.
+    `held` states whether it keeps its bar, None without a bar.
     """
 
     quantity: Quantity
@@ -91,7 +91,7 @@ class Figure:
     held: bool | None = field(default=None)
 
     def text(self) -> str:
-        """The number, and its interval where it has one."""
+        """The number as text, with its interval where it has one."""
         if not np.isfinite(self.value):
             return "-"
         digits = self.quantity.digits
@@ -102,7 +102,7 @@ class Figure:
 
 
 def figure(quantity: Quantity, samples: Sequence[Sequence[float]]) -> Figure:
-    """`quantity` over the `samples` of each case, which may be none.
+    """Compute `quantity` over the `samples` of each case, which may be none.
 
     The interval of a share is exact (Clopper and Pearson), the others' a bootstrap over cases,
     since the samples of one case belong together.

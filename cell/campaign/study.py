@@ -1,4 +1,4 @@
-"""A study as a value: its question, its cases, how one is measured, and what is said of all."""
+"""A study as a value: its question, its cases, the measurement of one, the statistics of all."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,13 +25,13 @@ class Case:
 
     @property
     def key(self) -> str:
-        """Its name in the journal."""
+        """Name of the case in the journal."""
         return f"{self.number:05d}-{digest(repr(sorted(self.values.items())))}"
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What was measured of a case; `values` are plain JSON."""
+    """Measurement of a case; `values` are plain JSON."""
 
     case: Case
     values: Values
@@ -40,7 +40,7 @@ class Outcome:
 @dataclass(frozen=True, slots=True)
 class Fit:
     """A data file of the package that a study writes: `path` in the checkout, content `of` all
-    outcomes, to whose `source`, if any, the page adds how many cases there were.
+    outcomes; to its `source`, if any, the number of cases is added.
     """
 
     path: str
@@ -57,7 +57,7 @@ class Ledger:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """What is measured and what is said of it.
+    """A study: how its cases are drawn and measured, and the columns of its table.
 
     `draw` makes case number i from a generator of its own, seeded by (seed, i), so that a larger
     study holds the smaller one. `measure` takes the values of a case to those of its outcome; both
@@ -81,7 +81,7 @@ class Study:
     ledger: Ledger | None = None
 
     def cases(self, seed: int, count: int) -> tuple[Case, ...]:
-        """The first `count` cases by `seed`."""
+        """The first `count` cases drawn by `seed`."""
         return tuple(
             Case(number, seed, self.draw(number, np.random.default_rng([seed, number])))
             for number in range(count)

@@ -1,4 +1,4 @@
-"""What decides the numbers of a campaign: versions of libraries, and the code itself."""
+"""Versions that decide the numbers of a campaign: of libraries, and of the code itself."""
 
 import hashlib
 from functools import cache

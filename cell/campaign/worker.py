@@ -1,4 +1,4 @@
-"""A process of its own that calls what it is sent; what kills it kills nothing else.
+"""A worker process that calls the functions it is sent; a crash in it leaves this process alive.
 
 Not `multiprocessing`: a Dask worker is a daemon, which may have no such children.
 """
@@ -27,7 +27,7 @@ Call = Callable[..., Any]
 
 
 class Died(Exception):
-    """The process ended by itself; its exit code is the argument, negative for a signal."""
+    """The worker process ended by itself; its exit code is the argument, negative for a signal."""
 
 
 class Worker:
@@ -47,7 +47,7 @@ class Worker:
 
     @property
     def pid(self) -> int:
-        """Number of the process."""
+        """Process ID of the worker."""
         return self._process.pid
 
     def begin(self, function: Call, *arguments: Any) -> None:
@@ -63,12 +63,12 @@ class Worker:
             raise Died(self._process.wait()) from None
 
     def stop(self) -> None:
-        """Ask the call under way to stop; a second time, to stop at once."""
+        """Ask the running call to stop; a second time, to stop at once."""
         with suppress(OSError):
             self.pipe.send(STOP)
 
     def release(self) -> None:
-        """Send nothing more; a call that watches its StopSignal stops under control."""
+        """Close the pipe; a call that watches its StopSignal stops under control."""
         self.pipe.close()
 
     def kill(self) -> None:
@@ -87,14 +87,14 @@ class Worker:
 
 
 class StopSignal:
-    """Whether a call must stop: requested through `pipe`, or because the parent is gone."""
+    """Signal that a call must stop: requested through `pipe`, or because the parent is gone."""
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
         self._words = 0
 
     def __call__(self) -> bool:
-        """True after the first request; raises KeyboardInterrupt from the second on."""
+        """Whether a stop was requested; raises KeyboardInterrupt from the second request on."""
         while self._pipe.poll():
             try:
                 self._pipe.recv()
@@ -107,11 +107,11 @@ class StopSignal:
 
 
 def serve(descriptor: int) -> None:
-    """Be the process: call what comes through the pipe until it closes."""
+    """Run as the worker process: call what comes through the pipe until it closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pipe = Connection(descriptor)
     with suppress(OSError):  # nobody waits for the result any more
-        while (task := _next(pipe)) is not None:
+        while (task := _next_call(pipe)) is not None:
             pipe.send(_call(*task, StopSignal(pipe)))
 
 
@@ -122,7 +122,7 @@ def _call(function: Call, arguments: tuple[Any, ...], stop: StopSignal) -> Any:
         return error
 
 
-def _next(pipe: Connection) -> tuple[Call, tuple[Any, ...]] | None:
+def _next_call(pipe: Connection) -> tuple[Call, tuple[Any, ...]] | None:
     """The next call; None at the end. A stop request that arrives between calls is ignored."""
     while True:
         try:
@@ -135,10 +135,10 @@ def _next(pipe: Connection) -> tuple[Call, tuple[Any, ...]] | None:
 
 def end_with_parent() -> None:
     """End this process and what it started soon after its parent is gone."""
-    Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
+    Thread(target=_watch_parent, args=(os.getppid(),), daemon=True).start()
 
 
-def _watch(parent: int) -> None:
+def _watch_parent(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(POLL_INTERVAL)
     with suppress(PermissionError):

@@ -47,7 +47,7 @@ def home(
         share = 1.0 if full_speed else 0.1
         joints = by_hand.home_joints(settings, lying)
         by_hand.go_joints(settings, joints, share, recover=recover, reset_tool=reset_tool)
-        _say("the arm is home", settings, choice)
+        _print_result("the arm is home", settings, choice)
         return
     _move(settings, choice, by_hand.to(by_hand.home_pose(settings, lying)))
 
@@ -68,7 +68,7 @@ def park(
     if _at_address(settings, choice):
         share = 1.0 if full_speed else 0.1
         by_hand.go_joints(settings, by_hand.PARKED, share, recover=recover)
-        _say("the arm is parked", settings, choice)
+        _print_result("the arm is parked", settings, choice)
         return
     _move(settings, choice, by_hand.to(by_hand.home_pose(settings, NO_STRIP)))
 
@@ -126,8 +126,8 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 def _agree_to_motion(
     settings: "CellFile", arm: str | None, full_speed: bool, *, recover: bool = False
 ) -> "tuple[CellFile, DeviceSelection]":
-    """Settings and selection, once the operator has agreed to the motion of a real robot, at which
-    the doctor has looked: not to `recover`, which must always be possible.
+    """Settings and selection, once the operator has agreed to the motion of a real robot. The
+    doctor checks the robot first, except to `recover`, which must always be possible.
     """
     from cell.arm.real_robot import agree
     from cell.devices.devices import DeviceSelection
@@ -146,15 +146,15 @@ def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:
 def _move(
     settings: "CellFile", choice: "DeviceSelection", motion: "Callable[[Snapshot], Motion]"
 ) -> None:
-    """Carry out one `motion`, say what came of it, and end with its exit code."""
+    """Carry out one `motion`, print its result, and exit with its code."""
     from cell.arm.by_hand import by_hand
 
     outcome = by_hand(settings, choice, motion)
-    _say(f"{outcome.name}: {outcome.reason}", settings, choice)
+    _print_result(f"{outcome.name}: {outcome.reason}", settings, choice)
     sys.exit(outcome.exit_code)
 
 
-def _say(text: str, settings: "CellFile", choice: "DeviceSelection") -> None:
+def _print_result(text: str, settings: "CellFile", choice: "DeviceSelection") -> None:
     from cell.devices.open import emulation
 
     remark = emulation(settings, choice)

@@ -1,4 +1,4 @@
-"""`cell benchmark`."""
+"""The command `cell benchmark`: folds the paper's strips and compares with its numbers."""
 
 import sys
 from pathlib import Path

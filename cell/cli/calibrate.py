@@ -116,17 +116,17 @@ def calibrate_camera(
         verdict, folder = lens_again(again, without or (), out), out or again
     else:
         folder = _session_folder(out, resume, settings.name, "camera")
-        settings, devices = _open(settings, "twin", camera)  # no arm is needed
+        settings, devices = _open_devices(settings, "twin", camera)  # no arm is needed
         if measured is None and devices.aids is None and resume is None:
             words = f"length of {settings.boards.columns} squares by a ruler [mm]"
-            measured = typer.prompt(words, value_proc=_ruler)
+            measured = typer.prompt(words, value_proc=_ask_length)
         with sitting(folder, "camera", viz) as at:
             operator = at.operator(devices, interactive=interactive)
             verdict = calibrate_lens(
                 settings, devices, folder, operator, at.watch, measured, at.interrupted
             ).verdict
             at.say(lens_lines(verdict))
-    page = None if again and out is None else _page(folder)
+    page = None if again and out is None else _write_page(folder)
     if as_json:
         print_json(_lens_facts(verdict) | {"folder": str(folder)})
     else:
@@ -166,15 +166,15 @@ def calibrate_homography(
     from cell.calibrating import homography_wizard as wizard
 
     settings = _settings(configs)
-    _check_own(configs, use=use)
+    _check_writable(configs, use=use)
     if again is not None:
         found = wizard.homography_again(
             again, without or (), out, settings.fold.speed, accept_anyway=accept_anyway
         )
     else:
         folder = _session_folder(out, resume, settings.name, "homography")
-        settings, devices = _open(settings, arm, camera, full_speed=full_speed)
-        seen_through = _lens(lens, resume, devices.camera_identity)
+        settings, devices = _open_devices(settings, arm, camera, full_speed=full_speed)
+        seen_through = _find_lens(lens, resume, devices.camera_identity)
         plan = None if poses is None else wizard.read_poses(poses)
         with sitting(folder, "homography", viz) as at:
             found = wizard.calibrate_homography(
@@ -189,8 +189,8 @@ def calibrate_homography(
                 interrupted=at.interrupted,
             )
             at.say(touch_lines(found.touches, found.latency, settings.fold.speed))
-    page = None if found.folder is None else _page(found.folder)
-    in_use = _use(configs, found, again) if use else None
+    page = None if found.folder is None else _write_page(found.folder)
+    in_use = _use_calibration(configs, found, again) if use else None
     if as_json:
         print_json(_touch_facts(found))
     else:
@@ -216,7 +216,7 @@ def calibrate_check(
     from cell.calibrating.calibrate import calibration_of
     from cell.calibrating.homography_wizard import check_calibration
 
-    settings, devices = _open(_settings(configs), arm, camera, full_speed=full_speed)
+    settings, devices = _open_devices(_settings(configs), arm, camera, full_speed=full_speed)
     with terminal() as at:
         calibration = load_calibration(file) if file else calibration_of(settings, at.panel.ask)
         operator = at.operator(devices, interactive=interactive)
@@ -239,7 +239,7 @@ def _settings(configs: Path | None) -> "CellFile":
     return find_configs(configs).cell()
 
 
-def _ruler(text: str) -> float:
+def _ask_length(text: str) -> float:
     """The length [m] typed at a prompt, which asks again for anything else."""
     from drivers.errors import ConfigurationError
 
@@ -269,7 +269,7 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
     return out
 
 
-def _open(
+def _open_devices(
     settings: "CellFile", arm: str | None, camera: str | None, *, full_speed: bool = False
 ) -> "tuple[CellFile, Devices]":
     """The cell's settings and devices for a calibration, without a strip, once the operator has
@@ -287,8 +287,8 @@ def _open(
     return settings, open_cell(settings, NO_STRIP, choice, calibrating=True)
 
 
-def _lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
-    """The lens of the session that goes on, of the file, or the newest of this camera."""
+def _find_lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
+    """The lens of the resumed session, of the file, or the newest of this camera."""
     from calibration.lens import read_lens
     from cell.calibrating.homography_wizard import lens_of
     from cell.calibrating.lens_wizard import newest_lens
@@ -298,14 +298,14 @@ def _lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
     return read_lens(file or newest_lens(SESSIONS, camera))
 
 
-def _page(folder: Path) -> Path:
+def _write_page(folder: Path) -> Path:
     from cell.report.calibration_page import write_session_page
 
     return write_session_page(folder)
 
 
-def _check_own(configs: Path | None, *, use: bool) -> None:
-    """Refuse to change the packaged configuration for --use, before the arm has moved for it."""
+def _check_writable(configs: Path | None, *, use: bool) -> None:
+    """Refuse --use for the packaged configuration before the arm has moved."""
     from cell.config.places import PACKAGED, find_configs
     from drivers.errors import ConfigurationError
 
@@ -313,8 +313,10 @@ def _check_own(configs: Path | None, *, use: bool) -> None:
         raise ConfigurationError("--use: copy the configs folder; name the copy by --configs")
 
 
-def _use(configs: Path | None, found: "TouchSession", again: Path | None) -> Path | None:
-    """Name the calibration of a session in cell.yaml; None where there is none."""
+def _use_calibration(
+    configs: Path | None, found: "TouchSession", again: Path | None
+) -> Path | None:
+    """Name the session's calibration in cell.yaml; None where there is none."""
     from calibration.calibration import load_calibration
     from cell.calibrating.calibration_in_use import use_calibration
     from cell.config.places import find_configs

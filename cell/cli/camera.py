@@ -33,7 +33,7 @@ def camera(
     from drivers.camera.listing import list_cameras, report
 
     found = list_cameras(Linux()) if device is None else iter([report(Linux(), device)])
-    _tell_all(found, as_json=as_json)
+    _print_cameras(found, as_json=as_json)
 
 
 def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
@@ -91,41 +91,41 @@ def _grab_line(taken: "Grab") -> dict[str, Any]:
     }
 
 
-def _tell_all(found: "Iterator[CameraReport | UnusableDevice]", *, as_json: bool) -> None:
+def _print_cameras(found: "Iterator[CameraReport | UnusableDevice]", *, as_json: bool) -> None:
     from drivers.camera.listing import UnusableDevice
 
     count = 0
     for entry in found:
         count += 1
         if as_json:
-            print_json(_line(entry))
+            print_json(_camera_facts(entry))
         elif isinstance(entry, UnusableDevice):
             sys.stdout.write(f"{entry.problem}\n")
         else:
-            sys.stdout.write("\n".join(_page(entry)) + "\n")
+            sys.stdout.write("\n".join(_camera_lines(entry)) + "\n")
     if not count:
         sys.stderr.write("cell: no camera has a link under /dev/v4l; plug one in\n")
 
 
-def _line(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
+def _camera_facts(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
     from dataclasses import asdict
 
     from drivers.camera.listing import UnusableDevice
 
     if isinstance(entry, UnusableDevice):
         return asdict(entry)
-    section = _section(entry)
+    section = _mode_facts(entry)
     return {**asdict(entry), "camera": section}
 
 
-def _section(entry: "CameraReport") -> dict[str, Any] | None:
+def _mode_facts(entry: "CameraReport") -> dict[str, Any] | None:
     from cell.devices.camera_check import suggest_settings
 
     settings = suggest_settings(entry)
     return None if settings is None else settings.model_dump(exclude_defaults=True)
 
 
-def _page(entry: "CameraReport") -> Iterator[str]:
+def _camera_lines(entry: "CameraReport") -> Iterator[str]:
     from drivers.camera.formats import READABLE_FORMATS
 
     who = entry.identity
@@ -140,7 +140,7 @@ def _page(entry: "CameraReport") -> Iterator[str]:
         value = "-" if control.value is None else control.value
         why = "" if control.obstacle is None else f"; {control.obstacle}"
         yield f"    {control.name} {value} ({control.allowed}{why})"
-    section = _section(entry)
+    section = _mode_facts(entry)
     if section is None:
         yield "  offers no format that this driver reads"
     else:

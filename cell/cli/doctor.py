@@ -1,4 +1,4 @@
-"""`cell doctor`."""
+"""The command `cell doctor`: checks machine, files, robot and camera."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""`cell fold`."""
+"""The command `cell fold`: folds a strip and reports the result."""
 
 import json
 import sys
@@ -137,12 +137,12 @@ def fold(
     base = with_correction(base, "on" if until is not None and learning is None else learning)
     wanted = check_requests(requests(base, plant or [], repeat))
     for doubt in doubts_about(wanted):
-        _remark(doubt)
+        _print_remark(doubt)
     if dry_run:
         _predict(base, as_json=as_json)
         return
     if until is not None:
-        sys.exit(_folded_until(wanted, until, as_json=as_json))
+        sys.exit(_fold_until(wanted, until, as_json=as_json))
     if rehearse:
         sys.exit(_rehearse(base, as_json=as_json))
     sys.exit(_fold_each(wanted, jobs, as_json=as_json))
@@ -164,14 +164,14 @@ def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
     except ConfigurationError as missing:
         if film:
             raise
-        _remark(f"no film of the fold is kept: {missing}")
+        _print_remark(f"no film of the fold is kept: {missing}")
         return None
     return wanted
 
 
-def _folded_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> int:
-    """Fold one after the other, each corrected by those before, until the edges lie as close as
-    `until`; the last fold's exit code, 1 where none came as close.
+def _fold_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> int:
+    """Fold repeatedly, each fold corrected by those before, until the edges lie as close as
+    `until`; returns the last fold's exit code, 1 where none came as close.
     """
     from cell.config.length import metres
     from cell.folding.correct import with_correction
@@ -181,14 +181,14 @@ def _folded_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> 
     for request in wanted:
         made: list[FoldResult] = []
         code = _fold_each([with_correction(request, "on")], 1, made.append, as_json=as_json)
-        if code > 1 or (code == 0 and _offset(made) <= close):
+        if code > 1 or (code == 0 and _laid_offset(made) <= close):
             return code
         following = with_correction(request, "on").correction.total
-        _remark(f"the next fold would aim {-1e3 * following:+.1f} mm")
+        _print_remark(f"the next fold would aim {-1e3 * following:+.1f} mm")
     return 1
 
 
-def _offset(made: "list[FoldResult]") -> float:
+def _laid_offset(made: "list[FoldResult]") -> float:
     """Offset of the laid edges [m] of the newest fold, of its layers where no edge was seen."""
     seen = [made[-1].edge_offset, made[-1].displacement] if made else []
     return next((abs(value) for value in seen if value is not None), float("inf"))
@@ -206,10 +206,10 @@ def _fold_each(
     real, remark = wanted[0].choice.agreed, _emulation(wanted[0])
     code = 0
     if remark and as_json:
-        _remark(remark)
+        _print_remark(remark)
     try:
         for result in _results(wanted, 1 if real else jobs, quiet=as_json, real=real):
-            _tell(result, remark, as_json=as_json)
+            _print_result(result, remark, as_json=as_json)
             keep(result)
             code = max(code, result.exit_code)
     except CellError as error:
@@ -269,7 +269,7 @@ def _results(
     settings, _ = wanted[0].read_files()
     if jobs > 1 and len(wanted) > 1:
         with Interrupt() as interrupted:
-            calibration = calibration_of(settings, _remark, interrupted)
+            calibration = calibration_of(settings, _print_remark, interrupted)
             for request, made in zip(
                 wanted, each_of(wanted, jobs, interrupted, calibration), strict=False
             ):
@@ -279,7 +279,7 @@ def _results(
         if real and number > 0:
             await_strip(ask)
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:
-            calibration = calibration_of(settings, _remark, interrupted)
+            calibration = calibration_of(settings, _print_remark, interrupted)
             try:
                 made = fold_once(request, shown, interrupted, calibration)
             except CellError as error:
@@ -290,7 +290,7 @@ def _results(
 
 
 def _as_result(request: "Request", made: "FoldResult | CellError") -> "FoldResult":
-    """One fold's own trouble ends that fold alone; Ctrl-C, given twice, ends the batch."""
+    """Convert a fold's own error to a result, so that a batch goes on; Ctrl-C twice ends it."""
     from cell.folding.result import FoldResult
     from cell.orchestrator.interrupt import Interrupted
 
@@ -308,20 +308,20 @@ def _emulation(request: "Request") -> str:
     return emulation(request.read_files()[0], request.choice)
 
 
-def _tell(result: "FoldResult", remark: str, *, as_json: bool) -> None:
+def _print_result(result: "FoldResult", remark: str, *, as_json: bool) -> None:
     if as_json:
         print_json(result.line())
         if result.exit_code != 0:
-            _remark(": ".join(filter(None, (result.run, result.outcome, result.reason))))
+            _print_remark(": ".join(filter(None, (result.run, result.outcome, result.reason))))
     elif result.run:
         lines = (result.sentence(), remark, f"record: {result.run}")
         sys.stdout.write("\n  ".join(filter(None, lines)) + "\n")
     else:
-        _remark(result.reason)
+        _print_remark(result.reason)
     sys.stdout.flush()
 
 
-def _remark(text: str) -> None:
+def _print_remark(text: str) -> None:
     sys.stderr.write(f"cell: {text}\n")
 
 

@@ -1,4 +1,4 @@
-"""`cell gap`: where simulation and measurement disagree, and why."""
+"""The command `cell gap`: finds where simulation and measurement disagree, and why."""
 
 import json
 import os
@@ -65,7 +65,7 @@ def fit(
     as_json: Json = False,
 ) -> None:
     """Refit, localise, name, and judge on held-out runs; says so when it cannot decide."""
-    file = _one_of(strip, model, configs, subject)
+    file = _single_file(strip, model, configs, subject)
     from cell.gap.fit import fit as judge
     from cell.gap.report.overlay import write_overlay
     from cell.gap.verdict.accept import LAW_PATCH
@@ -84,8 +84,8 @@ def fit(
     law = (out / LAW_PATCH).is_file()
     option = f"--model {model}" if model is not None else f"--strip {file}"
     option = option if subject is None else f"--subject {subject}"
-    following = f"next: {_next(verdict, out, option, law=law)}"
-    sys.stdout.write("\n".join([*_summary(verdict), *files, following]) + "\n")
+    following = f"next: {_next_command(verdict, out, option, law=law)}"
+    sys.stdout.write("\n".join([*_verdict_lines(verdict), *files, following]) + "\n")
 
 
 @gap.command()
@@ -108,7 +108,7 @@ def check(
     from drivers.errors import ConfigurationError
     from drivers.files import write_file
 
-    file, cores = _one_of(strip, model, configs, subject), os.cpu_count() or 1
+    file, cores = _single_file(strip, model, configs, subject), os.cpu_count() or 1
     found = look(runs, file, min(jobs or cores, cores))
     write_file(out / "check.json", found.to_json())
     write_file(out / "check.html", check_page(found, file.stem))
@@ -138,10 +138,10 @@ def accept(
     """
     from cell.gap.verdict.accept import accept as put
 
-    file = _one_of(strip, model, configs, subject)
+    file = _single_file(strip, model, configs, subject)
     cell_file = _cell_file(configs) if model is None else None
     accepted = put(fitted, file, cell_file, law=law)
-    _tell("accepted", accepted.effects, accepted.files, as_json=as_json)
+    _print_changes("accepted", accepted.effects, accepted.files, as_json=as_json)
 
 
 @gap.command()
@@ -156,10 +156,10 @@ def undo(
     """Bring the files back as they were before the acceptance."""
     from cell.gap.verdict.accept import undo as take_back
 
-    file = _one_of(strip, model, configs, subject)
+    file = _single_file(strip, model, configs, subject)
     cell_file = _cell_file(configs) if model is None else None
     undone = take_back(fitted, file, cell_file)
-    _tell("undone", undone.effects, undone.files, as_json=as_json)
+    _print_changes("undone", undone.effects, undone.files, as_json=as_json)
 
 
 @gap.command()
@@ -185,8 +185,8 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
 
 
 def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
-    """By how much the runs differ for no reason, and whether less of it would separate more than
-    the best motion, which separates by `planned` sigma.
+    """Differences between repeated runs, and whether smaller ones would separate more than the best
+    motion, which separates by `planned` sigma.
     """
     from cell.gap.report.repeats import remedies
     from cell.gap.verdict.accept import RECORD
@@ -197,8 +197,8 @@ def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
     yield from remedies(spreads, record.steadier, planned)
 
 
-def _summary(verdict: "Verdict") -> Iterator[str]:
-    """The verdict in a few lines, first what is not as the file states."""
+def _verdict_lines(verdict: "Verdict") -> Iterator[str]:
+    """The verdict in a few lines, deviations from the file first."""
     from cell.gap.report.sentence import deviation
 
     if verdict.deviates:
@@ -223,7 +223,7 @@ def _summary(verdict: "Verdict") -> Iterator[str]:
         yield f"  note: {note}"
 
 
-def _one_of(
+def _single_file(
     strip: str | None, model: Path | None, configs: Path | None, subject: str | None
 ) -> Path:
     """The file that is fitted; ConfigurationError unless exactly one is given."""
@@ -238,11 +238,11 @@ def _one_of(
         from cell.config.places import find_configs
 
         return near(find_configs(configs).mechanism_path(subject))
-    return model or _subject(strip or "", configs)
+    return model or _strip_file(strip or "", configs)
 
 
-def _next(verdict: "Verdict", out: Path, option: str, *, law: bool) -> str:
-    """The command to type next."""
+def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> str:
+    """The command that the user types next."""
     from cell.gap.verdict.accept import BASE_PATCH
 
     if verdict.verdict == "named" or (out / BASE_PATCH).is_file():
@@ -256,7 +256,7 @@ def _next(verdict: "Verdict", out: Path, option: str, *, law: bool) -> str:
     return f"cell fold {option}" if option.startswith("--strip") else "nothing: the model holds"
 
 
-def _subject(named: str, configs: Path | None) -> Path:
+def _strip_file(named: str, configs: Path | None) -> Path:
     """The file of the strip `named`: a path to any file, or a name in the configuration."""
     from cell.config.places import find_configs
 
@@ -273,7 +273,9 @@ def _cell_file(configs: Path | None) -> Path:
     return found.folder / "cell.yaml"
 
 
-def _tell(what: str, effects: tuple[str, ...], files: tuple[Path, ...], *, as_json: bool) -> None:
+def _print_changes(
+    what: str, effects: tuple[str, ...], files: tuple[Path, ...], *, as_json: bool
+) -> None:
     if as_json:
         print_json({what: effects, "files": files})
         return

@@ -1,4 +1,4 @@
-"""`cell gap exam`."""
+"""The command `cell gap exam`: hides causes in plants and scores the workflow's verdicts."""
 
 import os
 import sys
@@ -90,7 +90,7 @@ def exam(
     chosen = engine(wide, cluster, CASE_TIMEOUT)
     others = _check_places(out, report, beside or (), made=only_judge and not ledger)
     with resumable(out), Meter(console, summarise, quiet=as_json) as meter:
-        drawn = (lambda *_: None) if as_json else _line
+        drawn = (lambda *_: None) if as_json else _print_progress
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
         entries = run_exam(
             wanted, out, engine=chosen, watcher=meter, steps=steps, again=again, ledger=ledger
@@ -99,13 +99,13 @@ def exam(
         failed = sum(e.state == "failed" for e in entries)
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
-    command = _command(tier, len(wanted), seed, repeats, kind, force)
+    command = _repeat_command(tier, len(wanted), seed, repeats, kind, force)
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
-    _tell(entries, page, as_json=as_json)
+    _print_table(entries, page, as_json=as_json)
 
 
 def _steps(*, make: bool, judge: bool) -> "Steps":
-    """Which steps are asked for; both alone are a ConfigurationError."""
+    """The steps of the exam that are requested; both options alone are a ConfigurationError."""
     from drivers.errors import ConfigurationError
 
     if make and judge:
@@ -116,7 +116,7 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
 def _check_places(
     out: Path, report: Path | None, beside: "Sequence[Path]", *, made: bool
 ) -> "list[Entry]":
-    """The entries of the exams `beside`, once all places can be used: an exam takes hours.
+    """Check that all places are writable, as an exam takes hours; the entries of exams `beside`.
 
     Raises ConfigurationError where one cannot, or where `out` holds no runs that are to be `made`.
     """
@@ -137,10 +137,10 @@ def _check_places(
     return [entry for place in beside for entry in _entries_of(place)]
 
 
-def _command(
+def _repeat_command(
     tier: str, count: int, seed: int, repeats: int, kind: str | None, force: float | None
 ) -> str:
-    """What makes the same exam again."""
+    """Command line that repeats the same exam."""
     again = f" --repeats {repeats}" if repeats > 1 else ""
     again += f" --kind {kind}" if kind else ""
     again += f" --force {force:g}" if force else ""
@@ -161,7 +161,7 @@ def _entries_of(place: Path) -> "tuple[Entry, ...]":
     return Ledger(path).entries
 
 
-def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
+def _print_table(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
     if as_json:
         for entry in entries:
             print_json(entry.model_dump(mode="json"))
@@ -174,6 +174,6 @@ def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
     sys.stdout.write(f"{words}: {page}\n")
 
 
-def _line(done: int, total: int, said: str) -> None:
+def _print_progress(done: int, total: int, said: str) -> None:
     if said:
         sys.stderr.write(f"{done}/{total}  {said}\n")

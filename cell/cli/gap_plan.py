@@ -1,4 +1,4 @@
-"""`cell gap plan`."""
+"""The command `cell gap plan`: folds the standard runs for a comparison with the model."""
 
 import sys
 from pathlib import Path
@@ -53,22 +53,22 @@ def plan(
         Request(strip, "", None, choice, folder, configs, None, truth=not no_truth, viz="off")
     )
     if dry_run:
-        _announce(wanted)
+        _print_plan(wanted)
         return
     wanted, code = agree_to_fold(wanted), 0
     with Interrupt() as interrupted:
         folded = fold_runs(wanted, jobs, interrupted, lambda: await_strip(ask))
         results = while_busy("folding", folded)
         for i, result in enumerate(results):
-            _tell(i, len(wanted), wanted[i], result, as_json=as_json)
+            _print_result(i, len(wanted), wanted[i], result, as_json=as_json)
             code = max(code, 0 if went_as_planned(result) else result.exit_code)
     if not as_json:
-        sys.stdout.write(f"next: {_next(strip, folder, configs)}\n")
+        sys.stdout.write(f"next: {_next_command(strip, folder, configs)}\n")
     sys.exit(code)
 
 
-def _next(strip: str, folder: Path, configs: Path | None) -> str:
-    """The command to type next, with the very files."""
+def _next_command(strip: str, folder: Path, configs: Path | None) -> str:
+    """The command that the user types next, with these files."""
     from cell.config.places import find_configs
 
     file = near(find_configs(configs).strip_path(strip))
@@ -76,11 +76,11 @@ def _next(strip: str, folder: Path, configs: Path | None) -> str:
 
 
 def near(file: Path) -> Path:
-    """`file` from the working directory, where it lies below."""
+    """Path of `file` relative to the working directory, where it lies below."""
     return file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file
 
 
-def _announce(wanted: "tuple[Request, ...]") -> None:
+def _print_plan(wanted: "tuple[Request, ...]") -> None:
     from policies.experiments.standard import STANDARD
     from policies.registry import MOTION
 
@@ -90,14 +90,16 @@ def _announce(wanted: "tuple[Request, ...]") -> None:
         sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {reveals}\n")
 
 
-def _gave(result: "FoldResult") -> str:
-    """What a run gave, in a few words."""
+def _result_words(result: "FoldResult") -> str:
+    """Result of a run, in a few words."""
     if result.displacement is None:
         return str(result.outcome)
     return f"{result.outcome}, displacement {1e3 * result.displacement:.1f} mm"
 
 
-def _tell(i: int, of: int, request: "Request", result: "FoldResult", *, as_json: bool) -> None:
+def _print_result(
+    i: int, of: int, request: "Request", result: "FoldResult", *, as_json: bool
+) -> None:
     if as_json:
         print_json(result.line())
     else:
@@ -105,7 +107,7 @@ def _tell(i: int, of: int, request: "Request", result: "FoldResult", *, as_json:
         from policies.registry import MOTION
 
         name = request.policy.removeprefix(MOTION)
-        gave = _gave(result)
+        gave = _result_words(result)
         sys.stdout.write(
             f"{i + 1}/{of}  {name:15s} {gave:32s} shows {STANDARD[name].reveals}  {result.run}\n"
         )

@@ -1,4 +1,4 @@
-"""`cell gap rehearse`."""
+"""The command `cell gap rehearse`: which effects could these runs have revealed?"""
 
 import os
 import sys

@@ -45,19 +45,19 @@ def import_runs(
 
 
 def _summary(run: "Run") -> str:
-    """What was understood of a run: where its gripper starts and ends, and what was seen."""
+    """Summary of an imported run: where its gripper starts and ends, and its quantities."""
     ticks = run.ticks
     if not len(ticks.t):
         return f"{run.name}: no rows"
-    first, last = (_place(ticks.x[k], ticks.z[k]) for k in (0, -1))
+    first, last = (_position_text(ticks.x[k], ticks.z[k]) for k in (0, -1))
     touch = None if run.result is None else run.result.t_layer_touch
     seen = "no touch" if touch is None else f"touch at {touch:.2f} s"
     images = plural(len(set(run.profile.t.tolist())), "image")
     return f"{run.name}: {ticks.t[-1]:.2f} s from {first} to {last}; {images}, {seen}"
 
 
-def _place(x: float, z: float) -> str:
-    """A place of the gripper [m], in mm."""
+def _position_text(x: float, z: float) -> str:
+    """A gripper's position [m] as text in mm."""
     return f"x {round(1e3 * x)}, z {round(1e3 * z)} mm"
 
 

@@ -1,4 +1,4 @@
-"""`cell learn`."""
+"""The command `cell learn`: shows or changes what the cell learned from its folds."""
 
 import sys
 from pathlib import Path

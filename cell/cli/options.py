@@ -142,8 +142,8 @@ def resumable(folder: Path) -> "Iterator[None]":
 
 @contextmanager
 def busy(text: str) -> "Iterator[Callable[[str], None]]":
-    """Say on a terminal what a command is doing that prints nothing until it is done; a call of
-    what it yields says how far that is.
+    """Show on a terminal that a silent command is at work; call the yielded function to state its
+    progress.
     """
     if not sys.stderr.isatty():
         yield lambda _text: None
@@ -155,7 +155,7 @@ def busy(text: str) -> "Iterator[Callable[[str], None]]":
 
 
 def while_busy(text: str, items: "Iterable[T]") -> "Iterator[T]":
-    """The `items`, with `text` on a terminal while the next one is waited for."""
+    """Yield the `items`, with `text` on a terminal while waiting for the next one."""
     source = iter(items)
     while True:
         with busy(text):
@@ -167,7 +167,7 @@ def while_busy(text: str, items: "Iterable[T]") -> "Iterator[T]":
 
 
 def engine(jobs: int, address: str | None, limit: float | None) -> "Engine":
-    """What measures: `jobs` processes, or the cluster at `address`; a part has `limit` [s].
+    """Engine of a campaign: `jobs` processes, or the cluster at `address`; a part has `limit` [s].
 
     Raises ConfigurationError for both.
     """

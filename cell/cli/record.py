@@ -36,7 +36,7 @@ def report(
         raise ConfigurationError("--out: goes with several runs; one has its page in its folder")
     folder = runs[0]
     if folder.is_file() and (folder.name == CALIBRATION or not is_run(folder.parent)):
-        _calibration(folder, as_json=as_json)
+        _report_calibration(folder, as_json=as_json)
         return
     from cell.record.salvage import Salvage
     from cell.report.page import write_page
@@ -53,7 +53,7 @@ def report(
     sys.stdout.write(f"{verdict(run)}\n  {page}\n")
 
 
-def _calibration(path: Path, *, as_json: bool) -> None:
+def _report_calibration(path: Path, *, as_json: bool) -> None:
     from cell.report.calibration_page import write_calibration_report
 
     if path.suffix not in (".yaml", ".yml"):

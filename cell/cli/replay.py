@@ -1,4 +1,4 @@
-"""`cell replay`."""
+"""The command `cell replay`: repeats perception and decisions of a run on its stored images."""
 
 import sys
 from pathlib import Path

@@ -57,18 +57,18 @@ def runs(
         raise ConfigurationError("--keep, --older-than, --delete: go without --sql and --html")
     with _catalogue(folder) as catalogue:
         if sql is not None:
-            _show_query(*catalogue.query(sql), as_csv=as_csv, as_json=as_json)
+            _print_query(*catalogue.query(sql), as_csv=as_csv, as_json=as_json)
             return
         rows = catalogue.rows(where, sort)
     if pruning:
-        age = None if older_than is None else timedelta(days=_days(older_than))
+        age = None if older_than is None else timedelta(days=_require_number(older_than))
         rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=age)
     if html is not None:
         from cell.report.runs_page import write_runs_page
 
         sys.stdout.write(f"{plural(len(rows), 'run')}\n  {write_runs_page(rows, html)}\n")
         return
-    _show(rows, as_csv=as_csv, as_json=as_json)
+    _print_rows(rows, as_csv=as_csv, as_json=as_json)
     if pruning and delete:
         freed = remove(rows)
         sys.stderr.write(f"deleted {plural(len(rows), 'run')}, {freed / MEGABYTE:.1f} MB\n")
@@ -94,13 +94,13 @@ def _progress() -> Callable[[int, int], None]:
     return report
 
 
-def _days(stated: float) -> float:
+def _require_number(stated: float) -> float:
     if isnan(stated):
         raise ConfigurationError("--older-than: is nan; give a number of days")
     return stated
 
 
-def _show(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
+def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
     if as_csv:
         from cell.record.catalogue import RUN_COLUMNS, values_of
 
@@ -119,7 +119,7 @@ def _show(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
         _print_table(rows)
 
 
-def _show_query(
+def _print_query(
     columns: Sequence[str], rows: Sequence[Sequence[Any]], *, as_csv: bool, as_json: bool
 ) -> None:
     if as_csv:

@@ -50,11 +50,11 @@ def guard_streams() -> Outlet | None:
         with suppress(OSError, ValueError):
             print(end="", file=stream, flush=True)
     out, err = Outlet(1, "w", closefd=False), Outlet(2, "w", closefd=False)
-    sys.stdout, sys.stderr = _text(out, sys.stdout), _text(err, sys.stderr)
+    sys.stdout, sys.stderr = _text_stream(out, sys.stdout), _text_stream(err, sys.stderr)
     return out
 
 
-def _text(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
+def _text_stream(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
     """A stream like `before` that escapes what it cannot encode."""
     encoding = getattr(before, "encoding", None) or "utf-8"
     at_once = outlet.isatty() or outlet.fileno() == 2
@@ -64,7 +64,7 @@ def _text(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
 
 
 def why_lost(outlet: Outlet | None) -> str:
-    """Why the printed text did not arrive; empty where it did or nobody was reading."""
+    """Reason why the printed text did not arrive; empty where it did or nobody was reading."""
     if outlet is None or outlet.failure is None or outlet.failure.errno in GONE_ERRNOS:
         return ""
     return outlet.failure.strerror or "no reason given"

@@ -85,7 +85,7 @@ def measure(
     from drivers.strip.describe import load_strip
 
     _check_name(strip)
-    path = _own(find_configs(configs)).strip_path(strip) if write else None
+    path = _writable_configs(find_configs(configs)).strip_path(strip) if write else None
     if path is not None:
         load_strip(path)
     measurement = measure_strip(strip, read_photographs(photo or [], overhang or []))
@@ -128,7 +128,7 @@ def new(
     from cell.strips.edit import new_strip
 
     _check_name(strip)
-    path = _own(find_configs(configs)).folder / "strips" / f"{strip}.yaml"
+    path = _writable_configs(find_configs(configs)).folder / "strips" / f"{strip}.yaml"
     stated = {
         "length": length,
         "width": width,
@@ -153,8 +153,8 @@ def _check_name(strip: str) -> None:
         )
 
 
-def _own(found: "Found") -> "Found":
-    """Configuration that may be written: the package's own is gone with its next version."""
+def _writable_configs(found: "Found") -> "Found":
+    """The folder of configuration, unless it is the package's own, which updates replace."""
     from cell.config.places import PACKAGED
     from drivers.errors import ConfigurationError
 

@@ -1,4 +1,4 @@
-"""`cell study`."""
+"""The command `cell study`: measures a property of the cell over many cases."""
 
 import re
 import sys
@@ -53,7 +53,7 @@ def study(
     from drivers.errors import ConfigurationError
 
     if name is None and not quick:
-        _list(as_json=as_json)
+        _print_studies(as_json=as_json)
         return
     chosen = [s for s in studies().values() if s.quick] if name is None else [study_of(name)]
     kept = True
@@ -68,12 +68,12 @@ def study(
             )
         if not show:
             _measure(asked, engine(jobs, cluster, each.limit), _shard(shard), again, quiet=as_json)
-        held, lost = _show(asked, as_json=as_json)
+        held, lost = _print_study(asked, as_json=as_json)
         kept = (held or quick) and not (lost and shard is None) and kept
     sys.exit(0 if kept or show else 1)
 
 
-def _list(*, as_json: bool) -> None:
+def _print_studies(*, as_json: bool) -> None:
     from cell.studies.catalogue import studies
 
     if as_json:
@@ -108,8 +108,8 @@ def _measure(
         measure(asked, by, meter, shard, again=again)
 
 
-def _show(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
-    """Print table or JSON, write the page; whether the bars are kept, and whether cases failed."""
+def _print_study(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
+    """Print table or JSON and write the page; whether bars are kept, and whether cases failed."""
     from cell.studies.campaign import kept_outcomes
     from cell.studies.page import write_page
     from cell.studies.table import keeps_bars, markdown, rows
@@ -119,7 +119,7 @@ def _show(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
     page = write_page(found)
     if as_json:
         for row in table:
-            figures = {f.quantity.title: _numbers(asdict(f)) for f in row.figures}
+            figures = {f.quantity.title: _figure_facts(asdict(f)) for f in row.figures}
             line = {"study": asked.study.name, "group": row.group, "count": row.count}
             print_json(line | {"figures": figures})
     else:
@@ -127,5 +127,5 @@ def _show(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
     return keeps_bars(table), bool(found.lost)
 
 
-def _numbers(figure: dict[str, object]) -> dict[str, object]:
+def _figure_facts(figure: dict[str, object]) -> dict[str, object]:
     return {key: value for key, value in figure.items() if key != "quantity"}

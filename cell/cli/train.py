@@ -1,4 +1,4 @@
-"""`cell train`."""
+"""The command `cell train`: trains a policy in the rod."""
 
 import sys
 from pathlib import Path
@@ -111,7 +111,7 @@ def _only_adaptive(policy: Learned) -> None:
 def _transfer(
     checkpoint: Path, folder: Path, seed: int, folds: int, jobs: int | None, cluster: str | None
 ) -> dict[str, Any]:
-    """The facts of the transfer that `folds` folds through images give, in a new checkpoint."""
+    """Fit the transfer to `folds` folds through images into a new checkpoint; the fit's facts."""
     from rich.console import Console
 
     from cell.campaign.progress import Meter

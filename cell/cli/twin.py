@@ -49,14 +49,14 @@ def serve(
     settings = parse(asked, ServerSettings, "cell twin serve")
     script = () if faults is None else load_faults(faults)
     server = RobotServer(settings, faults=script)
-    _announce(server.address, lock_step, as_json)
+    _print_address(server.address, lock_step, as_json)
     try:
         server.serve()
     except KeyboardInterrupt:
         sys.stderr.write("stopped\n")
 
 
-def _announce(address: str, lock_step: bool, as_json: bool) -> None:
+def _print_address(address: str, lock_step: bool, as_json: bool) -> None:
     clock = "lock-step" if lock_step else "wall clock"
     if as_json:
         print_json({"address": address, "arm": 1337, "hand": 1338, "clock": clock})

@@ -1,4 +1,4 @@
-"""A wizard at a terminal: its panel, single keys, Ctrl-C, and the recording in Rerun."""
+"""A wizard's session at a terminal: its panel, single keys, Ctrl-C, and the recording in Rerun."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Sitting:
-    """A wizard at work: its terminal `panel`, observer `watch`, and `interrupted` by Ctrl-C."""
+    """A wizard's session: its terminal `panel`, observer `watch`, and `interrupted` by Ctrl-C."""
 
     def __init__(self, panel: "WizardPanel", interrupted: "Callable[[], bool]") -> None:
         self.panel = panel
@@ -30,7 +30,7 @@ class Sitting:
         self.record("\n".join(line.text for line in lines))
 
     def operator(self, devices: "Devices", *, interactive: bool) -> "Operator":
-        """Who answers at the terminal."""
+        """The operator who answers at the terminal."""
         from cell.calibrating.keyboard import operator_of
 
         return operator_of(devices, self.panel.ask, self.interrupted, interactive=interactive)
@@ -75,11 +75,11 @@ def sitting(folder: Path, kind: str, viz: Viz) -> Iterator[Sitting]:
                 at.watch, at.record = both, screen.verdict
                 yield at
     except (Interrupted, KeyboardInterrupt):
-        raise Interrupted(_remainder(folder, kind)) from None
+        raise Interrupted(_resume_hint(folder, kind)) from None
 
 
-def _remainder(folder: Path, kind: str) -> str:
-    """What an interrupted session leaves, and how to go on with it."""
+def _resume_hint(folder: Path, kind: str) -> str:
+    """Text on an interrupted session: what it leaves, and how to resume it."""
     from calibration.wizard.session import ROWS_FILE, read_rows
     from cell.report.words import plural
 

@@ -14,7 +14,7 @@ from drivers.plugins import plugin_names, plugins
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """A driver of an arm or of a camera.
+    """A driver of an arm or of a camera, as operators name it.
 
     `opener` names, as `module:function`, what opens it: `twin_devices` is the example of an arm,
     `with_real_camera` that of a camera. `library` and `section` are the optional library and the
@@ -28,7 +28,7 @@ class Driver:
     real: bool = True
 
     def load(self) -> Callable[..., Any]:
-        """The opener, imported now."""
+        """The function that opens the driver, imported now."""
         loaded: Callable[..., Any] = EntryPoint("driver", self.opener, "folding_cell").load()
         return loaded
 

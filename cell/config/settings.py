@@ -21,14 +21,14 @@ from drivers.installation import Installation
 from drivers.settings import Metres, Seconds, Settings
 
 
-def _check(name: str, known: tuple[str, ...]) -> str:
+def _check_driver(name: str, known: tuple[str, ...]) -> str:
     if name not in known:
         raise ValueError(f"must be one of {', '.join(known)}")
     return name
 
 
-ArmName = Annotated[str, AfterValidator(lambda name: _check(name, arm_names()))]
-CameraName = Annotated[str, AfterValidator(lambda name: _check(name, camera_names()))]
+ArmName = Annotated[str, AfterValidator(lambda name: _check_driver(name, arm_names()))]
+CameraName = Annotated[str, AfterValidator(lambda name: _check_driver(name, camera_names()))]
 
 
 class DriverChoice(Settings):

@@ -1,4 +1,4 @@
-"""A fabric without a file: what is assumed of it before the fold."""
+"""A fabric without a strip file: the values assumed before the fold."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ CALIPERS = {"key": "thickness", "source": "measured", "note": "stated by the ope
 
 
 def name_of(length: float, thickness: float | None) -> str:
-    """The name of a strip of which only these are known [m], for `unknown_strip` past its MARK."""
+    """Name, for `unknown_strip`, of a strip with known `length` and `thickness` [m] alone."""
     return f"{MARK}{length:g}" if thickness is None else f"{MARK}{length:g}:{thickness:g}"
 
 

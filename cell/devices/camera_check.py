@@ -49,7 +49,7 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
     modes = [mode for mode in camera.modes if mode.format in PREFERRED and not mode.steps]
     if not modes:
         return None
-    mode = max(modes, key=_suits)
+    mode = max(modes, key=_suitability)
     rates = [rate for rate in mode.rates if rate <= BEST_MODE[2] + 0.5] or list(mode.rates)
     locks = {c.name: c.value for c in camera.controls if _is_locked(c)}
     content = {
@@ -68,9 +68,9 @@ def grab(settings: V4l2Settings, kernel: Kernel | None = None) -> Grab:
     camera = V4l2Camera(settings, WallClock(), kernel)
     try:
         camera.connect()
-        first = last = _next(camera, -1.0)
+        first = last = _next_frame(camera, -1.0)
         while last.stamp - first.stamp < WATCHED:
-            last = _next(camera, last.stamp)
+            last = _next_frame(camera, last.stamp)
         setup, counts = camera.setup, camera.counts
     finally:
         camera.close()
@@ -88,14 +88,14 @@ def save(image: CameraFrame, path: Path) -> None:
     write_file(path, content.tobytes())
 
 
-def _next(camera: V4l2Camera, after: float) -> CameraFrame:
+def _next_frame(camera: V4l2Camera, after: float) -> CameraFrame:
     frame = camera.read(after, FIRST_FRAME_TIMEOUT)
     if frame is None:
         raise CellError(f"no picture in {FIRST_FRAME_TIMEOUT:g} s")
     return frame
 
 
-def _suits(mode: Mode) -> tuple[bool, bool, int, int]:
+def _suitability(mode: Mode) -> tuple[bool, bool, int, int]:
     width, height, rate = BEST_MODE
     fits = mode.width <= width and mode.height <= height
     fast = max(mode.rates, default=rate) >= rate - 0.5

@@ -14,10 +14,10 @@ from drivers.types import Array, Frame, frozen
 
 
 class Closable(Protocol):
-    """Something that must be closed at the end."""
+    """An object that must be closed at the end."""
 
     def close(self) -> None:
-        """Release it; calling it twice is allowed."""
+        """Release the object; calling it twice is allowed."""
 
 
 class CalibrationAids(Protocol):
@@ -73,7 +73,7 @@ class Plant(Protocol):
     """The twin's truth, used only to score a run after it ended."""
 
     def truth(self, origin: float) -> Mapping[str, Any]:
-        """Plain facts about what really happened, times since `origin` [s]."""
+        """Plain facts about the true motion of the strip, times since `origin` [s]."""
 
 
 @dataclass(frozen=True, slots=True)

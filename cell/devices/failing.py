@@ -26,7 +26,7 @@ Spoil = Callable[[Frame, Frame], Frame | None]
 
 
 class FailingCamera:
-    """A camera whose frames pass through `spoil` once that is set."""
+    """A camera whose frames pass through the fault `spoil` once that is set."""
 
     def __init__(self, camera: Camera) -> None:
         self._camera = camera
@@ -43,7 +43,7 @@ class FailingCamera:
         self._camera.connect()
 
     def read(self, after: float, timeout: float) -> Frame | None:
-        """The newest frame as the fault leaves it, or None."""
+        """The newest frame as the fault alters it, or None."""
         frame = self._camera.read(after, timeout)
         if frame is None or self.spoil is None:
             self._kept = frame or self._kept
@@ -57,7 +57,7 @@ class FailingCamera:
 
 
 class FailingArm:
-    """An arm that `reports` and `follows` otherwise, or refuses commands with `refusal`."""
+    """An arm with altered states (`reports`) and commands (`follows`), or that refuses them."""
 
     def __init__(self, arm: Arm) -> None:
         self._arm = arm
@@ -70,36 +70,36 @@ class FailingArm:
         self._arm.connect()
 
     def state(self) -> ArmState:
-        """The newest state as the fault leaves it."""
+        """The newest state as the fault alters it."""
         return self.reports(self._arm.state())
 
     def move_to(self, pose: Pose) -> None:
         """Start a motion, unless commands are refused."""
-        self._obey()
+        self._refuse_if_failing()
         self._arm.move_to(pose)
 
     def set_velocity(self, velocity: Velocity) -> None:
-        """Follow what the fault leaves of `velocity`."""
-        self._obey()
+        """Follow `velocity` as the fault alters it."""
+        self._refuse_if_failing()
         kept = self.follows(velocity)
         if kept is not None:
             self._arm.set_velocity(kept)
 
     def stop(self) -> None:
-        """Brake: no fault of the campaign takes that away."""
+        """Brake the arm; no fault of the campaign prevents it."""
         self._arm.stop()
 
     def close(self) -> None:
         """Brake and disconnect."""
         self._arm.close()
 
-    def _obey(self) -> None:
+    def _refuse_if_failing(self) -> None:
         if self.refusal is not None:
             raise self.refusal
 
 
 class FailingHand:
-    """A hand that `reports` otherwise, or is `deaf` to commands."""
+    """A hand whose states are altered by `reports`, or which is `deaf` to commands."""
 
     def __init__(self, hand: Hand) -> None:
         self._hand = hand
@@ -117,7 +117,7 @@ class FailingHand:
             self._hand.grasp()
 
     def state(self) -> HandState:
-        """The newest state as the fault leaves it."""
+        """The newest state as the fault alters it."""
         return self.reports(self._hand.state())
 
     def stop(self) -> None:
@@ -126,14 +126,14 @@ class FailingHand:
 
 
 class FailingClock:
-    """A clock that `jump`s [s] against that of the devices."""
+    """A clock that differs by `jump` [s] from the devices' clock."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self.jump = 0.0
 
     def now(self) -> float:
-        """Seconds since the run began, and the jump."""
+        """Seconds since the run began, plus the jump."""
         return self._clock.now() + self.jump
 
     def wait_until(self, time: float) -> None:
@@ -148,7 +148,7 @@ class Failing:
     """
 
     def __init__(self, devices: Devices) -> None:
-        """Over `devices`; raises ConfigurationError where they are not a twin's."""
+        """Wrap the devices of a twin; raises ConfigurationError for other `devices`."""
         if not isinstance(devices.plant, TwinPlant):
             raise ConfigurationError("faults: are injected into a twin only; use arm twin or fci")
         self._twin, self._others = devices.plant.twin, devices.others
@@ -158,7 +158,7 @@ class Failing:
         self.hand = FailingHand(devices.hand)
         self.clock = FailingClock(devices.clock)
         self.motion: list[tuple[float, float, float, float]] = []
-        self._twin.clock.every(PERIOD, self._watch, Turn.JOB)
+        self._twin.clock.every(PERIOD, self._record_pose, Turn.JOB)
         self.devices = replace(
             devices, camera=self.camera, arm=self.arm, hand=self.hand, clock=self.clock
         )
@@ -182,11 +182,11 @@ class Failing:
             os.kill(number, signal.SIGKILL)
 
     def drop_strip(self) -> None:
-        """The strip slips out of the fingers."""
+        """Let the strip slip out of the fingers."""
         self._twin.world.detach()
 
     def diverge(self) -> None:
-        """The simulated strip leaves the finite numbers: the clock raises SimulationNotFinite."""
+        """Make the simulated strip diverge: the clock raises SimulationNotFinite."""
 
         def raises(now: float) -> None:
             raise SimulationNotFinite("chain", now)
@@ -194,47 +194,47 @@ class Failing:
         self._twin.clock.every(PERIOD, raises, Turn.WORLD)
 
     def look(self) -> None:
-        """Add where the gripper is now: a clock that an event broke off left that look out."""
+        """Record where the gripper is now; the clock does not when an event interrupts it."""
         if self.motion and self.now > self.motion[-1][0]:
-            self._watch(self.now)
+            self._record_pose(self.now)
 
-    def _watch(self, now: float) -> None:
+    def _record_pose(self, now: float) -> None:
         pose = self._twin.world.gripper
         self.motion.append((now, pose.x, pose.z, pose.pitch))
 
 
 def freeze(frame: Frame, kept: Frame) -> Frame:
-    """The last good image over and over."""
+    """Fault of the camera: repeats the last good image."""
     return replace(frame, image=kept.image)
 
 
 def lose_all(_frame: Frame, _kept: Frame) -> None:
-    """No image any more."""
+    """Fault of the camera: loses all images."""
 
 
 def lose_most(frame: Frame, _kept: Frame) -> Frame | None:
-    """Nine images of ten lost."""
+    """Fault of the camera: loses nine images of ten."""
     return frame if frame.sequence % 10 == 0 else None
 
 
 def darken(frame: Frame, _kept: Frame) -> Frame:
-    """Another exposure: a quarter of the light."""
+    """Fault of the camera: another exposure, with a quarter of the light."""
     return replace(frame, image=frame.image // 4)
 
 
 def overexpose(frame: Frame, _kept: Frame) -> Frame:
-    """Another exposure: four times the light."""
+    """Fault of the camera: another exposure, with four times the light."""
     return replace(frame, image=cv2.convertScaleAbs(frame.image, alpha=4.0))
 
 
 def tint(frame: Frame, _kept: Frame) -> Frame:
-    """Another white balance, as another program may set it."""
+    """Fault of the camera: another white balance, as another program may set it."""
     gains = np.array([1.4, 1.0, 0.7])
     return replace(frame, image=np.clip(frame.image * gains, 0, 255).astype(np.uint8))
 
 
 def corrupt(frame: Frame, kept: Frame) -> Frame:
-    """The lower half of the image is noise."""
+    """Fault of the camera: the lower half of the image is noise."""
     image = kept.image.copy()
     half = image[len(image) // 2 :]
     half[:] = np.random.default_rng(frame.sequence).integers(0, 256, half.shape, np.uint8)
@@ -242,7 +242,7 @@ def corrupt(frame: Frame, kept: Frame) -> Frame:
 
 
 def shift(by: tuple[float, float]) -> Spoil:
-    """A camera that was moved: its image lies `by` pixels elsewhere."""
+    """Fault of a camera that was moved: its image is shifted by `by` pixels."""
     warp = np.array([[1.0, 0.0, by[0]], [0.0, 1.0, by[1]]])
 
     def spoil(frame: Frame, _kept: Frame) -> Frame:
@@ -254,7 +254,7 @@ def shift(by: tuple[float, float]) -> Spoil:
 
 
 def delay(by: float) -> Spoil:
-    """Images that arrive `by` [s] after their exposure; their stamps are right."""
+    """Fault of the camera: images arrive `by` [s] after their exposure; their stamps are right."""
     waiting: deque[Frame] = deque()
 
     def spoil(frame: Frame, _kept: Frame) -> Frame | None:
@@ -267,8 +267,8 @@ def delay(by: float) -> Spoil:
 
 
 def jpeg(*, holes: bool) -> Spoil:
-    """Images through JPEG with padding behind their end, as some cameras send them; with `holes`
-    a tenth of the bytes of each is missing, markers in place. The driver drops what is no picture.
+    """Fault of the camera: images are JPEG with padding; with `holes` a tenth of the bytes is
+    missing, markers in place. The driver drops what is no picture.
     """
 
     def spoil(frame: Frame, _kept: Frame) -> Frame | None:

@@ -1,4 +1,4 @@
-"""A Franka arm: with the twin's strip and camera, which follow its measured poses, or alone."""
+"""Opens a Franka arm: with the twin's strip and camera, which follow its poses, or alone."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -39,7 +39,7 @@ class Surroundings:
     follower: Follower | None = None
 
     def between(self) -> float | None:
-        """Thickness [m] of the object between the fingers; None for nothing."""
+        """Thickness [m] of the object between the fingers; None without one."""
         return None if self.follower is None else self.follower.between()
 
     def force(self, tip: Array, time: float) -> Array:
@@ -61,7 +61,7 @@ def fci_devices(
     `calibrating` the desk is bare, and the twin provides the calibration aids. Where the camera is
     real, too, nothing is simulated beside a robot on its own time.
     """
-    if _alone(settings, choice):
+    if _both_real(settings, choice):
         return robot_devices(settings, strip, WallClock(), NoCamera(), calibrating=calibrating)
     plant, lying, rig = on_desk(settings, strip, choice)
     rig = {} if calibrating else rig
@@ -73,11 +73,11 @@ def fci_devices(
     surroundings, others = Surroundings(), list[Closable]()
     address = settings.fci.address
     if address is None:
-        server = _serve(settings, strip, surroundings)
+        server = _start_robot(settings, strip, surroundings)
         address = server.address
         others.append(server)
     if not calibrating:
-        settings = _gripping(settings, strip)
+        settings = _grip_thickness(settings, strip)
     arm, hand = fci_arm(settings, clock, address)
     others.append(hand)
     frame = settings.installation.mounting.transform()
@@ -106,13 +106,13 @@ def robot_devices(
     *,
     calibrating: bool = False,
 ) -> Devices:
-    """The robot at the cell's address and a real `camera` on the wall clock: nothing is simulated
-    beside them. Raises ConfigurationError where no address is named.
+    """Devices of the robot at the cell's address and a real `camera` on the wall clock: nothing is
+    simulated beside them. Raises ConfigurationError where no address is named.
     """
     address = settings.fci.address
     if address is None:
         raise ConfigurationError("fci.address: is missing; name the robot's address in cell.yaml")
-    settings = settings if calibrating else _gripping(settings, strip)
+    settings = settings if calibrating else _grip_thickness(settings, strip)
     arm, hand = fci_arm(settings, clock, address)
     return Devices(
         clock=clock,
@@ -167,8 +167,8 @@ def start_joints(
     return tuple(joints)
 
 
-def _serve(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
-    """An emulated robot in its own thread: in lock-step the cell waits while it computes."""
+def _start_robot(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
+    """Start an emulated robot in its own thread: in lock-step the cell waits while it computes."""
     installation = settings.fci.limit(settings.installation)
     home = settings.twin.arm.home_height
     start = start_joints(installation, settings.fold, strip.length, home)
@@ -189,21 +189,21 @@ def _serve(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> 
     return server.start()
 
 
-def _gripping(settings: CellFile, strip: StripFile) -> CellFile:
-    """The cell with a hand that takes for held what is as thick as `strip`."""
+def _grip_thickness(settings: CellFile, strip: StripFile) -> CellFile:
+    """The cell's settings with a hand that counts an object as thick as `strip` as held."""
     low, high = strip.spread.get("thickness", (strip.thickness, strip.thickness))
     hand = settings.fci.hand.around(low, high)
     return settings.model_copy(update={"fci": settings.fci.model_copy(update={"hand": hand})})
 
 
-def _alone(settings: CellFile, choice: DeviceSelection) -> bool:
+def _both_real(settings: CellFile, choice: DeviceSelection) -> bool:
     """Whether robot and camera are both real, so that no strip is simulated beside them."""
     fci = settings.fci
     return choice.camera_driver(settings).real and fci.address is not None and not fci.in_lock_step
 
 
 class NoCamera:
-    """Satisfies `drivers.protocols.Camera` where the driver of the camera puts its own instead."""
+    """A camera without images, replaced when the selected camera's driver is opened."""
 
     rate = 0.0
 
@@ -212,11 +212,11 @@ class NoCamera:
         raise Fault("camera_closed", "no camera was opened")
 
     def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
-        """No image: this camera has none."""
+        """None: this camera delivers no image."""
         return None
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""
 
 
 def _check_rig(desk: Desk) -> None:

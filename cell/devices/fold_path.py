@@ -43,7 +43,7 @@ def whole_path(
 
 
 def triangle(length: float) -> Array:
-    """A plain fold (k, 2) [m]: up to the middle and down to the other edge."""
+    """Path (k, 2) [m] of a plain fold: up to the middle and down to the other edge."""
     corners = np.array([(length, 0.0), (length / 2, length / 2), (0.05, 0.05)])
     shares = np.linspace(0.0, 1.0, 30)[:, None]
     legs = [a + shares * (b - a) for a, b in pairwise(corners)]

@@ -15,12 +15,12 @@ from drivers.strip.file import StripFile
 
 
 class DeviceFactory(Protocol):
-    """A function that opens a cell: `open_cell`, or one that provides another plant."""
+    """Protocol of a function that opens a cell's devices: `open_cell`, or another plant's."""
 
     def __call__(
         self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
     ) -> Devices:
-        """Devices as configured and selected."""
+        """Open the devices as configured and selected."""
 
 
 def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
@@ -49,7 +49,7 @@ def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
 
 
 def emulation(settings: CellFile, choice: DeviceSelection) -> str:
-    """What moves where a robot was chosen and none is there; empty for one, and for another arm."""
+    """Name of the emulated robot in place of a selected one; empty for any other arm."""
     address = settings.fci.address
     if not choice.arm_driver(settings).real or is_real(settings, choice):
         return ""
@@ -76,7 +76,7 @@ def real_camera(settings: CellFile, choice: DeviceSelection) -> bool:
 def open_cell(
     settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
 ) -> Devices:
-    """Devices as configured and selected, compensated for the rig effects of the cell file.
+    """Open the devices as configured and selected, compensated for rig effects of the cell file.
 
     On the twin without a plant file the plant equals the strip. Raises PreflightRefused for a
     physical robot where nobody agreed to its motion.

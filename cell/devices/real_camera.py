@@ -1,4 +1,4 @@
-"""The real camera with another arm, both on the wall clock."""
+"""Combines the real camera with another arm, both on the wall clock."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from drivers.twin.real_time_clock import RealTimeClock
 
 
 def camera_settings(settings: CellFile) -> V4l2Settings:
-    """The cell file's camera; a cell file without one is a ConfigurationError."""
+    """Camera settings of the cell file; ConfigurationError where it has none."""
     if settings.camera is None:
         raise ConfigurationError(
             "cell.yaml: camera: is missing, camera v4l2 needs it; `cell camera` lists what is "
@@ -27,7 +27,7 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
 
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
-    chosen, clock = camera_settings(settings), _in_real_time(devices.clock)
+    chosen, clock = camera_settings(settings), _real_time_clock(devices.clock)
     camera = V4l2Camera(chosen, clock)
     return replace(
         devices,
@@ -41,6 +41,6 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
     )
 
 
-def _in_real_time(clock: Clock) -> Clock:
+def _real_time_clock(clock: Clock) -> Clock:
     """A clock of the cell that keeps step with the wall; the camera's own thread may read it."""
     return RealTimeClock(clock) if isinstance(clock, TwinClock) else clock

@@ -21,7 +21,7 @@ AS_CALIBRATED = Observation()
 
 
 def correct_calibration(calibration: Calibration, model: StripModel) -> Calibration:
-    """The calibration compensated for the effects of `model`, so that it gives true places.
+    """The calibration compensated for the effects of `model`, so that it gives true positions.
 
     Corrects places, contact_x and stamps, all over the true desk. Without such effects the same
     object is returned; with some, a new calibration with its own id and without landmarks, which
@@ -32,7 +32,7 @@ def correct_calibration(calibration: Calibration, model: StripModel) -> Calibrat
         return calibration
     return change_calibration(
         calibration,
-        homography=Homography.of(_truth_of(model) @ calibration.homography.matrix),
+        homography=Homography.of(_true_points_matrix(model) @ calibration.homography.matrix),
         landmarks=None,
         latency=calibration.latency + observation.camera_latency,
         contact_bias=calibration.contact_bias
@@ -40,8 +40,8 @@ def correct_calibration(calibration: Calibration, model: StripModel) -> Calibrat
     )
 
 
-def _truth_of(model: StripModel) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """`true_points` as a matrix (3, 3) on homogeneous places."""
+def _true_points_matrix(model: StripModel) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """The transform `true_points` as a matrix (3, 3) on homogeneous coordinates."""
     origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
     return np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
 
@@ -94,13 +94,13 @@ class CorrectedArm:
         reported = self._at_stamp(measured)
         if self._start is None and self._hand.state().grasped:
             self._start = reported
-        self._grow(reported)
-        drift = self._drift(measured.velocity)
+        self._update_share(reported)
+        drift = self._offset_velocity(measured.velocity)
         return replace(
             measured,
-            pose=self._true(reported),
+            pose=self._true_pose(reported),
             velocity=_sum(measured.velocity, drift),
-            commanded=self._true(measured.commanded.as_array()),
+            commanded=self._true_pose(measured.commanded.as_array()),
         )
 
     def move_to(self, pose: Pose) -> None:
@@ -109,7 +109,7 @@ class CorrectedArm:
 
     def set_velocity(self, velocity: Velocity) -> None:
         """Follow the true `velocity` from now on."""
-        self._arm.set_velocity(_sum(velocity, -self._drift(velocity)))
+        self._arm.set_velocity(_sum(velocity, -self._offset_velocity(velocity)))
 
     def stop(self) -> None:
         """Brake within the limits; allowed at any time, from any state."""
@@ -136,13 +136,13 @@ class CorrectedArm:
         poses = np.array([report.pose.as_array() for report in self._reports])
         return np.array([np.interp(measured.stamp + ahead, stamps, poses[:, c]) for c in range(3)])
 
-    def _grow(self, reported: Array) -> None:
+    def _update_share(self, reported: Array) -> None:
         if self._start is not None:
             self._share = max(self._share, float(share_away(reported, self._start)))
         self._reported = reported
 
-    def _drift(self, rate: Velocity) -> Array:
-        """Velocity (3,) of the offsets while they grow at the arm's `rate`."""
+    def _offset_velocity(self, rate: Velocity) -> Array:
+        """Velocity (3,) of the rig's offsets while they grow as the arm moves at `rate`."""
         if self._start is None or not 0 < self._share < 1:
             return np.zeros(3)
         way = (self._reported - self._start)[:2]
@@ -150,7 +150,7 @@ class CorrectedArm:
         full = true_poses(self._rig, np.zeros(3), 1.0)
         return np.asarray(full * max(outward, 0.0) / LIFT_TRAVEL)
 
-    def _true(self, reported: Array) -> Pose:
+    def _true_pose(self, reported: Array) -> Pose:
         return _pose(true_poses(self._rig, reported, self._share))
 
 

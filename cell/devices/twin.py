@@ -52,7 +52,7 @@ class TwinPlant:
     plant: StripFile
 
     def truth(self, origin: float) -> Mapping[str, Any]:
-        """Plant, true touch and displacement, final offset of the edges."""
+        """Plain facts on plant, true touch, displacement and final offset of the edges."""
         truth = self.twin.truth()
         touch = truth.touch
         return {
@@ -66,7 +66,7 @@ class TwinPlant:
 
 
 def with_twin_camera(devices: Devices, _: CellFile) -> Devices:
-    """`devices` as they are: every arm comes with the twin's camera."""
+    """Return `devices` unchanged: every arm comes with the twin's camera."""
     return devices
 
 
@@ -103,7 +103,7 @@ def twin_devices(
 
 
 def bare(settings: CellFile) -> TwinSettings:
-    """The twin without a strip on its desk, for its calibration."""
+    """Settings of the twin without a strip on its desk, for its calibration."""
     world = settings.twin.world.model_copy(update={"strip": False})
     return settings.twin.model_copy(update={"world": world})
 
@@ -111,15 +111,15 @@ def bare(settings: CellFile) -> TwinSettings:
 def on_desk(
     settings: CellFile, strip: StripFile, choice: DeviceSelection
 ) -> tuple[StripFile, StripFile, dict[str, dict[str, float]]]:
-    """The plant as recorded, its strip, and the effects of the rig."""
+    """The plant as recorded, the strip that lies on the desk, and the effects of the rig."""
     if choice.plant is None:
         return strip, strip, settings.effects
     plant = load_plant(choice.plant)
-    return plant, *_divide(plant)
+    return plant, *_split_effects(plant)
 
 
-def _divide(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:
-    """The strip with its own effects, and the rig effects that the plant file adds."""
+def _split_effects(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:
+    """Divide a plant file into the strip with its own effects and the rig's effects."""
     own = {n: v for n, v in plant.effects.items() if registry()[n].of == "strip"}
     rig = {n: v for n, v in plant.effects.items() if registry()[n].of == "cell"}
     return plant.model_copy(update={"effects": own}), rig

@@ -1,1 +1,1 @@
-"""Whether this machine and cell may move a robot: numbered checks, each with its remedy."""
+"""Doctor of a cell: numbered checks, each with a remedy, whether it may move a robot."""

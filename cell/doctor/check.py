@@ -1,4 +1,4 @@
-"""One check of the doctor: what was found, why it matters, what to do."""
+"""One check of the doctor: its finding, why it matters, and its remedy."""
 
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -25,15 +25,15 @@ class Check:
     remedy: str = ""
 
     def line(self, number: int) -> dict[str, Any]:
-        """The object that `cell doctor --json` prints for it."""
+        """The check as an object of `cell doctor --json`."""
         return {"number": number, **asdict(self)}
 
     def text(self, number: int) -> str:
-        """The check for the operator, the remedy only where there is something to do."""
+        """The check as text for the operator, with a remedy only where there is one."""
         head = f"{number:2d}  {self.state:8s}{self.name}: {self.found}"
-        return "\n".join([head, *(f"              {each}" for each in self._more())])
+        return "\n".join([head, *(f"              {each}" for each in self._details())])
 
-    def _more(self) -> list[str]:
+    def _details(self) -> list[str]:
         if self.state in (State.PASS, State.SKIPPED):
             return []
         return [f"why: {self.why}", f"do:  {self.remedy}"]

@@ -1,4 +1,4 @@
-"""Checks of what is connected: robot, its network and version, camera, its locks, calibration."""
+"""The doctor's checks of devices: robot, its network and version, camera, locks, calibration."""
 
 from datetime import UTC, datetime
 from importlib.util import find_spec
@@ -19,7 +19,7 @@ EXPIRING = 0.8  # of the days that a calibration is believed
 
 
 def library() -> Check:
-    """Whether the maker's client of the arm is installed."""
+    """Check whether the maker's client of the arm is installed."""
     why = "the arm speaks a protocol of its own"
     if find_spec("pylibfranka") is not None:
         return Check("robot library", State.PASS, "pylibfranka is installed", why)
@@ -28,7 +28,7 @@ def library() -> Check:
 
 
 def robot(address: str) -> Check:
-    """Whether a robot answers at `address` in the library's version of the protocol."""
+    """Check whether a robot answers at `address` in the library's version of the protocol."""
     from drivers.arm.description import LIBRARY_VERSION
     from drivers.arm.robot import robot_version
 
@@ -43,7 +43,7 @@ def robot(address: str) -> Check:
 
 
 def network(address: str, seconds: float) -> Check:
-    """Whether the robot's states arrive as they are sent, over `seconds`."""
+    """Check whether the robot's states arrive as they are sent, over `seconds`."""
     why = "a robot that misses 20 commands in a row stops with a reflex"
     try:
         return judged_link(measured_link(address, seconds))
@@ -53,7 +53,7 @@ def network(address: str, seconds: float) -> Check:
 
 
 def judged_link(link: Link) -> Check:
-    """The check of a measured link."""
+    """Check of a network link that was measured."""
     why = "a robot that misses 20 commands in a row stops with a reflex"
     remedy = (
         "connect the robot to a network card of its own, without a switch; switch off power saving "
@@ -73,7 +73,7 @@ def judged_link(link: Link) -> Check:
 
 
 def camera(settings: CellFile) -> Check:
-    """Whether the configured camera is there, and its controls are locked as configured."""
+    """Check whether the configured camera is there, and its controls are locked as configured."""
     why = "a picture by other settings is measured by a calibration that does not fit it"
     stated = settings.camera
     if stated is None:
@@ -97,7 +97,7 @@ def camera(settings: CellFile) -> Check:
 
 
 def calibration(settings: CellFile, *, on_twin: bool) -> Check:
-    """Whether the calibration is there, whole, plausible and young enough."""
+    """Check whether the calibration is there, whole, plausible and young enough."""
     why = "everything that the camera sees is measured by it"
     remedy = "run `cell calibrate camera` and `cell calibrate homography`, name the file"
     if settings.calibration is None:

@@ -59,8 +59,8 @@ def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterato
 
 
 def check_motion(settings: CellFile, choice: DeviceSelection, *, camera: bool = False) -> None:
-    """Look at a real robot before it moves by hand, and with `camera` at a real one; nothing is
-    asked of another arm. Raises PreflightRefused where a check failed.
+    """Check a real robot before it moves by hand, and with `camera` a real one; does nothing for
+    another arm. Raises PreflightRefused where a check failed.
     """
     if not is_real(settings, choice):
         return
@@ -71,7 +71,7 @@ def check_motion(settings: CellFile, choice: DeviceSelection, *, camera: bool = 
 
 
 def refuse_red(found: Sequence[Check]) -> None:
-    """Raise PreflightRefused where a check failed; nothing has moved."""
+    """Raise PreflightRefused where a check of `found` failed; nothing has moved."""
     red = [check for check in found if check.state is State.FAIL]
     if red:
         lines = "\n".join(f"{check.name}: {check.found}; {check.remedy}" for check in red)

@@ -1,4 +1,4 @@
-"""Network between this machine and a robot: its states arrive each millisecond, or they do not.
+"""Measures the network to a robot, whose states should arrive each millisecond.
 
 Runs as a process of its own, `python -m cell.doctor.link ADDRESS SECONDS`: reading blocks, and the
 client library changes the scheduler of the process that connects.
@@ -37,7 +37,7 @@ class Link:
 
 
 def measured_link(address: str, seconds: float) -> Link:
-    """The link to the robot at `address`, over `seconds`; CellError where it cannot be reached."""
+    """Measure the link to the robot at `address`, over `seconds`; CellError if unreachable."""
     command = [sys.executable, "-m", "cell.doctor.link", address, f"{seconds:g}"]
     try:
         done = subprocess.run(  # noqa: S603  this interpreter, a module of ours
@@ -54,7 +54,7 @@ def measured_link(address: str, seconds: float) -> Link:
 def link_of(
     times: "np.typing.NDArray[np.int64]", arrivals: "np.typing.NDArray[np.float64]"
 ) -> Link:
-    """The link by the robot's `times` (n,) [ms] of the states and their `arrivals` (n,) [s].
+    """Statistics of a link from `times` (n,) [ms] of the robot's states and `arrivals` (n,) [s].
 
     The first quarter second is left out: what waited in a buffer arrives at once.
     """

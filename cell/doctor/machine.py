@@ -1,4 +1,4 @@
-"""Checks of the machine: versions, cores, disk, kernel, priorities, viewer."""
+"""The doctor's checks of the machine: versions, cores, disk, kernel, priorities, viewer."""
 
 import os
 import platform
@@ -18,7 +18,7 @@ THROTTLE = Path("/proc/sys/kernel/sched_rt_runtime_us")
 
 
 def versions() -> Check:
-    """Whether all packages are installed, and which they are."""
+    """Check whether all packages are installed, and list their versions."""
     found, missing = [f"Python {platform.python_version()}"], []
     for package in NEEDED_PACKAGES:
         try:
@@ -33,7 +33,7 @@ def versions() -> Check:
 
 
 def cores() -> Check:
-    """Whether the loop has a core of its own."""
+    """Check whether the control loop has a core of its own."""
     count = len(os.sched_getaffinity(0))
     why = "the control loop, images and the recording share the cores; a late tick stops the arm"
     remedy = f"give this process at least {PLENTY} cores (taskset, container limits)"
@@ -42,7 +42,7 @@ def cores() -> Check:
 
 
 def disk(runs: Path) -> Check:
-    """Whether runs can be recorded in `runs`."""
+    """Check whether runs can be recorded in `runs`."""
     why = "a run that cannot be recorded stops in the middle of the fold"
     place = next(p for p in (runs.absolute(), *runs.absolute().parents) if p.exists())
     if not place.is_dir():
@@ -57,7 +57,7 @@ def disk(runs: Path) -> Check:
 
 
 def kernel(realtime: str) -> Check:
-    """Whether the kernel is what `fci.realtime` asks for: enforce, priority or ignore."""
+    """Check whether the kernel is what `fci.realtime` demands: enforce, priority or ignore."""
     real = REALTIME.exists() and REALTIME.read_text(encoding="ascii").strip() == "1"
     found = f"{platform.release()}, {'real-time' if real else 'not real-time'}"
     why = "the robot wants a command each millisecond; an ordinary kernel may be late by many"
@@ -68,7 +68,7 @@ def kernel(realtime: str) -> Check:
 
 
 def priority(realtime: str) -> Check:
-    """Whether this user may have real-time priority and locked memory."""
+    """Check whether this user may have real-time priority and locked memory."""
     allowed = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
     locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]
     root = os.geteuid() == 0
@@ -82,7 +82,7 @@ def priority(realtime: str) -> Check:
 
 
 def throttling() -> Check:
-    """Whether the kernel holds up real-time threads that fill a core (sched(7))."""
+    """Check whether the kernel throttles real-time threads that fill a core (sched(7))."""
     share = int(THROTTLE.read_text(encoding="ascii")) / 1e4 if THROTTLE.exists() else -1.0
     limited = 0.0 <= share < 100.0
     found = f"{share:g} % of each second of a core" if limited else "real-time threads may fill it"
@@ -96,7 +96,7 @@ def throttling() -> Check:
 
 
 def viewer() -> Check:
-    """Whether Rerun's viewer can show a fold live."""
+    """Check whether Rerun's viewer can show a fold live."""
     why = "`--viz live` shows a fold in it; recordings are written without it"
     if find_spec("rerun_cli") is not None:
         return Check("viewer", State.PASS, "Rerun's viewer is installed", why)

@@ -1,1 +1,1 @@
-"""The exam of the gap workflow: cases with a hidden cause, a sealed key, and what came of them."""
+"""The exam of the gap workflow: cases with a hidden cause, a sealed key, and the scores."""

@@ -1,4 +1,4 @@
-"""One case of the exam: what is hidden in its plant, and which names count as right."""
+"""One case of the exam: the cause hidden in its plant, and the names that count as right."""
 
 from typing import Annotated, Literal
 
@@ -21,7 +21,7 @@ Values = dict[str, float]
 
 
 class Case(Settings):
-    """A plant that differs from its strip file, and how its runs are made.
+    """One case: a plant that differs from its strip file, and how its runs are made.
 
     `strip` names a file of configs/strips, which is all that the workflow is given. The plant
     has its bending length and retardation time times the factors, the library's `effects`
@@ -55,7 +55,7 @@ class Case(Settings):
 
     @property
     def plant(self) -> Plant:
-        """What was simulated: the model's own engine, another one, or other laws in that."""
+        """Kind of the plant: the model's own engine, another one, or that with other laws."""
         if self.causes and self.answer:
             return "another law"
         own = self.tier == "state" and self.engine == "rod"
@@ -63,5 +63,5 @@ class Case(Settings):
 
     @property
     def alike(self) -> bool:
-        """Whether the plant's laws are the library's, so that parameters can be compared."""
+        """Whether the plant follows the library's laws, so that parameters can be compared."""
         return not self.causes

@@ -1,4 +1,4 @@
-"""Who watches an exam."""
+"""Protocol of progress reports of an exam."""
 
 from collections.abc import Callable
 
@@ -7,4 +7,4 @@ Progress = Callable[[int, int, str], None]
 
 
 def quiet(done: int, total: int, said: str) -> None:
-    """Progress that nobody watches."""
+    """Ignore a progress report."""

@@ -1,4 +1,4 @@
-"""Could these runs have shown it? Each effect hidden in turn in simulated copies of measured runs.
+"""Rehearsal of a fit: each effect is hidden in turn in simulated copies of measured runs.
 
 A copy has the paths, the noise and the scatter of the runs and the strip as they were fitted; one
 effect is hidden in it, as large as it must be to matter, or none. What the workflow says of the
@@ -51,7 +51,7 @@ DWELL_TIME, ROW_PERIOD = 0.6, 0.01  # s that a copy stays at the end of its path
 
 
 class Hidden(Settings):
-    """One copy: the effect that is hidden in it with its `values`, none for nothing, its `seed`."""
+    """One copy: the effect hidden in it with its `values`, none where empty, and its `seed`."""
 
     key: str
     effect: str
@@ -60,8 +60,8 @@ class Hidden(Settings):
 
 
 class Plan(Settings):
-    """What is rehearsed, for the runs and the file of the digest `inputs`: the strip as it was
-    refitted, by how much its runs differ, each copy, and effects that cannot leave such a gap.
+    """Plan of a rehearsal, for runs and file with the digest `inputs`: the refitted strip, the
+    spreads of its runs, each copy, and the effects that cannot leave such a gap.
     """
 
     inputs: str
@@ -76,8 +76,8 @@ class Plan(Settings):
 def plan(
     paths: Sequence[Path], file: Path, folder: Path, excess: float, empty: int, jobs: int
 ) -> Plan:
-    """The plan that `folder` holds for these inputs, else a new one: every effect of the library so
-    large that it leaves an excess gap of `excess`, and `empty` copies with nothing hidden.
+    """The plan that `folder` holds for these inputs, else a new one: every effect of the library at
+    the size that leaves an excess gap of `excess`, and `empty` copies with nothing hidden.
 
     Raises ConfigurationError for what is no strip, and where the folder holds another plan.
     """
@@ -116,13 +116,13 @@ def plan(
 
 
 def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
-    """The strip with the refitted values that its file states by themselves."""
+    """The strip with those refitted values that its file states directly."""
     own = {name: value for name, value in values.items() if name in StripFile.model_fields}
     return strip.model_copy(update=own)
 
 
 def way(run: MeasuredRun) -> GripperPath:
-    """The measured path of a run, which stays at its end for a while: a copy may fold later."""
+    """Measured path of a run, extended by a rest at its end: a copy may fold later."""
     t, poses = run.measured.t, run.measured.poses
     more = t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
     rest = np.repeat(poses[-1:], len(more), axis=0)
@@ -133,7 +133,7 @@ def way(run: MeasuredRun) -> GripperPath:
 def sizes(
     plant: StripFile, runs: Sequence[MeasuredRun], excess: float
 ) -> tuple[list[Hidden], list[str]]:
-    """Every effect that can leave the gap `excess` on these paths, in its size, and the others."""
+    """Sizes of the effects that can leave the gap `excess` on these paths, and the others."""
     ruler = Ruler.along(plant, [way(run) for run in runs], runs[0].measured.sigma)
     copies, unseen = [], []
     for number, (name, effect) in enumerate(sorted(registry().items())):
@@ -159,11 +159,11 @@ class Copy:
 
     @property
     def key(self) -> str:
-        """What is hidden, with its number."""
+        """Name of the hidden effect, with the copy's number."""
         return self.hidden.key
 
     def measure(self) -> Mapping[str, Any]:
-        """What the workflow says of the copy."""
+        """The workflow's verdict on the copy."""
         file = Path(self.plan.file)
         with TemporaryDirectory(ignore_cleanup_errors=True) as name:
             place = Path(name)
@@ -197,7 +197,7 @@ def write_copy(made: Plan, hidden: Hidden, folder: Path) -> None:
 def differing(
     model: StripModel, scatter: Mapping[str, float], rng: np.random.Generator
 ) -> StripModel:
-    """The model of one run, in which everything that differs from run to run is drawn anew."""
+    """Model of one run, with all run-to-run differences drawn anew."""
     for effect in KNOWN_EFFECTS:
         if effect.name in scatter:
             model = effect.apply(model, float(rng.normal(0.0, scatter[effect.name])))
@@ -205,20 +205,20 @@ def differing(
 
 
 def instruments(run: Measured) -> Instruments:
-    """Instruments with the noise that a run states; of the force where it was measured."""
+    """Instruments with the noise that a run states; with force where it was measured."""
     stated = run.sigma.model_dump(exclude_none=True, include={f.name for f in fields(Instruments)})
     return replace(Instruments(**stated), force=run.sigma.force if run.has_force else None)
 
 
 def rehearse(made: Plan, folder: Path, engine: Engine, watcher: Watcher) -> list[Record]:
-    """A record a copy, those that `folder` holds included; see `carry_out` for what it raises."""
+    """Records of all copies, including those that `folder` holds; raises as `carry_out`."""
     of = hashlib.sha256(f"{made.model_dump_json()}{sources().engine}".encode()).hexdigest()[:16]
     parts = [Copy(made, hidden, of) for hidden in made.copies]
     return [r for _, r in carry_out(parts, folder / JOURNAL, engine, watcher)]
 
 
 def right(outcome: Mapping[str, Any]) -> bool:
-    """Whether what was hidden was named, or stands in a class that was; of nothing, no gap."""
+    """Whether the hidden effect or its class was named; for an empty copy, whether no gap was."""
     name = outcome["hidden"]
     if name == NO_EFFECT:
         return bool(outcome["verdict"] == "no_gap")
@@ -228,13 +228,13 @@ def right(outcome: Mapping[str, Any]) -> bool:
 
 
 def line(record: Record) -> str:
-    """What came of a copy, in a few words."""
+    """Result of a copy, in a few words."""
     if record.outcome is None:
         return f": failed: {record.reason}"
-    return f": {_words(record.outcome)}"
+    return f": {_answer(record.outcome)}"
 
 
-def _words(outcome: Mapping[str, Any]) -> str:
+def _answer(outcome: Mapping[str, Any]) -> str:
     if not outcome["named"]:
         groups = "; ".join(" or ".join(group) for group in outcome["classes"])
         return groups or str(outcome["verdict"]).replace("_", " ")
@@ -242,11 +242,11 @@ def _words(outcome: Mapping[str, Any]) -> str:
 
 
 def page(made: Plan, records: Sequence[Record]) -> str:
-    """The rehearsal in Markdown: what could have been named, and what is named for nothing."""
+    """The rehearsal in Markdown: effects that could have been named, and effects named falsely."""
     found = [r.outcome for r in records if r.outcome is not None]
     hidden = [o for o in found if o["hidden"] != NO_EFFECT]
     empty = [o for o in found if o["hidden"] == NO_EFFECT]
-    rows = [(o["hidden"], _size(o["values"]), _words(o), "yes" if right(o) else "**no**")
+    rows = [(o["hidden"], _size_text(o["values"]), _answer(o), "yes" if right(o) else "**no**")
             for o in hidden]  # fmt: skip
     return "\n\n".join([f"# Rehearsal of {len(made.runs)} runs", *_summary(made, hidden, empty),
                         table(("hidden", "size", "said", "right"), rows)]) + "\n"  # fmt: skip
@@ -267,12 +267,12 @@ def _summary(
     yield f"Inputs {made.inputs}; of other runs it says nothing."
 
 
-def _size(values: Mapping[str, float]) -> str:
+def _size_text(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {value:.3g}" for name, value in values.items())
 
 
 def write_page(made: Plan, records: Sequence[Record], folder: Path) -> Path:
-    """Write the page and all outcomes as JSON; the page's path."""
+    """Write the page and all outcomes as JSON; returns the page's path."""
     outcomes = [dict(r.outcome) for r in records if r.outcome is not None]
     replace_file(folder / "rehearsal.json", json.dumps(outcomes, indent=1).encode())
     replace_file(folder / PAGE, page(made, records).encode())

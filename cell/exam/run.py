@@ -1,4 +1,4 @@
-"""An exam carried out: keys sealed, runs made, verdicts sealed off, scores kept."""
+"""Runs an exam: seals keys, makes runs, judges them in sealed processes, keeps the scores."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ def run_exam(
         ]
         anew = again or steps == "make"
         if not anew:
-            _adopt(kept, Journal(folder / JOURNAL), parts)
+            _import_ledger(kept, Journal(folder / JOURNAL), parts)
         place, seen = folder / JOURNAL, watcher or Quiet()
         for part, record in carry_out(parts, place, engine or Local(), seen, again=anew):
             entry = entry_of(named[part.key], now, record)
@@ -57,14 +57,14 @@ def run_exam(
 
 
 def entry_of(case: Case, now: Sources, record: Record) -> Entry:
-    """The ledger's entry of a case, which failed where it has no outcome."""
+    """The ledger's entry of a case; a failure where it has no outcome."""
     if record.outcome is None:
         return Entry(case=case, of=now.entry(case), state="failed", reason=record.reason)
     return Entry.model_validate(record.outcome)
 
 
-def _adopt(kept: Ledger, journal: Journal, parts: Sequence[Examined]) -> None:
-    """Take what a ledger holds into the journal: an exam goes on elsewhere from its ledger."""
+def _import_ledger(kept: Ledger, journal: Journal, parts: Sequence[Examined]) -> None:
+    """Copy a ledger's outcomes into the journal, so that an exam can resume elsewhere."""
     known = {(entry.case.name, entry.of): entry for entry in kept.entries}
     for part in parts:
         entry = known.get((part.key, part.of))
@@ -76,7 +76,7 @@ def _adopt(kept: Ledger, journal: Journal, parts: Sequence[Examined]) -> None:
 
 
 def spread(cases: Sequence[Case]) -> list[Case]:
-    """The cases in an order in which every kind is spread evenly over the whole."""
+    """Order the cases so that every kind is spread evenly over the whole."""
     of_kind = Counter(case.kind for case in cases)
     seen: Counter[Kind] = Counter()
     places = []
@@ -87,7 +87,7 @@ def spread(cases: Sequence[Case]) -> list[Case]:
 
 
 def summarise(record: Record) -> str:
-    """What came of a case, in a few words."""
+    """Result of a case, in a few words."""
     if record.outcome is None:
         return f": failed: {record.reason}"
     scored = record.outcome["outcome"]

@@ -1,4 +1,4 @@
-"""One case from its key to its entry in the ledger: runs, verdict in a sealed process, score."""
+"""Takes a case from its key to its entry in the ledger: runs, sealed verdict, score."""
 
 import json
 import shutil
@@ -28,7 +28,7 @@ CASE_COST = 60.0  # s of one core, about
 
 
 def made_by_tier(case: Case, folder: Path) -> None:
-    """The runs of a case, made by its tier's own maker."""
+    """Make the runs of a case by its tier's own maker."""
     if case.tier == "images":
         from cell.exam.runs import through_images
 
@@ -74,7 +74,7 @@ class Examined:
         if self.steps == "make":
             return Entry(case=case, of=self.entry, state="made").model_dump(mode="json")
         if read_stamp(place) != case_hash(case):
-            reason = _refusal(place, case) or "holds no runs of this case; make them first"
+            reason = _stored_refusal(place, case) or "holds no runs of this case; make them first"
             raise ConfigurationError(f"{place}: {reason}")
         workdirs = self.workdirs if self.workdirs.is_dir() else None
         entry = judge(case, self.folder, self.sources, workdirs=workdirs, again=self.again)
@@ -82,7 +82,7 @@ class Examined:
 
 
 def keep_runs(case: Case, place: Path, make: Maker) -> None:
-    """The case's runs at `place`, kept where they are there and of this very case."""
+    """Make the case's runs at `place`, unless they are there and belong to this very case."""
     if read_stamp(place) == case_hash(case):
         return
     scratch = place.with_name(place.name + ".part")
@@ -93,28 +93,28 @@ def keep_runs(case: Case, place: Path, make: Maker) -> None:
         make(case, scratch)
     except CellError as error:
         said = {"case": case_hash(case), "reason": str(error)}
-        replace_file(_beside(place), json.dumps(said).encode())
+        replace_file(_refusal_file(place), json.dumps(said).encode())
         raise
     (scratch / MADE).write_text(case_hash(case), encoding="utf-8")
     scratch.replace(place)
 
 
-def _beside(place: Path) -> Path:
-    """Where it stands why the runs of `place` could not be made."""
+def _refusal_file(place: Path) -> Path:
+    """File with the reason why the runs of `place` could not be made."""
     return place.with_name(place.name + ".refused.json")
 
 
-def _refusal(place: Path, case: Case) -> str | None:
-    """Why the runs of this very case could not be made, if that was tried."""
+def _stored_refusal(place: Path, case: Case) -> str | None:
+    """Reason why the runs of this very case could not be made; None where that was not tried."""
     try:
-        said = json.loads(_beside(place).read_text(encoding="utf-8"))
+        said = json.loads(_refusal_file(place).read_text(encoding="utf-8"))
         return str(said["reason"]) if said["case"] == case_hash(case) else None
     except (OSError, ValueError, KeyError):
         return None
 
 
 def read_stamp(place: Path) -> str | None:
-    """Digest of the case of which the runs at `place` are; None where there are none."""
+    """Digest of the case to which the runs at `place` belong; None without runs."""
     try:
         return (place / MADE).read_text(encoding="utf-8")
     except OSError:
@@ -124,10 +124,10 @@ def read_stamp(place: Path) -> str | None:
 def judge(
     case: Case, folder: Path, by: Sources, *, workdirs: Path | None, again: bool = False
 ) -> Entry:
-    """The case's entry: its verdict is kept where neither engine nor case has changed."""
+    """The case's entry; its verdict is reused where neither engine nor case has changed."""
     strip = find_configs(None).strip_path(case.strip)
     runs, out = find_runs([folder / RUNS_FOLDER / case.name]), folder / VERDICTS_FOLDER / case.name
-    sandboxed = None if again else _sat(out, by.verdict(case))
+    sandboxed = None if again else _stored_verdict(out, by.verdict(case))
     if sandboxed is None:
         shutil.rmtree(out, ignore_errors=True)
         sandboxed = run_sandboxed(
@@ -152,7 +152,7 @@ def judge(
 
 
 def baselines(verdict: Verdict, tried: list[dict[str, Any]], case: Case) -> Baselines:
-    """The single effect of the least in-sample error; where none was refitted, that of the
+    """Name of the single effect with the least in-sample error; where none was refitted, of the
     screen's greatest gain.
     """
     singles = [model for model in tried if model["effects"] == 1]
@@ -164,8 +164,8 @@ def baselines(verdict: Verdict, tried: list[dict[str, Any]], case: Case) -> Base
     return Baselines(single=name or None, right=same(name, case.answer))
 
 
-def _sat(out: Path, of: str) -> SandboxRun | None:
-    """What is known of a verdict that is there and not out of date."""
+def _stored_verdict(out: Path, of: str) -> SandboxRun | None:
+    """Stored verdict process of a case, where it exists and is up to date."""
     try:
         facts = json.loads((out / STAMP).read_text(encoding="utf-8"))
         if facts["of"] == of:

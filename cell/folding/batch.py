@@ -66,7 +66,7 @@ POLL_INTERVAL = 0.1  # s between looks at the keyboard
 
 
 def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Request, ...]:
-    """Fold number i, plants outermost, then repeats, uses seed S + i."""
+    """Requests of a batch: fold number i, plants outermost, then repeats, uses seed S + i."""
     lying: Sequence[Path | None] = plants or [None]
     folds = [(plant, index) for plant in lying for index in range(repeat)]
     return tuple(
@@ -78,7 +78,7 @@ def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Reques
 
 
 def check_requests(wanted: Sequence[Request]) -> Sequence[Request]:
-    """`wanted`, which differ in plant and seed, with the cell and the strip read once for all.
+    """Check `wanted`, which differ in plant and seed, with cell and strip read once for all.
 
     Reads every file that they name: raises ConfigurationError before anything has moved, not in the
     middle of the folds.
@@ -95,7 +95,7 @@ def check_requests(wanted: Sequence[Request]) -> Sequence[Request]:
 
 
 def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
-    """Where strips and plants lie outside what an engine is known to hold for, a sentence each."""
+    """Sentences on strips and plants outside the range in which an engine was validated."""
     _, named = wanted[0].read_files()
     plants = [load_plant(r.choice.plant) for r in wanted if r.choice.plant is not None]
     return tuple(dict.fromkeys(doubt for strip in (named, *plants) for doubt in doubts(strip)))
@@ -104,7 +104,7 @@ def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
 def side_by_side(
     wanted: Sequence[Request], jobs: int, interrupted: Callable[[], bool] = lambda: False
 ) -> Iterator[FoldResult]:
-    """The results in the order of the requests, `jobs` folds at a time.
+    """Results in the order of the requests, `jobs` folds at a time.
 
     Like `each_of`, but raises the CellError of the first fold that failed, and ends the others.
     """
@@ -137,7 +137,7 @@ def each_of(
 
 
 class WorkerPool:
-    """Worker processes that share a list of folds."""
+    """Pool of worker processes that share a list of folds."""
 
     def __init__(
         self, workers: list[Worker], wanted: Sequence[Request], calibration: Calibration | None
@@ -155,7 +155,7 @@ class WorkerPool:
                 if interrupted() and not self._told:
                     self._stop()
                 self._begin()
-                if not self._busy:
+                if not self._busy_workers:
                     return None
                 self._collect()
             except KeyboardInterrupt:
@@ -172,7 +172,7 @@ class WorkerPool:
             worker.join()
 
     @property
-    def _busy(self) -> list[Worker]:
+    def _busy_workers(self) -> list[Worker]:
         return [worker for worker in self._workers if worker.task is not None]
 
     def _begin(self) -> None:
@@ -182,8 +182,8 @@ class WorkerPool:
 
     def _collect(self) -> None:
         """Collect finished results, waiting briefly for them."""
-        ready = wait([worker.pipe for worker in self._busy], POLL_INTERVAL)
-        for worker in self._busy:
+        ready = wait([worker.pipe for worker in self._busy_workers], POLL_INTERVAL)
+        for worker in self._busy_workers:
             if worker.pipe in ready and worker.task is not None:
                 number = worker.task
                 self._done[number] = worker.fold_result()

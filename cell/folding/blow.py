@@ -1,4 +1,4 @@
-"""One fold that a fault strikes, and what came of it."""
+"""One fold under a fault of the campaign, and its result."""
 
 import resource
 from collections.abc import Callable, Iterator, Mapping
@@ -38,7 +38,7 @@ CAMERA_RATE = 20.0  # Hz: an image is the dearest part of a simulated fold
 
 @dataclass(frozen=True, slots=True)
 class Blow:
-    """The fault called `fault` in `state`, seeded by `seed`."""
+    """A case of the campaign: the fault called `fault` in `state`, seeded by `seed`."""
 
     fault: str
     state: str
@@ -46,10 +46,10 @@ class Blow:
 
 
 class Striker:
-    """Observer that strikes once: a while after `state` began, at once where it lasts no tick."""
+    """Observer that triggers the fault once: a while after `state` began, or at once."""
 
     def __init__(self, blow: Blow, scene: Callable[[], Scene]) -> None:
-        """For the fold that `scene` gives once it is opened; times are the world's [s]."""
+        """Observe the fold that `scene` gives once it is opened; times are the world's [s]."""
         self._blow, self._scene = blow, scene
         self._begun: float | None = None
         self.at: float | None = None
@@ -61,7 +61,7 @@ class Striker:
         return self._blow.state == "STOPPING" and self._begun is not None
 
     def see(self, snapshot: Snapshot) -> None:  # noqa: ARG002
-        """Strike when it is time."""
+        """Trigger the fault when it is due."""
         begun = self._begun
         if begun is None or self.at is not None or self._blow.state == "STOPPING":
             return
@@ -89,7 +89,7 @@ class Striker:
 
 
 def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, Any]:
-    """What came of `blow` in a fold recorded in `folder`; plain values [s, m].
+    """Result of `blow` in a fold recorded in `folder`; plain values [s, m].
 
     `verdict` is stopped (by a named fault), harmless (the fold went through and its measurement is
     right), not struck (the state never came), else undetected.
@@ -101,7 +101,7 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
 
     def open_failing(settings: CellFile, *rest: Any, **options: Any) -> Devices:
         cells.append(Failing(open_cell(settings, *rest, **options)))
-        scenes.append(Scene(cells[0], policies[0], _two_mm(calibration)))
+        scenes.append(Scene(cells[0], policies[0], _pixels_of_two_mm(calibration)))
         return cells[0].devices
 
     def leads(policy: Policy) -> Policy:
@@ -110,7 +110,7 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
 
     cell = find_configs(_configure(folder)).cell()
     calibration = replace(calibration, camera=cell.twin.camera.identity)  # but for its rate
-    with _space_again(), Interrupt() as interrupted:
+    with _free_disk(), Interrupt() as interrupted:
         try:
             result = fold(
                 _request(blow, folder), lambda _f, _s: (striker,),
@@ -122,14 +122,14 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
     for cell_struck in cells:
         cell_struck.look()
     moves = np.array(cells[0].motion) if cells else np.zeros((0, 4))
-    return _came(blow, striker, result, moves, cell.installation)
+    return _result_values(blow, striker, result, moves, cell.installation)
 
 
-def _came(
+def _result_values(
     blow: Blow, striker: Striker, result: FoldResult, motion: Array, place: Installation
 ) -> Mapping[str, Any]:
-    """Plain values of what came of it; `motion` (n, 4) as in `Failing`."""
-    whole = _whole(result, spares=FAULTS[blow.fault].spares)
+    """The result as plain values; `motion` (n, 4) as in `Failing`."""
+    whole = _record_is_whole(result, spares=FAULTS[blow.fault].spares)
     facts = {
         "verdict": _verdict(striker, result),
         "outcome": result.outcome,
@@ -151,7 +151,7 @@ def _came(
         "rest": float(late.max() - striker.at) if stopped and late.size else None,
         "distance": path if stopped else None,
         "resting": bool((speed[-1:] < REST_SPEED).all()),
-        "within": _within(motion, whole_steps, place),
+        "within": _within_limits(motion, whole_steps, place),
     }
 
 
@@ -167,8 +167,8 @@ def _verdict(striker: Striker, result: FoldResult) -> str:
     return "harmless" if right or result.exit_code == 1 else "undetected"
 
 
-def _within(motion: Array, rates: Array, place: Installation) -> bool:
-    """Whether no limit of the arm was exceeded, and no border of its workspace."""
+def _within_limits(motion: Array, rates: Array, place: Installation) -> bool:
+    """Whether the arm stayed within its limits and its workspace."""
     limits, box = place.limits, place.workspace
     quick = all(
         np.abs(rates[:, i]).max() <= LIMIT_FACTOR * axis.velocity
@@ -181,7 +181,7 @@ def _within(motion: Array, rates: Array, place: Installation) -> bool:
     return bool(quick and inside)
 
 
-def _whole(result: FoldResult, *, spares: bool) -> bool:
+def _record_is_whole(result: FoldResult, *, spares: bool) -> bool:
     """Whether the record can be read and states the outcome of `result`; where the fault does not
     spare the record, as a full disk, it may state none.
     """
@@ -205,7 +205,7 @@ def _request(blow: Blow, folder: Path) -> Request:
 
 
 def _configure(folder: Path) -> Path:
-    """A folder with this campaign's cell: fewer images, and a policy that may hang less long."""
+    """Folder with this campaign's cell: fewer images, and a policy that may hang less long."""
     from cell.record.documents import write_document
 
     made = folder / "configs"
@@ -222,16 +222,16 @@ def _configure(folder: Path) -> Path:
     return made
 
 
-def _two_mm(calibration: Calibration) -> tuple[float, float]:
-    """How 2 mm along the desk appear in the image [px]."""
+def _pixels_of_two_mm(calibration: Calibration) -> tuple[float, float]:
+    """Shift in the image [px] of 2 mm along the desk."""
     here, there = calibration.to_image(np.array([(0.2, 0.0), (0.202, 0.0)]))
     x, y = (there - here).tolist()
     return x, y
 
 
 @contextmanager
-def _space_again() -> Iterator[None]:
-    """Lift what fills the disk, afterwards."""
+def _free_disk() -> Iterator[None]:
+    """Remove the limit on file sizes that fills the disk."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         yield

@@ -1,4 +1,4 @@
-"""Corrects folds by what the cell learned from earlier ones, and lets it learn from them."""
+"""Corrects folds by biases learned from earlier ones, and updates these from new folds."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,14 +24,16 @@ def with_correction(request: Request, learning: str | None) -> Request:
         bias = metres("--learning", learning, settings.learning.limit)
         return replace(request, correction=Correction(bias, 0.0), learns=False)
     memory = Memory(settings.name, request.memory)
-    if not _learns(settings, request, learning, memory):
+    if not _should_learn(settings, request, learning, memory):
         return replace(request, correction=Correction(0.0, 0.0), learns=False)
     subject = subject_of(request.policy, request.checkpoint, strip.name, request.specimen)
     found = learned_correction(memory, subject, settings.learning)
     return replace(request, correction=found, learns=True)
 
 
-def _learns(settings: CellFile, request: Request, learning: str | None, memory: Memory) -> bool:
+def _should_learn(
+    settings: CellFile, request: Request, learning: str | None, memory: Memory
+) -> bool:
     if learning in {"on", "off"}:
         return learning == "on"
     if memory.is_off or settings.learning.use == "off":
@@ -41,7 +43,7 @@ def _learns(settings: CellFile, request: Request, learning: str | None, memory: 
 
 
 def learn_from_ruler(run: Path, edges: float, cell: str, folder: Path | None = None) -> Experience:
-    """What the cell called `cell` learns from the edges of `run`, `edges` [m] apart by a ruler.
+    """Update the bias of `cell` by a ruler: the edges of `run` are `edges` [m] apart.
 
     `folder` as in `Memory`. Raises ConfigurationError as `ruler_experience` does, and where nothing
     can be kept.

@@ -1,4 +1,4 @@
-"""The faults of the campaign by name: what each does to a cell under way."""
+"""The faults of the campaign by name: how each changes a running cell."""
 
 import math
 import os
@@ -23,7 +23,7 @@ DISK_ROOM = 4096  # bytes that a full disk still takes in a file
 
 
 class FailingPolicy:
-    """A policy that decides `otherwise` once that is set."""
+    """A policy whose decisions pass through `otherwise` once that is set."""
 
     def __init__(self, policy: Policy) -> None:
         self._policy, self.name = policy, policy.name
@@ -38,13 +38,13 @@ class FailingPolicy:
         return self._policy.lift()
 
     def decide(self, observation: Observation) -> Decision:
-        """The decision as the fault leaves it."""
+        """The decision as the fault alters it."""
         return self.otherwise(self._policy.decide(observation))
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """All that can fail in one fold; `moved` [px] is how 2 mm appear in the image."""
+    """All devices of one fold that can fail; `moved` [px] is the image shift of 2 mm."""
 
     cell: Failing
     policy: FailingPolicy
@@ -56,7 +56,7 @@ Strike = Callable[[Scene], None]
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """A fault: how it strikes, the `arm` that can suffer it, and whether it `spares` the record."""
+    """A fault: its trigger, the `arm` that can suffer it, and whether it `spares` the record."""
 
     strike: Strike
     arm: str = "twin"
@@ -64,7 +64,7 @@ class Injection:
 
 
 def camera(spoil: Spoil) -> Injection:
-    """The camera's frames pass through `spoil`."""
+    """Fault of the camera: its frames pass through `spoil`."""
 
     def strike(scene: Scene) -> None:
         scene.cell.camera.spoil = spoil
@@ -73,12 +73,12 @@ def camera(spoil: Spoil) -> Injection:
 
 
 def moved_camera(scene: Scene) -> None:
-    """The camera was nudged: all appears 2 mm elsewhere along the desk."""
+    """Fault of the camera: a nudge shifts the image by 2 mm along the desk."""
     scene.cell.camera.spoil = failing.shift(scene.moved)
 
 
 def reports(change: Callable[[ArmState], ArmState]) -> Injection:
-    """The arm's states pass through `change`."""
+    """Fault of the arm: its states pass through `change`."""
 
     def strike(scene: Scene) -> None:
         scene.cell.arm.reports = change
@@ -87,7 +87,7 @@ def reports(change: Callable[[ArmState], ArmState]) -> Injection:
 
 
 def stale(scene: Scene) -> None:
-    """The arm's first state from now on, for ever."""
+    """Fault of the arm: it repeats its first state from now on."""
     kept: list[ArmState] = []
 
     def change(state: ArmState) -> ArmState:
@@ -98,7 +98,7 @@ def stale(scene: Scene) -> None:
 
 
 def lagging(scene: Scene) -> None:
-    """The arm follows at half of each velocity, and reports where it should be."""
+    """Fault of the arm: it follows at half of each velocity, and reports the commanded pose."""
     lost = [0.0, 0.0, 0.0]
     last = [0.0]
 
@@ -118,23 +118,23 @@ def lagging(scene: Scene) -> None:
 
 
 def refusing(scene: Scene) -> None:
-    """The arm refuses every command."""
+    """Fault of the arm: it refuses every command."""
     scene.cell.arm.refusal = Fault("motion_refused", "the robot refuses the command")
 
 
 def deaf(scene: Scene) -> None:
-    """Velocities get lost on their way to the arm."""
+    """Fault of the arm: it ignores velocities."""
     scene.cell.arm.follows = lambda _: None
 
 
 def beside(state: ArmState) -> ArmState:
-    """The arm reports a place outside the workspace, and that it was commanded there."""
+    """Fault of the arm: it reports a pose outside the workspace as measured and commanded."""
     place = Pose(state.pose.x, -0.05, state.pose.pitch)
     return replace(state, pose=place, commanded=place)
 
 
 def hand(change: Callable[[HandState], HandState]) -> Injection:
-    """The hand's states pass through `change`."""
+    """Fault of the hand: its states pass through `change`."""
 
     def strike(scene: Scene) -> None:
         scene.cell.hand.reports = change
@@ -143,7 +143,7 @@ def hand(change: Callable[[HandState], HandState]) -> Injection:
 
 
 def silent_hand(scene: Scene) -> None:
-    """The hand's first state from now on, for ever: it says no more."""
+    """Fault of the hand: it repeats its first state from now on."""
     kept: list[HandState] = []
 
     def change(state: HandState) -> HandState:
@@ -154,13 +154,13 @@ def silent_hand(scene: Scene) -> None:
 
 
 def stuck_hand(scene: Scene) -> None:
-    """The fingers do not move any more, and say that they do."""
+    """Fault of the hand: the fingers stand still, but are reported as moving."""
     scene.cell.hand.deaf = True
     scene.cell.hand.reports = lambda state: replace(state, moving=True)
 
 
 def decides(otherwise: Callable[[Decision], Decision]) -> Injection:
-    """The policy's decisions pass through `otherwise`."""
+    """Fault of the policy: its decisions pass through `otherwise`."""
 
     def strike(scene: Scene) -> None:
         scene.policy.otherwise = otherwise
@@ -169,34 +169,34 @@ def decides(otherwise: Callable[[Decision], Decision]) -> Injection:
 
 
 def without_number(decision: Decision) -> Decision:
-    """A direction that is no number."""
+    """Fault of the policy: a direction that is not a number."""
     return replace(decision, direction=np.full_like(decision.direction, math.nan))
 
 
 def hanging(_: Decision) -> Decision:
-    """Never comes back."""
+    """Fault of the policy: its decision never returns."""
     while True:
         time.sleep(0.01)
 
 
 def full_disk(_: Scene) -> None:
-    """Files take no more bytes, as on a full disk; the campaign lifts it afterwards."""
+    """Fault of the machine: files take no more bytes, as on a full disk, until lifted."""
     hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
     resource.setrlimit(resource.RLIMIT_FSIZE, (DISK_ROOM, hard))
 
 
 def slow(scene: Scene) -> None:
-    """The record's disk takes 0.2 s: the cell's clock goes on meanwhile."""
+    """Fault of the record: each write to its disk takes 0.2 s while the cell's clock goes on."""
     scene.cell.clock.wait_until(scene.cell.clock.now() + 0.2)
 
 
 def dying_viewer(_: Scene) -> None:
-    """The observer that strikes is a viewer that dies: raises RuntimeError."""
+    """Fault of an observer: a viewer that dies, as a RuntimeError."""
     raise RuntimeError("the viewer died")
 
 
 def jump(by: float) -> Injection:
-    """The cell's clock jumps `by` [s] against the devices."""
+    """Fault of the cell's clock: it jumps `by` [s] against the devices' clock."""
 
     def strike(scene: Scene) -> None:
         scene.cell.clock.jump = by
@@ -205,12 +205,12 @@ def jump(by: float) -> Injection:
 
 
 def send(number: signal.Signals) -> Injection:
-    """This process gets a signal."""
+    """Fault of the machine: this process gets a signal."""
     return Injection(lambda _: os.kill(os.getpid(), number))
 
 
 def suffers(**facts: object) -> Injection:
-    """The emulated robot suffers a fault of its script, and reports it through its own library."""
+    """Fault of the emulated robot: one of its fault script, reported through its own library."""
     return Injection(lambda scene: scene.cell.strike_robot(**facts), "fci")
 
 
@@ -218,7 +218,7 @@ FAULTS: Mapping[str, Injection] = {
     "camera: frozen": camera(failing.freeze),
     "camera: silent": camera(failing.lose_all),
     "camera: nine of ten lost": camera(failing.lose_most),
-    "camera: 0.4 s late": Injection(lambda s: _late(s, 0.4)),
+    "camera: 0.4 s late": Injection(lambda s: _make_devices_late(s, 0.4)),
     "camera: moved by 2 mm": Injection(moved_camera),
     "camera: a quarter of the light": camera(failing.darken),
     "camera: four times the light": camera(failing.overexpose),
@@ -259,5 +259,5 @@ FAULTS: Mapping[str, Injection] = {
 }
 
 
-def _late(scene: Scene, by: float) -> None:
+def _make_devices_late(scene: Scene, by: float) -> None:
     scene.cell.camera.spoil = failing.delay(by)

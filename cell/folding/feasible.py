@@ -54,17 +54,19 @@ def check_feasible(
     path = gripper_path(settings, strip, policy)
     problems = [
         *outside_scope(strip),
-        *_too_low(settings, strip, policy),
-        *_outside_workspace(path, settings.installation),
-        *_out_of_reach(path, settings.installation),
-        *_out_of_view(path, strip, calibration),
-        *(_into_desk(path, settings, strip, desk) if desk else ()),
+        *_height_problems(settings, strip, policy),
+        *_workspace_problems(path, settings.installation),
+        *_reach_problems(path, settings.installation),
+        *_view_problems(path, strip, calibration),
+        *(_desk_collisions(path, settings, strip, desk) if desk else ()),
     ]
     if problems:
         raise PreflightRefused("\n".join(problems))
 
 
-def _into_desk(path: Array, settings: CellSettings, strip: StripFile, desk: float) -> Iterator[str]:
+def _desk_collisions(
+    path: Array, settings: CellSettings, strip: StripFile, desk: float
+) -> Iterator[str]:
     carry = path[APPROACH_POINTS - 1 : -RETREAT_POINTS]
     home, limits = settings.fold.clear_height, settings.installation.limits
     whole, _ = whole_path(strip.length, home, settings.fold, limits, carry)
@@ -79,10 +81,10 @@ def gripper_path(settings: CellSettings, strip: StripFile, policy: Policy) -> Ar
     beyond, aside = strip.length + settings.fold.approach, settings.fold.approach
     before = [(beyond, settings.fold.clear_height), (beyond, 0.0), (strip.length, 0.0)]
     after = [(0.0, 0.0), (-aside, 0.0), (-aside, 2 * aside)]
-    return np.vstack([before, _folding(settings, strip, policy), after])
+    return np.vstack([before, _fold_path(settings, strip, policy), after])
 
 
-def _folding(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
+def _fold_path(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
     speed = settings.fold.speed
     made = Rollout(speed=speed, sensing=Sensing(delay=(0.03, 0.03)))
     rng = np.random.default_rng(0)
@@ -95,7 +97,7 @@ def _folding(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
     return folds.trace.reshape(-1, 2)
 
 
-def _too_low(settings: CellSettings, strip: StripFile, policy: Policy) -> Iterator[str]:
+def _height_problems(settings: CellSettings, strip: StripFile, policy: Policy) -> Iterator[str]:
     top, takeover = float(policy.lift().points[:, 1].max()), settings.fold.takeover_height
     if top <= takeover:
         yield (
@@ -104,7 +106,7 @@ def _too_low(settings: CellSettings, strip: StripFile, policy: Policy) -> Iterat
         )
 
 
-def _outside_workspace(path: Array, installation: Installation) -> Iterator[str]:
+def _workspace_problems(path: Array, installation: Installation) -> Iterator[str]:
     box = installation.workspace
     for axis, name, (low, high) in ((0, "x", box.x), (1, "z", box.z)):
         least, most = float(path[:, axis].min()), float(path[:, axis].max())
@@ -116,7 +118,7 @@ def _outside_workspace(path: Array, installation: Installation) -> Iterator[str]
             )
 
 
-def _out_of_reach(path: Array, installation: Installation) -> Iterator[str]:
+def _reach_problems(path: Array, installation: Installation) -> Iterator[str]:
     mounting = installation.mounting
     away = np.hypot(
         mounting.x + path[:, 0] * np.cos(mounting.yaw),
@@ -130,7 +132,7 @@ def _out_of_reach(path: Array, installation: Installation) -> Iterator[str]:
         )
 
 
-def _out_of_view(path: Array, strip: StripFile, calibration: Calibration) -> Iterator[str]:
+def _view_problems(path: Array, strip: StripFile, calibration: Calibration) -> Iterator[str]:
     lens = calibration.lens
     lying = np.array([(0.0, 0.0), (strip.length, 0.0)])
     held = path[(path[:, 0] >= 0) & (path[:, 0] <= strip.length)]

@@ -76,7 +76,7 @@ class Request:
     files: tuple[CellFile, StripFile] | None = None  # as read once for all folds of a batch
 
     def read_files(self) -> tuple[CellFile, StripFile]:
-        """The cell and the strip: `files`, or what stands in the configuration now."""
+        """Settings of the cell and the strip: `files`, or those in the configuration now."""
         if self.files is not None:
             return self.files
         configs = find_configs(self.configs)
@@ -125,19 +125,19 @@ def fold(
     )
     context = FoldContext(settings.controller, strip, policy, calibration, desk=desk)
     context.place = 0.0 if correction is None else correction.place
-    with writer.under_way(), _measuring(context, devices, sight):
+    with writer.under_way(), _measuring_process(context, devices, sight):
         outcome, truth = _record_fold(
             request, context, devices, writer, observers, interrupted, page=page
         )
     if correction is not None:
-        _learn(request, settings, strip, outcome, writer.folder)
+        _store_experience(request, settings, strip, outcome, writer.folder)
     warning = _warning(outcome, context.warning)
     return _result(request, strip, calibration, outcome, writer.folder, truth, begun, warning)
 
 
 @contextmanager
-def _measuring(context: FoldContext, devices: Devices, sight: Maker) -> Iterator[None]:
-    """On the wall clock, a process beside the loop measures the images of `context`."""
+def _measuring_process(context: FoldContext, devices: Devices, sight: Maker) -> Iterator[None]:
+    """Run a process beside the loop, on the wall clock, that measures the images of `context`."""
     if not devices.real_time:
         yield
         return
@@ -159,7 +159,7 @@ def _record_fold(
     *,
     page: bool,
 ) -> tuple[Outcome, Mapping[str, Any]]:
-    """The outcome of the fold, with all that belongs into its folder, and the plant's truth."""
+    """Fold with a record: the outcome, with its folder complete, and the plant's truth."""
     strip, folder = context.strip, writer.folder
     save_calibration(context.calibration, folder / CALIBRATION)
     if request.checkpoint is not None:
@@ -179,10 +179,10 @@ def _record_fold(
     return outcome, truth
 
 
-def _learn(
+def _store_experience(
     request: Request, settings: CellFile, strip: StripFile, outcome: Outcome, folder: Path
 ) -> None:
-    """Keep the fold's bias, where the cell learns."""
+    """Store the fold's bias, where the cell learns."""
     subject = subject_of(request.policy, request.checkpoint, strip.name, request.specimen)
     experience = experience_of(folder.name, subject, outcome, request.correction)
     if request.learns and experience is not None:
@@ -268,7 +268,7 @@ def run_header(
         "camera_hz": camera_rate,
         "contact_height": settings.perception.contact_height,
         "policy": request.policy,
-        **_weights(request.checkpoint),
+        **_replaced_weights(request.checkpoint),
         "seed": choice.seed,
         "drivers": {
             "arm": choice.arm or settings.drivers.arm,
@@ -306,7 +306,7 @@ def _plant_hash(choice: DeviceSelection, strip: StripFile) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _weights(checkpoint: Path | None) -> dict[str, Any]:
+def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
     """Checkpoint that replaced the committed weights, if any; a copy of it lies in the run."""
     if checkpoint is None:
         return {}
@@ -315,7 +315,7 @@ def _weights(checkpoint: Path | None) -> dict[str, Any]:
 
 
 def _warning(outcome: Outcome, preflight: str) -> str | None:
-    """What the operator should know: of the strip, and what `preflight` found; None for nothing."""
+    """Warning for the operator, on the strip and from `preflight`; None without one."""
     agreed = outcome.agreement
     unlike = "" if agreed is None or agreed.like_model else agreed.sentence()
     return "\n  ".join(filter(None, (unlike, preflight))) or None

@@ -1,4 +1,4 @@
-"""What a fold showed of its strip, kept until it is over, and whether it behaved like the model."""
+"""Trace of a fold, kept until it is over, to judge whether the strip behaved like the model."""
 
 from dataclasses import asdict, replace
 
@@ -39,11 +39,11 @@ class FoldTrace:
             self._profiles.append(seen_profile(seen.profile, seen.contact_x, seen.gripper)[0])
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Events are not kept."""
+        """Ignore an event."""
 
     def review(self, outcome: Outcome, record: Record) -> Outcome:
-        """`outcome` with the agreement of strip and model; where they do not agree, an event, and
-        an outcome that says so instead of `layer_touch`.
+        """Add to `outcome` the agreement of strip and model; where they disagree, an event, and an
+        outcome that states it instead of `layer_touch`.
         """
         agreed = self._agreement(outcome, record.origin)
         outcome = replace(outcome, agreement=agreed)
@@ -56,7 +56,7 @@ class FoldTrace:
         return outcome.but(StopReason(UNLIKE_REASON, reason, 1))
 
     def _agreement(self, outcome: Outcome, origin: float) -> Agreement | None:
-        """None where nothing was predicted, no touch was seen, or the model cannot follow."""
+        """Agreement of strip and model; None without prediction, touch or solution."""
         if outcome.predicted is None or outcome.touch is None or not self._stamps:
             return None
         path, touch = np.array(self._path), outcome.touch.time + origin

@@ -1,4 +1,4 @@
-"""The strip file that a fold of an unknown fabric offers: what was learned, and where from."""
+"""Writes the strip file of an unknown fabric, with values estimated in a fold and their source."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ NOTABLE_YIELD = 5.0  # 1/m of yield curvature, from which friction is worth a li
 
 
 def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> StripFile:
-    """`strip` with what a fold notes of it, each number with its interval and where it is from."""
+    """`strip` with a fold's estimates noted, each with its interval and source."""
     length, time, friction = (
         predicted.bending_length,
         predicted.retardation_time,
@@ -46,7 +46,7 @@ def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Stri
 
 
 def offer(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:
-    """Write a strip file with what the run in `folder` notes of `strip`; returns its path.
+    """Write a strip file with the estimates of the run in `folder` about `strip`; returns its path.
 
     Raises ConfigurationError where it cannot be written.
     """

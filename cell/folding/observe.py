@@ -1,4 +1,4 @@
-"""A film of a fold, read by the cell's perception into a run folder, without an arm."""
+"""Reads a film of a fold by the cell's perception into a run folder, without an arm."""
 
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -90,7 +90,7 @@ def observe(
     except ConfigurationError:
         shutil.rmtree(folder, ignore_errors=True)
         raise
-    return Observed(folder, len(read), sum(map(_sure, read)), touch)
+    return Observed(folder, len(read), sum(map(_is_confident, read)), touch)
 
 
 def _frames(film: Path, calibration: Calibration) -> Iterator[Frame]:
@@ -135,7 +135,7 @@ def _read(
     overlay: FilmWriter,
     progress: Progress,
 ) -> tuple[list[Held], SeenTouch | None]:
-    """What the images show up to the touch of the layers, beyond which nobody holds the end."""
+    """Measurements from images up to the touch of the layers, after which nobody holds the end."""
     read: list[Held] = []
     touch: SeenTouch | None = None
     for frame in frames:
@@ -143,18 +143,18 @@ def _read(
         if touch is None:
             held = follow.look(frame.restamp(-calibration.latency))
             read.append(held)
-            image = _draw(image, held, calibration)
-            if held.end is not None and _sure(held):
+            image = _draw_measurement(image, held, calibration)
+            if held.end is not None and _is_confident(held):
                 touch = layers.update(held.measurement, held.end)
         overlay.add(frame.stamp, image)
         progress(frame.stamp)
     return read, touch
 
 
-def _draw(image: Image, held: Held, calibration: Calibration) -> Image:
-    """A copy of `image` (h, w, 3) with what was read, and a cross at the held end."""
+def _draw_measurement(image: Image, held: Held, calibration: Calibration) -> Image:
+    """A copy of `image` (h, w, 3) with its measurements drawn, and a cross at the held end."""
     seen = held.measurement
-    curve = seen.profile if _sure(held) else np.empty((0, 2))
+    curve = seen.profile if _is_confident(held) else np.empty((0, 2))
     drawn = draw_sight(image, calibration, curve, seen.contact_x, np.array(seen.tip))
     if held.end is not None:
         at = calibration.to_image(np.array([[held.end.x, held.end.z]]))[0]
@@ -163,12 +163,12 @@ def _draw(image: Image, held: Held, calibration: Calibration) -> Image:
     return drawn
 
 
-def _sure(held: Held) -> bool:
+def _is_confident(held: Held) -> bool:
     return held.end is not None and held.measurement.confidence >= PROFILE_CONFIDENCE
 
 
 def _check_enough(read: Sequence[Held], film: Path) -> None:
-    found = sum(map(_sure, read))
+    found = sum(map(_is_confident, read))
     if found < FEWEST_IMAGES:
         raise ConfigurationError(
             f"{film}: the lifted strip was found in {found} of {len(read)} images, at least "
@@ -185,9 +185,9 @@ def _write(
     touch: SeenTouch | None,
 ) -> None:
     """Write the run: t = 0 is the film's first image; the held end is interpolated to rows."""
-    rows = [sight_row(held.measurement) for held in read if _sure(held)]
+    rows = [sight_row(held.measurement) for held in read if _is_confident(held)]
     sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
-    t, x, z = _path(read, strip)
+    t, x, z = _held_path(read, strip)
     stamps, contacts = np.asarray(sights["stamp"]), np.asarray(sights["contact_x"])
     contact_x, contact_t = place_contacts(t, stamps, contacts)
     ticks = {"t": t, "x": x, "z": z, "contact_x": contact_x, "contact_t": contact_t}
@@ -212,9 +212,9 @@ def _header(cell: CellFile, strip: StripFile, calibration: Calibration) -> dict[
     }
 
 
-def _path(read: Sequence[Held], strip: StripFile) -> tuple[Array, Array, Array]:
+def _held_path(read: Sequence[Held], strip: StripFile) -> tuple[Array, Array, Array]:
     """Times (n,) [s] and the held end's x and z (n,) [m], from where the strip lies flat."""
-    ends = [(held.measurement.stamp, held.end) for held in read if _sure(held)]
+    ends = [(held.measurement.stamp, held.end) for held in read if _is_confident(held)]
     flat = [
         held.measurement.stamp
         for held in read

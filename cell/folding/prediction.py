@@ -33,7 +33,7 @@ UNKNOWN_SPREADS = {"bending_length": 0.1, "retardation_time": 0.5}
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Expected result [m]; `low` and `high` over what is not known of the strip, None: no touch."""
+    """Predicted result [m]; `low` and `high` over the strip's uncertainty, None without a touch."""
 
     strip: str
     policy: str
@@ -44,7 +44,7 @@ class Prediction:
     arm: ArmPrediction | None = None
 
     def line(self) -> dict[str, Any]:
-        """The object that `cell fold --dry-run --json` prints."""
+        """The prediction as the object that `cell fold --dry-run --json` prints."""
         x_min, x_max, z_min, z_max = self.reach
         return {
             "strip": self.strip,
@@ -73,7 +73,7 @@ def predict(request: Request) -> Prediction:
     """Simulate the fold of `request` in the rod; ConfigurationError for a path beyond limits."""
     settings, strip = request.read_files()
     _check_calibration(settings, request)
-    folds = simulate_policy(request, settings, strip, [strip, *_variants(strip)])
+    folds = simulate_policy(request, settings, strip, [strip, *_corner_strips(strip)])
     reach = _reach(folds)
     _check(reach, settings.installation.workspace)
     nominal, spread = folds.displacement[0], folds.displacement[folds.touched]
@@ -84,7 +84,7 @@ def predict(request: Request) -> Prediction:
         low=float(spread.min()) if spread.size else None,
         high=float(spread.max()) if spread.size else None,
         reach=reach,
-        arm=_arm(settings, strip, request, folds),
+        arm=_predict_arm_motion(settings, strip, request, folds),
     )
 
 
@@ -112,15 +112,15 @@ def simulate_policy(
 
 
 def laid_at(folds: Folds) -> float | None:
-    """Where the first fold lays its edge, x [m]; None where its layers do not touch."""
+    """Position x [m] of the edge laid by the first fold; None where its layers do not touch."""
     touch = folds.touch[0]
     return None if touch is None else touch.x - touch.to_grasped
 
 
-def _arm(
+def _predict_arm_motion(
     settings: CellFile, strip: StripFile, request: Request, folds: Folds
 ) -> ArmPrediction | None:
-    """Whether a Franka arm can follow the nominal fold, if that is what is asked."""
+    """Prediction of whether a Franka arm can follow the nominal fold; None for another arm."""
     if not request.choice.arm_driver(settings).real:
         return None
     return predict_arm(settings, strip, folds.trace[:, 0], laid_at(folds))
@@ -130,7 +130,7 @@ def _displacement(value: float | None) -> str:
     return "no touch" if value is None else f"displacement {1e3 * value:+.1f} mm"
 
 
-def _variants(strip: StripFile) -> list[StripFile]:
+def _corner_strips(strip: StripFile) -> list[StripFile]:
     """Corners of the uncertainty of the strip's parameters."""
     spans = [
         strip.spread.get(key, (getattr(strip, key) * (1 - u), getattr(strip, key) * (1 + u)))

@@ -25,7 +25,7 @@ class ProgressLine:
         self._count = 0
 
     def see(self, snapshot: Snapshot) -> None:
-        """Process one tick; most are not shown."""
+        """Show a tick, at most a few times a second."""
         self._count += 1
         if self._count % TICKS_BETWEEN_LOOKS:
             return
@@ -39,7 +39,7 @@ class ProgressLine:
         self._status.update(text)
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Process one event; a fault stays on the screen."""
+        """Show an event; a fault stays on the screen."""
         if kind == "fault":
             text = f"{time:.2f} s  {facts['name']}: {facts['reason']}"
             self._status.console.print(text, markup=False, soft_wrap=True)
@@ -47,7 +47,7 @@ class ProgressLine:
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[Callable[[Path, StripFile], tuple[Observer, ...]]]:
-    """Makes the observers of a fold; none without a terminal."""
+    """Observers that show a fold's progress; none without a terminal."""
     console = Console(stderr=True)
     if quiet or not sys.stderr.isatty():
         yield lambda _folder, _strip: ()

@@ -1,4 +1,4 @@
-"""The fold in the air: the whole path of the gripper, raised, with nothing between the fingers."""
+"""Rehearses a fold in the air: the gripper's whole path, raised, with nothing in the fingers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -32,14 +32,14 @@ APPROACH_POINT = 3  # left out here; then to the grasp
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """Raised poses (n, 3) of x, z [m], pitch [rad], and speeds (n,) [m/s] of the moves to them."""
+    """Raised path of a rehearsal: poses (n, 3) of x, z [m], pitch [rad], speeds (n,) [m/s]."""
 
     path: Array
     speeds: Array
     limits: MotionLimits
 
     def motion(self, _: Snapshot) -> Motion:
-        """Approach, grasp, fold, lay, release, retreat."""
+        """The whole motion: approach, grasp, fold, lay, release, retreat."""
         begin, end = APPROACH_POINT - 1, len(self.path) - 2
         yield from move(Pose(*self.path[0].tolist()))
         yield from open_hand()
@@ -50,13 +50,13 @@ class Rehearsal:
         return (yield from self._follow(end, len(self.path) - 1))
 
     def _follow(self, first: int, last: int) -> Motion:
-        """Along the path from point `first` to point `last`, to rest there and at each corner: in
-        passing, it would be cut by what the arm needs to turn its speed around.
+        """Move along the path from point `first` to point `last` with a stop at each corner:
+        without stops, the arm would cut the corners.
         """
         stops = [first, *self._corners(first, last), last]
         for begin, end in pairwise(stops[:-1]):
-            yield from self._along(begin, end)
-        return (yield from self._along(*stops[-2:]))
+            yield from self._follow_part(begin, end)
+        return (yield from self._follow_part(*stops[-2:]))
 
     def _corners(self, first: int, last: int) -> list[int]:
         ways = np.diff(self.path[first : last + 1, :2], axis=0)
@@ -64,7 +64,7 @@ class Rehearsal:
         straight = (ways[1:] * ways[:-1]).sum(axis=1) >= CORNER * lengths[1:] * lengths[:-1]
         return [first + 1 + int(at) for at in np.flatnonzero(~straight)]
 
-    def _along(self, first: int, last: int) -> Motion:
+    def _follow_part(self, first: int, last: int) -> Motion:
         part = slice(first, last + 1)
         poses, times = dense(self.path[part], self.speeds[part])
         due = EASE * np.concatenate([[0.0], np.cumsum(times[1:])])
@@ -73,7 +73,7 @@ class Rehearsal:
         begun = snapshot.time
         while snapshot.time - begun < due[-1] + min(RAMP, due[-1]):
             soonest = (snapshot.time - begun + ahead for ahead in (0.0, 0.02))
-            here, soon = (_at(_ease(time, due[-1]), due, poses) for time in soonest)
+            here, soon = (_pose_at(_eased_time(time, due[-1]), due, poses) for time in soonest)
             away = here - snapshot.arm.commanded.as_array()
             rate = np.clip((soon - here) / 0.02 + GAIN * away, -most, most)
             snapshot = yield Drive(Velocity(*rate.tolist()))
@@ -117,7 +117,7 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
     return by_hand(settings, request.choice, planned.motion, interrupted, strip)
 
 
-def _ease(time: float, duration: float) -> float:
+def _eased_time(time: float, duration: float) -> float:
     """Time [s] along a motion of `duration` that speeds up and slows down within RAMP."""
     ramp = min(RAMP, duration)
     left = max(duration + ramp - time, 0.0)
@@ -126,5 +126,5 @@ def _ease(time: float, duration: float) -> float:
     return duration - left**2 / (2 * ramp) if left < ramp else time - ramp / 2
 
 
-def _at(time: float, due: Array, poses: Array) -> Array:
+def _pose_at(time: float, due: Array, poses: Array) -> Array:
     return np.array([np.interp(time, due, column) for column in poses.T])

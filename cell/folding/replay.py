@@ -50,21 +50,24 @@ def replay(folder: Path) -> Replay:
     data: a laboratory's run, or one that ended before any decision.
     """
     run = read_run(folder)
-    settings, strip = _entry(run, "config", CellFile), _entry(run, "strip_file", StripFile)
-    decided = [_Decided.of(event, run) for event in run.events() if event.kind == "decision"]
+    settings, strip = (
+        _header_entry(run, "config", CellFile),
+        _header_entry(run, "strip_file", StripFile),
+    )
+    decided = [_Decision.of(event, run) for event in run.events() if event.kind == "decision"]
     if not decided:
         raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
     if run.ticks.t.size == 0:
         raise ConfigurationError(f"{run.folder}: {TICKS}: holds no row, nothing to replay")
     sights = run.sights()
-    images, seen = _look_again(run, settings, strip, sights)
+    images, seen = _repeat_perception(run, settings, strip, sights)
     other = [*_other_decisions(run, settings, strip, decided, sights)]
     return Replay(images, len(decided), (*seen, *other))
 
 
 @dataclass(frozen=True, slots=True)
-class _Decided:
-    """A recorded decision: image, gripper position [m], time [s], decision."""
+class _Decision:
+    """A recorded decision with its image, gripper position [m] and time [s]."""
 
     sequence: int
     time: float
@@ -86,7 +89,7 @@ class _Decided:
             ) from None
 
 
-def _look_again(
+def _repeat_perception(
     run: Run, settings: CellFile, strip: StripFile, sights: Sights
 ) -> tuple[int, list[str]]:
     """Number of stored images read again, and differences from the recorded measurements."""
@@ -138,10 +141,10 @@ def _differences(measurement: StripMeasurement, sights: Sights, row: int) -> Ite
 
 
 def _other_decisions(
-    run: Run, settings: CellFile, strip: StripFile, decided: list[_Decided], sights: Sights
+    run: Run, settings: CellFile, strip: StripFile, decided: list[_Decision], sights: Sights
 ) -> Iterator[str]:
     """Decisions that the policy would now make differently."""
-    policy = make_policy(str(_fact(run, "policy")), _checkpoint(run))
+    policy = make_policy(str(_header_value(run, "policy")), _checkpoint(run))
     correction_of(run.header.learning).apply(policy)
     policy.reset(strip, settings.fold.speed, 1)
     rows = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
@@ -158,7 +161,7 @@ def _other_decisions(
 
 
 def _observe(
-    then: _Decided, run: Run, sights: Sights, row: int, curves: dict[float, Array]
+    then: _Decision, run: Run, sights: Sights, row: int, curves: dict[float, Array]
 ) -> Observation:
     """The policy's observation: the recorded measurement in `row`, and the gripper as measured."""
     stamp = float(sights.stamp[row])
@@ -191,11 +194,11 @@ def _gripper(run: Run, stamp: float) -> Pose:
     return Pose(*(float(np.interp(stamp, ticks.t, column)) for column in columns))
 
 
-def _entry(run: Run, key: str, model: type[Any]) -> Any:
-    return parse(_fact(run, key), model, f"{run.folder}/run.yaml: {key}")
+def _header_entry(run: Run, key: str, model: type[Any]) -> Any:
+    return parse(_header_value(run, key), model, f"{run.folder}/run.yaml: {key}")
 
 
-def _fact(run: Run, key: str) -> Any:
+def _header_value(run: Run, key: str) -> Any:
     fact = getattr(run.header, key)
     if fact is None:
         raise ConfigurationError(f"{run.folder}/run.yaml: {key}: is missing; not a run of a cell")

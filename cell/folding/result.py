@@ -49,12 +49,12 @@ class FoldResult:
 
     @classmethod
     def refusal(cls, strip: str, policy: str, seed: int, error: CellError) -> Self:
-        """A fold that did not begin: `error` is the reason, and nothing was recorded."""
+        """Result of a fold that did not begin: `error` is the reason, and nothing was recorded."""
         stopped = StopReason.by(error)
         return cls("", strip, policy, seed, stopped.name, stopped.reason, stopped.exit_code)
 
     def line(self) -> dict[str, Any]:
-        """The object that `cell fold --json` prints, with the keys of the contract only."""
+        """The result as the object of `cell fold --json`, with the contract's keys only."""
         values = {name: getattr(self, name) for name in LINE_COLUMNS}
         values |= {key: values[key] or None for key in ("run", "calibration")}
         for key, digits in LINE_DIGITS.items():
@@ -63,7 +63,7 @@ class FoldResult:
         return values
 
     def sentence(self) -> str:
-        """What happened, for the operator."""
+        """The result as text for the operator."""
         if self.displacement is None:
             warning = "" if self.warning is None else f"\n  {self.warning}"
             return f"{self.strip}: {self.outcome}: {self.reason}{warning}"

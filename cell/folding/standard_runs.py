@@ -22,7 +22,7 @@ and how the strip lies afterwards is not compared with anything.
 
 
 def standard_requests(base: Request) -> tuple[Request, ...]:
-    """Standard run number i as a fold: seed S + i, index i, in an order drawn from the seed."""
+    """Requests of the standard runs: number i has seed S + i and index i, shuffled by S."""
     order = standard_order(np.random.default_rng(base.choice.seed))
     return tuple(
         replace(
@@ -66,5 +66,5 @@ def check_empty(folder: Path) -> None:
 
 
 def went_as_planned(result: FoldResult) -> bool:
-    """Whether the whole run can be used."""
+    """Whether the whole run can be used for a fit."""
     return result.outcome in AS_PLANNED

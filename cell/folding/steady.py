@@ -1,4 +1,4 @@
-"""A run without long pauses of the interpreter."""
+"""Keeps a run free of long pauses by the interpreter."""
 
 import gc
 import os
@@ -30,10 +30,10 @@ def without_long_collections() -> Iterator[None]:
 
 @contextmanager
 def punctual(real_time: bool) -> Iterator[None]:
-    """Give the thread of the control loop precedence over those that only record or show, within
-    the block; `real_time` is false where no wall clock matters. Threads get real-time priority
-    where this user may have it, else short slices of processor time; memory is locked, and garbage
-    collection is short.
+    """Within the block, give the control loop's thread precedence over threads that record or show;
+    `real_time` is false where no wall clock matters. Threads get real-time priority where this user
+    may have it, else short slices of processor time; memory is locked, and garbage collection is
+    short.
     """
     if not real_time:
         yield

@@ -1,1 +1,1 @@
-"""The bias of a cell's folds, learned from what its camera and a ruler measured afterwards."""
+"""Learning of a cell's bias in folds, from later measurements by camera and ruler."""

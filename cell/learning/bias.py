@@ -69,7 +69,7 @@ class _Learner:
         self._before: tuple[float, Experience] | None = None  # surprise of the fold before
 
     def learn(self, experience: Experience) -> None:
-        """Add the next experience; begin an epoch where it and the one before disagree with all."""
+        """Add the next experience; two in a row that disagree with all start a new epoch."""
         if experience.kind == "ruler":
             self._rows.append(((self._rig,), experience.rig, self._settings.ruler))
             return
@@ -80,14 +80,14 @@ class _Learner:
             and min(abs(surprise), abs(before[0])) > CHANGE_SIGMAS
             and surprise * before[0] > 0
         ):
-            self._begin(*before)
+            self._start_epoch(*before)
             self._before = None
         elif abs(surprise) > OUTLIER_SIGMAS:
             return
         self._add(experience)
 
-    def _begin(self, surprise: float, first: Experience) -> None:
-        """An epoch that begins with the fold before, which differed by `surprise`."""
+    def _start_epoch(self, surprise: float, first: Experience) -> None:
+        """Start an epoch with the fold before, which differed by `surprise`."""
         if abs(surprise) <= OUTLIER_SIGMAS:
             self._rows.pop(self._epoch_folds[-1])
         self._runs.append(first.run)
@@ -95,22 +95,22 @@ class _Learner:
         self._add(first)
 
     def _surprise(self, experience: Experience) -> float:
-        """Sigmas by which a fold differs from the bias so far; 0 for the first of an epoch."""
+        """Deviation of a fold from the bias so far, in sigmas; 0 for the first of an epoch."""
         if not self._epoch_folds:
             return 0.0
-        mean, variance = self._predict(self._of(experience.strip, experience.specimen))
+        mean, variance = self._predict(self._unknowns_of(experience.strip, experience.specimen))
         sigma = np.hypot(np.sqrt(variance), self._settings.repeat)
         return float((experience.displacement - mean) / sigma)
 
     def _add(self, experience: Experience) -> None:
         self._epoch_folds.append(len(self._rows))
         self.epoch.append(experience)
-        unknowns = self._of(experience.strip, experience.specimen)
+        unknowns = self._unknowns_of(experience.strip, experience.specimen)
         self._rows.append((unknowns, experience.displacement, self._settings.repeat))
 
     def bias(self, strip: str, specimen: str) -> Bias:
         """Bias of the next fold."""
-        unknowns = self._of(strip, specimen)
+        unknowns = self._unknowns_of(strip, specimen)
         mean, variance = self._predict(unknowns)
         rig, _ = self._predict((self._rig,))
         each = [self._predict((unknown,))[0] for unknown in unknowns]
@@ -127,7 +127,7 @@ class _Learner:
     def _rig(self) -> Unknown:
         return ("rig", len(self._runs))
 
-    def _of(self, strip: str, specimen: str) -> tuple[Unknown, ...]:
+    def _unknowns_of(self, strip: str, specimen: str) -> tuple[Unknown, ...]:
         return ("cell", len(self._runs)), ("strip", strip), ("specimen", f"{strip}/{specimen}")
 
     def _sigma(self, unknown: Unknown) -> float:

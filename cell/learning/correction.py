@@ -26,13 +26,13 @@ class Correctable(Protocol):
     """A policy that steers by a model, whose aim can be corrected."""
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Expect displacements `seen` [m] above the model's in images, and `unseen` [m] above those
-        in truth, from the next `reset` on.
+        """Correct the predicted displacement from the next `reset` on: `seen` [m] is added for
+        images, `unseen` [m] for the truth.
         """
 
 
 def correct(policy: Policy, seen: float, unseen: float) -> bool:
-    """Correct `policy` by the biases `seen` and `unseen` by the camera [m]; whether it can be."""
+    """Correct `policy` by the biases `seen` and `unseen` [m]; whether it can be corrected."""
     if not isinstance(policy, Correctable):
         return False
     policy.correct(seen, unseen)
@@ -41,7 +41,7 @@ def correct(policy: Policy, seen: float, unseen: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What a bias is learned for: a policy with its weights, a fabric, one specimen of it."""
+    """Subject of a learned bias: a policy with its weights, a fabric, one specimen of it."""
 
     policy: str
     strip: str
@@ -64,11 +64,11 @@ class Correction:
 
     @property
     def total(self) -> float:
-        """Amount [m] by which the fold is steered."""
+        """Total amount [m] by which the fold is steered."""
         return self.seen + self.unseen
 
     def apply(self, policy: Policy) -> "Correction | None":
-        """This correction, given to `policy`; None where it does not steer by a model."""
+        """Correct `policy` and return this; None where it does not steer by a model."""
         return self if correct(policy, self.seen, self.unseen) else None
 
     def facts(self) -> dict[str, Any]:
@@ -95,7 +95,7 @@ class Correction:
 
 
 def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str | None) -> Subject:
-    """What a fold belongs to; without a `specimen` a fabric with a file is taken for one.
+    """Subject to which a fold belongs; without a `specimen`, a fabric with a file counts as one.
 
     The specimen of a fabric without a file is empty: each of its folds is another piece.
     """
@@ -120,7 +120,7 @@ def learned_correction(memory: Memory, subject: Subject, settings: LearningSetti
 def experience_of(
     run: str, subject: Subject, outcome: Outcome, correction: Correction
 ) -> Experience | None:
-    """The experience of a fold that was measured; None where it teaches nothing.
+    """The experience from a measured fold; None where nothing can be learned from it.
 
     Folds without a touch or laid edges, folds that were stopped, and predictions made blind are
     left out. A strip that is unlike the model teaches too: it comes out the same way again.
@@ -146,7 +146,7 @@ def experience_of(
 
 
 def correction_of(facts: Mapping[str, Any] | None) -> Correction:
-    """The correction that a record states; none where it states none."""
+    """The correction in a record; a null one where it states none."""
     facts = facts or {}
     values = [facts.get(key, 0.0) for key in ("seen", "unseen", "place")]
     if not all(isinstance(value, int | float) for value in values):

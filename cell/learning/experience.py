@@ -40,7 +40,7 @@ READER = TypeAdapter(Experience)
 
 
 def _experience(line: dict[str, Any]) -> Experience | None:
-    """The experience of a line; None for a line that holds none."""
+    """The experience in a line; None for an invalid line."""
     try:
         return READER.validate_python(line)
     except ValidationError:
@@ -48,25 +48,25 @@ def _experience(line: dict[str, Any]) -> Experience | None:
 
 
 class Memory:
-    """The experiences of one cell, oldest first, and whether the operator switched learning off."""
+    """Stored experiences of one cell, oldest first, and whether learning is switched off."""
 
     def __init__(self, cell: str, folder: Path | None = None) -> None:
-        """Keep what `cell` learns in `folder`, by default the user's data folder."""
+        """Store the experiences of `cell` in `folder`, by default the user's data folder."""
         self.folder = folder or data_folder() / "learning"
         self.path = self.folder / f"{cell}.jsonl"
         self._off = self.folder / f"{cell}.off"
 
     @property
     def is_off(self) -> bool:
-        """Whether `cell learn off` was the last word."""
+        """Whether learning was switched off by the last command."""
         return self._off.exists()
 
     def switch(self, *, on: bool) -> None:
-        """Learn again, or no longer; nothing is lost.
+        """Switch learning on or off; no experience is lost.
 
         Raises ConfigurationError where the folder cannot be written.
         """
-        with self._alone():
+        with self._file_lock():
             if on:
                 self._off.unlink(missing_ok=True)
             else:
@@ -85,7 +85,7 @@ class Memory:
 
         Raises ConfigurationError where it cannot be written.
         """
-        with self._alone():
+        with self._file_lock():
             append_line(self.path, json_line(asdict(experience)))
 
     def forget(self) -> Path | None:
@@ -93,7 +93,7 @@ class Memory:
 
         Raises ConfigurationError where the file cannot be moved.
         """
-        with self._alone():
+        with self._file_lock():
             if not self.path.exists():
                 return None
             number = 1 + sum(1 for _ in self.folder.glob(f"{self.path.stem}.forgotten-*"))
@@ -103,7 +103,7 @@ class Memory:
             return aside
 
     @contextmanager
-    def _alone(self) -> Iterator[None]:
+    def _file_lock(self) -> Iterator[None]:
         with writing(self.path, "the fold itself is recorded"):
             self.folder.mkdir(parents=True, exist_ok=True)
             with lock_folders([self.folder]):
@@ -111,7 +111,7 @@ class Memory:
 
 
 def data_folder() -> Path:
-    """Folder for what cannot be computed again."""
+    """Folder for data that cannot be computed again."""
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "folding-cell"
 
 

@@ -1,4 +1,4 @@
-"""Shrinks learned biases: most cells and specimens have nothing off, and then a camera still errs.
+"""Shrinks learned biases towards zero: most cells and specimens have none but a camera's error.
 
 Each is the mean over two hypotheses, that something is off and that nothing is, weighted by their
 posterior probabilities (Bayesian model averaging; Hoeting et al., 1999, Statistical Science 14).
@@ -22,7 +22,7 @@ def shrunk(
     specimen: str,
     settings: LearningSettings,
 ) -> Parts:
-    """Bias of `specimen`, of fabric `strip`, that has `parts` where something is `off`.
+    """Bias of `specimen`, of fabric `strip`, averaged over both hypotheses about `parts`.
 
     Where nothing is, cell and strip have none, a specimen has a `usual` one, and what the camera
     shows of it holds an error of its own.
@@ -44,7 +44,7 @@ def shrunk(
 
 
 def laid_offset(experiences: Sequence[Experience], rig: float, settings: LearningSettings) -> float:
-    """Offset [m] at which a cell lays edges that the camera shows `rig` [m] too small.
+    """Offset [m] of laid edges in a cell whose camera shows them `rig` [m] too small.
 
     Either something is `off`, by about `changed`, or nothing is and the camera misreads each
     specimen by about `laid`.
@@ -71,6 +71,6 @@ def _specimens(experiences: Sequence[Experience]) -> Array:
 
 
 def _log_density(y: Array, covariance: Array) -> float:
-    """Of y (n,) by a normal distribution about 0 with `covariance` (n, n), up to a constant."""
+    """Log density of y (n,), normal about 0 with `covariance` (n, n), up to a constant."""
     spread = np.linalg.slogdet(covariance)[1]
     return float(-0.5 * (y @ np.linalg.solve(covariance, y) + spread))

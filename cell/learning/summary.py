@@ -1,4 +1,4 @@
-"""What a cell learned, a row for each policy and specimen."""
+"""Summary of a cell's learned biases, a row for each policy and specimen."""
 
 from collections.abc import Sequence
 from typing import Any

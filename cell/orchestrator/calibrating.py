@@ -44,29 +44,29 @@ def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -
 
 def calibrate(cell: CalibrationContext, record: Record, begin: Snapshot) -> Phase:
     """Phase that measures the map to the plane, the latency, and the landmarks; or checks one."""
-    points = _points(cell)
+    points = _make_points(cell)
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
     require_clear([first, *points.plan], cell.desk)
     yield from open_hand()
-    yield from _answer(cell, POINTER_IN)
+    yield from _wait_for_answer(cell, POINTER_IN)
     yield from close_hand()
     yield from turn(points.plan[0].pitch)
     yield from _touch_all(cell, points, record)
     if cell.old is not None:
         cell.check = check_verdict(points.touches, cell.old, cell.settings.touches)
         yield from open_hand()
-        yield from _answer(cell, POINTER_OUT)
+        yield from _wait_for_answer(cell, POINTER_OUT)
         return Event.CALIBRATED
     cell.touches = points.verdict()
     if cell.touches.homography is not None:
         yield from _measure_latency(cell, points)
     if cell.touches.homography is not None and cell.remembers:
-        yield from _remember(cell, points)
+        yield from _take_landmarks(cell, points)
     return Event.CALIBRATED
 
 
-def _points(cell: CalibrationContext) -> TouchedPoints:
-    """The points that are fitted, or the few that check an old calibration."""
+def _make_points(cell: CalibrationContext) -> TouchedPoints:
+    """The points to touch: those to be fitted, or the few that check an old calibration."""
     settings = cell.settings.touches
     if cell.old is None:
         return TouchedPoints(cell.lens, settings, cell.plan)
@@ -76,9 +76,9 @@ def _points(cell: CalibrationContext) -> TouchedPoints:
 def _touch_all(cell: CalibrationContext, points: TouchedPoints, record: Record) -> Doing:
     """Touch every requested pose, and those that disagreed once more."""
     while (pose := points.ask()) is not None:
-        why = _why(points)
+        why = _reason(points)
         cell.watch(_news(points, pose, why))
-        answer = yield from _answer(cell, Question(Ask.TOUCH, why))
+        answer = yield from _wait_for_answer(cell, Question(Ask.TOUCH, why))
         if answer is Answer.SKIP:
             points.skip()
         elif answer is Answer.AGAIN:
@@ -104,7 +104,7 @@ def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record, why:
 
 def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
     """Step back and forth, passing arm states and images to the wizard."""
-    yield from _answer(cell, STEPS_QUESTION)
+    yield from _wait_for_answer(cell, STEPS_QUESTION)
     steps = LatencySteps(cell.settings.latency)
     while (pose := steps.ask()) is not None:
         why = f"{steps.left} steps are left, to see how late the images are"
@@ -129,10 +129,10 @@ def _step(steps: LatencySteps, pose: Pose) -> Doing:
             still = snapshot.time
 
 
-def _remember(cell: CalibrationContext, points: TouchedPoints) -> Doing:
-    """Take landmarks from a picture of the empty hand; without a visible tip there are none."""
+def _take_landmarks(cell: CalibrationContext, points: TouchedPoints) -> Doing:
+    """Record landmarks from a picture of the empty hand; none where no finger tip is visible."""
     yield from open_hand()
-    yield from _answer(cell, POINTER_OUT)
+    yield from _wait_for_answer(cell, POINTER_OUT)
     pose = cell.settings.landmarks.pose
     why = "the empty hand here shows later whether the camera moved"
     cell.watch(_news(points, pose, why, Stage.REMEMBER))
@@ -148,15 +148,15 @@ def _remember(cell: CalibrationContext, points: TouchedPoints) -> Doing:
         cell.watch(_news(points, pose, str(error), Stage.REMEMBER))
 
 
-def _answer(cell: CalibrationContext, question: Question) -> Answering:
-    """Hold until the operator has answered."""
+def _wait_for_answer(cell: CalibrationContext, question: Question) -> Answering:
+    """Hold the arm until the operator has answered."""
     while (answer := cell.operator.answer(question)) is None:
         yield Hold()
     yield Hold()
     return answer
 
 
-def _why(points: TouchedPoints) -> str:
+def _reason(points: TouchedPoints) -> str:
     if points.again:
         return f"point {points.number} disagrees with the others: touch it once more"
     done = f"{len(points.touches)} of {len(points.plan)} points are touched"

@@ -26,7 +26,7 @@ from policies.prediction import FoldPrediction
 
 @dataclass(slots=True)
 class FoldContext:
-    """A fold: the controller's knowledge of cell and strip, and the results so far.
+    """Context of a fold: the controller's knowledge of cell and strip, and the results so far.
 
     `reader` reads images once preflight has accepted the image of the strip. `seen_touch` is the
     layer_touch once it is seen, `laid` the fold after the retreat, `predicted` the policy's latest
@@ -51,7 +51,7 @@ class FoldContext:
 
 @dataclass(slots=True)
 class CalibrationContext:
-    """A calibration of the map to the plane: its lens, its wizard's settings and its results.
+    """Context of a calibration of the map to the plane: lens, settings, results.
 
     The `operator` is asked before the arm moves, `watch` receives all news. `plan` replaces the
     poses of the settings. Only a run that `remembers` leaves `landmarks`. With an `old` calibration
@@ -73,14 +73,14 @@ class CalibrationContext:
 
     @property
     def desk(self) -> float:
-        """Where the desk ends for the hand [m]."""
+        """End of the desk along the strip [m], for the hand."""
         return desk_end(self.settings.installation)
 
 
 @dataclass(slots=True)
 class ManualContext:
-    """One `motion` by hand, made from the snapshot that it starts at, and the pose at its `end`; no
-    image is looked at.
+    """Context of one `motion` by hand, made from the snapshot that it starts at, and the pose at
+    its `end`; no image is used.
     """
 
     settings: CellSettings
@@ -90,7 +90,7 @@ class ManualContext:
 
     @property
     def desk(self) -> float:
-        """Where the desk ends for the hand [m]."""
+        """End of the desk along the strip [m], for the hand."""
         return desk_end(self.settings.installation)
 
 

@@ -36,7 +36,7 @@ def hang_still(longest: float, record: Record) -> Motion:
 
 
 class Swing:
-    """How far a strip moves: the way of its profile's mean within `COMPARED_TIME`."""
+    """Measures how far a strip swings: the travel of its profile's mean within `COMPARED_TIME`."""
 
     def __init__(self) -> None:
         self.moved = float("nan")
@@ -44,11 +44,11 @@ class Swing:
 
     @property
     def still(self) -> bool:
-        """Whether enough images were seen and the strip moved less than `RESTING_WAY` in them."""
+        """Whether enough images exist in which the strip moved less than `RESTING_WAY`."""
         return self.moved < RESTING_WAY
 
     def see(self, snapshot: Snapshot, since: float) -> None:
-        """Take note of an image taken after `since` [s], in which the strip was read."""
+        """Add an image taken after `since` [s] in which the strip was measured."""
         seen = snapshot.view.measurement
         if not snapshot.view.read or seen is None or seen.stamp < since:
             return
@@ -62,7 +62,7 @@ class Swing:
         self.moved = self._way() if whole else float("nan")
 
     def _way(self) -> float:
-        """Largest distance [m] from the middle, of running means over a few images."""
+        """Largest distance [m] of running means over a few images from their middle."""
         means = np.array([mean for _, mean in self._seen])
         sums = np.cumsum(np.concatenate([np.zeros((1, 2)), means]), axis=0)
         smooth = (sums[AVERAGED_IMAGES:] - sums[:-AVERAGED_IMAGES]) / AVERAGED_IMAGES

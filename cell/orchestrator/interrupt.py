@@ -12,7 +12,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupted(CellError):
-    """Stopped from the keyboard outside a fold, which records that itself."""
+    """An operation was interrupted from the keyboard; a fold records that itself."""
 
     exit_code = 130
 
@@ -30,7 +30,7 @@ class Interrupt:
 
     def __enter__(self) -> Self:
         """Install the signal handlers."""
-        self._before = {number: signal.signal(number, self._hear) for number in SIGNALS}
+        self._before = {number: signal.signal(number, self._count_signal) for number in SIGNALS}
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -38,7 +38,7 @@ class Interrupt:
         for number, before in self._before.items():
             signal.signal(number, before)
 
-    def _hear(self, _number: int, _frame: FrameType | None) -> None:
+    def _count_signal(self, _number: int, _frame: FrameType | None) -> None:
         if self._asked:
             raise KeyboardInterrupt
         self._asked = True

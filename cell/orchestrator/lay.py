@@ -22,7 +22,7 @@ PULL = 0.01  # m by which an upper layer that is too short is pulled along at mo
 
 
 def edge_place(touch: SeenTouch, place: float = 0.0) -> float:
-    """Where [m] the grasped edge is to lie: at `place`, within `PULL` of the edge of the taut upper
+    """Position [m] for the grasped edge: `place`, within `PULL` of the edge of the taut upper
     layer. The fixed edge is at x = 0; where images mislead, the place for the other is not.
     """
     return min(max(place, _taut_edge(touch) - PULL), _taut_edge(touch) + PULL)

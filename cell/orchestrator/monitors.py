@@ -25,8 +25,8 @@ USUAL_AGE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Limits of the monitors and of the arm's motion, and the cell's workspace; the `desk` [m] ends
-    there for the hand, 0 where the arm has none.
+    """Limits of the monitors and of the arm's motion, and the cell's workspace; `desk` [m] is where
+    the desk ends for the hand, 0 where the arm has none.
     """
 
     limits: MonitorLimits
@@ -36,8 +36,8 @@ class Rules:
 
     @property
     def tracking_turn(self) -> float:
-        """Allowed error of the pitch [rad]: what the arm turns while it moves by the allowed error
-        of its place, both at full speed, and no more than a lift turns on that way.
+        """Allowed error of the pitch [rad]: the arm's turn while it moves by the allowed position
+        error, both at full speed, at most the turn of a lift on that way.
         """
         axes = self.motion
         ratio = axes.pitch.velocity / max(axes.x.velocity, axes.z.velocity)

@@ -1,4 +1,4 @@
-"""The person at the cell, as a run sees one: questions and delayed answers."""
+"""Protocol of the person at the cell: questions, and answers that may come later."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -42,5 +42,5 @@ class Unattended:
     """An operator that always continues."""
 
     def answer(self, _: Question) -> Answer | None:
-        """Always continue."""
+        """Continue at once."""
         return Answer.GO

@@ -56,7 +56,7 @@ class Outcome:
         return cls(stopped.name, stopped.reason, stopped.exit_code, None, None, duration)
 
     def but(self, stopped: StopReason) -> Self:
-        """This outcome with a later failure added; the first failure is kept."""
+        """Add a later failure to this outcome; the first failure is kept."""
         if self.name == stopped.name:
             return self
         code = max(self.exit_code, stopped.exit_code)

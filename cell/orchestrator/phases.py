@@ -72,7 +72,7 @@ def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
 def _inspect(
     cell: FoldContext, frame: Frame
 ) -> "Generator[Command, Snapshot, tuple[tuple[PreflightCheck, ...], Reader | None]]":
-    """The checks of the strip before the grasp, and what will read it where they passed."""
+    """The checks of the strip before the grasp, and the reader of its images where they passed."""
     if cell.beside is None:
         seen = inspect(frame, cell.calibration, cell.settings.perception, cell.strip)
         if seen.appearance is None:
@@ -147,7 +147,7 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 
 
 def _note_predicted(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
-    """Store and record the policy's prediction; log when predictions stop or begin."""
+    """Store and record the policy's prediction; note when predictions stop or begin."""
     if not isinstance(cell.policy, Predicting):
         return
     before, cell.predicted = cell.predicted, cell.policy.prediction()
@@ -160,7 +160,7 @@ def _note_predicted(cell: FoldContext, record: Record, snapshot: Snapshot) -> No
 
 
 def continue_to_lay(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
-    """Go on to the lay without a stop: at rest the hanging strip would shift the loop by 5 mm."""
+    """Continue to the lay at once: at rest the hanging strip would shift the loop by 5 mm."""
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED
@@ -187,7 +187,7 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
     yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
     frame = (yield from still_picture()).frame
-    loop = _loop(cell, (yield from _look_again(cell, frame, pose)))
+    loop = _visible_loop(cell, (yield from _laid_strip(cell, frame, pose)))
     length, thickness = cell.strip.length, cell.strip.thickness
     seen = None if loop is None else edge_offset(length, thickness, loop)
     cell.laid = LaidFold(released=-pose.x, seen=seen)
@@ -196,10 +196,10 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     return Event.RELEASED
 
 
-def _look_again(
+def _laid_strip(
     cell: FoldContext, frame: Frame, edge: Pose
 ) -> "Generator[Command, Snapshot, StripMeasurement | None]":
-    """The laid strip in `frame`, whose grasped edge was released near `edge`."""
+    """The laid strip in `frame`, with its grasped edge released near `edge`."""
     if cell.reader is None:
         return None
     cell.reader.begin(frame, edge, frame.arrival, touches=False)
@@ -209,9 +209,9 @@ def _look_again(
     return (yield from wait_for(lambda now: now.view.read)).view.measurement
 
 
-def _loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | None:
-    """The loop in the image of the laid strip, None where no fold is visible: what is seen must be
-    as long as the strip, which one that sprang open is not.
+def _visible_loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | None:
+    """The loop in the image of the laid strip; None where no fold is visible, or where it is not as
+    long as the strip, having sprung open.
     """
     if seen is None:
         return None
@@ -220,7 +220,7 @@ def _loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | None:
 
 
 def move_by_hand(context: ManualContext, _: Record, snapshot: Snapshot) -> Phase:
-    """Do the one motion that was asked for."""
+    """Carry out the one requested motion."""
     context.end = (yield from context.motion(snapshot)).arm.pose
     return Event.MOVED
 

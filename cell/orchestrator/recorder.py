@@ -24,7 +24,7 @@ class Record:
         """Add facts to the header that were not known at the start."""
 
     def begin(self, clock: float) -> None:
-        """The lift begins, and measured time with it; called again, measured time begins here."""
+        """Start measured time at the lift; called again, measured time starts here."""
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
         """Add one cycle of the control loop that took `cost` [s] to compute."""
@@ -69,7 +69,7 @@ class Recorder(Record):
         self._writer.describe(**facts)
 
     def begin(self, clock: float) -> None:
-        """The lift begins at `clock` [s]; called again, a run that starts `hanging` does."""
+        """Start measured time with the lift at `clock` [s], or again where `hanging`."""
         if self._lift is None:
             self._lift = clock
             self._flush_early()
@@ -112,7 +112,7 @@ class Recorder(Record):
         self._writer.event(clock, kind, **facts)
 
     def joints(self, rows: Array) -> None:
-        """Add what a robot said of its joints at every tick, rows (n, 29) on the cell's clock."""
+        """Add the robot's joints at every tick, rows (n, 29) on the cell's clock."""
         if rows.size:
             self._writer.joints(rows, self.origin)
 

@@ -33,10 +33,10 @@ class Observer(Protocol):
     """Observer of a run, such as the live view or the progress line. Must not block or fail."""
 
     def see(self, snapshot: Snapshot) -> None:
-        """Called on every tick."""
+        """Observe a tick; called on every one."""
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Called on every event."""
+        """Observe an event; called on every one."""
 
 
 class Run:
@@ -82,7 +82,7 @@ class Run:
         period = 1.0 / self._context.settings.fold.control_rate
         start, tick = clock.now(), 0
         try:
-            self._guard(lambda: self._take(Event.START, start))
+            self._guard(lambda: self._apply_event(Event.START, start))
             while not (self._machine.over and self._rests):
                 tick += 1
                 self._turn_at(start + tick * period)
@@ -97,7 +97,7 @@ class Run:
             self._stop(StopReason.by(error))
 
     def _turn_at(self, due: float) -> None:
-        """The cycle of the loop at `due` [s]."""
+        """Execute the cycle of the control loop due at `due` [s]."""
         if self._under_way and self._interrupted():
             self._stop(INTERRUPTED)
         if self._under_way:
@@ -129,21 +129,21 @@ class Run:
         else:
             self._rests = True
         self._recorder.tick(snapshot, time.perf_counter() - begun)
-        self._show(lambda observer: observer.see(snapshot))
+        self._notify(lambda observer: observer.see(snapshot))
 
     def _decide(self, snapshot: Snapshot) -> Command | None:
-        """The phase's next command; when a phase ends, the next state's phase takes over."""
+        """Next command of the phase; when a phase ends, the next state's phase takes over."""
         try:
             if self._phase is not None:
                 return self._phase.send(snapshot)
             self._phase = self._phases[self._machine.state](self._recorder, snapshot)
             return next(self._phase)
         except StopIteration as end:
-            self._take(end.value, snapshot.time)
+            self._apply_event(end.value, snapshot.time)
         return None if self._machine.over else self._decide(snapshot)
 
     def _brake(self, due: float) -> None:
-        """One whole cycle of braking, even when late; recorded and shown as far as possible."""
+        """Execute a whole cycle of braking, even when late; recorded and shown if possible."""
         now = self._devices.clock.now()
         if now >= due:
             due = now + 1.0 / self._context.settings.fold.control_rate
@@ -154,18 +154,18 @@ class Run:
                 self._snapshot, time=arm.arrival, state=self._machine.state, arm=arm, view=view
             )
             run_suppressed(lambda: self._recorder.tick(snapshot, float("nan")))
-            self._show(lambda observer: observer.see(snapshot))
+            self._notify(lambda observer: observer.see(snapshot))
         self._rests = self._safe_stop.has_ended(arm)
         if self._rests and not self._machine.over:
-            run_suppressed(lambda: self._take(Event.STOPPED, self._devices.clock.now()))
+            run_suppressed(lambda: self._apply_event(Event.STOPPED, self._devices.clock.now()))
 
-    def _take(self, event: Event, now: float) -> None:
+    def _apply_event(self, event: Event, now: float) -> None:
         """Apply an event to the state machine; the lift starts measured time."""
         state = self._machine.take(event)
         self._entered = now
         if state is State.LIFT:
             self._recorder.begin(now)
-        self._note(now, "state", state=state, event=event)
+        self._record_event(now, "state", state=state, event=event)
         self._phase = None
 
     def _stop(self, stopped: StopReason) -> None:
@@ -176,14 +176,14 @@ class Run:
             self._entered = now = self._devices.clock.now()
             state = self._machine.take(Event.STOP)
             facts = {"name": stopped.name, "reason": stopped.reason}
-            run_suppressed(lambda: self._note(now, "fault", **facts))
-            run_suppressed(lambda: self._note(now, "state", state=state, event=Event.STOP))
+            run_suppressed(lambda: self._record_event(now, "fault", **facts))
+            run_suppressed(lambda: self._record_event(now, "state", state=state, event=Event.STOP))
 
-    def _note(self, now: float, kind: str, **facts: object) -> None:
+    def _record_event(self, now: float, kind: str, **facts: object) -> None:
         self._recorder.event(now, kind, **facts)
-        self._show(lambda observer: observer.handle_event(now, kind, facts))
+        self._notify(lambda observer: observer.handle_event(now, kind, facts))
 
-    def _show(self, news: Callable[[Observer], None]) -> None:
+    def _notify(self, news: Callable[[Observer], None]) -> None:
         """Notify the observers; one that raises is not called again."""
         self._observers = tuple(o for o in self._observers if run_suppressed(lambda: news(o)))  # noqa: B023
 
@@ -213,7 +213,7 @@ class Run:
             self._recorder.frame(view.frame)
 
     def _send(self, command: Command) -> None:
-        """Send the command to its device; one already under way is not repeated."""
+        """Send the command to its device, unless the same is already under way."""
         arm, hand = self._devices.arm, self._devices.hand
         if isinstance(command, Drive):
             arm.set_velocity(command.velocity)
@@ -261,8 +261,8 @@ def _completion(context: Context) -> tuple[str, str, int]:
 
 
 def _place(pose: Pose) -> str:
-    x, z, pitch = 1e3 * pose.x, 1e3 * pose.z, degrees(pose.pitch)
-    return f"the gripper is at x {x:.0f}, z {z:.0f} mm, pitch {pitch:.0f} deg"
+    x, z, pitch = round(1e3 * pose.x), round(1e3 * pose.z), round(degrees(pose.pitch))
+    return f"the gripper is at x {x}, z {z} mm, pitch {pitch} deg"
 
 
 @contextmanager

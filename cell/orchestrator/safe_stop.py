@@ -1,4 +1,4 @@
-"""Emergency stop of the arm that depends on nothing else."""
+"""Emergency stop of the arm, independent of vision, record and policy."""
 
 from collections.abc import Callable
 from math import hypot
@@ -25,7 +25,7 @@ class SafeStop:
     """
 
     def __init__(self, devices: Devices, turns: int) -> None:
-        """For at most `turns` cycles of the control loop."""
+        """Stop the arm of `devices` within at most `turns` cycles of the control loop."""
         self._devices = devices
         self._left = turns
         self._heard_stop = False
@@ -37,7 +37,7 @@ class SafeStop:
             run_suppressed(self._devices.hand.stop)
 
     def turn(self, due: float) -> ArmState | None:
-        """One cycle of braking, at `due` [s]: the arm's state, None where it does not answer."""
+        """Brake for one cycle, at `due` [s]; the arm's state, None where it is silent."""
         self._left -= 1
         run_suppressed(lambda: self._devices.clock.wait_until(due))
         seen: list[ArmState] = []

@@ -28,31 +28,31 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True)
 class MoveTo:
-    """Move to rest at a pose; repeated on every tick of the move."""
+    """Command to move to rest at a pose; repeated on every tick of the move."""
 
     pose: Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """Follow a velocity until the next tick."""
+    """Command to follow a velocity until the next tick."""
 
     velocity: Velocity
 
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Stay at rest; brake if moving."""
+    """Command to stay at rest; brakes a moving arm."""
 
 
 @dataclass(frozen=True, slots=True)
 class OpenHand:
-    """Open the fingers."""
+    """Command to open the fingers."""
 
 
 @dataclass(frozen=True, slots=True)
 class CloseHand:
-    """Close the fingers on the strip."""
+    """Command to close the fingers on the strip."""
 
 
 Command = MoveTo | Drive | Hold | OpenHand | CloseHand

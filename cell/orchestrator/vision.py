@@ -1,4 +1,4 @@
-"""Vision of a run: from camera frames to measurement, layer touch, and doubt."""
+"""Vision of a run: from camera frames to measurement, layer touch, and warnings."""
 
 from dataclasses import dataclass
 from math import nan
@@ -27,28 +27,28 @@ IDLE_IMAGE_PERIOD = 0.1  # s between images where nothing is measured in them
 
 
 class Reader(Protocol):
-    """Reads one strip in the images of one calibrated camera, an image at a time."""
+    """Protocol of a reader that measures one strip, image by image, of a calibrated camera."""
 
     latency: float
     """How much earlier than its stamp an image shows the world [s]."""
 
     @property
     def since(self) -> float | None:
-        """When the image under way was begun [s]; None while nothing is."""
+        """Start [s] of the measurement under way; None while none is."""
 
     @property
     def dead(self) -> str:
-        """Why no image is read any more; empty while they are."""
+        """Reason why no image is measured any more; empty while they are."""
 
     def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
-        """Begin to read `frame`, taken at `gripper`; with `touches` the layers are watched too."""
+        """Start to measure `frame`, taken at `gripper`; with `touches` watch the layers."""
 
     def take(self) -> Seen | None:
-        """What the image under way showed, once; None until that is known."""
+        """Result of the last image, once; None until it is known."""
 
 
 class StripReader:
-    """Satisfies `Reader` within the turn of the control loop: right where the clock is virtual."""
+    """Measures images within the turn of the control loop, as suits a virtual clock."""
 
     since: float | None = None
     dead = ""
@@ -60,7 +60,7 @@ class StripReader:
         latency: float,
         standing: Standing,
     ) -> None:
-        """With the colours found at preflight, in `perception`, and what stood still then."""
+        """Start with the colours in `perception` and `standing` things of preflight."""
         self._perception, self._touch, self.latency = perception, touch, latency
         self.standing = standing
         self._seen: Seen | None = None
@@ -80,46 +80,46 @@ class StripReader:
         return cls(perception, touch, calibration.latency, standing)
 
     def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:  # noqa: ARG002
-        """Read `frame` now."""
+        """Measure `frame` now."""
         measurement = self._perception.look(frame, gripper)
         touch = self._touch.update(measurement, gripper) if touches else None
         self._seen = Seen(measurement, touch, self.standing.shift(frame.image, gripper))
 
     def take(self) -> Seen | None:
-        """What the image showed, once."""
+        """Result of the last image, once."""
         seen, self._seen = self._seen, None
         return seen
 
 
 class ReaderBeside:
-    """Satisfies `Reader` by a process beside the control loop: right on the wall clock."""
+    """Measures images in a process beside the control loop, as suits the wall clock."""
 
     def __init__(self, process: Beside, latency: float) -> None:
-        """By `process`, which has accepted an image of the strip."""
+        """Measure by `process`, which has accepted an image of the strip."""
         self._process, self.latency = process, latency
 
     @property
     def since(self) -> float | None:
-        """When the image under way was handed over [s]; None while nothing is."""
+        """Time [s] at which the image under way was handed over; None while none is."""
         return self._process.since
 
     @property
     def dead(self) -> str:
-        """Why no image is read any more; empty while they are."""
+        """Reason why no image is measured any more; empty while they are."""
         return self._process.dead
 
     def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
-        """Hand over `frame`."""
+        """Hand over `frame` to the process."""
         self._process.ask(TRACK if touches else LOOK, frame, gripper, now)
 
     def take(self) -> Seen | None:
-        """What the image under way showed, once; None until that is known."""
+        """Result of the last image, once; None until it is known."""
         return self._process.answer()
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Camera results so far; times in seconds of the cell's clock.
+    """Results of the camera so far; times in seconds of the cell's clock.
 
     `frame` is the newest image and `fresh` whether it arrived on this tick; `identical` counts the
     successive images that equal it byte for byte although the gripper moved. `measurement` is the
@@ -145,10 +145,10 @@ class View:
 
 
 class Vision:
-    """Takes the newest frame on each tick and measures the strip in it where the state needs it."""
+    """Takes the newest frame on each tick and measures the strip where the state needs it."""
 
     def __init__(self, camera: Camera, limits: MonitorLimits) -> None:
-        """Read from `camera`; `limits` say what is in doubt and what has moved."""
+        """Read from `camera`; `limits` of the confidence in a measurement and of moving shadows."""
         self._camera = camera
         self._limits = limits
         self._shift, self._moved = nan, 0
@@ -182,7 +182,7 @@ class Vision:
         )
 
     def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:
-        """Whether a frame newer than the last one arrived."""
+        """Take a frame newer than the last one; returns whether one arrived."""
         after = self._frame.stamp if self._frame is not None else -1.0
         after = after if state in MEASURED_STATES else after + IDLE_IMAGE_PERIOD
         frame = self._camera.read(after, timeout=0.0)
@@ -194,8 +194,8 @@ class Vision:
         return True
 
     def _read(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> bool:
-        """Whether an image has been read by this tick; the newest one is begun where none is under
-        way, also where that follows in the same tick.
+        """Whether an image has been measured by this tick; the newest one is begun where none is
+        under way, also where that finishes in the same tick.
         """
         read = False
         if self._waiting is not None and reader is None:
@@ -210,7 +210,7 @@ class Vision:
                 break
             read = True
             self._measurement, self._touch = seen.measurement, seen.touch
-            self._note_doubt(seen.measurement)
+            self._update_confidence(seen.measurement)
             self._shift = seen.shift
             self._moved = self._moved + 1 if seen.shift > self._limits.camera_shift else 0
         return read
@@ -221,7 +221,7 @@ class Vision:
         elif self._stale_since is None:
             self._stale_since = now
 
-    def _note_doubt(self, measurement: StripMeasurement) -> None:
+    def _update_confidence(self, measurement: StripMeasurement) -> None:
         if measurement.confidence >= self._limits.confidence:
             self._doubtful_since = None
         elif self._doubtful_since is None:

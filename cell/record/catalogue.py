@@ -98,7 +98,7 @@ class Catalogue:
         return RunRow(self._root / name, datetime.fromisoformat(began), *rest)
 
     def _refresh(self, progress: Progress) -> None:
-        """Read what has changed since the last time, and forget what has gone."""
+        """Read changed runs, and remove deleted ones."""
         known = {
             str(name): stamp
             for name, *stamp in self._base.execute(

@@ -22,7 +22,7 @@ MAY = (*MOTION_COLUMNS, "contact_x", "contact_t", "f_x", "f_z", "image_age")
 
 @dataclass(frozen=True, slots=True)
 class Ticks:
-    """ticks.parquet: arrays (n,) in seconds, metres, radians, newtons; NaN where not measured.
+    """Columns of ticks.parquet: arrays (n,) in s, m, rad, N; NaN where not measured.
 
     `state` and `image_age` are those of a run of the cell, empty and NaN in others.
     """
@@ -42,7 +42,7 @@ class Ticks:
 
     @classmethod
     def of(cls, table: pa.Table, origin: str) -> Self:
-        """The columns of `table`; ConfigurationError names `origin` and the column at fault."""
+        """Ticks from `table`; ConfigurationError names `origin` and the column at fault."""
         values = {name: _numbers(table, name, origin) for name in MUST}
         values |= {name: _optional(table, name, origin) for name in MAY}
         for name in (*MUST, *MAY):
@@ -61,7 +61,7 @@ class Ticks:
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """profile.parquet: arrays (n,), stamp `t` [s], order `i`, points `x`, `z` [m]."""
+    """Columns of profile.parquet: arrays (n,), stamp `t` [s], order `i`, points `x`, `z` [m]."""
 
     t: Array
     i: Array
@@ -70,14 +70,14 @@ class Profile:
 
     @classmethod
     def of(cls, table: pa.Table, origin: str) -> Self:
-        """The columns of `table`; ConfigurationError names `origin` and the column at fault."""
+        """Profile from `table`; ConfigurationError names `origin` and the column at fault."""
         values = {name: _numbers(table, name, origin) for name in ("t", "i", "x", "z")}
         for name, column in values.items():
             _check_finite(column, name, origin)
         _check_order(values["t"], origin, strictly=False)
         _check_range(values["t"], "t", origin, LONGEST_TIME, "s")
         for name in ("x", "z"):
-            _check_middle(values[name], name, origin)
+            _check_median(values[name], name, origin)
             _check_range(values[name], name, origin, FARTHEST_POINT, "m")
         return cls(**values)
 
@@ -93,7 +93,7 @@ class Profile:
 
 @dataclass(frozen=True, slots=True)
 class Sights:
-    """sights.parquet: a `StripMeasurement` per image as arrays (n,); empty where not kept."""
+    """Columns of sights.parquet: a `StripMeasurement` per image as arrays (n,); may be empty."""
 
     stamp: Array
     sequence: Array
@@ -107,7 +107,7 @@ class Sights:
 
     @classmethod
     def of(cls, table: pa.Table, origin: str) -> Self:
-        """The columns of `table`; ConfigurationError names `origin` and the column at fault."""
+        """Measurements from `table`; ConfigurationError names `origin` and the column at fault."""
         values = {name: _numbers(table, name, origin) for name in cls.__slots__}
         for name in ("stamp", "sequence"):
             _check_finite(values[name], name, origin)
@@ -117,7 +117,7 @@ class Sights:
 
     @classmethod
     def none(cls) -> Self:
-        """Empty columns."""
+        """Measurements of no images: empty columns."""
         return cls(*[frozen([]) for _ in cls.__slots__])
 
 
@@ -160,8 +160,8 @@ def _check_order(t: Array, origin: str, strictly: bool) -> None:
         )
 
 
-def _check_middle(values: Array, name: str, origin: str) -> None:
-    """Refuse lengths in a wrong unit: single points may be outliers, half of them not."""
+def _check_median(values: Array, name: str, origin: str) -> None:
+    """Refuse lengths in a wrong unit by their median, which outliers do not change."""
     middle = float(np.median(np.abs(values))) if values.size else 0.0
     if middle > FARTHEST_HAND:
         raise ConfigurationError(

@@ -1,4 +1,4 @@
-"""Plain values of a record, and YAML documents of them."""
+"""Conversion of a record's values to plain ones, and to YAML documents."""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from drivers.files import replace_file
 
 
 def plain(value: object) -> Any:
-    """`value` as text, numbers, lists and mappings; a number that is not finite becomes None.
+    """Convert `value` to text, numbers, lists and mappings; a non-finite number becomes None.
 
     Raises TypeError for anything that has no plain form.
     """

@@ -30,7 +30,7 @@ class Film:
     path: Path
 
     def frames(self) -> Iterator[Frame]:
-        """Its images (h, w, 3), stamped by the file [s] since the first one.
+        """Images (h, w, 3) of the film with their stamps [s] since the first one.
 
         Raises ConfigurationError for a file that is missing or no film.
         """
@@ -99,7 +99,7 @@ class FilmWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Write what the encoder still holds, close the file and index it."""
+        """Flush the encoder, close the file and index it."""
         if self._stream is not None:
             self._container.mux(self._stream.encode(None))
         self._container.close()

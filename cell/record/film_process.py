@@ -1,4 +1,4 @@
-"""Encodes a film in a process of its own, whose threads hold up no thread of this one."""
+"""Encodes a film in another process, so that its threads delay none of this one."""
 
 import os
 import signal
@@ -21,10 +21,10 @@ END_MESSAGE = b""  # the message after the last image, and the answer of a film 
 
 
 class FilmProcess:
-    """A `FilmWriter` of another process, which ends its film where this process dies."""
+    """A `FilmWriter` in another process, which completes its film if this process dies."""
 
     def __init__(self, path: Path, encoder: str) -> None:
-        """As `FilmWriter`; returns once the first image can be encoded."""
+        """Start to write, as `FilmWriter`; returns once the first image can be encoded."""
         context = get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(
@@ -56,7 +56,7 @@ class FilmProcess:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Wait until the film is whole."""
+        """Wait until the film is complete."""
         try:
             if kind is None:
                 self._pipe.send_bytes(END_MESSAGE)
@@ -66,7 +66,7 @@ class FilmProcess:
             self._process.join()
 
     def _answer(self) -> None:
-        """Wait for what the process says; raises OSError where it failed."""
+        """Wait for an answer of the process; raises OSError where it failed."""
         try:
             message = self._pipe.recv_bytes()
         except (EOFError, OSError):

@@ -1,4 +1,4 @@
-"""Films a run while it goes on, without holding it up."""
+"""Films a run in a thread without delaying it."""
 
 import queue
 import threading
@@ -15,7 +15,7 @@ HANGS = "the film breaks off: its encoder hangs"
 
 
 class FilmThread:
-    """Films into the file at `path`; an image that finds no room is left out of it.
+    """Writes a film into the file at `path`; an image for which the queue has no room is left out.
 
     The encoder has a process of its own, beside a control loop on the wall clock: a thread that
     lost its core while it held the interpreter would hold up the loop. Where the clock is virtual,
@@ -29,7 +29,7 @@ class FilmThread:
         self._begun = threading.Event()
         self._waiting: queue.Queue[tuple[float, Image] | None] = queue.Queue(QUEUE)
         self._thread = threading.Thread(
-            target=self._work, args=(path, encoder), name="film", daemon=True
+            target=self._encode_queue, args=(path, encoder), name="film", daemon=True
         )
         self._thread.start()
         self._begun.wait(ENCODER_TIMEOUT)
@@ -50,14 +50,14 @@ class FilmThread:
         return self._count - 1
 
     def close(self) -> None:
-        """Wait until the film is whole, or its encoder hangs."""
+        """Wait until the film is complete, or its encoder hangs."""
         with suppress(queue.Full):
             self._waiting.put(None, timeout=ENCODER_TIMEOUT)
         self._thread.join(ENCODER_TIMEOUT)
         if self._thread.is_alive():
             self.failure = HANGS
 
-    def _work(self, path: Path, encoder: str) -> None:
+    def _encode_queue(self, path: Path, encoder: str) -> None:
         writer = FilmWriter if self._patient else FilmProcess
         try:
             with writer(path, encoder) as film:

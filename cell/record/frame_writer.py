@@ -25,7 +25,7 @@ class FrameWriter:
     def __init__(
         self, folder: Path, keep: Keep, patient: bool, encoder: Encoder | None = None
     ) -> None:
-        """Write into `folder`; with an `encoder` a film too."""
+        """Write images into `folder`; with an `encoder` a film too."""
         self.dropped = 0
         self._film = encoder and FilmThread(folder / FILM, encoder, patient)
         self._failure: OSError | None = None
@@ -59,7 +59,7 @@ class FrameWriter:
 
     @property
     def film_failure(self) -> str:
-        """Why the film breaks off; empty where it does not."""
+        """Reason why the film is incomplete; empty where it is not."""
         return self._film.failure if self._film else ""
 
     def take_failure(self) -> OSError | None:

@@ -37,7 +37,7 @@ class FrameNote:
 
 
 def digest(image: Image) -> str:
-    """sha256 of the pixels of an image (h, w) or (h, w, 3), row by row."""
+    """SHA-256 of the pixels of an image (h, w) or (h, w, 3), row by row."""
     return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
 
 
@@ -47,7 +47,7 @@ def frame_file(folder: Path, sequence: int) -> Path:
 
 
 def encode(image: Image) -> bytes:
-    """`image` (h, w) or (h, w, 3) as lossless PNG; OSError where that fails.
+    """Encode `image` (h, w) or (h, w, 3) as lossless PNG; OSError where that fails.
 
     On camera noise Huffman coding of differences is the fastest, and within a tenth of the
     smallest.
@@ -63,7 +63,7 @@ def encode(image: Image) -> bytes:
 
 
 def decode(path: Path) -> Image:
-    """The image (h, w, 3) in a file; ConfigurationError when it is not one."""
+    """Read the image (h, w, 3) in a file; ConfigurationError when it is not one."""
     from drivers.pictures import read_picture
 
     return read_picture(path, LARGEST_SIDE)

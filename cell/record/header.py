@@ -41,7 +41,7 @@ class Sigma(Settings):
 
 
 class DriverNames(Settings):
-    """Drivers of a run."""
+    """Names of the drivers of a run."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -50,7 +50,7 @@ class DriverNames(Settings):
 
 
 class CalibrationNote(Settings):
-    """Calibration of a run, and its error [m]."""
+    """Identity of a run's calibration, and its error [m]."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -59,7 +59,7 @@ class CalibrationNote(Settings):
 
 
 class ArmTiming(Recorded):
-    """How often a real arm's states came after so many milliseconds: bins between `edges_ms`.
+    """Histogram of the intervals between a real arm's states, in bins between `edges_ms`.
 
     `counts` has one more entry than the edges, open below the first and above the last.
     """
@@ -101,7 +101,7 @@ class Header(Recorded):
 
     @property
     def by_cell(self) -> bool:
-        """Whether a cell's own perception saw the strip, whose errors are known."""
+        """Whether the cell's own perception measured the strip, with known errors."""
         return self.policy is not None or self.seen_by == "cell"
 
 
@@ -116,7 +116,7 @@ class Interval(Settings):
 
 
 class PredictionNote(Settings):
-    """What the policy predicted: displacement and one sigma of it [m], and the strip in SI."""
+    """A policy's prediction: displacement and one sigma of it [m], and the strip in SI."""
 
     model_config = ConfigDict(extra="allow")
 

@@ -52,7 +52,7 @@ def _is_flat(value: object, depth: int) -> bool:
 
 
 def _integer(text: str) -> int | float:
-    """A whole number; as a float where it is too large for any index, count or time."""
+    """Parse a whole number; as a float where it is too large for any index, count or time."""
     return int(text) if len(text) <= DIGITS else float(text)
 
 

@@ -22,8 +22,8 @@ UNDER_WAY, DIED, BROKEN = "under way", "died", "broken"
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """One run: `outcome` as recorded, or `under way`, `died`, `broken`; lengths [m], times [s],
-    `speed` [m/s], None where not known; `size` on disk [bytes]; `tags` with commas.
+    """One run in a listing: `outcome` as recorded, or `under way`, `died`, `broken`; lengths [m],
+    times [s], `speed` [m/s], None where not known; `size` on disk [bytes]; `tags` with commas.
 
     `touch` is the time of the layer touch, `predicted` the displacement that the policy expected.
     """
@@ -53,7 +53,7 @@ class RunRow:
 
     @property
     def name(self) -> str:
-        """Name of the folder."""
+        """Name of the run's folder."""
         return self.folder.name
 
 
@@ -121,7 +121,7 @@ def read_row(folder: Path) -> RunRow:
     of, came = header or {}, result or {}
     return RunRow(
         folder=folder,
-        began=_began(folder),
+        began=_start_time(folder),
         strip=_text(of.get("strip")),
         policy=_text(of.get("policy")),
         outcome=_outcome(folder, header, result),
@@ -131,9 +131,9 @@ def read_row(folder: Path) -> RunRow:
         size=_size(folder),
         touch=_number(came.get("t_layer_touch")),
         predicted=_number(came.get("foretold.displacement")),
-        like_model=_truth(came.get("agreement.like_model")),
+        like_model=_boolean(came.get("agreement.like_model")),
         reason=_text(came.get("reason")),
-        seed=_whole(of.get("seed")),
+        seed=_integer(of.get("seed")),
         speed=_number(of.get("speed")),
         start=_text(of.get("start")) or "flat",
         condition=_text(of.get("condition")),
@@ -178,7 +178,7 @@ def _size(folder: Path) -> int:
     return total
 
 
-def _began(folder: Path) -> datetime:
+def _start_time(folder: Path) -> datetime:
     stamp = BEGAN.match(folder.name)
     stamped = None if stamp is None else _moment(stamp[1])
     return stamped or _write_time(folder / RUN)
@@ -202,12 +202,12 @@ def _number(value: Scalar) -> float | None:
     return value if isinstance(value, float) and isfinite(value) else None
 
 
-def _whole(value: Scalar) -> int | None:
+def _integer(value: Scalar) -> int | None:
     number = _number(value)
     return None if number is None or number != int(number) else int(number)
 
 
-def _truth(value: Scalar) -> bool | None:
+def _boolean(value: Scalar) -> bool | None:
     return value if isinstance(value, bool) else None
 
 

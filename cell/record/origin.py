@@ -1,4 +1,4 @@
-"""Where measured time begins: the events that state it, on the cell's clock."""
+"""Origin of a run's measured time, from its events on the cell's clock."""
 
 from collections.abc import Iterable, Mapping
 from math import inf, isfinite
@@ -14,7 +14,7 @@ LATEST = 1e9  # s, of an event
 
 
 def origin_of(lines: Iterable[Mapping[str, Any]]) -> float:
-    """The cell's clock at t = 0 [s]; 0 where the events do not state it."""
+    """Cell's clock [s] at t = 0 of the run; 0 where the events do not state it."""
     begins = _moments(lines, ORIGIN)
     return begins[0] if begins else 0.0
 
@@ -32,7 +32,7 @@ def lift_time(folder: Path) -> float:
 
 
 def moment(value: object) -> float:
-    """A time [s] in an event; 0 where it is none."""
+    """Time [s] from an event; 0 where it states none."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return 0.0
     return float(value) if isfinite(value) and abs(value) < LATEST else 0.0

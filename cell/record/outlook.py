@@ -1,4 +1,4 @@
-"""What a policy predicted during a fold, read from the record's events."""
+"""A policy's predictions during a fold, read from the record's events."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -32,12 +32,12 @@ class Outlook(NamedTuple):
         return cls(np.array([event.t for event in stated]), rows.reshape(-1, len(COLUMN_NAMES)))
 
     def column(self, name: str) -> Array:
-        """Values (k,) of one of COLUMN_NAMES."""
+        """Values (k,) of the prediction's column `name`."""
         return np.asarray(self.rows[:, COLUMN_NAMES.index(name)])
 
 
 def row_of(facts: Mapping[str, object]) -> Array:
-    """The row (k,) of one prediction, a value for each of COLUMN_NAMES, given as in an event."""
+    """Row (k,) of one prediction with a value for each of COLUMN_NAMES, from an event's facts."""
     displacement, sigma = (_number(facts.get(name)) for name in ("displacement", "sigma"))
     row = [displacement, displacement - sigma, displacement + sigma]
     for name in BELIEFS:

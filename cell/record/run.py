@@ -1,4 +1,4 @@
-"""Reading of a run: complete, interrupted, or written by hand in a laboratory."""
+"""Reads a run: complete, interrupted, or written by hand in a laboratory."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ from drivers.types import Array, Frame, frozen
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An event at `t` [s]: its `kind` and its `facts`."""
+    """An event of a run at `t` [s]: its `kind` and its `facts`."""
 
     t: float
     kind: str
@@ -53,7 +53,7 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Name of the folder."""
+        """Name of the run's folder."""
         return self.folder.name
 
     @property
@@ -62,7 +62,7 @@ class Run:
         return self.result is None and not is_under_way(self.folder)
 
     def events(self) -> tuple[Event, ...]:
-        """Events in the order of writing; empty in a laboratory's run.
+        """Events of the run in the order of writing; none in a laboratory's run.
 
         Events are written on the cell's clock, before the start of measured time is known; the
         event `origin` states it, and times here are relative to it.
@@ -75,11 +75,11 @@ class Run:
         )
 
     def origin(self) -> float:
-        """The cell's clock at t = 0 [s]; 0 where the run does not state it."""
+        """Cell's clock [s] at t = 0 of the run; 0 where the run does not state it."""
         return origin_of(read_json_lines(self.folder / EVENTS))
 
     def sights(self) -> Sights:
-        """Measurements of all images; empty in a laboratory's run."""
+        """Measurements of all images; none in a laboratory's run."""
         path = self.folder / SIGHTS
         if path.exists():
             return Sights.of(read_parquet(path), str(path))
@@ -101,11 +101,11 @@ class Run:
         return load_calibration(path) if path.exists() else None
 
     def frame_index(self) -> tuple[FrameNote, ...]:
-        """Every image that perception processed, in order; empty in a laboratory's run."""
+        """Every image that perception processed, in order; none in a laboratory's run."""
         return read_index(self.folder)
 
     def frames(self) -> Iterator[Frame]:
-        """The kept images, each verified against its hash."""
+        """The kept images of the run, each verified against its hash."""
         return read_frames(self.folder)
 
 

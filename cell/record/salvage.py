@@ -1,4 +1,4 @@
-"""Reading of a run with broken parts, as far as possible."""
+"""Reads a run with broken parts, as far as possible."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -36,17 +36,17 @@ class Salvage(Run):
         """The readable parts of `folder`; ConfigurationError only where run.yaml cannot be read."""
         check_run(folder)
         header, problems = load(folder / RUN, Header), list[str]()
-        ticks = _part(
+        ticks = _read_part(
             lambda: Ticks.of(*_table(folder, header, "ticks", problems)),
             lambda: Ticks.of(EMPTY_TABLES.ticks, TICKS),
             problems,
         )
-        profile = _part(
+        profile = _read_part(
             lambda: Profile.of(*_table(folder, header, "profile", problems)),
             lambda: Profile.of(EMPTY_TABLES.profile, PROFILE),
             problems,
         )
-        result = _part(lambda: read_result(folder), lambda: None, problems)
+        result = _read_part(lambda: read_result(folder), lambda: None, problems)
         run = cls(folder, header, ticks, profile, result, ())
         for read in (run.events, run.sights, run.costs, run.calibration, run.frame_index):
             read()
@@ -55,19 +55,19 @@ class Salvage(Run):
         return cls(folder, header, ticks, profile, result, said, run.parts)
 
     def _once(self, read: Callable[[Run], Found], empty: Callable[[], Found]) -> Found:
-        """What `read` finds in the folder the first time, or its empty value."""
+        """Result of `read` on the folder, cached, or `empty` where that fails."""
         name = read.__name__
         if name not in self.parts:
-            self.parts[name] = _part(lambda: read(self), empty, self.noted)
+            self.parts[name] = _read_part(lambda: read(self), empty, self.noted)
         found: Found = self.parts[name]
         return found
 
     def events(self) -> tuple[Event, ...]:
-        """Events; none where they cannot be read."""
+        """Events of the run; none where they cannot be read."""
         return self._once(Run.events, lambda: ())
 
     def origin(self) -> float:
-        """The cell's clock at t = 0 [s]; 0 where the run does not state it."""
+        """Cell's clock [s] at t = 0 of the run; 0 where the run does not state it."""
         return self._once(Run.origin, float)
 
     def sights(self) -> Sights:
@@ -89,7 +89,7 @@ class Salvage(Run):
     def frames(self) -> Iterator[Frame]:
         """The kept images that are complete and match their hashes."""
         for note in self.frame_index():
-            frame = _part(lambda: read_frame(note), lambda: None, [])  # noqa: B023
+            frame = _read_part(lambda: read_frame(note), lambda: None, [])  # noqa: B023
             if frame is not None:
                 yield frame
 
@@ -102,7 +102,7 @@ EMPTY_TABLES = Tables(
 
 
 def _table(folder: Path, header: Header, name: str, problems: list[str]) -> tuple[pa.Table, str]:
-    """Table `name` (ticks or profile), or its rows from the streams; and its source."""
+    """Table `name` (ticks or profile) or its rows from the streams, and its source."""
     path, stream = folder / f"{name}.parquet", folder / TICK_STREAM
     try:
         if path.exists():
@@ -115,7 +115,7 @@ def _table(folder: Path, header: Header, name: str, problems: list[str]) -> tupl
     return getattr(tables, name), origin
 
 
-def _part(read: Callable[[], Found], empty: Callable[[], Found], problems: list[str]) -> Found:
+def _read_part(read: Callable[[], Found], empty: Callable[[], Found], problems: list[str]) -> Found:
     try:
         return read()
     except ConfigurationError as error:

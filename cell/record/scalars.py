@@ -1,4 +1,4 @@
-"""Single values of a YAML document that a program wrote, without building the document."""
+"""Reads single values of a YAML document that a program wrote, without building the document."""
 
 from collections.abc import Iterator
 
@@ -34,7 +34,7 @@ def _scalars(text: str) -> Iterator[tuple[str, Scalar]]:
             continue
         if isinstance(event, yaml.CollectionEndEvent):
             path.pop()
-            _pass(path)
+            _advance(path)
             continue
         if not (path or isinstance(event, yaml.MappingStartEvent)):
             raise ValueError("must be a mapping of keys to values")
@@ -49,11 +49,11 @@ def _scalars(text: str) -> Iterator[tuple[str, Scalar]]:
                 and ITEM not in path
             ):
                 yield ".".join(map(str, path)), _value(event)
-            _pass(path)
+            _advance(path)
 
 
-def _pass(path: list[str | int | None]) -> None:
-    """A value has ended: in a mapping, a key comes next."""
+def _advance(path: list[str | int | None]) -> None:
+    """Advance the path after a value: in a mapping, a key comes next."""
     if path and path[-1] != ITEM:
         path[-1] = None
 

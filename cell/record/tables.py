@@ -1,4 +1,4 @@
-"""Parquet tables of a run, made from its streams; the same rows give the same bytes."""
+"""Makes the Parquet tables of a run from its streams; the same rows give the same bytes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,8 +34,8 @@ def assemble(folder: Path) -> Tables:
     Raises ConfigurationError when a stream cannot be read or was changed after the run.
     """
     begin = lift_time(folder)
-    ticks = _since(begin, read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
-    sights = _since(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
+    ticks = _from_time(begin, read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
+    sights = _from_time(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
     try:
         with np.errstate(all="ignore"):  # readers of the tables refuse what is not finite
             return _tables(ticks, sights)
@@ -47,7 +47,7 @@ def assemble(folder: Path) -> Tables:
         ) from None
 
 
-def _since(begin: float, rows: pa.Table, time: str) -> pa.Table:
+def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
     """The rows from `begin` [s] on, their column `time` counted from there; all of them for 0."""
     if begin == 0.0:
         return rows
@@ -67,7 +67,7 @@ def _tables(ticks: pa.Table, sights: pa.Table) -> Tables:
 
 
 def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
-    """Ticks of the loop, with each contact in the row nearest to its image's stamp.
+    """Table of ticks, with each contact in the row nearest to its image's stamp.
 
     A row whose stamp did not advance contains no new measurement and is left out, and so are one
     of an arm that reported no number, which no reader takes, and columns of computing time, which
@@ -106,28 +106,28 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
 
 
 def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
-    """(k,) rows of the increasing `t` (n,), two at least, nearest to `stamps` (k,)."""
+    """Rows (k,) of the increasing `t` (n,), two at least, nearest to `stamps` (k,)."""
     after = np.clip(np.searchsorted(t, stamps), 1, t.size - 1)
     nearer = stamps - t[after - 1] <= t[after] - stamps
     return np.asarray(np.where(nearer, after - 1, after), dtype=np.intp)
 
 
 def profile_table(sights: pa.Table) -> pa.Table:
-    """Points t, i, x, z of all images, in the order of their stamps."""
+    """Table of points t, i, x, z of all images, in the order of their stamps."""
     counts = [len(points) for points in sights["profile_x"].to_pylist()]
     return pa.table(
         {
             "t": pa.array(np.repeat(_numbers(sights, "stamp"), counts), pa.float64()),
             "i": pa.array([i for count in counts for i in range(count)], pa.int64()),
-            "x": _flat(sights["profile_x"]),
-            "z": _flat(sights["profile_z"]),
+            "x": _flatten(sights["profile_x"]),
+            "z": _flatten(sights["profile_z"]),
         }
     )
 
 
 def joint_table(rows: Array, origin: float) -> pa.Table:
-    """Ticks of a robot's joints, rows (n, 29) of t [s] on the cell's clock, q, dq, q_d and tau_J,
-    as columns `t` from `origin` on, negative before it, and `q_1` to `tau_J_7`.
+    """Table of a robot's joints from rows (n, 29) of t [s] on the cell's clock, q, dq, q_d and
+    tau_J: columns `t` from `origin` on, negative before it, and `q_1` to `tau_J_7`.
     """
     columns = {"t": pa.array(rows[:, 0] - origin)}
     for k, field in enumerate(("q", "dq", "q_d", "tau_J")):
@@ -155,6 +155,6 @@ def _numbers(table: pa.Table, column: str) -> Array:
     return np.asarray(table[column].to_numpy(), dtype=np.float64)
 
 
-def _flat(column: pa.ChunkedArray) -> pa.Array:
+def _flatten(column: pa.ChunkedArray) -> pa.Array:
     chunks = [chunk.flatten() for chunk in column.chunks]
     return pa.concat_arrays(chunks) if chunks else pa.array([], pa.float64())

@@ -1,4 +1,4 @@
-"""Writer of one run's record while it happens."""
+"""Writes one run's record while the run goes on."""
 
 import fcntl
 import os
@@ -27,7 +27,7 @@ from drivers.types import Array, Frame
 
 
 class RunWriter:
-    """The record of one run, safe against a crash of its process at any moment.
+    """Writer of one run's record, safe against a crash of its process at any moment.
 
     run.yaml is on disk before anything moves, rows and events are passed to the operating system
     one by one, tables follow at the end, and result.yaml comes last. A disk that refuses while the
@@ -68,7 +68,7 @@ class RunWriter:
         patient: bool = False,
         film: Encoder | None = None,
     ) -> Self:
-        """A new run folder under `root`, named by time, strip and chance.
+        """Create a new run folder under `root`, named by time, strip and chance.
 
         `patient` lets `frame` wait for the disk and belongs where the clock is virtual; `film`
         names the encoder of a film of all images. Raises ConfigurationError for a header that
@@ -118,8 +118,8 @@ class RunWriter:
             write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
 
     def joints(self, rows: Array, origin: float) -> None:
-        """Add what a robot said of its joints at every tick, rows (n, 29) as `joint_table` takes
-        them, t [s] on the clock of `origin` [s].
+        """Add a robot's joints at every tick, rows (n, 29) as `joint_table` takes them, t [s] on
+        the clock of `origin` [s].
         """
         with self._recording():
             write_parquet(self.folder / JOINTS, joint_table(rows, origin))
@@ -146,7 +146,7 @@ class RunWriter:
 
     @contextmanager
     def under_way(self) -> Iterator[None]:
-        """Keep the run under way beyond `finish` and `close`, while more is written into it.
+        """Within the block, the run counts as under way beyond `finish` and `close`.
 
         A second handle of the locked file: nobody deletes or reads half of it, unless we die.
         """
@@ -188,7 +188,7 @@ class RunWriter:
 
 
 def sight_row(measurement: StripMeasurement) -> dict[str, Any]:
-    """A row of the stream of sights."""
+    """Row of the stream of sights for one measurement."""
     row = {name: getattr(measurement, name) for name in ("stamp", "sequence", "contact_x")}
     row |= {name: getattr(measurement, name) for name in ("gap", "gap_x", "contact_confidence")}
     row |= {"profile_confidence": measurement.profile_confidence}
@@ -197,7 +197,7 @@ def sight_row(measurement: StripMeasurement) -> dict[str, Any]:
 
 
 def _new_folder(root: Path, strip: str) -> Path:
-    """A new unique folder under `root`; OSError where none can be made."""
+    """Create a new unique folder under `root`; OSError where none can be made."""
     root.mkdir(parents=True, exist_ok=True)
     moment = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     while True:

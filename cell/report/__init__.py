@@ -1,1 +1,1 @@
-"""The report of a run: report.html, self-contained; `viz` shows runs and wizards in Rerun."""
+"""Reports of a run: a self-contained page; `viz` shows runs and wizards in Rerun."""

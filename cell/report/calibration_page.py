@@ -1,5 +1,5 @@
-"""The HTML pages of a calibration and of the wizard's session that made it: how good it is, and
-where the plane lies in the image.
+"""HTML pages of a calibration and of the wizard's session that made it: its quality, and the plane
+in the image.
 """
 
 from pathlib import Path
@@ -62,7 +62,7 @@ def write_session_page(folder: Path) -> Path:
 
 
 def _picture(folder: Path) -> list[KeyPicture]:
-    """The picture of the session; one that was solved again has none."""
+    """Picture of the session; none for one that was solved again."""
     path = folder / PICTURE_FILE
     if not path.is_file():
         return []
@@ -71,7 +71,7 @@ def _picture(folder: Path) -> list[KeyPicture]:
 
 
 def calibration_report(calibration: Calibration, name: str) -> str:
-    """The page of `calibration`, called `name`."""
+    """Page of `calibration`, called `name`."""
     good = calibration.residual_mm <= GOOD_RESIDUAL and not calibration.accepted_anyway
     said = Verdict(
         "good" if good else "bad",
@@ -94,12 +94,12 @@ def calibration_report(calibration: Calibration, name: str) -> str:
 
 
 def _facts(calibration: Calibration | None) -> dict[str, Any]:
-    """What the page says of a calibration; nothing of one that was not made."""
+    """Facts on a calibration for the page; none where there is no calibration."""
     if calibration is None:
         return {"numbers": (), "grid": "", "locks": ()}
     return {
         "numbers": _numbers(calibration),
-        "grid": _grid(calibration),
+        "grid": _plane_grid(calibration),
         "locks": [(name, str(value)) for name, value in calibration.locks.items()],
     }
 
@@ -121,7 +121,7 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
     ]
 
 
-def _grid(calibration: Calibration) -> str:
+def _plane_grid(calibration: Calibration) -> str:
     lens = calibration.lens
     with canvas(8.4, 8.4 * lens.height / lens.width) as figure:
         axes = figure.add_subplot(aspect="equal")

@@ -1,4 +1,4 @@
-"""A page that compares runs: numbers, curves over one another, settings that differ."""
+"""A page that compares runs: numbers, overlaid curves, differing settings."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -40,7 +40,7 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
 
 
 def comparison(runs: Sequence[Run], place: Path) -> str:
-    """The page that compares `runs`, for a file in the folder `place`."""
+    """Page that compares `runs`, for a file in the folder `place`."""
     title = f"{len(runs)} runs of {', '.join(sorted({run.header.strip for run in runs}))}"
     settings, differences = _differences(runs)
     return page(
@@ -83,8 +83,8 @@ def _numbers(run: Run, place: Path) -> tuple[str | Link, ...]:
 
 
 def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Settings that are not the same in all runs: a row a setting, a column a run."""
-    settings = [dict(facts(run)) | dict(_flat(run.header.config or {}, "cell")) for run in runs]
+    """Table of settings that differ among the runs: a row a setting, a column a run."""
+    settings = [dict(facts(run)) | dict(_flatten(run.header.config or {}, "cell")) for run in runs]
     keys = dict.fromkeys(key for each in settings for key in each)
     rows = [
         (key, *values)
@@ -92,13 +92,13 @@ def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, 
         if len(set(values := [each.get(key, NO_VALUE) for each in settings])) > 1
         and key not in PER_RUN_KEYS
     ]
-    return ("setting", *(_short(run) for run in runs)), rows
+    return ("setting", *(_short_name(run) for run in runs)), rows
 
 
-def _flat(content: object, prefix: str) -> Iterator[tuple[str, str]]:
+def _flatten(content: object, prefix: str) -> Iterator[tuple[str, str]]:
     if isinstance(content, dict):
         for key, value in content.items():
-            yield from _flat(value, f"{prefix}.{key}")
+            yield from _flatten(value, f"{prefix}.{key}")
     else:
         yield prefix, str(content)
 
@@ -129,14 +129,14 @@ def _contacts(runs: Sequence[Run]) -> str:
 
 
 def _line(number: int, run: Run) -> dict[str, object]:
-    return {"color": _colour(number), "lw": 1.2, "label": _short(run)}
+    return {"color": _colour(number), "lw": 1.2, "label": _short_name(run)}
 
 
 def _colour(number: int) -> str:
     return COLOURS[number % len(COLOURS)]
 
 
-def _short(run: Run) -> str:
-    """A name of a run for headings: its last four characters, policy and seed."""
+def _short_name(run: Run) -> str:
+    """Short name of a run for headings: its last four characters, policy and seed."""
     seed = "" if run.header.seed is None else f"#{run.header.seed}"
     return " ".join(filter(None, (run.name[-4:], run.header.policy, seed)))

@@ -1,4 +1,4 @@
-"""Facts of a run as rows of text: settings, checks, events."""
+"""Facts of a run as rows of text for its page: settings, checks, events."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -9,7 +9,7 @@ import numpy as np
 from cell.record.files import TICK_STREAM
 from cell.record.run import Event, Run
 from cell.report.timing import image_ages
-from cell.report.words import MINUS, NO_VALUE, millimetres, milliseconds, seconds
+from cell.report.words import MINUS, NO_VALUE, event_title, millimetres, milliseconds, seconds
 
 FREQUENT = 40  # more of one kind are counted, not listed
 LISTED_EVENTS = 400
@@ -25,7 +25,7 @@ Rows = list[tuple[str, str]]
 
 
 def measures(run: Run) -> Rows:
-    """The main numbers of the run."""
+    """Rows of the run's main numbers."""
     result, rows = run.result, Rows()
     if result is not None and result.l1 is not None:
         rows.append(("upper layer l1", millimetres(result.l1)))
@@ -48,14 +48,14 @@ def _duration(run: Run) -> float | None:
 
 
 def facts(run: Run) -> Rows:
-    """Settings of the run: the header, nested keys joined by dots; long lists are counted."""
+    """Rows of the run's settings: nested keys joined by dots; long lists are counted."""
     content = run.header.model_dump(by_alias=True, exclude_none=True)
-    rows = [(key, _text(key, value)) for key, value in _flat(content)]
+    rows = [(key, _text(key, value)) for key, value in _flatten(content)]
     return [(key, text) for key, text in rows if text]
 
 
 def checks(run: Run) -> list[tuple[str, str, str]]:
-    """Checks before the motion: name, result, reason; the remedy too where one failed."""
+    """Rows of the checks before the motion: name, result, reason; a remedy where one failed."""
     listed = [event.facts.get("checks") for event in run.events() if event.kind == PREFLIGHT]
     return [
         _check(item)
@@ -67,25 +67,25 @@ def checks(run: Run) -> list[tuple[str, str, str]]:
 
 
 def listed_events(run: Run) -> list[tuple[str, str, str]]:
-    """Events: time, kind, facts. Kinds that come with every frame are only counted."""
+    """Rows of events: time, kind, facts. Kinds that come with every frame are only counted."""
     events = [event for event in run.events() if event.kind not in SHOWN_ELSEWHERE]
     counts = Counter(event.kind for event in events)
     rare = [event for event in events if counts[event.kind] <= FREQUENT]
     rows = [
-        (f"{e.t:.3f}".replace("-", MINUS), e.kind.replace("_", " "), _sentence(e))
+        (f"{e.t:.3f}".replace("-", MINUS), event_title(e.kind), _sentence(e))
         for e in rare[:LISTED_EVENTS]
     ]
     often = [(kind, n) for kind, n in counts.items() if n > FREQUENT]
-    return [*rows, *((NO_VALUE, kind, f"{n} times") for kind, n in sorted(often))]
+    return [*rows, *((NO_VALUE, event_title(kind), f"{n} times") for kind, n in sorted(often))]
 
 
 def remains(run: Run) -> Rows:
-    """Files of a run that died."""
+    """Files left by a run that died."""
     notes = run.frame_index()
     kept = sum(note.file is not None for note in notes)
     source = TICK_STREAM if (run.folder / TICK_STREAM).exists() else "ticks.parquet"
     return [
-        (source, f"{run.ticks.t.size} rows, {seconds(_span(run.ticks.t))}"),
+        (source, f"{run.ticks.t.size} rows, {seconds(_time_span(run.ticks.t))}"),
         ("profiles", f"of {len(run.profile.curves())} images"),
         ("frames/", f"{len(notes)} images seen, {kept} kept"),
         ("events.jsonl", f"{len(run.events())} events"),
@@ -135,16 +135,16 @@ def _loop(run: Run) -> Rows:
     return rows
 
 
-def _span(t: Any) -> float:
+def _time_span(t: Any) -> float:
     return float(t[-1] - t[0]) if t.size else 0.0
 
 
-def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     for key, value in content.items():
         if key in LEFT_OUT:
             continue
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{key}.")
+            yield from _flatten(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
 

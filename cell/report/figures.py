@@ -54,10 +54,10 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
                 (np.abs(points) < FARTHEST_HAND).all(axis=1)
             ]  # a wild one would fill the page
             axes.plot(*(1e3 * near).T, color=shade, lw=1.1, alpha=0.85, gid=f"strip, {t:.2f} s")
-        _outlines(axes, outlines)
-        _desk(axes, run)
-        _path(axes, run.ticks)
-        _touch_mark(axes, run)
+        _draw_outlines(axes, outlines)
+        _draw_desk(axes, run)
+        _draw_path(axes, run.ticks)
+        _draw_touch(axes, run)
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]", ylim=(-38, None))
         axes.spines["bottom"].set_visible(False)
         if curves:
@@ -78,10 +78,10 @@ def signals_figure(run: Run) -> str:
         lanes, along, above = figure.subplots(
             3, 1, sharex=True, gridspec_kw={**frame, "height_ratios": [0.3, 2, 2]}
         )
-        _lanes(lanes, run.ticks)
+        _draw_lanes(lanes, run.ticks)
         sights = run.sights()
-        _along(along, run.ticks, sights)
-        _above(above, run.ticks, sights)
+        _draw_positions(along, run.ticks, sights)
+        _draw_heights(above, run.ticks, sights)
         if run.result is not None and run.result.t_layer_touch is not None:
             for axes in (along, above):
                 axes.axvline(run.result.t_layer_touch, color=ORANGE, lw=1, ls=(0, (3, 2)))
@@ -102,8 +102,8 @@ def _span(run: Run) -> tuple[float, float]:
     return (float(times.min()), float(times.max())) if times.size else (0.0, 1.0)
 
 
-def _outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
-    """The strip while it is laid and when it lies, as it fills the image."""
+def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
+    """Draw outlines of the strip while it is laid and when it lies, as it fills the image."""
     shown = set[str]()
     for outline in outlines:
         label = None if outline.state in shown else outline.state
@@ -114,7 +114,7 @@ def _outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
         axes.legend(loc="upper right", handlelength=1.2)
 
 
-def _desk(axes: Any, run: Run) -> None:
+def _draw_desk(axes: Any, run: Run) -> None:
     axes.axhline(0, color=MUTED, lw=0.8)
     contact = 1e3 * run.ticks.contact_x[np.isfinite(run.ticks.contact_x)]
     axes.plot(contact, np.full_like(contact, -6), "|", color=BLUE, ms=5, mew=0.5, alpha=0.5)
@@ -122,7 +122,7 @@ def _desk(axes: Any, run: Run) -> None:
     axes.annotate("fixed edge", (0, 0), (4, -14), textcoords="offset points", fontsize=8.5)
 
 
-def _path(axes: Any, ticks: Ticks) -> None:
+def _draw_path(axes: Any, ticks: Ticks) -> None:
     commanded, measured = 1e3 * ticks.x_cmd, 1e3 * ticks.x
     axes.plot(commanded, 1e3 * ticks.z_cmd, color=MUTED, lw=0.8, ls=(0, (1, 2)), gid="commanded")
     axes.plot(measured, 1e3 * ticks.z, color=INK, lw=1.5, gid="gripper")
@@ -133,7 +133,7 @@ def _path(axes: Any, ticks: Ticks) -> None:
         axes.annotate("gripper", place, (6, 6), textcoords="offset points", fontsize=8.5)
 
 
-def _touch_mark(axes: Any, run: Run) -> None:
+def _draw_touch(axes: Any, run: Run) -> None:
     if run.result is None or run.result.l2 is None:
         return
     axes.plot(1e3 * run.result.l2, 0, "o", color=ORANGE, ms=6, zorder=5)
@@ -148,7 +148,7 @@ def _touch_mark(axes: Any, run: Run) -> None:
     )
 
 
-def _lanes(axes: Any, ticks: Ticks) -> None:
+def _draw_lanes(axes: Any, ticks: Ticks) -> None:
     axes.set_axis_off()
     place = 0
     for state, rows in groupby(ticks.state):
@@ -162,7 +162,7 @@ def _lanes(axes: Any, ticks: Ticks) -> None:
             axes.text(middle, 0, state, ha="center", va="center", fontsize=8, color="#20262d")
 
 
-def _along(axes: Any, ticks: Ticks, sights: Sights) -> None:
+def _draw_positions(axes: Any, ticks: Ticks, sights: Sights) -> None:
     seen = np.isfinite(ticks.contact_x)
     axes.plot(ticks.t, 1e3 * ticks.x, color=INK, label="gripper x")
     axes.plot(
@@ -175,7 +175,7 @@ def _along(axes: Any, ticks: Ticks, sights: Sights) -> None:
     axes.legend(**LEGEND)
 
 
-def _above(axes: Any, ticks: Ticks, sights: Sights) -> None:
+def _draw_heights(axes: Any, ticks: Ticks, sights: Sights) -> None:
     axes.plot(ticks.t, 1e3 * ticks.z, color=INK, label="gripper z")
     axes.plot(
         sights.stamp, 1e3 * fold_tips(sights, ticks)[:, 1], color=GREEN, lw=1, label="fold tip z"

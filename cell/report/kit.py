@@ -18,14 +18,14 @@ Tone = Literal["good", "fair", "bad"]
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A table's cell that leads to `href`, a path from the page."""
+    """Cell of a table that links to `href`, a path from the page."""
 
     text: str
     href: str
 
 
 def page(template: str, title: str, /, **facts: Any) -> str:
-    """A whole HTML document: `template`, a path in the package `cell`, filled with `facts`.
+    """Whole HTML document from `template`, a path in the package `cell`, filled with `facts`.
 
     What `title` and `facts` hold is escaped. Raises jinja2.UndefinedError for a fact that the
     template uses and that is not there.
@@ -64,14 +64,14 @@ def _environment() -> "Environment":
 
 
 def _file(name: str) -> "Markup":
-    """A file of this package as it is, for style and scripts."""
+    """Text of a file of this package, for style and scripts."""
     from markupsafe import Markup
 
     return Markup(files("cell.report").joinpath(name).read_text(encoding="utf-8"))  # noqa: S704 ours
 
 
 def _keep_units(text: str) -> "Markup":
-    """`text` in which no line ends between a number and its unit or sign."""
+    """`text` with no line break between a number and its unit or sign."""
     from markupsafe import Markup, escape
 
     kept = re.sub(r"(\d|±) (?=(?:mm|ms|s|%)\b|%|(?<=± )\d)", "\\1&nbsp;", str(escape(text)))
@@ -79,7 +79,7 @@ def _keep_units(text: str) -> "Markup":
 
 
 def _with_code(line: str) -> "Markup":
-    """`line` with what stands between backticks as code."""
+    """`line` with text between backticks marked as code."""
     from markupsafe import Markup, escape
 
     parts = str(escape(line)).split("`")

@@ -1,4 +1,4 @@
-"""The policy's predictions of a fold: in the end, and over time."""
+"""Rows and figure of a policy's predictions for the page of a fold: at its end, and over time."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ HALF_HEIGHT = {"displacement": 40.0}  # half the height that is shown around 0
 
 
 def predictions(result: Result | None) -> list[tuple[str, str]]:
-    """The last prediction before the touch, and how the strip agreed with the model."""
+    """Rows on the last prediction before the touch, and on the agreement with the model."""
     if result is None or result.foretold is None:
         return []
     final = result.foretold
@@ -29,26 +29,26 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
             "displacement",
             f"{millimetres(final.displacement, signed=True)} ± {millimetres(final.sigma)}",
         ),
-        ("bending length", _interval(final.bending_length, 1e3, 1, "mm")),
-        ("retardation time", _interval(final.retardation_time, 1e3, 0, "ms")),
-        ("yarn friction", _interval(final.yield_curvature, 1.0, 0, "1/m")),
+        ("bending length", _interval_text(final.bending_length, 1e3, 1, "mm")),
+        ("retardation time", _interval_text(final.retardation_time, 1e3, 0, "ms")),
+        ("yarn friction", _interval_text(final.yield_curvature, 1.0, 0, "1/m")),
     ]
     return (
         rows
         if result.agreement is None
-        else [*rows, ("strip and model", _agreement_in_words(result.agreement))]
+        else [*rows, ("strip and model", _agreement_text(result.agreement))]
     )
 
 
 def outlook_figure(run: Run, outlook: Outlook) -> str:
-    """Displacement and belief over the fold, with one sigma; SVG."""
+    """Figure (SVG) of predicted displacement and strip over the fold, with one sigma."""
     with canvas(8.4, 4.2, layout=None) as figure:
         frame = {"left": 0.075, "right": 0.995, "top": 0.985, "bottom": 0.105}
         grid = figure.subplots(
             2, 2, sharex=True, gridspec_kw=frame | {"wspace": 0.19, "hspace": 0.07}
         )
         for axes, (name, (label, scale, colour)) in zip(grid.flat, PANELS.items(), strict=True):
-            _band(axes, outlook, name, scale, colour)
+            _draw_prediction(axes, outlook, name, scale, colour)
             axes.set_ylabel(label)
         measured = None if run.result is None else run.result.displacement
         if measured is not None:
@@ -58,7 +58,7 @@ def outlook_figure(run: Run, outlook: Outlook) -> str:
         return as_svg(figure)
 
 
-def _band(axes: Any, outlook: Outlook, name: str, scale: float, colour: str) -> None:
+def _draw_prediction(axes: Any, outlook: Outlook, name: str, scale: float, colour: str) -> None:
     value, low, high = (scale * outlook.column(name + end) for end in ("", "_low", "_high"))
     axes.fill_between(outlook.t, low, high, color=colour, alpha=0.22, lw=0, gid="one sigma")
     axes.plot(outlook.t, value, color=colour, lw=1.2, gid=PANELS[name][0].partition("  [")[0])
@@ -69,7 +69,7 @@ def _band(axes: Any, outlook: Outlook, name: str, scale: float, colour: str) -> 
         axes.set_ylim(-min(HALF_HEIGHT[name], most) - 1.0, min(HALF_HEIGHT[name], most) + 1.0)
 
 
-def _interval(estimate: Interval, scale: float, digits: int, unit: str) -> str:
+def _interval_text(estimate: Interval, scale: float, digits: int, unit: str) -> str:
     value, low, high = (
         f"{scale * v:.{digits}f}".replace("-", MINUS)
         for v in (estimate.value, estimate.low, estimate.high)
@@ -77,6 +77,6 @@ def _interval(estimate: Interval, scale: float, digits: int, unit: str) -> str:
     return f"{value} {unit} ({low} to {high})"
 
 
-def _agreement_in_words(note: AgreementNote) -> str:
+def _agreement_text(note: AgreementNote) -> str:
     verdict = "agree" if note.like_model else "do not agree"
     return f"{verdict}, {millimetres(note.residual)} apart"

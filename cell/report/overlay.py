@@ -1,4 +1,4 @@
-"""Key frames with the measurements drawn into them."""
+"""Key frames of a run with the measurements drawn into them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
         image = _read(note)
         if image is None:
             continue
-        if calibration is not None and _fits(image, calibration):
+        if calibration is not None and _matches_size(image, calibration):
             window = window_on(run.ticks, calibration)
             image = _with_sight(image, note, calibration, sights, tips, curves)
             image = window.of(_with_outline(image, note.sequence, outlines))
@@ -61,13 +61,13 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
 
 
 def end_picture(run: Run) -> str:
-    """The last kept image, as JPEG in text form: of a calibrated camera the part where the strip
-    lies; empty where there is none.
+    """Last kept image as JPEG in text form: with a calibration only the part where the strip lies;
+    empty without an image.
     """
     kept = [note for note in run.frame_index() if note.file is not None]
     image = _read(kept[-1]) if kept else None
     calibration = run.calibration()
-    if image is None or calibration is None or not _fits(image, calibration):
+    if image is None or calibration is None or not _matches_size(image, calibration):
         return "" if image is None else jpeg_text(image)
     reach = float(np.max(run.ticks.x, initial=0.1))
     corners = [(x, z) for x in (LAID_REGION[0], LAID_REGION[1] * reach) for z in LAID_REGION[2:]]
@@ -81,19 +81,19 @@ def end_picture(run: Run) -> str:
 
 
 def poster(run: Run) -> str:
-    """The first kept image that can be read, as JPEG in text form; empty where there is none."""
+    """First readable kept image, as JPEG in text form; empty without one."""
     images = (_read(note) for note in run.frame_index() if note.file is not None)
     first = next((image for image in images if image is not None), None)
     return "" if first is None else jpeg_text(first)
 
 
-def _fits(image: Image, calibration: Calibration) -> bool:
-    """Whether the calibration is for images of this size."""
+def _matches_size(image: Image, calibration: Calibration) -> bool:
+    """Whether the calibration belongs to images of this size."""
     return image.shape[:2] == (calibration.lens.height, calibration.lens.width)
 
 
 def window_on(ticks: Ticks, calibration: Calibration) -> Region:
-    """The smallest window of the image's own proportions that holds the whole motion."""
+    """Smallest window of the image's own proportions that contains the whole motion."""
     width, height = calibration.lens.width, calibration.lens.height
     x = (-VIEW_MARGIN, float(np.max(ticks.x, initial=0.0)) + VIEW_MARGIN)
     z = (-VIEW_MARGIN, float(np.max(ticks.z, initial=0.0)) + VIEW_MARGIN)
@@ -134,8 +134,8 @@ def draw_sight(
 
 
 def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
-    """Eighths of pixels (k, 2) of the `points` (m, 2) [m] near the image: a line to a far outlier,
-    drawn pixel by pixel, would take for ever.
+    """Eighths of pixels (k, 2) of those `points` (m, 2) [m] that lie near the image: drawing a line
+    to a far outlier would take very long.
     """
     near = points[np.isfinite(points).all(axis=1) & (np.abs(points) < FARTHEST_HAND).all(axis=1)]
     if len(near) == 0:

@@ -63,7 +63,7 @@ def write_page(run: Run, *, ended: bool = False) -> Path:
 
 
 def report(run: Run, *, ended: bool = False) -> str:
-    """The page of `run`; `ended` as for `write_report`."""
+    """Page of `run`; `ended` as for `write_report`."""
     policy = f", policy {run.header.policy}" if run.header.policy else ""
     under_way = not ended and is_under_way(run.folder)
     truth, spoilt = _truth(run)
@@ -92,7 +92,7 @@ def report(run: Run, *, ended: bool = False) -> str:
 
 
 def _figures(run: Run) -> dict[str, Any]:
-    """Pictures, and figures as SVG; empty where the record has nothing to draw."""
+    """Pictures and figures (SVG) of the run; empty where the record has nothing to draw."""
     outlines, outlook, moved = silhouettes(run), Outlook.of(run.events()), run.ticks.t.size > 0
     return {
         "pictures": key_pictures(run, outlines),
@@ -104,7 +104,7 @@ def _figures(run: Run) -> dict[str, Any]:
 
 
 def _earlier(run: Run) -> Iterator[tuple[str | Link, ...]]:
-    """The newest runs beside this one that began before it, with a link to their pages."""
+    """Newest runs beside this one that began before it, with a link to their pages."""
     for row in runs_before(run.folder, run.header.strip, RECENT):
         lengths = (millimetres(v, signed=True) for v in (row.displacement, row.edge_offset))
         path = f"../{row.name}/{REPORT}"
@@ -113,7 +113,7 @@ def _earlier(run: Run) -> Iterator[tuple[str | Link, ...]]:
 
 
 def _truth(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
-    """The truth, if readable, and the problems of the folder."""
+    """The run's truth, if readable, and the problems of the folder."""
     spoilt = list(run.problems) if isinstance(run, Salvage) else []
     try:
         return read_truth(run.folder), spoilt
@@ -130,5 +130,5 @@ def _film(run: Run) -> dict[str, Any] | None:
 
 
 def _files(run: Run) -> list[tuple[Link, str]]:
-    """Files of the run that are worth opening, with what they hold."""
+    """Files of the run with a description of their content."""
     return [(Link(name, name), what) for name, what in FILES if (run.folder / name).is_file()]

@@ -1,4 +1,4 @@
-"""What a script must know of a figure to read it, zoom it and hide its curves.
+"""Data of a figure for the page's script, which reads, zooms and hides its curves.
 
 The figure stays the one drawing: Matplotlib's SVG, useful without a script, with text as text and
 colours by CSS. D3 takes it over in the browser (`chart.js`) and reads values off the paths
@@ -39,8 +39,8 @@ def name_artists(figure: Any) -> None:
 
 
 def readings(figure: Any) -> str:
-    """The figure's axes as an attribute of its SVG, empty where there is nothing to read; after
-    the figure was drawn.
+    """The figure's axes as a data attribute of its SVG, empty where there is nothing to read; to be
+    called after it was drawn.
     """
     found = [_axes(axes, figure) for axes in figure.axes]
     read = [facts for facts in found if facts["curves"] or facts["cells"]]
@@ -54,7 +54,7 @@ def _axes(axes: Any, figure: Any) -> Facts:
     x, y = _axis(axes.xaxis, axes.get_xlim()), _axis(axes.yaxis, axes.get_ylim())
     return {
         "id": axes.get_gid(),
-        "box": [*_place(figure, left, top), *_place(figure, right, bottom)],
+        "box": [*_svg_point(figure, left, top), *_svg_point(figure, right, bottom)],
         "x": x,
         "y": y,
         "equal": axes.get_aspect() == 1.0,
@@ -62,7 +62,7 @@ def _axes(axes: Any, figure: Any) -> Facts:
         "curves": list(_curves(axes)),
         "cells": [
             cell
-            for fields in (_bars, _steps, _pixels, _meshes)
+            for fields in (_bars, _histogram_bins, _image_fields, _mesh_fields)
             for cell in fields(axes, figure, x, y)
             if all(map(isfinite, cell[:4]))
         ],
@@ -71,7 +71,7 @@ def _axes(axes: Any, figure: Any) -> Facts:
 
 
 def _axis(axis: Any, limits: tuple[float, float]) -> Facts:
-    """Limits, name and unit of an axis, and the words that stand for its numbers, if they do."""
+    """Limits, name and unit of an axis, and its tick labels where they are words."""
     from matplotlib.ticker import FixedLocator
 
     words = re.fullmatch(r"(.*?)\s*\[(.*)\]", axis.get_label_text(), flags=re.S)
@@ -89,14 +89,14 @@ def _axis(axis: Any, limits: tuple[float, float]) -> Facts:
     }
 
 
-def _place(figure: Any, x: float, y: float) -> list[float]:
+def _svg_point(figure: Any, x: float, y: float) -> list[float]:
     """A point of the display [px of the figure] as a point of its SVG."""
     scale = POINTS_PER_INCH / figure.dpi
     return [round(scale * x, 3), round(scale * (figure.bbox.height - y), 3)]
 
 
 def _curves(axes: Any) -> Iterator[Facts]:
-    """Lines and areas with a name; of areas between two curves (bands) both are read."""
+    """Named lines and areas; of areas between two curves (bands) both curves."""
     from matplotlib.collections import FillBetweenPolyCollection
 
     bars = {patch for container in axes.containers for patch in getattr(container, "patches", ())}
@@ -113,7 +113,7 @@ def _curves(axes: Any) -> Iterator[Facts]:
 
 
 def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Bars: the part of the axes that each owns, and what it says: its own name if it has one."""
+    """Bars: their part of the axes, and their value with their own name, if any."""
     whole = axes.bbox
     for container in axes.containers:
         label = container.get_label()
@@ -123,16 +123,22 @@ def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
             named = not patch.reading.startswith("_")
             if named or container.orientation == "vertical":
                 ends = ((box.x0, whole.y1), (box.x1, whole.y0))
-                span, reach = _span(x, patch.get_x(), wide), _reach(y, patch.get_y(), high)
+                span, reach = (
+                    _span(x, patch.get_x(), wide),
+                    _bar_value(y, patch.get_y(), high),
+                )
             else:
                 ends = ((whole.x0, box.y1), (whole.x1, box.y0))
-                span, reach = _span(y, patch.get_y(), high), _reach(x, patch.get_x(), wide)
-            places = (value for end in ends for value in _place(figure, *end))
+                span, reach = (
+                    _span(y, patch.get_y(), high),
+                    _bar_value(x, patch.get_x(), wide),
+                )
+            places = (value for end in ends for value in _svg_point(figure, *end))
             yield [*places, patch.reading if named else f"{span}: {name}{reach}"]
 
 
-def _steps(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Steps of a histogram drawn as one outline."""
+def _histogram_bins(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
+    """Bins of a histogram drawn as one outline."""
     from matplotlib.patches import StepPatch
 
     for steps in (patch for patch in axes.patches if isinstance(patch, StepPatch)):
@@ -141,17 +147,17 @@ def _steps(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
         for k, value in enumerate(values):
             ends = ((places[k], axes.bbox.y1), (places[k + 1], axes.bbox.y0))
             said = f"{_span(x, edges[k], edges[k + 1] - edges[k])}: {_number(value)} {y['unit']}"
-            yield [*(v for end in ends for v in _place(figure, *end)), said.strip()]
+            yield [*(v for end in ends for v in _svg_point(figure, *end)), said.strip()]
 
 
-def _reach(axis: Facts, start: float, size: float) -> str:
-    """A bar's value, or both of its ends where it does not stand on zero."""
+def _bar_value(axis: Facts, start: float, size: float) -> str:
+    """Value of a bar, or both of its ends where it does not start at zero."""
     ends = f"{_number(start)} to {_number(start + size)}" if start else _number(size)
     return f"{ends} {axis['unit']}".strip()
 
 
 def _span(axis: Facts, start: float, size: float) -> str:
-    """The part of an axis that a bar stands on."""
+    """Part of an axis covered by a bar."""
     if axis["words"]:
         return str(min(axis["words"], key=lambda word: abs(word[0] - start - 0.5 * size))[1])
     return f"{_number(start)} to {_number(start + size)} {axis['unit']}".strip()
@@ -161,19 +167,19 @@ def _number(value: float) -> str:
     return f"{value:.4g}".replace("-", MINUS)
 
 
-def _pixels(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Fields of an image whose rows and columns have names."""
+def _image_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
+    """Fields of an image with named rows and columns."""
     for image in axes.images if x["words"] and y["words"] else ():
         for (i, j), value in np.ndenumerate(np.ma.filled(image.get_array(), np.nan)):
             if np.isfinite(value):
                 ends = axes.transData.transform([(j - 0.5, i - 0.5), (j + 0.5, i + 0.5)])
                 (left, right), (low, high) = np.sort(ends, axis=0).T
                 said = f"{y['words'][i][1]} · {x['words'][j][1]}: {_number(value)}"
-                yield [*_place(figure, left, high), *_place(figure, right, low), said]
+                yield [*_svg_point(figure, left, high), *_svg_point(figure, right, low), said]
 
 
-def _meshes(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Fields of a mesh over two quantities; not those of a scale of colours."""
+def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
+    """Fields of a mesh over two quantities; those of a colour scale are excluded."""
     meshes = [mesh for mesh in axes.collections if hasattr(mesh, "get_coordinates")]
     for mesh in meshes if axes.get_label() != "<colorbar>" else ():
         corners = mesh.get_coordinates()
@@ -187,12 +193,12 @@ def _meshes(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
                 for axis, v in zip((x, y), middle, strict=True)
             )
             said = f"{', '.join(at)}: {_number(value) if np.isfinite(value) else 'none'}"
-            yield [*_place(figure, left, high), *_place(figure, right, low), said]
+            yield [*_svg_point(figure, left, high), *_svg_point(figure, right, low), said]
 
 
 def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:
-    """Texts that belong to a place of the data, which they follow when it moves."""
+    """Texts at positions of the data, which move with it."""
     for text in axes.texts:
         place = np.asarray(getattr(text, "xy", text.get_position()))
         if getattr(text, "xycoords", None) == "data" or text.get_transform() == axes.transData:
-            yield [text.get_gid(), *_place(figure, *axes.transData.transform(place))]
+            yield [text.get_gid(), *_svg_point(figure, *axes.transData.transform(place))]

@@ -18,7 +18,7 @@ COLUMN_HEADINGS = ("run", "strip", "policy", "outcome", "d mm", "edges mm", "s",
 
 
 def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
-    """Write the page that lists `rows`, oldest first, to `out`; its path.
+    """Write the page that lists `rows`, oldest first, to `out`; returns its path.
 
     Raises ConfigurationError where it cannot be written.
     """
@@ -27,7 +27,7 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
 
 
 def runs_page(rows: Sequence[RunRow], place: Path) -> str:
-    """The page that lists `rows`, for a file in the folder `place`."""
+    """Page that lists `rows`, for a file in the folder `place`."""
     pictured = {row.name for row in rows[-PICTURED:]}
     return page(
         "report/templates/runs.html",
@@ -51,7 +51,7 @@ def _cells(row: RunRow, place: Path) -> tuple[str | Link, ...]:
 
 
 def _thumbnail(row: RunRow) -> str:
-    """The last image that a run kept, small, as JPEG in text form; empty where none can be read."""
+    """Last kept image of a run, small, as JPEG in text form; empty where none can be read."""
     try:
         kept = [note.file for note in read_index(row.folder) if note.file is not None]
         image = decode(kept[-1]) if kept else None

@@ -1,4 +1,4 @@
-"""Outlines of the strip once its layers touch, in the kept images: no profile is measured there."""
+"""Outlines of the strip in the kept images after the layers touch, when no profile is measured."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Silhouette:
 
 
 def silhouettes(run: Run) -> tuple[Silhouette, ...]:
-    """The strip in up to MOST_IMAGES kept images of LAY and RELEASE, in order of time.
+    """Outlines of the strip in up to MOST_IMAGES kept images of LAY and RELEASE, in order of time.
 
     None where the picture before the grasp, calibration, strip or ticks are not in the record.
     """

@@ -1,4 +1,4 @@
-"""Age of images and computing time of the loop."""
+"""Figures of the images' age and the loop's computing time."""
 
 from typing import Any
 
@@ -29,15 +29,15 @@ def timing_figure(run: Run) -> str:
         panels = figure.subplots(1, 3 if arm is None else 4, gridspec_kw=frame)
         age, interval, cost, *rest = panels
         if arm is not None:
-            _bars(rest[0], arm)
-        _histogram(age, image_ages(run), "age of the newest image  [ms]", BLUE)
-        _histogram(interval, np.diff(run.ticks.t), "from row to row  [ms]", GREEN)
-        _histogram(cost, run.costs(), "computing in one turn  [ms]", PURPLE)
+            _draw_intervals(rest[0], arm)
+        _draw_histogram(age, image_ages(run), "age of the newest image  [ms]", BLUE)
+        _draw_histogram(interval, np.diff(run.ticks.t), "from row to row  [ms]", GREEN)
+        _draw_histogram(cost, run.costs(), "computing in one turn  [ms]", PURPLE)
         return as_svg(figure)
 
 
-def _bars(axes: Any, timing: ArmTiming) -> None:
-    """Shares of the arm's states by the time since the one before, on a logarithmic scale."""
+def _draw_intervals(axes: Any, timing: ArmTiming) -> None:
+    """Draw shares of the arm's states by the interval before each, on a logarithmic scale."""
     edges = [timing.edges_ms[0] / 2, *timing.edges_ms, 2 * timing.edges_ms[-1]]
     axes.stairs(timing.counts, edges, color=MUTED, fill=True, alpha=0.75)
     axes.set_xscale("log")
@@ -50,8 +50,8 @@ def _bars(axes: Any, timing: ArmTiming) -> None:
     axes.set_title(title, fontsize=8.5, color=MUTED, loc="left", pad=4)
 
 
-def _histogram(axes: Any, times: Array, label: str, colour: str) -> None:
-    """Distribution of `times` (n,) [s] in ms; what is no number in a broken record is left out."""
+def _draw_histogram(axes: Any, times: Array, label: str, colour: str) -> None:
+    """Draw the distribution of `times` (n,) [s] in ms; values that are no numbers are left out."""
     with np.errstate(all="ignore"):
         values = 1e3 * times
     values = values[np.isfinite(values)]
@@ -63,7 +63,7 @@ def _histogram(axes: Any, times: Array, label: str, colour: str) -> None:
         axes.text(0.5, 0.5, "not recorded", ha="center", color=MUTED, transform=axes.transAxes)
         return
     middle = float(np.median(values))
-    edges, wide = _edges(values)
+    edges, wide = _bin_edges(values)
     counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
     axes.stairs(counts, edges, color=colour, fill=True, alpha=0.75, lw=0)
     axes.set_ylim(0, None)
@@ -74,17 +74,17 @@ def _histogram(axes: Any, times: Array, label: str, colour: str) -> None:
     else:
         axes.ticklabel_format(useOffset=False)
     axes.axvline(middle, color=INK, lw=0.9)
-    text = f"median {_three(middle)}, most {_three(float(values.max()))}"
+    text = f"median {_three_digits(middle)}, most {_three_digits(float(values.max()))}"
     axes.set_title(text, fontsize=8.5, color=MUTED, loc="left", pad=4)
 
 
-def _three(value: float) -> str:
-    """`value` to three digits, without powers of ten."""
+def _three_digits(value: float) -> str:
+    """Text of `value` with three digits, without powers of ten."""
     return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 
-def _edges(values: Array) -> tuple[Array, bool]:
-    """Edges of 40 bins, and whether they are logarithmic."""
+def _bin_edges(values: Array) -> tuple[Array, bool]:
+    """Edges of 40 bins for `values`, and whether they are logarithmic."""
     low, high = (float(np.quantile(values, q)) for q in (0.005, 0.995))
     if low > 0 and high > LOG_SCALE_RATIO * low:
         return np.geomspace(0.8 * low, 1.2 * high, 41), True

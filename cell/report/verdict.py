@@ -1,4 +1,4 @@
-"""Verdict on a run, in one to three sentences."""
+"""Verdict on a run for its page, in one to three sentences."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,9 +28,9 @@ class Verdict:
     spoilt: bool = False  # the end is not known because result.yaml cannot be read
 
 
-def _error(run: Run, *, laid: bool) -> str:
-    """One sigma of the displacement, or of the `laid` edges where the run states it, and that of
-    its calibration, a line each.
+def _sigma_lines(run: Run, *, laid: bool) -> str:
+    """One sigma of the displacement, or of the `laid` edges where the run states it, and the
+    calibration's error, a line each.
     """
     sigma, source = run.header.sigma.displacement, "repeats"
     if laid and run.header.sigma.edge_offset is not None:
@@ -45,7 +45,7 @@ def _error(run: Run, *, laid: bool) -> str:
 
 
 def verdict(run: Run) -> str:
-    """The headline verdict, from the record only."""
+    """Verdict on the run, from the record only."""
     said = verdict_of(run, None, is_under_way(run.folder))
     figure = f": {said.figure} ({said.error.replace(LINE_BREAK, ', ')})" if said.figure else ""
     return f"{run.header.strip}: {said.headline}{figure}"
@@ -60,16 +60,19 @@ def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = Fals
         headline = "How the run ended cannot be read"
         return Verdict("bad", headline, tuple(filter(None, sentences)), spoilt=True)
     if run.result is None:
-        return _dead(run)
+        return _verdict_of_dead_run(run)
     if run.result.displacement is None:
         return _without_displacement(run, run.result)
     return _fold_verdict(run, run.result, run.result.displacement, truth or {})
 
 
 def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Verdict:
-    """How the edges lie where that was seen, or else how the layers met."""
+    """Verdict on a fold: how the edges lie where that was measured, or else how the layers met."""
     edge = result.edge_offset
-    sentences = [*_edges(edge, truth.get("edge_offset")), *_touch(run, result, d, truth)]
+    sentences = [
+        *_edges_sentence(edge, truth.get("edge_offset")),
+        *_touch_sentence(run, result, d, truth),
+    ]
     agreed = result.agreement
     if agreed is not None and not agreed.like_model and agreed.reason != result.reason:
         sentences.append(_sentence(agreed.reason))
@@ -85,35 +88,37 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
         headline = f"Folded: the edges lie {millimetres(abs(edge))} apart"
     said = tuple(filter(None, sentences))
     if edge is None:
-        return Verdict(tone, headline, said, millimetres(d, signed=True), _error(run, laid=False))
-    error = _error(run, laid=True)
+        return Verdict(
+            tone, headline, said, millimetres(d, signed=True), _sigma_lines(run, laid=False)
+        )
+    error = _sigma_lines(run, laid=True)
     return Verdict(tone, headline, said, millimetres(edge, signed=True), error)
 
 
-def _edges(offset: float | None, true: object) -> list[str]:
-    """How the edges lie once laid down, as seen and in truth."""
+def _edges_sentence(offset: float | None, true: object) -> list[str]:
+    """Sentence on how the laid edges lie, as measured and in truth."""
     if offset is None:
         return []
     where = "beyond" if offset > 0 else "before"
     said = [f"Laid down, the upper edge lies {millimetres(abs(offset))} {where} the lower one."]
     if isinstance(true, int | float):
-        said.append(_truly(offset, true, "offset of the edges"))
+        said.append(_true_words(offset, true, "offset of the edges"))
     return said
 
 
-def _touch(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> list[str]:
-    """How the layers met, as seen and in truth."""
+def _touch_sentence(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> list[str]:
+    """Sentence on how the layers met, as measured and in truth."""
     at = "" if result.t_layer_touch is None else f" after {seconds(result.t_layer_touch)}"
     accuracy = millimetres(run.header.sigma.displacement)
     by = f"{millimetres(abs(d))} \N{PLUS-MINUS SIGN} {accuracy}"
     said = [f"Where the layers first touched{at}, the upper one was {side(d)} by {by}."]
     true = truth.get("displacement")
     if isinstance(true, int | float):
-        said.append(_truly(d, true, "displacement"))
+        said.append(_true_words(d, true, "displacement"))
     return said
 
 
-def _truly(seen: float, true: float, what: str) -> str:
+def _true_words(seen: float, true: float, what: str) -> str:
     return (
         f"The twin knows the true {what}, {millimetres(true, signed=True)}: "
         f"the camera was off by {millimetres(seen - true, signed=True)}."
@@ -134,7 +139,7 @@ def _without_displacement(run: Run, result: Result) -> Verdict:
     return Verdict(tone, outcome_title(result.outcome), tuple(filter(None, sentences)))
 
 
-def _dead(run: Run) -> Verdict:
+def _verdict_of_dead_run(run: Run) -> Verdict:
     if run.ticks.t.size == 0:
         sentence = "The process died before the arm moved; nothing was measured."
         return Verdict("bad", "The process died at the start", (sentence,))

@@ -1,10 +1,11 @@
-"""Text of numbers and outcomes for a technician."""
+"""Formats numbers and outcomes as text for a technician."""
 
 import math
 
 MINUS = "\N{MINUS SIGN}"
 NO_VALUE = "\N{EM DASH}"
 
+EVENT_TITLES = {"foretold": "predicted"}  # kinds of events that keep an old name in records
 OUTCOMES = {
     "layer_touch": "The layers touched",
     "path_done": "The path ended before the layers touched",
@@ -16,12 +17,12 @@ OUTCOMES = {
 
 
 def plural(count: int, noun: str) -> str:
-    """`count` and the `noun`, in the plural but for one."""
+    """Text of `count` with the `noun`, in the plural but for one."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def millimetres(value: float | None, signed: bool = False) -> str:
-    """A length [m] as millimetres with one decimal, with two where one would show zero."""
+    """Text of a length [m] in millimetres with one decimal, with two where one would show zero."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
     decimals = 2 if 0 < abs(value) < 5e-5 else 1
@@ -30,24 +31,29 @@ def millimetres(value: float | None, signed: bool = False) -> str:
 
 
 def seconds(value: float | None, decimals: int = 2) -> str:
-    """A time [s]."""
+    """Text of a time [s] in seconds."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
     return f"{value:.{decimals}f}".replace("-", MINUS) + " s"
 
 
 def milliseconds(value: float | None) -> str:
-    """A time [s] as milliseconds."""
+    """Text of a time [s] in milliseconds."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
     return f"{1e3 * value:.3g} ms".replace("-", MINUS)
 
 
+def event_title(kind: str) -> str:
+    """Text of an event's kind, in words."""
+    return EVENT_TITLES.get(kind, kind).replace("_", " ")
+
+
 def outcome_title(outcome: str) -> str:
-    """An outcome as the start of a sentence; a fault keeps its own name."""
+    """Text of an outcome as the start of a sentence; a fault keeps its own name."""
     return OUTCOMES.get(outcome, f"Stopped by a fault: {outcome.replace('_', ' ')}")
 
 
 def side(displacement: float) -> str:
-    """What the sign of d = l1 - l2 [m] means of the upper layer."""
+    """Text on the upper layer for a displacement d = l1 - l2 [m]: short or long."""
     return "longer" if displacement > 0 else "shorter"

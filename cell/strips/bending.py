@@ -43,7 +43,7 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
     value = float((weight * y).sum() / weight.sum())
     own = float(norm.ppf(0.5 + CONFIDENCE / 2) / np.sqrt(weight.sum()))
     free = len(y) - 1
-    agreement = float(chi2.sf(_excess(y, variance, 0.0) + free, free)) if free else 1.0
+    agreement = float(chi2.sf(_excess_squares(y, variance, 0.0) + free, free)) if free else 1.0
     spread = 0.0
     if free:
         knapp = (weight * (y - value) ** 2).sum() / (free * weight.sum())
@@ -52,19 +52,19 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
     return Pooled(value, value - half, value + half, float(np.sqrt(scatter)), agreement)
 
 
-def _excess(y: Array, variance: Array, scatter: float) -> float:
-    """Generalised sum of squares over its expectation."""
+def _excess_squares(y: Array, variance: Array, scatter: float) -> float:
+    """Generalised sum of squares over its expectation, less one, for a given `scatter`."""
     weight = 1 / (variance + scatter)
     mean = (weight * y).sum() / weight.sum()
     return float((weight * (y - mean) ** 2).sum() - (len(y) - 1))
 
 
 def _scatter(y: Array, variance: Array) -> float:
-    """Variance between the measurements at which the sum of squares is as expected."""
-    if len(y) < 2 or _excess(y, variance, 0.0) <= 0:
+    """Variance between the measurements at which the sum of squares equals its expectation."""
+    if len(y) < 2 or _excess_squares(y, variance, 0.0) <= 0:
         return 0.0
     most = float(np.ptp(y) ** 2) * len(y)
-    return float(brentq(lambda scatter: _excess(y, variance, scatter), 0.0, most))
+    return float(brentq(lambda scatter: _excess_squares(y, variance, scatter), 0.0, most))
 
 
 REST_CURVATURES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # 1/m, rest curvatures that are tried
@@ -75,7 +75,7 @@ Fits = tuple[Fit, ...]
 
 @dataclass(frozen=True, slots=True)
 class Bending:
-    """Result of all photographs.
+    """Bending length from all photographs, with the fit of each.
 
     `fits` are with the best rest-curvature prior, `straight` with a straight strip; bending lengths
     [m] pooled over all photographs and for each overhang. `gain` is the log evidence of the prior
@@ -90,12 +90,12 @@ class Bending:
 
     @property
     def birth(self) -> RestCurvaturePrior:
-        """Prior of the rest curvature."""
+        """Prior of the rest curvature, common to all photographs."""
         return self.fits[0].birth
 
     @property
     def curl(self) -> Pooled:
-        """The uniform part of the rest curvature, pooled [1/m]."""
+        """Uniform part of the rest curvature [1/m], pooled."""
         if self.birth.born is RestCurvature.STRAIGHT:
             return Pooled(0.0, 0.0, 0.0, 0.0, 1.0)
         return pool(*zip(*(each.curl for each in self.fits), strict=True))
@@ -104,8 +104,8 @@ class Bending:
 def measure_bending(photographs: Sequence[Photograph]) -> Bending:
     """The bending length that fits all photographs, with a common prior of the rest curvature."""
     straight = tuple(fit(each, STRAIGHT) for each in photographs)
-    curled = _best(photographs, straight, RestCurvature.CURLED)
-    varied = _best(photographs, straight, RestCurvature.SET)
+    curled = _best_fits(photographs, straight, RestCurvature.CURLED)
+    varied = _best_fits(photographs, straight, RestCurvature.SET)
     fits = straight
     for other in (curled, varied):
         if evidence(other) > evidence(fits) + DECISIVE:
@@ -133,8 +133,8 @@ def pool_lengths(fits: Sequence[Fit]) -> Pooled:
     return Pooled(float(value), float(low), float(high), logs.scatter, logs.agreement)
 
 
-def _best(photographs: Sequence[Photograph], start: Fits, born: RestCurvature) -> Fits:
-    """Fits at the spread of rest curvature with the largest evidence."""
+def _best_fits(photographs: Sequence[Photograph], start: Fits, born: RestCurvature) -> Fits:
+    """Fits of the photographs at the spread of rest curvature with the largest evidence."""
     tried: list[Fits] = []
     for spread in REST_CURVATURES:
         birth = RestCurvaturePrior(born, spread)

@@ -21,7 +21,7 @@ LM_DAMPING, FACTOR, LARGEST_DAMPING = 1e-3, 8.0, 1e10
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Fitted hanging strip: unknowns `values` (p,) and their `covariance` (p, p).
+    """Fit of a hanging strip: unknowns `values` (p,) and their `covariance` (p, p).
 
     `misses` (n,) [m] are the residuals of the midline across the curve, `evidence` the log of the
     probability of the midline under the prior `birth` (up to a constant common to all priors).
@@ -54,7 +54,7 @@ class Fit:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the residuals [m]."""
+        """Root mean square of the fit's residuals [m]."""
         return float(np.sqrt(np.mean(self.misses**2)))
 
     @property
@@ -81,33 +81,33 @@ class Fit:
 def fit(photograph: Photograph, birth: RestCurvaturePrior, start: Fit | None = None) -> Fit:
     """The most probable strip with the prior `birth` in the photograph, starting from `start`."""
     if start is None:
-        start = _find(photograph)
+        start = _fit_straight(photograph)
     problem = Problem(photograph, birth)
     values = np.zeros(problem.size)
     values[:BIRTH] = start.values[:BIRTH]
     if len(start.values) == len(values) > BIRTH:
         values[BIRTH:] = start.values[BIRTH:] * start.birth.spread / birth.spread
-    return _settle(problem, values)
+    return _minimise(problem, values)
 
 
-def _find(photograph: Photograph) -> Fit:
-    """A straight strip, fitted coarsely from several bending lengths: the best of them."""
+def _fit_straight(photograph: Photograph) -> Fit:
+    """Fit a straight strip coarsely from several bending lengths; returns the best of them."""
     problem = Problem(replace(photograph, sigma=FIRST_SIGMA * photograph.sigma), STRAIGHT)
     found = []
     for start in START_LENGTHS:
         values = np.zeros(problem.size)
         values[LN_LENGTH] = np.log(start)
         values[[X, Z]] = photograph.points[0]
-        found.append(_settle(problem, values))
+        found.append(_minimise(problem, values))
     return max(found, key=lambda each: each.evidence)
 
 
-def _settle(problem: Problem, values: Array) -> Fit:
-    """Levenberg-Marquardt descent from `values`."""
+def _minimise(problem: Problem, values: Array) -> Fit:
+    """Minimise the cost from `values` by Levenberg-Marquardt."""
     here = problem.trial(values)
     damping = LM_DAMPING
     for _ in range(ITERATIONS):
-        there, damping = _descend(problem, here, damping)
+        there, damping = _damped_step(problem, here, damping)
         if there is None:
             break
         gain, here = here.cost - there.cost, there
@@ -125,8 +125,8 @@ def _settle(problem: Problem, values: Array) -> Fit:
     )
 
 
-def _descend(problem: Problem, here: Trial, damping: float) -> tuple[Trial | None, float]:
-    """A better trial and the next damping, or None where there is none."""
+def _damped_step(problem: Problem, here: Trial, damping: float) -> tuple[Trial | None, float]:
+    """One Levenberg-Marquardt step: a better trial, None without one, and the next damping."""
     matrix, downhill = problem.normal_equations(here)
     while damping < LARGEST_DAMPING:
         step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), downhill)

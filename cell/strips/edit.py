@@ -1,4 +1,4 @@
-"""Edits of strip files that keep a person's formatting where nothing changes."""
+"""Edits strip files, and keeps a person's formatting where nothing changes."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Files of a measurement: a folder with pictures and numbers, and the strip's file."""
+"""Writes the files of a measurement: a folder with pictures and numbers, and the strip's file."""
 
 import json
 from datetime import date

@@ -45,7 +45,7 @@ class Measurement:
         return float(f"{self.bending_length.value:.{KEPT_DIGITS}g}")
 
     def line(self) -> dict[str, Any]:
-        """The measurement as one JSON object; lengths in m."""
+        """The measurement as a JSON object; lengths in m."""
         bending = self.bending
         return {
             "strip": self.strip,
@@ -70,31 +70,37 @@ class Measurement:
         }
 
     def text(self) -> str:
-        """The measurement for a person, in mm."""
+        """The measurement as text for a person, in mm."""
         bending = self.bending
         count = len(bending.fits)
         lines = [
-            f"{self.strip}: bending length {_mm(self.bending_length)}"
+            f"{self.strip}: bending length {_mm_text(self.bending_length)}"
             f" from {count} photograph{'s' * (count > 1)}"
         ]
         for overhang, each in bending.by_overhang:
-            lines.append(f"  overhang {1e3 * overhang:.4g} mm: {_mm(each)}")
+            lines.append(f"  overhang {1e3 * overhang:.4g} mm: {_mm_text(each)}")
         if count > 1 and self.bending_length.agreement > DISAGREEMENT_LEVEL:
             lines.append("  the photographs agree within their own errors")
         return "\n".join(lines + [f"warning: {each}" for each in self.warnings])
 
 
 def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
-    """The bending length of `strip` from photographs of it hanging over a ledge."""
+    """Measure the bending length of `strip` from photographs of it hanging over a ledge."""
     bending = measure_bending(photographs)
     for each in bending.fits:
-        _refuse(each)
-    doubts = (_not_straight, _disagreement, _overhang, _widths, _width_of_interval)
+        _check_shape(each)
+    doubts = (
+        _curvature_warning,
+        _disagreement,
+        _overhang_warning,
+        _width_warning,
+        _width_of_interval,
+    )
     warnings = (doubt(bending) for doubt in doubts)
     return Measurement(strip, bending, tuple(each for each in warnings if each))
 
 
-def _refuse(fitted: Fit) -> None:
+def _check_shape(fitted: Fit) -> None:
     """Raise ConfigurationError when a photograph does not show a strip over a ledge."""
     photograph = fitted.photograph
     if (
@@ -115,8 +121,8 @@ def _refuse(fitted: Fit) -> None:
         )
 
 
-def _not_straight(bending: Bending) -> str:
-    """Warning when the strip has a rest curvature."""
+def _curvature_warning(bending: Bending) -> str:
+    """Warning about a strip with a rest curvature."""
     missed = max(each.rms / each.photograph.width for each in bending.straight)
     if bending.birth.born is RestCurvature.STRAIGHT or missed < VISIBLE:
         return ""
@@ -148,8 +154,8 @@ def _disagreement(bending: Bending) -> str:
     )
 
 
-def _overhang(bending: Bending) -> str:
-    """Warning when the strip bends too sharply or too little to be measured."""
+def _overhang_warning(bending: Bending) -> str:
+    """Warning about a strip that bends too sharply or too little to be measured."""
     c = bending.bending_length.value
     radius = [np.sqrt(c**3 / (2 * each.photograph.overhang)) for each in bending.fits]
     sharp = [
@@ -171,8 +177,8 @@ def _overhang(bending: Bending) -> str:
     return ""
 
 
-def _widths(bending: Bending) -> str:
-    """Warning when the strip appears much wider in one overhang than in another."""
+def _width_warning(bending: Bending) -> str:
+    """Warning about a strip that appears much wider in one overhang than in another."""
     photographs = [each.photograph for each in bending.fits]
     thin, thick = (pick(photographs, key=lambda each: each.width) for pick in (min, max))
     if thick.width < SMALLEST_WIDTH_RATIO * thin.width:
@@ -195,6 +201,6 @@ def _interval(pooled: Pooled) -> dict[str, float]:
     return {"value": pooled.value, "low": pooled.low, "high": pooled.high}
 
 
-def _mm(pooled: Pooled) -> str:
+def _mm_text(pooled: Pooled) -> str:
     value, low, high = (1e3 * each for each in (pooled.value, pooled.low, pooled.high))
     return f"{value:.1f} mm (95 %: {low:.1f} to {high:.1f})"

@@ -50,7 +50,7 @@ class Photograph:
 
 
 def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[Photograph]:
-    """The pictures at `paths`, each with its overhang [m]; ConfigurationError for unusable ones."""
+    """Read the pictures at `paths`, each with its overhang [m]; ConfigurationError if unusable."""
     if not paths:
         raise ConfigurationError("--photo: is missing; give a photograph of the hanging strip")
     if len(paths) != len(overhangs):
@@ -69,16 +69,16 @@ def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[
 
 
 def read_photograph(path: Path, overhang: float) -> Photograph:
-    """The picture at `path` of a strip whose free part is `overhang` [m] long.
+    """Read the picture at `path` of a strip whose free part is `overhang` [m] long.
 
     ConfigurationError when it cannot be read or shows no strip.
     """
     image = read_picture(path)
-    return _photograph(path, overhang, image, _trace(path, image))
+    return _photograph(path, overhang, image, _trace_midline(path, image))
 
 
-def _trace(path: Path, image: Image) -> Midline:
-    """Midline of a bright strip before something dark, or of a dark one before something bright."""
+def _trace_midline(path: Path, image: Image) -> Midline:
+    """Midline of the strip, traced as bright before dark, then as dark before bright."""
     reasons = []
     for seen in (image, cv2.bitwise_not(image)):
         try:
@@ -100,7 +100,7 @@ def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> 
     pixel = overhang / travel[-1]
     count = int(np.clip(travel[-1] / (FIT_SPACING * midline.width), FEWEST_POINTS, MOST_POINTS))
     arc = np.linspace(0.0, travel[-1], count)
-    points = _average(traced, travel, arc)
+    points = _average_points(traced, travel, arc)
     sigma = CORRELATION * max(roughness(points), PRECISION * midline.width)
     ends = np.minimum(arc, travel[-1] - arc) < UNSURE_END * midline.width
     return Photograph(
@@ -115,7 +115,7 @@ def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> 
     )
 
 
-def _average(traced: Array, travel: Array, arc: Array) -> Array:
+def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
     """Means (n, 2) of the traced points between the middles of the arc lengths `arc` (n,)."""
     reach = 0.5 * (arc[1] - arc[0])
     edges = np.clip(np.stack([arc - reach, arc + reach]), 0.0, travel[-1])

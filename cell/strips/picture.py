@@ -17,20 +17,20 @@ SEEN_COLOUR, FITTED_COLOUR, STRAIGHT_COLOUR = "#19c8c8", ORANGE, BLUE
 
 
 def picture(fitted: Fit, straight: Fit) -> bytes:
-    """PNG: the photograph with midline and fits, and their residuals along the strip."""
+    """PNG of the photograph with midline and fits, and their residuals along the strip."""
     with canvas(10.5, 8.0) as figure:
         figure.set_facecolor("white")
         left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0))
         whole, bend = left.subplots(1, 2)
-        _photograph(whole, fitted, straight)
-        _photograph(bend, fitted, straight)
+        _draw_photograph(whole, fitted, straight)
+        _draw_photograph(bend, fitted, straight)
         _near_the_ledge(bend, fitted)
         if fitted.birth.born is RestCurvature.STRAIGHT:
-            _misses(right.subplots(), fitted, straight)
+            _draw_residuals(right.subplots(), fitted, straight)
         else:
             upper, lower = right.subplots(2, 1, sharex=True)
-            _misses(upper, fitted, straight)
-            _set(lower, fitted)
+            _draw_residuals(upper, fitted, straight)
+            _draw_texts(lower, fitted)
         figure.suptitle(_title(fitted, straight), fontsize=9.5)
         content = io.BytesIO()
         figure.savefig(content, format="png", dpi=DPI)
@@ -48,7 +48,7 @@ def _title(fitted: Fit, straight: Fit) -> str:
     return f"{text} (taken as born straight: {1e3 * straight.bending_length:.1f} mm)"
 
 
-def _photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
+def _draw_photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
     photograph = fitted.photograph
     image = photograph.image
     scale = min(1.0, PICTURE_HEIGHT / image.shape[0])
@@ -75,7 +75,7 @@ def _near_the_ledge(axes: Any, fitted: Fit) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.02))
 
 
-def _misses(axes: Any, fitted: Fit, straight: Fit) -> None:
+def _draw_residuals(axes: Any, fitted: Fit, straight: Fit) -> None:
     arc = 1e3 * fitted.photograph.arc
     if straight is not fitted:
         axes.plot(arc, 1e3 * straight.misses, color=STRAIGHT_COLOUR, ls="--", label="born straight")
@@ -85,7 +85,7 @@ def _misses(axes: Any, fitted: Fit, straight: Fit) -> None:
     axes.legend(loc="best")
 
 
-def _set(axes: Any, fitted: Fit) -> None:
+def _draw_texts(axes: Any, fitted: Fit) -> None:
     arc = 1e3 * hinges(fitted.photograph.overhang)
     axes.plot(arc, fitted.rest_curvature, color=FITTED_COLOUR)
     axes.axhline(0, color=MUTED, lw=0.6)

@@ -21,7 +21,7 @@ ROBUST = 2.5  # sigmas from which a miss counts less
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Residuals of the midline for one set of `values` (p,).
+    """Fit of one set of `values` (p,): its residuals from the midline.
 
     `misses` (2 n,) across and then along the midline, in sigmas, `slopes` (2 n, p) their negative
     derivatives by the values, `cost` twice the negative log posterior.
@@ -35,7 +35,7 @@ class Trial:
 
 
 class Problem:
-    """One photograph with one prior of the rest curvature.
+    """Least-squares problem of one photograph with one prior of the rest curvature.
 
     The unknowns are ln(bending length / typical), the ledge's arc length behind the picture's
     border, the camera's roll, the angle at which the strip leaves the ledge, the ledge's place, and
@@ -53,10 +53,10 @@ class Problem:
         spreads[[ROLL, CLAMP]] = ROLL_SPREAD, CLAMP_SPREAD
         spreads[[X, Z]] = np.inf
         self._prior = 1 / spreads
-        self._frame = _frame(photograph)
+        self._local_frames = _local_frames(photograph)
 
     def trial(self, values: Array) -> Trial:
-        """The strip of `values` (p,), and its distances from the midline. Raises NoRest."""
+        """Trial of `values` (p,): strip, and distances from the midline. Raises NoRest."""
         seen = self.photograph
         hanging = hang(
             seen.overhang,
@@ -77,8 +77,10 @@ class Problem:
         motions = np.einsum("ab,nbp->nap", turn, motions)
         motions[..., ROLL] = curve[:, ::-1] * (-1, 1)
         motions[..., [X, Z]] = np.eye(2)
-        misses = self._project(seen.points - values[[X, Z]] - curve)
-        return Trial(values, hanging, misses, self._project(motions), self._cost(values, misses))
+        misses = self._project_motion(seen.points - values[[X, Z]] - curve)
+        return Trial(
+            values, hanging, misses, self._project_motion(motions), self._cost(values, misses)
+        )
 
     def normal_equations(self, trial: Trial) -> tuple[Array, Array]:
         """Half the second derivative (p, p) of the cost, and the downhill direction (p,)."""
@@ -86,9 +88,9 @@ class Problem:
         matrix = trial.slopes.T @ (weight[:, None] * trial.slopes) + np.diag(self._prior**2)
         return matrix, trial.slopes.T @ (weight * trial.misses) - self._prior**2 * trial.values
 
-    def _project(self, motion: Array) -> Array:
-        """Parts (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
-        parts = np.einsum("knc,nc...->kn...", self._frame, motion)
+    def _project_motion(self, motion: Array) -> Array:
+        """Components (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
+        parts = np.einsum("knc,nc...->kn...", self._local_frames, motion)
         return np.asarray(parts.reshape(-1, *motion.shape[2:]))
 
     def _cost(self, values: Array, misses: Array) -> float:
@@ -98,7 +100,7 @@ class Problem:
 
 
 class _Along:
-    """A hanging strip sampled at arc lengths `arc` (n,); before the ledge it lies straight."""
+    """A hanging strip sampled at arc lengths `arc` (n,); straight before the ledge."""
 
     def __init__(self, hanging: Hanging, arc: Array, clamp_angle: float) -> None:
         spans = np.diff(hanging.arc)
@@ -122,8 +124,8 @@ class _Along:
         return np.asarray(self.at(self._hanging.moved_by_clamp_angle()) + self._swing)
 
 
-def _frame(photograph: Photograph) -> Array:
-    """Normals and tangents (2, n, 2) of the midline, each over its sigma.
+def _local_frames(photograph: Photograph) -> Array:
+    """Normals and tangents (2, n, 2) of the midline, each divided by its sigma.
 
     Along the midline all points shift together, by the uncertainty of its tip.
     """
@@ -135,5 +137,5 @@ def _frame(photograph: Photograph) -> Array:
 
 
 def rotation(angle: float) -> Array:
-    """Rotation (2, 2) by `angle` [rad]."""
+    """Rotation matrix (2, 2) by `angle` [rad]."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

@@ -1,1 +1,1 @@
-"""Studies: what is measured of the cell, one file a study, on one machine or a cluster."""
+"""Studies of the cell: measurements over many cases, a file a study, locally or on a cluster."""

@@ -1,4 +1,4 @@
-"""A study carried out: its cases as parts of a campaign, its outcomes read back."""
+"""Runs a study: its cases are parts of a campaign, its outcomes are read back from the journal."""
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,7 +21,7 @@ JOURNAL = "journal"
 
 @dataclass(frozen=True, slots=True)
 class CasePart:
-    """A case of the study called `study`, to be measured anywhere; `of` is code and inputs."""
+    """A case of the study `study` as a part of a campaign; `of` is the digest of its inputs."""
 
     study: str
     case: Case
@@ -34,8 +34,8 @@ class CasePart:
         return self.case.key
 
     def measure(self) -> Mapping[str, Any]:
-        """What is kept: the case, and its outcome. Raises ConfigurationError on a machine whose
-        code or configuration is not that of the campaign.
+        """Measure the case; returns the case with its outcome. Raises ConfigurationError on a
+        machine whose code or configuration is not that of the campaign.
         """
         study = study_of(self.study)
         if inputs(study) != self.of:
@@ -54,7 +54,7 @@ class CasePart:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """Which cases of a study, and the folder that keeps them."""
+    """The requested cases of a study, and the folder that keeps them."""
 
     study: Study
     seed: int
@@ -63,11 +63,11 @@ class Asked:
 
     @property
     def journal(self) -> Path:
-        """Folder of the journal."""
+        """Folder of the study's journal."""
         return self.folder / JOURNAL
 
     def parts(self, shard: tuple[int, int] = (1, 1)) -> tuple[CasePart, ...]:
-        """All cases, or those of a shard."""
+        """Parts of all cases, or of those in a shard."""
         made_of, study = inputs(self.study), self.study
         return tuple(
             CasePart(study.name, case, made_of, study.seconds)
@@ -77,8 +77,8 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """What a journal holds of the cases asked for: outcomes by one code, cases that are set aside
-    or failed, and how many outcomes `other` code left.
+    """Contents of a journal on the requested cases: outcomes by one version of the code, cases that
+    are set aside or failed, and the number of outcomes by `other` versions.
     """
 
     asked: Asked
@@ -90,7 +90,7 @@ class Kept:
 
     @property
     def present(self) -> bool:
-        """Whether the outcomes are those of the code as it is now."""
+        """Whether the outcomes are those of the present code."""
         return self.of == inputs(self.asked.study)
 
 
@@ -104,7 +104,7 @@ def measure(
 
 
 def kept_outcomes(asked: Asked) -> Kept:
-    """The outcomes by the code as it is now; where there are none, by that which left most."""
+    """Outcomes by the present code; where there are none, by the version with the most."""
     wanted = {case.key: case for case in asked.study.cases(asked.seed, asked.count)}
     found = [r for r in Journal(asked.journal).records() if r.key in wanted]
     of = _code_to_show(found, inputs(asked.study))
@@ -138,11 +138,11 @@ def _code_to_show(records: Sequence[Record], now: str) -> str:
 
 def inputs(study: Study) -> str:
     """Digest of the code, of the study's own file and of the configuration."""
-    return digest(code(), data(), _own(study.measure.__code__.co_filename), _configs())
+    return digest(code(), data(), _module_file(study.measure.__code__.co_filename), _configs())
 
 
 @cache
-def _own(path: str) -> str:
+def _module_file(path: str) -> str:
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 

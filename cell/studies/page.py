@@ -1,4 +1,4 @@
-"""The page of a study: its question, table, the cases as points, cost, what was set aside."""
+"""The page of a study: its question, table, the cases as points, cost, and failures."""
 
 from pathlib import Path
 
@@ -18,8 +18,8 @@ ROW_HEIGHT, PAGE_WIDTH = 0.32, 8.4  # inch
 
 
 def write_page(kept: Kept) -> Path:
-    """Write table, page, what belongs into the checkout and, of a whole study that fits something,
-    its data file; the page's path.
+    """Write table, page, files of the checkout and, of a whole study that fits something, its data
+    file; returns the page's path.
 
     Raises OSError where the folder cannot be written.
     """
@@ -39,7 +39,7 @@ def write_page(kept: Kept) -> Path:
 
 
 def page_of(kept: Kept) -> str:
-    """The page, self-contained."""
+    """Self-contained page of a study."""
     study, found = kept.asked.study, rows(kept)
     whole = len(kept.outcomes) >= kept.asked.count
     tone: Tone = "fair" if not whole else "good" if keeps_bars(found) else "bad"
@@ -63,7 +63,7 @@ def page_of(kept: Kept) -> str:
 
 
 def points(kept: Kept) -> str:
-    """The first quantity of every case, a line a group; SVG."""
+    """Figure (SVG) of the first quantity of every case, a line a group."""
     quantity, groups = kept.asked.study.quantities[0], group(kept)
     with canvas(PAGE_WIDTH, 0.7 + ROW_HEIGHT * len(groups)) as figure:
         axes = figure.add_subplot()

@@ -12,7 +12,7 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A group of cases: its values of `by`, joined, how many were measured, and the figures."""
+    """Row of a group of cases: its values of `by`, joined, the number measured, and the figures."""
 
     group: str
     count: int
@@ -20,7 +20,7 @@ class Row:
 
 
 def rows(kept: Kept) -> tuple[Row, ...]:
-    """A row a group in the order of its first case, and one of all where there are several."""
+    """Rows of a study: a group each in the order of its first case; one of all where several."""
     quantities, groups = kept.asked.study.quantities, group(kept)
     if len(groups) > 1:
         groups[ALL] = list(kept.outcomes)
@@ -31,7 +31,7 @@ def rows(kept: Kept) -> tuple[Row, ...]:
 
 
 def group(kept: Kept) -> dict[str, list[Outcome]]:
-    """The outcomes by the values of `by`, in the order of their cases."""
+    """Outcomes by the values of `by`, in the order of their cases."""
     groups: dict[str, list[Outcome]] = {}
     for outcome in sorted(kept.outcomes, key=lambda o: o.case.number):
         name = ", ".join(str(outcome.case.values[key]) for key in kept.asked.study.by) or ALL
@@ -45,18 +45,18 @@ def keeps_bars(found: Sequence[Row]) -> bool:
 
 
 def head(kept: Kept) -> tuple[str, ...]:
-    """Heads of the columns."""
+    """Column heads of a study's table."""
     study = kept.asked.study
     return (", ".join(study.by) or "cases", "n", *(q.title for q in study.quantities))
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """One row as text."""
+    """One row of the table as text."""
     return (row.group, str(row.count), *(f.text() for f in row.figures))
 
 
 def markdown(kept: Kept) -> str:
-    """The table, with how much of the study it rests on and what makes it again."""
+    """The table in Markdown, with the share of cases measured and the command for it."""
     titles = head(kept)
     lines = [titles, ("---",) * len(titles), *(cells(row) for row in rows(kept))]
     escaped = ([cell.replace("|", "\\|") for cell in line] for line in lines)
@@ -66,7 +66,7 @@ def markdown(kept: Kept) -> str:
 
 
 def progress(kept: Kept) -> str:
-    """How many cases of how many, by which code, and what is missing."""
+    """Number of measured cases, the version of the code, and what is missing."""
     asked, lost = kept.asked, kept.lost
     done = len(kept.outcomes)
     words = f"{done} of {asked.count} so far" if done < asked.count else f"{done} cases"
@@ -80,7 +80,7 @@ def progress(kept: Kept) -> str:
 
 
 def samples(outcomes: Sequence[Outcome], name: str) -> list[list[float]]:
-    """The numbers called `name` of each outcome, NaN for none."""
+    """Numbers called `name` in each outcome, NaN where missing."""
     found = []
     for outcome in outcomes:
         value = outcome.values.get(name)

@@ -1,4 +1,4 @@
-"""Training of the critic of `adaptive`: started or resumed, evaluated on both engines."""
+"""Trains the critic of `adaptive`: started or resumed, evaluated on both engines."""
 
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager

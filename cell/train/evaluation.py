@@ -45,7 +45,7 @@ class Evaluation:
 
     @property
     def most(self) -> float:
-        """The 95 % quantile of |d| [m]."""
+        """95 % quantile of |d| [m]."""
         return float(np.quantile(self.miss, 0.95))
 
     @property
@@ -55,11 +55,11 @@ class Evaluation:
 
     @property
     def untouched(self) -> int:
-        """Folds that ended without a touch."""
+        """Number of folds that ended without a touch."""
         return int(np.isnan(self.displacement).sum())
 
     def line(self) -> dict[str, object]:
-        """All numbers for a record, lengths in metres."""
+        """All numbers of the evaluation for a record, lengths in metres."""
         gone = [None if np.isnan(d) else round(float(d), 6) for d in self.displacement.ravel()]
         return {
             "engine": self.engine.value,

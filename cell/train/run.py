@@ -1,4 +1,4 @@
-"""A whole training: started or resumed, its weights evaluated, everything in one folder."""
+"""Runs a whole training: started or resumed, its weights evaluated, everything in one folder."""
 
 import fcntl
 import json
@@ -25,8 +25,8 @@ EVALUATION = "evaluation.json"
 
 @dataclass(frozen=True, slots=True)
 class Trained:
-    """Result of a training: path, settings and evaluation of the weights; of `adaptive` how well
-    it judges folds that its training left out.
+    """Result of a training: path, settings and evaluation of the weights; of `adaptive` its
+    accuracy on folds left out of the training.
     """
 
     checkpoint: Path
@@ -35,7 +35,7 @@ class Trained:
     trial: Trial | None = None
 
     def line(self) -> dict[str, object]:
-        """The outcome as a line of JSON."""
+        """The training's outcome as a line of JSON."""
         return {
             "schema": 1,
             "checkpoint": str(self.checkpoint),
@@ -69,7 +69,7 @@ def train(
 
 
 def keep(trained: Trained, folder: Path) -> Trained:
-    """`trained`, whose evaluation stands in `folder` now; ConfigurationError where it cannot."""
+    """Write the evaluation of `trained` into `folder`; ConfigurationError where it cannot."""
     content = json.dumps(trained.line(), indent=1) + "\n"
     write_file(folder / EVALUATION, content, "make room and run the command again")
     return trained
@@ -82,11 +82,12 @@ def alone_in(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        try:
+            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ConfigurationError(
+                f"--out: {folder}: another training is writing there; wait, or name another folder"
+            ) from None
         yield
-    except BlockingIOError:
-        raise ConfigurationError(
-            f"--out: {folder}: another training is writing there; wait, or name another folder"
-        ) from None
     finally:
         os.close(place)

@@ -1,4 +1,4 @@
-"""A training in the terminal: a bar while it runs, a table at its end."""
+"""Shows a training in the terminal: a bar while it runs, a table at its end."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ ENGINE_NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"
 
 
 class GenerationText:
-    """Texts for the generations of CMA-ES, each with the time that is left."""
+    """Texts on the generations of CMA-ES, each with the time left."""
 
     def __init__(self, generations: int) -> None:
         self._generations = generations
@@ -28,7 +28,7 @@ class GenerationText:
         self._validated = ""
 
     def __call__(self, step: Progress) -> str:
-        """The text for one generation, which is the newest."""
+        """Text on one generation, the newest."""
         self._took.append(step.seconds)
         if step.validated is not None:
             self._validated = f"  validated {1e3 * step.validated:.1f} mm rms"
@@ -41,8 +41,8 @@ class GenerationText:
 
 
 class Meter:
-    """Progress of a training of `total` steps, of which `known` were done before: a bar, or lines
-    where there is no screen.
+    """Progress bar of a training of `total` steps, of which `known` were done before; lines without
+    a terminal.
     """
 
     def __init__(self, console: Console, total: int, known: int) -> None:
@@ -63,20 +63,20 @@ class Meter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Remove the bar; after Ctrl-C, say how to go on."""
+        """Remove the bar; after Ctrl-C, print how to resume."""
         self._bar.stop()
         if kind is KeyboardInterrupt:
             self._console.print("interrupted; the same command goes on", highlight=False)
 
     def show(self, done: int, text: str) -> None:
-        """So many steps are `done`, the last of which is `text`."""
+        """Show the number of steps `done`, and `text` on the last one."""
         self._bar.update(self._task, completed=done, description=text)
         due = done % max(1, self._total // LINES) == 0 or done == self._total
         if due and not self._console.is_terminal:
             self._console.print(text, highlight=False, soft_wrap=True)
 
     def show_evaluation(self, done: int, pieces: int) -> None:
-        """`done` of `pieces` of the final evaluation."""
+        """Show that `done` of `pieces` of the final evaluation are done."""
         text = f"folds strips that training never folded: {done} of {pieces} pieces"
         self._bar.update(self._task, total=pieces, completed=done, description=text)
 

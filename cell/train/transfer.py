@@ -1,4 +1,4 @@
-"""Last stage of the training of `adaptive`: what folds of the chain through images correct."""
+"""Last stage of the training of `adaptive`: corrections from folds of the chain through images."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ COMPLETE_SHARE = 0.75  # share of the folds that must have come to their end
 
 @dataclass(frozen=True, slots=True)
 class FoldPart:
-    """Fold `number` of those drawn by `seed`, through images, by the critic in `checkpoint`."""
+    """Part: fold `number` of those drawn by `seed`, through images, by the `checkpoint`."""
 
     number: int
     seed: int
@@ -50,7 +50,7 @@ class FoldPart:
         return f"{self.seed}-{self.number:04d}"
 
     def measure(self) -> Mapping[str, Any]:
-        """What `FoldedBatch` needs of the fold, empty where it was not folded."""
+        """Row of `FoldedBatch` for the fold, empty where it was not folded."""
         strip = unknown(np.random.default_rng([self.seed, self.number]))
         with TemporaryDirectory() as place:
             result = fold_unknown(strip, self.number, Path(place), checkpoint=self.checkpoint)

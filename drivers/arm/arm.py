@@ -115,8 +115,8 @@ class FciArm:
 
     @property
     def joints(self) -> Array:
-        """What the robot said of its joints at every tick, once closed: rows (n, 29) as
-        `drivers.arm.joint_log` keeps them, on the clock's time [s].
+        """Rows (n, 29) of the joints at every tick, once closed, as `drivers.arm.joint_log` keeps
+        them, on the clock's time [s].
         """
         if self._bridge is None:
             return joint_rows(b"")
@@ -125,7 +125,7 @@ class FciArm:
         return frozen(rows)
 
     def _caught_up(self) -> Bridge:
-        """The bridge, after advancing the robot to the clock's time."""
+        """Advance the robot to the clock's time and return the bridge to its process."""
         if self._closed:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
         if self._bridge is None or not self._connected:

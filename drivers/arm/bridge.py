@@ -42,7 +42,7 @@ class Bridge:
         )
         self._process.start()
         theirs.close()
-        self._answer(task.settings.start)
+        self._receive_answer(task.settings.start)
 
     @property
     def lock_step(self) -> bool:
@@ -71,7 +71,7 @@ class Bridge:
         self.check()
         with suppress(OSError):  # it has ended, and the answer will say so
             self._pipe.send_bytes(encode({"until": until}))
-        self._answer(self._task.settings.answer)
+        self._receive_answer(self._task.settings.answer)
         self.ticks = until
 
     def report(self) -> tuple[Report, bool]:
@@ -83,7 +83,7 @@ class Bridge:
     def check(self) -> None:
         """Raise the Fault of a robot that has stopped."""
         if self._failure is None and not self._ended and self._pipe.poll():
-            self._answer(0.0)
+            self._receive_answer(0.0)
         if self._failure is not None:
             raise self._failure.fault()
 
@@ -95,14 +95,14 @@ class Bridge:
         if self._failure is None:
             with suppress(OSError, EOFError, Fault):
                 self._pipe.send_bytes(encode({"close": True}))
-                self._answer(ENDING_TIMEOUT)
+                self._receive_answer(ENDING_TIMEOUT)
                 if self._pipe.poll(SENDING):
                     self.joints = joint_rows(self._pipe.recv_bytes())
         self._process.join(ENDING_TIMEOUT)
         self._kill()
         self._pipe.close()
 
-    def _answer(self, patience: float) -> None:
+    def _receive_answer(self, patience: float) -> None:
         """Receive one answer of the process within `patience` [s]."""
         try:
             if not self._pipe.poll(patience):

@@ -27,7 +27,7 @@ class DrivenByJoints(Protocol):
         """Start the motion."""
 
     def read(self, motion: Any, *, awaited: bool = True) -> Any:
-        """The next state; unless it is `awaited` also one that has lain there."""
+        """The robot's next state; unless `awaited`, one that arrived earlier will do."""
 
     def write_joints(self, motion: Any, joints: Numbers, *, last: bool = False) -> None:
         """Send the command for this tick."""
@@ -44,7 +44,7 @@ class Moment(NamedTuple):
 
 
 class PosedState:
-    """A state at `time` [s] with commanded pose, twist and change as the commanded joints give."""
+    """A robot's state at `time` [s] with the hand's commanded pose, twist and acceleration."""
 
     def __init__(
         self, state: Any, time: float, pose: Numbers, twist: Numbers, change: Numbers
@@ -57,7 +57,7 @@ class PosedState:
 
 
 class ByJoints:
-    """A robot driven by poses of the hand, of which it is sent the joints (7,) [rad].
+    """A robot that is commanded by poses of the hand and is sent the joints (7,) [rad] for them.
 
     To find out how a motion goes on from where a robot is that missed a command takes a part of a
     tick that may be all of it: then each answer would be late, and the robot would hear none. On
@@ -66,12 +66,15 @@ class ByJoints:
     """
 
     def __init__(self, robot: DrivenByJoints, *, own_clock: bool = False) -> None:
+        """Drive `robot`; on its `own_clock` each command is computed a tick ahead."""
         self._robot, self._own_clock = robot, own_clock
         self._ahead = False  # whether `_here` is where the robot will be a tick after `_time`
         self._here: Course | None = None
         self._sent: Numbers = []
         self._sent_pose: Array | None = None
-        self._trail: list[Array] = []  # the hand's setpoint (4, 4), and at the two ticks before
+        self._past_poses: list[
+            Array
+        ] = []  # the hand's setpoint (4, 4), and at the two ticks before
         self._time = 0.0
 
     def start_poses(self) -> Any:
@@ -95,15 +98,15 @@ class ByJoints:
         here = self._here
         off = max(abs(a - b) for a, b in zip(here.place, self._sent, strict=True))
         if self._sent_pose is not None and ticks == 1 and off < ROUNDING:
-            self._trail = [self._sent_pose, *self._trail[:2]]
+            self._past_poses = [self._sent_pose, *self._past_poses[:2]]
         else:
             self._ahead = self._own_clock and not first
-            here = self._here = _later(here) if self._ahead else here
+            here = self._here = _after_a_tick(here) if self._ahead else here
             self._elbow, self._swing = here.place[ELBOW_JOINT], here.rate[ELBOW_JOINT]
-            self._trail = _trail(here)
-        twist, before = (_twist(self._trail[i], self._trail[i + 1]) for i in range(2))
+            self._past_poses = _past_poses(here)
+        twist, before = (_twist(self._past_poses[i], self._past_poses[i + 1]) for i in range(2))
         change = (twist - before) / TICK
-        pose: Numbers = self._trail[0].T.ravel().tolist()
+        pose: Numbers = self._past_poses[0].T.ravel().tolist()
         time = self._time + TICK * self._ahead
         return PosedState(state, time, pose, twist.tolist(), change.tolist())
 
@@ -114,21 +117,21 @@ class ByJoints:
         """
         if self._here is None:
             raise Failed(Failure(Cause.COMMAND, "a pose was sent before the first state was read"))
-        near = np.array(_later(self._here).place)  # from there one step of Newton's is exact
+        near = np.array(_after_a_tick(self._here).place)  # from there one step of Newton's is exact
         target = np.reshape(pose, (4, 4)).T
         pull = RETURN * (self._kept - self._elbow) - 2.0 * self._swing
         self._swing += TICK * RETURN * pull
         self._elbow += TICK * self._swing
         step = joint_step(near, *pose_and_jacobian(near), target, self._elbow)
         sent: Numbers = (near + step).tolist()
-        if self._ahead and not self._come(motion) and not last:
+        if self._ahead and not self._has_arrived(motion) and not last:
             return
         self._sent, self._sent_pose = sent, target
         self._robot.write_joints(motion, sent, last=last)
 
-    def _come(self, motion: Any) -> bool:
-        """Whether the robot is where it was sent; where it went further, nothing is sent, and the
-        next state shows where.
+    def _has_arrived(self, motion: Any) -> bool:
+        """Whether the robot reached the joints it was sent; where it went further, nothing is sent,
+        and the next state shows where.
         """
         state = self._robot.read(motion, awaited=False)
         expected, self._ahead = self._here or Course([], [], []), False
@@ -141,14 +144,14 @@ class ByJoints:
         return False
 
 
-def _later(here: Course) -> Course:
-    """The course one tick later, of a robot that received no command: its acceleration stays."""
+def _after_a_tick(here: Course) -> Course:
+    """The course one tick after `here`, of a robot without a command: acceleration stays."""
     place, rate, change = (np.array(part) for part in here)
     after = rate + TICK * change
     return Course((place + TICK * after).tolist(), after.tolist(), here.change)
 
 
-def _trail(here: Course) -> list[Array]:
+def _past_poses(here: Course) -> list[Array]:
     """Poses (4, 4) of the hand now, one tick ago and two ticks ago."""
     place, rate, change = (np.array(part) for part in here)
     before = place - TICK * rate

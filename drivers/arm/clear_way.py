@@ -1,4 +1,4 @@
-"""A way of the joints to a goal that meets neither the arm itself nor what stands in the cell."""
+"""Joint waypoints to a goal, on which the arm meets neither itself nor what stands in the cell."""
 
 from collections.abc import Iterator, Sequence
 from itertools import islice, pairwise
@@ -51,20 +51,20 @@ def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
     A straight line in joint space where that is clear, else over points above start or goal, or
     over the upright posture. Raises Failed, naming what is in the way, where none is clear.
     """
-    objection = _objection([start, goal], solids)
+    objection = _obstacle([start, goal], solids)
     if not objection:
         return [goal]
-    for points in _around(start, goal, solids.frame[:3, 2]):
-        if not _objection([start, *points, goal], solids):
+    for points in _detours(start, goal, solids.frame[:3, 2]):
+        if not _obstacle([start, *points, goal], solids):
             return [*points, goal]
     words = f"{objection}, and neither a way above nor one over the upright posture is clear"
     raise Failed(Failure(Cause.WAY, words))
 
 
-def _around(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
-    """Points between start and goal, the shortest detour first."""
-    above = [_rise(start, up, rise) for rise in RISES]
-    over = [_rise(goal, up, rise)[::-1] for rise in RISES]
+def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
+    """Lists of joint waypoints between start and goal, the shortest detour first."""
+    above = [_joints_above(start, up, rise) for rise in RISES]
+    over = [_joints_above(goal, up, rise)[::-1] for rise in RISES]
     yield from above
     yield from over
     yield from ([*a, *o] for a, o in zip(above, over, strict=True))
@@ -73,8 +73,8 @@ def _around(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
     yield from ([*a, np.array(UPRIGHT), *o] for a, o in zip(above, over, strict=True))
 
 
-def _rise(joints: Array, up: Array, rise: float) -> list[Array]:
-    """Joints (7,) on the way straight `up` (3,) by `rise` [m], as far as the arm reaches."""
+def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:
+    """Joints (7,) on the straight way `up` (3,) by `rise` [m], as far as the arm reaches."""
     points = []
     for step, here in enumerate(islice(straight(joints, WAY_STEP * up), round(rise / WAY_STEP)), 1):
         if limits.margins(here).min() < JOINT_ROOM:
@@ -84,8 +84,8 @@ def _rise(joints: Array, up: Array, rise: float) -> list[Array]:
     return points
 
 
-def _objection(points: Sequence[Array], solids: Solids) -> str:
-    """What the arm would meet on the way through `points`, each (7,); empty for nothing."""
+def _obstacle(points: Sequence[Array], solids: Solids) -> str:
+    """Name of what the arm would meet on the way through `points`, each (7,); empty for nothing."""
     legs = []
     for a, b in pairwise(points):
         count = 2 + int(np.abs(b - a).max() / POSTURE_SPACING)
@@ -94,11 +94,11 @@ def _objection(points: Sequence[Array], solids: Solids) -> str:
     gaps = np.column_stack([apart(way), solids.clearance(way)])
     for name, gap in zip(("itself", *(box.name for box in solids.boxes)), gaps.T, strict=True):
         if not _keeps_clear(gap):
-            return f"the arm would come to {1e3 * gap.min():.0f} mm from {_noun(name)}"
+            return f"the arm would come to {1e3 * gap.min():.0f} mm from {_with_article(name)}"
     return ""
 
 
-def _noun(name: str) -> str:
+def _with_article(name: str) -> str:
     return name if name == "itself" else f"the {name}"
 
 

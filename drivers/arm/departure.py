@@ -1,4 +1,4 @@
-"""What lost commands leave beside the strip's plane, brought back smoothly."""
+"""Offset of the hand from the strip's plane after lost commands, faded out smoothly."""
 
 from drivers.motion import TICK
 
@@ -23,12 +23,12 @@ class Departure:
         self._age = FADE_TICKS
 
     def begin(self, place: Numbers, rate: Numbers, change: Numbers) -> None:
-        """Fade from `place` (3,) [m, rad, rad] and its first two derivatives."""
+        """Fade from offset and angles `place` (3,) [m, rad, rad] and two derivatives."""
         self._place, self._rate, self._change = place, rate, change
         self._age = 0
 
     def tick(self) -> tuple[float, float, float]:
-        """Advance by one period; the three values at its end."""
+        """Advance by one period; offset and angles (3,) at its end."""
         if self._age >= FADE_TICKS:
             return NO_OFFSET
         self._age += 1

@@ -65,13 +65,13 @@ def require_limits(description: str) -> None:
         f"joint {number + 1}: {name} is {value:g}, the cell plans with {wanted[number]:g}"
         for number in range(7)
         for tag, name, wanted, sign in ASSUMED_LIMITS
-        if not sign * ((value := _number(joints, number, tag, name)) - wanted[number]) >= -SLACK
+        if not sign * ((value := _value(joints, number, tag, name)) - wanted[number]) >= -SLACK
     ]
     if narrower:
         raise Failed(Failure(Cause.MODEL, "; ".join(narrower)))
 
 
-def _number(joints: dict[str, ElementTree.Element], number: int, tag: str, name: str) -> float:
+def _value(joints: dict[str, ElementTree.Element], number: int, tag: str, name: str) -> float:
     """An attribute of a joint; NaN, which no limit allows, where it is missing."""
     joint = joints.get(str(number + 1))
     element = None if joint is None else joint.find(tag)
@@ -84,13 +84,13 @@ def _number(joints: dict[str, ElementTree.Element], number: int, tag: str, name:
 def _reply(link: socket.socket) -> bytes:
     """Content of the next reply; OSError where it does not come or is too long."""
     link.settimeout(ANSWER_TIMEOUT)
-    size = struct.unpack("<III", _exactly(link, 12))[2]
+    size = struct.unpack("<III", _read_exactly(link, 12))[2]
     if not 12 < size <= LARGEST_DESCRIPTION:
         raise OSError(f"a reply of {size} bytes")
-    return _exactly(link, size - 12)
+    return _read_exactly(link, size - 12)
 
 
-def _exactly(link: socket.socket, count: int) -> bytes:
+def _read_exactly(link: socket.socket, count: int) -> bytes:
     content = b""
     while len(content) < count:
         more = link.recv(count - len(content))

@@ -1,4 +1,4 @@
-"""Signals that end programs, heard by a process that moves the arm: it brakes first."""
+"""Signals that end a program, received by the process that moves the arm: it brakes first."""
 
 import signal
 
@@ -17,16 +17,16 @@ class Ending:
     def __init__(self) -> None:
         self._heard = False
         for number in SIGNALS:
-            signal.signal(number, self._hear)
+            signal.signal(number, self._note_signal)
 
     def __call__(self) -> bool:
-        """Whether that is so."""
+        """Whether this process was asked to end."""
         return self._heard
 
     def check(self) -> None:
-        """Raise Failed if that is so; to be called once the arm rests."""
+        """Raise Failed if this process was asked to end; to be called once the arm rests."""
         if self._heard:
             raise Failed(Failure(Cause.ENDED, "the process of the arm was asked to end"))
 
-    def _hear(self, *_: object) -> None:
+    def _note_signal(self, *_: object) -> None:
         self._heard = True

@@ -1,4 +1,4 @@
-"""What a robot is asked outside the strip's plane: to go home joint by joint, or where it is."""
+"""Requests to a robot outside the strip's plane: go home joint by joint, or state its pose."""
 
 import gc
 import signal
@@ -35,7 +35,7 @@ def go_to(
     arm itself, desk, clamp or floor, it goes around. Interrupting this ends the motion.
     """
     errand = {"joints": joints, "share": share, "recover": recover, "reset_tool": reset_tool}
-    _carry_out(task, errand)
+    _run_in_process(task, errand)
 
 
 def hand_pose(task: Task) -> list[float]:
@@ -43,15 +43,15 @@ def hand_pose(task: Task) -> list[float]:
 
     Raises Fault, for a tool too that is not the cell's.
     """
-    pose: list[float] = _carry_out(task, {})["pose"]
+    pose: list[float] = _run_in_process(task, {})["pose"]
     return pose
 
 
-def _carry_out(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
-    """The answer to `errand` of a process of its own; the robot brakes where this process ends."""
+def _run_in_process(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
+    """Run `errand` in its own process and return its answer; the robot brakes if this dies."""
     context = get_context("forkserver")
     pipe, theirs = context.Pipe()
-    process = context.Process(target=_run, args=(task, errand, theirs), daemon=True)
+    process = context.Process(target=_process_main, args=(task, errand, theirs), daemon=True)
     process.start()
     theirs.close()
     try:
@@ -70,11 +70,11 @@ def _carry_out(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
     return answer
 
 
-def _run(task: Task, errand: dict[str, Any], pipe: Connection) -> None:
+def _process_main(task: Task, errand: dict[str, Any], pipe: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.disable()  # a collection takes longer than a robot waits for a command
     try:
-        answer = _do_task(task, errand, pipe)
+        answer = _execute(task, errand, pipe)
     except Failed as failed:
         answer = {"failure": failed.failure.content()}
     except Exception as error:  # noqa: BLE001  an edge: reported to the cell, and the process ends
@@ -85,7 +85,7 @@ def _run(task: Task, errand: dict[str, Any], pipe: Connection) -> None:
         return
 
 
-def _do_task(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, Any]:
+def _execute(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, Any]:
     from drivers.arm.robot import Robot
 
     robot = Robot(task.address, task.settings)

@@ -1,4 +1,4 @@
-"""Causes of a robot stop: every library error as one type, classified by class and robot state."""
+"""Causes of a robot's stop: library errors as one type, classified by class and robot state."""
 
 import json
 from dataclasses import dataclass
@@ -74,7 +74,7 @@ class Failure:
         return Fault(self.cause, f"{self.words}{flags}; {REMEDY[self.cause]}")
 
     def content(self) -> dict[str, Any]:
-        """Plain values for the message between processes."""
+        """The failure as plain values, for a message between processes."""
         return {"cause": self.cause, "words": self.words, "errors": list(self.errors)}
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Forces that an arm feels from outside, less what it feels at rest, and how much it may feel."""
+"""External forces on an arm, less those felt at rest, and their limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Tare:
 
     @classmethod
     def of(cls, states: Sequence[Any], most: float) -> Self:
-        """The mean of `states` at rest; raises Failed above `most` [N], or for no number."""
+        """Mean of `states` at rest; raises Failed above `most` [N], or where one is no number."""
         wrench = np.mean([state.O_F_ext_hat_K for state in states], axis=0)
         torques = np.mean([state.tau_ext_hat_filtered for state in states], axis=0)
         force = float(np.linalg.norm(wrench[:3]))
@@ -50,7 +50,7 @@ class ForceGuard:
         return [a - b for a, b in zip(state.O_F_ext_hat_K, self.tare.wrench, strict=True)]
 
     def objection(self, state: Any) -> str:
-        """Why a motion whose robot is in `state` must end; empty while it may go on."""
+        """Reason why a motion must end whose robot is in `state`; empty while it may go on."""
         force = hypot(*self.beyond_tare(state)[:3])
         if not force <= self.force:
             return f"the gripper met {force:.1f} N, allowed {self.force:.1f} N"
@@ -64,7 +64,7 @@ class ForceGuard:
 
 
 class Drift:
-    """Watches what an arm at rest feels beyond its tare: it should be nothing.
+    """Watches the force that an arm at rest feels beyond its tare, which should be nothing.
 
     There a tare that no longer holds, or somebody who leans on the arm, is seen before the guard.
     """
@@ -76,7 +76,7 @@ class Drift:
         self._mean = [0.0, 0.0, 0.0]
 
     def objection(self, state: Any, *, moving: bool) -> str:
-        """Why the arm must not go on; empty while it may."""
+        """Reason why the arm must not go on; empty while it may."""
         self._rested = 0.0 if moving else self._rested + self._tick
         if self._rested < SETTLING:
             self._mean = [0.0, 0.0, 0.0]

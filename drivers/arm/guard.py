@@ -21,7 +21,7 @@ CHANGE_SHARE = 1.6  # of a joint's acceleration, if all axes changed at once in 
 
 
 class Soon(NamedTuple):
-    """A commanded motion REACTION later: pose, velocity, and its derivative [m/s^2, rad/s^2]."""
+    """The commanded motion REACTION later: pose, velocity, and its derivative [m/s^2, rad/s^2]."""
 
     pose: Pose
     velocity: Velocity
@@ -29,7 +29,7 @@ class Soon(NamedTuple):
 
 
 class ReachGuard:
-    """Looks at the commanded motion a moment later, and at where it would rest if it braked then.
+    """Checks the commanded motion a moment ahead, and where the arm would rest if it braked then.
 
     The elbow is taken to stay where the motion began. At both places each joint must have room, and
     what the motion asks of it, curvature included, must lie within VELOCITY_SHARE of its velocity
@@ -51,7 +51,7 @@ class ReachGuard:
         self._jerk = np.array([axis.jerk for axis in motion.axes])
 
     def objection(self, soon: Soon) -> str:
-        """Why a motion must end that will be so `soon`; empty while it may go on."""
+        """Reason why a motion must end that will be at `soon`; empty while it may go on."""
         speed, change = (
             np.array([rate.vx, rate.vz, rate.pitch_rate])
             for rate in (soon.velocity, soon.acceleration)
@@ -59,9 +59,9 @@ class ReachGuard:
         peak = np.minimum(self._most, np.sqrt(np.abs(speed) * self._jerk))
         braking = -np.sign(speed) * peak
         where = np.array([soon.pose.x, soon.pose.z, soon.pose.pitch])
-        self._soon, here = self._follow(self._soon, where)
+        self._soon, here = self._track(self._soon, where)
         rest = where + speed * np.abs(speed) / (2 * self._most)
-        self._rest, there = self._follow(self._rest, rest)
+        self._rest, there = self._track(self._rest, rest)
         if here is None or there is None:
             return "the arm does not reach on"
         room = np.minimum(limits.margins(self._soon), limits.margins(self._rest))
@@ -72,7 +72,7 @@ class ReachGuard:
         bending = (joint_rates(later, self._twists) @ speed - turning) / REACTION
         asked = np.maximum.reduce(
             [
-                self._haste(turning),
+                self._rate_shares(turning),
                 np.abs(here @ change + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
                 np.abs(here @ braking + bending) / limits.ACCELERATION,
                 np.abs(there @ braking) / limits.ACCELERATION,
@@ -83,9 +83,9 @@ class ReachGuard:
             return f"joint {int(asked.argmax()) + 1} could not follow any further"
         return ""
 
-    def _follow(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
-        """Joints (7,) at a place x, z, pitch, from near ones, and the rates (7, 3) that a unit of
-        velocity on each axis asks of them there; None where they do not reach.
+    def _track(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
+        """Joints (7,) for a pose x, z, pitch, searched from near ones, and their rates (7, 3) per
+        unit of velocity on each axis; None where the pose is out of reach.
         """
         target = self._plane.matrix(*where.tolist())
         for _ in range(NEWTON):
@@ -96,14 +96,14 @@ class ReachGuard:
             return joints, None
         return joints, joint_rates(jac, self._twists)
 
-    def _haste(self, rates: Array) -> Array:
-        """Joint `rates` (7,) [rad/s] as shares of what is allowed; 1 is the most."""
+    def _rate_shares(self, rates: Array) -> Array:
+        """Joint `rates` (7,) [rad/s] as shares of their limits; 1 is the limit."""
         low, high = limits.velocity_bounds(self._soon)
         return np.asarray(np.maximum(rates / high, rates / low) / VELOCITY_SHARE, dtype=np.float64)
 
 
 def _twists(plane: StripPlane) -> Array:
-    """Twist and elbow rate (7, 3) in the base of a unit of velocity on x, z and pitch."""
+    """Hand twist and elbow rate (7, 3) in the base per unit of velocity on x, z and pitch."""
     here, small = plane.matrix(0.0, 0.0, 0.0), 1e-6
     x, z = (plane.matrix(*at)[:3, 3] - here[:3, 3] for at in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     turned = (plane.matrix(0.0, 0.0, small)[:3, :3] @ here[:3, :3].T) / small

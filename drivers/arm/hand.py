@@ -8,6 +8,7 @@ from drivers.arm import hand_wire as wire
 from drivers.arm.failure import one_line
 from drivers.arm.settings import HandLimits
 from drivers.errors import Fault
+from drivers.franka.hand_protocol import PORT, PROTOCOL_VERSION, HandCommand, HandStatus
 from drivers.protocols import Clock
 from drivers.types import HandState
 
@@ -59,28 +60,28 @@ class FciHand:
 
     def open(self) -> None:
         """Start to open the fingers; a hand that does not know its width is homed first."""
-        self._hear()
+        self._receive()
         s = self._settings
         homing: list[Motion] = [] if self._homed else [wire.homing]
-        self._begin(*homing, lambda n: wire.move(n, s.opening, s.speed))
+        self._queue_motions(*homing, lambda n: wire.move(n, s.opening, s.speed))
 
     def grasp(self) -> None:
         """Start to close on the strip's edge; does nothing while it is held.
 
         Raises Fault `hand_not_homed` where the hand does not know its width.
         """
-        self._hear()
+        self._receive()
         if not self._homed:
             raise Fault(
                 "hand_not_homed", "the hand does not know its width; `cell open` homes it, in air"
             )
         if not self._holds:
             s = self._settings
-            self._begin(lambda n: wire.grasp(n, s.thinnest, s.thickest, s.speed, s.force))
+            self._queue_motions(lambda n: wire.grasp(n, s.thinnest, s.thickest, s.speed, s.force))
 
     def state(self) -> HandState:
         """The newest measured state."""
-        self._hear()
+        self._receive()
         return HandState(
             stamp=self._stamp,
             arrival=self._clock.now(),
@@ -92,7 +93,7 @@ class FciHand:
 
     def stop(self) -> None:
         """Hold the fingers where they are; a held object stays held."""
-        self._hear()
+        self._receive()
         self._next = []
         self._interrupt()
 
@@ -115,26 +116,26 @@ class FciHand:
                 link.close()
         self._tcp = self._udp = None
 
-    def _begin(self, *motions: Motion) -> None:
-        """Do `motions` one after another, once the one under way has been stopped."""
+    def _queue_motions(self, *motions: Motion) -> None:
+        """Carry out `motions` one after another, once the one under way has been stopped."""
         self._next = list(motions)
         if self._motion is None:
-            self._go_on()
+            self._start_next()
         else:
             self._interrupt()
 
-    def _go_on(self) -> None:
+    def _start_next(self) -> None:
         self._closed = self._flagged = False
         self._motion = self._send(self._next.pop(0))
 
     def _interrupt(self) -> None:
-        """Stop the motion under way, unless that is on its way."""
+        """Stop the motion under way, unless a stop is already on its way."""
         if self._motion is not None and self._stop_sent is None:
-            self._send(lambda n: wire.request(wire.Command.STOP, n))
+            self._send(lambda n: wire.request(HandCommand.STOP, n))
             self._stop_sent, self._stops = self._clock.now(), self._stops + 1
 
-    def _insist(self) -> None:
-        """Repeat a stop after which the motion has not ended; Fault where none is heard."""
+    def _repeat_stop(self) -> None:
+        """Repeat a stop after which the motion has not ended; Fault where the hand answers none."""
         if self._stop_sent is None or self._clock.now() - self._stop_sent < UNSTOPPED:
             return
         self._stop_sent = None
@@ -148,7 +149,7 @@ class FciHand:
         self._interrupt()
 
     def _send(self, made: Motion) -> int:
-        tcp, _ = self._links()
+        tcp, _ = self._open_links()
         self._number += 1
         try:
             tcp.sendall(made(self._number))
@@ -156,44 +157,44 @@ class FciHand:
             raise _hand_lost(self._address, error) from error
         return self._number
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         """Read all replies and states that have arrived."""
         self._ready()
-        tcp, udp = self._links()
+        tcp, udp = self._open_links()
         for _ in range(STALE):
-            packet = _packet(udp)
+            packet = _next_datagram(udp)
             if packet is None:
                 break
-            self._take(wire.state(packet))
-        self._received += self._stream(tcp)
+            self._keep_state(wire.state(packet))
+        self._received += self._read_replies(tcp)
         for reply in wire.replies(self._received):
-            self._end(reply)
-        self._insist()
+            self._finish_motion(reply)
+        self._repeat_stop()
 
-    def _take(self, fingers: wire.Fingers | None) -> None:
-        """Keep a state that is not the one before, sent once more."""
+    def _keep_state(self, fingers: wire.Fingers | None) -> None:
+        """Keep a state of the fingers, unless it repeats the one before."""
         if fingers is not None and fingers.number != self._fingers.number:
             self._fingers, self._stamp = fingers, self._clock.now()
             self._homed = fingers.widest > 0
             self._flagged |= self._closed and fingers.grasped
 
-    def _end(self, reply: wire.Reply) -> None:
+    def _finish_motion(self, reply: wire.Reply) -> None:
         if reply.number != self._motion:
             return
         self._motion, self._ended = None, self._fingers.number
         self._stop_sent, self._stops = None, 0
-        if reply.status == wire.Status.FAIL:
+        if reply.status == HandStatus.FAIL:
             self._next = []
             raise Fault("hand_failed", "the hand could not do what it was asked; look at Desk")
-        if reply.command == wire.Command.HOMING and reply.status == wire.Status.UNSUCCESSFUL:
+        if reply.command == HandCommand.HOMING and reply.status == HandStatus.UNSUCCESSFUL:
             self._next = []
             raise Fault("hand_not_homed", "the hand could not be homed; free its fingers")
-        ended = reply.status in (wire.Status.SUCCESS, wire.Status.UNSUCCESSFUL)
-        self._closed = ended and reply.command == wire.Command.GRASP
+        ended = reply.status in (HandStatus.SUCCESS, HandStatus.UNSUCCESSFUL)
+        self._closed = ended and reply.command == HandCommand.GRASP
         if self._next:
-            self._go_on()
+            self._start_next()
 
-    def _stream(self, tcp: socket.socket) -> bytes:
+    def _read_replies(self, tcp: socket.socket) -> bytes:
         try:
             received = tcp.recv(4096)
         except BlockingIOError:
@@ -204,7 +205,7 @@ class FciHand:
             raise _hand_lost(self._address, ConnectionResetError("it closed the connection"))
         return received
 
-    def _links(self) -> tuple[socket.socket, socket.socket]:
+    def _open_links(self) -> tuple[socket.socket, socket.socket]:
         if self._tcp is None or self._udp is None:
             self._ready()
             try:
@@ -218,7 +219,7 @@ class FciHand:
 def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
     """Connections (TCP and UDP) to the hand at `address`, and its first state."""
     udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    tcp = socket.create_connection((address, wire.PORT), CONNECT_TIMEOUT)
+    tcp = socket.create_connection((address, PORT), CONNECT_TIMEOUT)
     with suppress(OSError):
         tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     udp.bind((tcp.getsockname()[0], 0))
@@ -229,11 +230,11 @@ def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
         if not more:
             raise ConnectionResetError("it closed the connection")
         received += more
-    if answers[0].status != wire.Status.SUCCESS:
+    if answers[0].status != HandStatus.SUCCESS:
         raise Fault(
             "hand_version",
             f"the hand at {address} speaks version {answers[0].version} of its interface, "
-            f"the cell speaks {wire.PROTOCOL_VERSION}; update the robot's system image or the cell",
+            f"the cell speaks {PROTOCOL_VERSION}; update the robot's system image or the cell",
         )
     udp.settimeout(CONNECT_TIMEOUT)
     while (first := wire.state(udp.recv(256))) is None:
@@ -243,7 +244,7 @@ def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
     return tcp, udp, first
 
 
-def _packet(udp: socket.socket) -> bytes | None:
+def _next_datagram(udp: socket.socket) -> bytes | None:
     try:
         return udp.recv(256)
     except BlockingIOError:

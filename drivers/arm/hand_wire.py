@@ -6,31 +6,14 @@ the cell implements the protocol itself.
 
 import struct
 from dataclasses import dataclass
-from enum import IntEnum
 
-PROTOCOL_VERSION = 3
-PORT = 1338
-HEADER = struct.Struct("<HII")
-STATE_PACKET = struct.Struct("<IddBH")
-
-
-class Command(IntEnum):
-    """Commands of the hand."""
-
-    CONNECT = 0
-    HOMING = 1
-    GRASP = 2
-    MOVE = 3
-    STOP = 4
-
-
-class Status(IntEnum):
-    """How a command ended."""
-
-    SUCCESS = 0
-    FAIL = 1
-    UNSUCCESSFUL = 2
-    ABORTED = 3
+from drivers.franka.hand_protocol import (
+    HEADER,
+    PAYLOAD,
+    PROTOCOL_VERSION,
+    STATE_PACKET,
+    HandCommand,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,34 +36,35 @@ class Fingers:
     grasped: bool
 
 
-def request(command: Command, number: int, payload: bytes = b"") -> bytes:
-    """A command as bytes."""
+def request(command: HandCommand, number: int, *values: float) -> bytes:
+    """A command of the hand's protocol with its `values` as bytes."""
+    payload = PAYLOAD[command].pack(*values)
     return HEADER.pack(command, number, HEADER.size + len(payload)) + payload
 
 
 def connect(number: int, port: int) -> bytes:
     """Request to connect, with states sent to UDP `port`."""
-    return request(Command.CONNECT, number, struct.pack("<HH", PROTOCOL_VERSION, port))
+    return request(HandCommand.CONNECT, number, PROTOCOL_VERSION, port)
 
 
 def homing(number: int) -> bytes:
     """Close and open the fingers, after which the hand knows their width."""
-    return request(Command.HOMING, number)
+    return request(HandCommand.HOMING, number)
 
 
 def move(number: int, width: float, speed: float) -> bytes:
     """Move the fingers to `width` [m] at `speed` [m/s]."""
-    return request(Command.MOVE, number, struct.pack("<2d", width, speed))
+    return request(HandCommand.MOVE, number, width, speed)
 
 
 def grasp(number: int, thinnest: float, thickest: float, speed: float, force: float) -> bytes:
     """Close with `force` [N] on an object `thinnest` to `thickest` [m] thick."""
     width, slack = (thinnest + thickest) / 2, (thickest - thinnest) / 2
-    return request(Command.GRASP, number, struct.pack("<5d", width, slack, slack, speed, force))
+    return request(HandCommand.GRASP, number, width, slack, slack, speed, force)
 
 
 def replies(received: bytearray) -> list[Reply]:
-    """Complete replies, removed from the front of `received`."""
+    """Remove the complete replies from the front of `received` and return them."""
     found: list[Reply] = []
     while len(received) >= HEADER.size + 2:
         command, number, size = HEADER.unpack_from(received)
@@ -94,7 +78,7 @@ def replies(received: bytearray) -> list[Reply]:
 
 
 def state(packet: bytes) -> Fingers | None:
-    """The state in a datagram; None when the datagram is not a state."""
+    """State of the hand from a datagram; None where the datagram holds none."""
     if len(packet) != STATE_PACKET.size:
         return None
     number, width, widest, grasped, _ = STATE_PACKET.unpack(packet)

@@ -1,5 +1,5 @@
-"""What the process that owns a robot keeps of its states: the joints at every tick, and how evenly
-the states came.
+"""Log kept by the process that owns a robot: the joints at every tick, and the intervals between
+states.
 """
 
 from bisect import bisect
@@ -32,7 +32,7 @@ KEPT_TICKS = 120_000  # ticks, two minutes; older ones are overwritten
 
 
 class JointLog:
-    """The newest ticks of a motion; memory is taken before it begins, so that no tick waits."""
+    """Ring buffer of a motion's newest ticks, allocated before it, so that no tick waits."""
 
     def __init__(self) -> None:
         self._rows = np.full((KEPT_TICKS, COLUMN_COUNT), np.nan)
@@ -46,19 +46,19 @@ class JointLog:
         self._count += 1
 
     def content(self) -> bytes:
-        """All ticks that are kept, the oldest first."""
+        """The ticks that are kept, oldest first, as bytes."""
         first = self._count % KEPT_TICKS if self._count > KEPT_TICKS else 0
         return np.roll(self._rows[: min(self._count, KEPT_TICKS)], -first, axis=0).tobytes()
 
 
 def joint_rows(content: bytes) -> Array:
-    """Rows (n, 29) of what `JointLog.content` sent: t [s], JOINT_FIELDS of seven joints each."""
+    """Rows (n, 29) from `JointLog.content`: t [s], then JOINT_FIELDS for each of seven joints."""
     return frozen(np.frombuffer(content).reshape(-1, COLUMN_COUNT))
 
 
 @dataclass(slots=True)
 class Timing:
-    """Counts of intervals between states by `EDGES_MS`, the first and last one open.
+    """Counts of intervals between the robot's states in bins `EDGES_MS`, open at both ends.
 
     `longest` [s] of them; `answered` is the mean of the robot's own share of commands in time.
     """
@@ -78,7 +78,7 @@ class Timing:
         self.last = now
 
     def content(self) -> dict[str, Any]:
-        """Plain values for the record."""
+        """The counts as plain values for the record."""
         return {
             "edges_ms": list(EDGES_MS),
             "counts": self.counts,

@@ -19,7 +19,8 @@ def allocate(layout: str, context: BaseContext) -> Any:
 
 
 class Latest(Generic[V]):
-    """One writer, any readers, two slots: the writer fills the hidden slot, then publishes it.
+    """A shared value, one writer, any readers: the writer fills the hidden one of two slots, then
+    publishes it.
 
     A reader retries only when the writer has reused its slot meanwhile, so that a writer that dies
     in mid write blocks nobody. Relies on stores that become visible in order, as on x86-64, the

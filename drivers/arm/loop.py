@@ -94,13 +94,15 @@ class Loop:
         start = Pose(*self._plane.to_cell(pose))
         self._profile = MotionProfile(limits, workspace, start)
         self._guard = ReachGuard(self._plane, limits, state.q)
-        self._state = state = self._heard(state)  # from here on the robot counts what it misses
+        self._state = state = self._wait_until_followed(
+            state
+        )  # from here on the robot counts what it misses
         self._whereabouts = Whereabouts(state)
         self._time = state.time.to_sec()
         self._publish(state)
 
-    def _heard(self, state: Any) -> Any:
-        """Repeat the present pose until the robot follows commands; its state then."""
+    def _wait_until_followed(self, state: Any) -> Any:
+        """Repeat the present pose until the robot follows commands, and return its state then."""
         for _ in range(MOST_UNHEARD_COMMANDS):
             self._robot.write_pose(self._motion, state.O_T_EE_c)
             state = self._robot.read(self._motion)
@@ -114,24 +116,24 @@ class Loop:
         On the robot's clock the command goes out first, and the state that it answers is considered
         while the next one is on its way; in lock-step it is the newest that is considered.
         """
-        self._obey(self._orders.read())
+        self._take_order(self._orders.read())
         x, z, pitch = self._profile.tick()
         sent = self._plane.command(x, z, pitch, self._departure.tick())
         self._robot.write_pose(self._motion, sent)
         if not self._lock_step:
-            self._consider(self._state)
+            self._check_state(self._state)
         self._state = self._robot.read(self._motion)
         self.ticks += 1
-        self._keep_up(self._state, sent)
+        self._resynchronise(self._state, sent)
         if self._lock_step:
-            self._consider(self._state)
+            self._check_state(self._state)
 
-    def _consider(self, state: Any) -> None:
-        """Report a state, and brake where it or what lies ahead demands it."""
+    def _check_state(self, state: Any) -> None:
+        """Report the robot's state, and brake where the state or the motion ahead demands it."""
         self._publish(state)
-        self._feel(state)
+        self._check_force(state)
         if self._new or self.ticks % TICKS_BETWEEN_LOOKS == 0:
-            self._look_ahead()
+            self._check_ahead()
 
     def end(self) -> None:
         """Brake to rest and end the motion; later commands are ignored."""
@@ -143,10 +145,10 @@ class Loop:
 
     @property
     def halted(self) -> Failure | None:
-        """Why the arm braked for good by itself, once it is at rest."""
+        """Reason why the arm braked for good, once it is at rest; None while it may go on."""
         return None if self._profile.moving else self._reason
 
-    def _obey(self, order: Order) -> None:
+    def _take_order(self, order: Order) -> None:
         """Take a new command, unless the arm has braked for good; brake when the heartbeat stops,
         once it has begun.
         """
@@ -157,11 +159,13 @@ class Loop:
         silence = self._time - self._heard_at if self._beat else 0.0
         if order.number != self._taken:
             self._taken = order.number
-            self._take(order)
+            self._apply(order)
         elif silence > self._settings.silence and self._profile.moving:
-            self._halt(Cause.UNHEARD, f"the cell gave no sign of life for {silence:.2f} s")
+            self._brake_for_good(
+                Cause.UNHEARD, f"the cell gave no sign of life for {silence:.2f} s"
+            )
 
-    def _take(self, order: Order) -> None:
+    def _apply(self, order: Order) -> None:
         self._new = True
         values = order.a, order.b, order.c
         try:
@@ -175,15 +179,15 @@ class Loop:
         except Fault as fault:
             raise Failed(Failure(Cause.COMMAND, str(fault))) from fault
 
-    def _feel(self, state: Any) -> None:
-        """Brake for a force beyond its guard, or one that is there at rest."""
+    def _check_force(self, state: Any) -> None:
+        """Brake for a force beyond its limit, or for one that is there at rest."""
         objection = self._touch.objection(state)
         objection = objection or self._drift.objection(state, moving=self._profile.moving)
         if objection:
-            self._halt(Cause.CONTACT, objection)
+            self._brake_for_good(Cause.CONTACT, objection)
 
-    def _keep_up(self, state: Any, sent: list[float]) -> None:
-        """Go on from the robot's own setpoint when that is not the one that was `sent`.
+    def _resynchronise(self, state: Any, sent: list[float]) -> None:
+        """Continue from the robot's own setpoint where it differs from the one that was `sent`.
 
         A robot that hears a command too late continues the motion by itself, and a command that
         does not continue what it did is a discontinuity, which stops it.
@@ -205,18 +209,18 @@ class Loop:
         self._profile.resume(pose, velocity, Velocity(*course.acceleration), lost)
         self._departure.begin(course.aside, course.aside_velocity, course.aside_acceleration)
 
-    def _look_ahead(self) -> None:
-        """Brake while the arm still can, before it comes where it could not follow."""
+    def _check_ahead(self) -> None:
+        """Brake while the arm still can, before it reaches a pose that it could not follow."""
         self._new = False
         if not self._profile.moving:
             return
         reason = self._guard.objection(Soon(*self._profile.soon(REACTION)))
         if reason:
             pose = self._profile.pose
-            self._halt(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
+            self._brake_for_good(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
 
-    def _halt(self, cause: Cause, words: str) -> None:
-        """Brake for good and keep the first reason."""
+    def _brake_for_good(self, cause: Cause, words: str) -> None:
+        """Brake for good, and keep the first reason."""
         if self._reason is None:
             self._reason = Failure(cause, words)
             self._profile.stop()
@@ -226,11 +230,13 @@ class Loop:
         pose = state.O_T_EE
         here = self._plane.to_cell(pose)
         if not isfinite(sum(here)):
-            self._halt(Cause.NOT_FINITE, "the robot reported a pose that is not a number")
+            self._brake_for_good(Cause.NOT_FINITE, "the robot reported a pose that is not a number")
             here = self._path[-1][:3] if self._path else here
         beside = self._plane.place(pose)[1]
         if abs(beside) > BESIDE:
-            self._halt(Cause.ASIDE, f"the hand is {1e3 * abs(beside):.0f} mm beside its plane")
+            self._brake_for_good(
+                Cause.ASIDE, f"the hand is {1e3 * abs(beside):.0f} mm beside its plane"
+            )
         self._path.append((*here, state.time.to_sec()))
         if self._joints is not None:
             self._joints.add(self.ticks * TICK if self._lock_step else self._now(), state)
@@ -267,8 +273,8 @@ class Loop:
 
 
 def rehearse(installation: Installation) -> None:
-    """Run once, without a robot, what the first ticks do: a first call takes as long as several
-    ticks, in which a robot would get no command.
+    """Run the computations of the first ticks once, without a robot: a first call takes as long as
+    several ticks, in which a robot would get no command.
     """
     plane = StripPlane(installation.mounting.transform())
     limits, space = installation.limits, installation.workspace

@@ -75,12 +75,12 @@ class StripPlane:
         return numbers
 
     def course(self, pose: Numbers, twist: Numbers, change: Numbers) -> Course:
-        """The motion that a hand at `pose` makes whose twist (6,) in the base and its derivative
-        are these: the inverse of `command`, with rates.
+        """Course of a hand at `pose` with twist (6,) in the base and its derivative: the inverse of
+        `command`, with rates.
         """
         hand = matrix(pose)
         inside = hand if self._back is None else hand @ self._back
-        spin, turn = _crossing(twist[3:]), _crossing(change[3:])
+        spin, turn = _cross_matrix(twist[3:]), _cross_matrix(change[3:])
         arm = inside[:3, 3] - hand[:3, 3]
         moved = np.array(twist[:3]) + spin @ arm
         gained = np.array(change[:3]) + turn @ arm + spin @ (spin @ arm)
@@ -97,13 +97,13 @@ class StripPlane:
         )  # fmt: skip
 
     def _split_rates(self, linear: Array, angular: Numbers) -> tuple[Triple, Numbers]:
-        """Rates of x, z and pitch, and those beside the plane."""
+        """Split a twist into rates of x, z and pitch, and rates beside the plane."""
         along, across, up = (self._axes @ linear).tolist()
         lean, turn, yaw = (self._axes @ np.array(angular)).tolist()
         return (along, up, -turn), [across, lean, yaw]
 
     def matrix(self, x: float, z: float, pitch: float) -> Array:
-        """The hand's pose (4, 4) in the base, exactly in the plane."""
+        """The hand's pose (4, 4) in the robot's base, exactly in the strip's plane."""
         c, s = cos(pitch - pi / 2), sin(pitch - pi / 2)
         across, sign = self._across, self._sign
         rows = zip(self._along, across, self._up, self._origin, strict=True)
@@ -113,10 +113,10 @@ class StripPlane:
         return np.array([*pose, (0.0, 0.0, 0.0, 1.0)])
 
     def to_cell(self, pose: Numbers) -> tuple[float, float, float]:
-        """x, z [m] and pitch [rad] of a hand's pose in the base, 16 numbers, column-major."""
+        """x, z [m] and pitch [rad] in the cell of a hand's pose, 16 numbers by columns."""
         x, _, z = self.place(pose)
         along, up = (_dot(row, pose[8:11]) for row in (self._rows[0], self._rows[2]))
-        return x, z, _pitch(along, up)
+        return x, z, _pitch_of_axis(along, up)
 
     def place(self, pose: Numbers) -> tuple[float, float, float]:
         """x, y, z [m] in the cell frame of a hand's pose, 16 numbers, column-major."""
@@ -138,8 +138,8 @@ class StripPlane:
 def _with_pitch(
     place: Numbers, rate: Numbers, change: Numbers, turning: float, gaining: float
 ) -> None:
-    """Make rates and changes of the two angles beside the plane of what the hand's turning is about
-    axes that do not pitch with it: to first order in the angles.
+    """Rates and accelerations of the two angles beside the plane from the hand's turning about axes
+    that do not pitch with it, to first order in the angles.
     """
     rate[1] -= place[2] * turning
     rate[2] += place[1] * turning
@@ -147,14 +147,14 @@ def _with_pitch(
     change[2] += rate[1] * turning + place[1] * gaining
 
 
-def _pitch(along: float, up: float) -> float:
+def _pitch_of_axis(along: float, up: float) -> float:
     """Pitch of an approach axis with these components in the cell: -x is 0, down pi/2, +x pi."""
     pitch = atan2(-up, -along)
     return pitch + 2 * pi if pitch < -pi / 2 else pitch
 
 
-def _crossing(vector: Numbers) -> Array:
-    """The matrix (3, 3) that takes another vector to its product with this one."""
+def _cross_matrix(vector: Numbers) -> Array:
+    """Skew-symmetric matrix (3, 3) of the cross product with `vector`."""
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
@@ -164,5 +164,5 @@ def _dot(a: Numbers, b: Numbers) -> float:
 
 
 def matrix(columns: Numbers) -> Array:
-    """Pose (4, 4) from 16 numbers, column-major."""
+    """Pose (4, 4) from its 16 numbers by columns."""
     return np.array(columns).reshape(4, 4).T

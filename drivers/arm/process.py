@@ -44,9 +44,9 @@ def run(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     try:
         _serve(task, pipe, orders, reports)
     except Failed as failed:
-        _tell(pipe, failed.failure)
+        _send_failure(pipe, failed.failure)
     except Exception as error:  # noqa: BLE001  an edge: the process ends, and with it the motion
-        _tell(pipe, Failure(Cause.LOST, one_line(error)))
+        _send_failure(pipe, Failure(Cause.LOST, one_line(error)))
 
 
 def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
@@ -72,7 +72,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     ending = Ending()
     loop.begin()
     pipe.send_bytes(encode({"ready": True}))
-    drive = _in_lock_step if task.lock_step else _by_itself
+    drive = _in_lock_step if task.lock_step else _in_real_time
     timing = Timing()
     drive(loop, pipe, timing, clock, ending)
     loop.end()
@@ -86,7 +86,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
 def _in_lock_step(
     loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClock, ending: Ending
 ) -> None:
-    """Step as far as the cell allows and confirm each time, until the cell closes or dies."""
+    """Step the loop as far as the cell allows and confirm, until the cell closes or dies."""
     while (message := _receive(pipe, ending)) is not None and "until" in message:
         while loop.ticks < message["until"]:
             loop.step()
@@ -95,10 +95,10 @@ def _in_lock_step(
         pipe.send_bytes(b"{}")
 
 
-def _by_itself(
+def _in_real_time(
     loop: Loop, pipe: Connection, timing: Timing, clock: WallClock, ending: Ending
 ) -> None:
-    """Step on the robot's clock until the cell closes or dies."""
+    """Step the loop on the robot's clock until the cell closes or dies."""
     while loop.halted is None and not pipe.poll() and not ending():
         loop.step()
         timing.update(clock.now(), loop.success)
@@ -114,7 +114,7 @@ def _receive(pipe: Connection, ending: Ending) -> dict[str, Any] | None:
         return None
 
 
-def _tell(pipe: Connection, failure: Failure) -> None:
+def _send_failure(pipe: Connection, failure: Failure) -> None:
     try:
         pipe.send_bytes(encode({"failure": failure.content()}))
     except OSError:

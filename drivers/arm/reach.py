@@ -55,7 +55,7 @@ class Reach:
 
     @property
     def allowed(self) -> bool:
-        """Whether the whole path can be followed."""
+        """Whether the arm can follow the whole path."""
         return not self.problems
 
 
@@ -70,7 +70,9 @@ def plan_reach(
     where the layers touch.
     """
     ways = [
-        way for turned in (False, True) for way in _ways(installation, path, speeds, turned, elbows)
+        way
+        for turned in (False, True)
+        for way in _postures(installation, path, speeds, turned, elbows)
     ]
     if not ways:
         x, z, pitch = path[0].tolist()
@@ -81,13 +83,13 @@ def plan_reach(
     for way in ways:
         stop = _first_braking(installation, path, speeds, way) if way.allowed else None
         if stop is None:
-            return way if way.allowed or not braked else max(braked, key=_furthest)
+            return way if way.allowed or not braked else max(braked, key=_progress)
         late = stop.pitch > HANGING
         braked.append(way if late else replace(way, problems=(stop,)))
-    return max(braked, key=_furthest)
+    return max(braked, key=_progress)
 
 
-def _ways(
+def _postures(
     installation: Installation, path: Array, speeds: Array, turned: bool, elbows: tuple[float, ...]
 ) -> Iterator[Reach]:
     plane = StripPlane(installation.mounting.transform(), turned=turned)
@@ -140,7 +142,7 @@ def _first_braking(
     return None
 
 
-def _furthest(way: Reach) -> tuple[bool, float]:
+def _progress(way: Reach) -> tuple[bool, float]:
     return way.allowed, way.margin
 
 
@@ -156,7 +158,7 @@ def _track_pose(joints: Array, pose: Array, elbow: float) -> Array | None:
 
 
 def _objection(joints: Array, there: Array, time: float) -> str:
-    """Why a step from `joints` to `there` in `time` [s] is not allowed; empty if it is."""
+    """Reason why a step from `joints` to `there` in `time` [s] is not allowed; empty if it is."""
     room, joint = float(margins(there).min()), int(margins(there).argmin()) + 1
     if room < JOINT_MARGIN:
         return (

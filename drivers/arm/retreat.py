@@ -1,4 +1,4 @@
-"""A guarded way out of contact: a little along the force, until the arm is free."""
+"""A guarded way out of contact: short moves along the force, until the arm is free."""
 
 from collections.abc import Callable
 from itertools import islice
@@ -26,7 +26,7 @@ JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
 
 
 def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids: Solids) -> None:
-    """Bring a `robot` at rest out of what presses on its gripper; does nothing where nothing
+    """Move a `robot` at rest away from what presses on its gripper; does nothing where nothing
     presses.
 
     The reflexes are loosened for it, as they would stop it at once, and set again by the caller.
@@ -41,9 +41,9 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids:
     if not isfinite(size):
         words = "the robot reports a force that is no number; look at its log before it moves again"
         raise Failed(Failure(Cause.PRESSED, words))
-    way = _beside(np.array(state.q), force / size)
+    way = _steps_away(np.array(state.q), force / size)
     _require_room(way, solids)
-    robot.configure(_loosen(settings.collision, size))
+    robot.configure(_raise_thresholds(settings.collision, size))
     guard = ForceGuard(size + FORCE_RISE)
 
     def free(now: Any) -> bool:
@@ -59,7 +59,7 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids:
         raise Failed(Failure(Cause.PRESSED, words))
 
 
-def _beside(joints: Array, direction: Array) -> Array:
+def _steps_away(joints: Array, direction: Array) -> Array:
     """Joints (n, 7) [rad] from `joints` on that move the tip by AWAY along `direction` (3,) without
     turning it.
     """
@@ -83,7 +83,7 @@ def _require_room(way: Array, solids: Solids) -> None:
             raise Failed(Failure(Cause.PRESSED, words))
 
 
-def _loosen(collision: CollisionSettings, force: float) -> CollisionSettings:
+def _raise_thresholds(collision: CollisionSettings, force: float) -> CollisionSettings:
     """Thresholds under which the arm may move while it is pressed with `force` [N]."""
     upper = {
         "force_upper": min(max(collision.force_upper, 2 * force + FORCE_RISE), 100.0),

@@ -1,4 +1,4 @@
-"""The tool that a robot believes to carry, against the one that this cell's geometry assumes."""
+"""Compares the tool that a robot is configured for with the one that the cell assumes."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +20,7 @@ BY_RESET = "see what is mounted; if only the hand is, `cell home --reset-tool` s
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One property whose value at the robot is not the cell's, both as text, and its `remedy`."""
+    """One property that differs at the robot from the cell's, as text, and its `remedy`."""
 
     what: str
     found: str
@@ -37,7 +37,7 @@ def tool_differences(state: Any, tool: ToolSettings) -> list[Difference]:
     Left by another program are NE_T_EE, EE_T_K and the load; F_T_NE and the hand's mass are Desk's.
     """
     frames = [
-        ("the end effector (F_T_EE)", state.F_T_EE, FLANGE_TO_TIP, _owner(state)),
+        ("the end effector (F_T_EE)", state.F_T_EE, FLANGE_TO_TIP, _remedy(state)),
         ("the stiffness frame (EE_T_K)", state.EE_T_K, np.eye(4), BY_RESET),
     ]
     found = [
@@ -68,8 +68,8 @@ def require_tool(state: Any, tool: ToolSettings) -> None:
         raise Failed(Failure(Cause.TOOL, "; ".join(map(str, found))))
 
 
-def _owner(state: Any) -> str:
-    """The remedy for a wrong end effector: whose part of it is wrong."""
+def _remedy(state: Any) -> str:
+    """The remedy for a wrong end effector: whether Desk or another client set it."""
     return IN_DESK if _same_frame(_matrix(state.NE_T_EE), np.eye(4)) else BY_RESET
 
 

@@ -74,7 +74,7 @@ class Way:
 
     @property
     def arrived(self) -> bool:
-        """Whether the setpoints lead on no more."""
+        """Whether the setpoints have reached the goal."""
         if not self._missed:
             return not self._planned
         still = max(map(abs, self._here.rate)) < REST_RATE
@@ -84,11 +84,11 @@ class Way:
 
     def tick(self) -> Numbers:
         """The next setpoint (7,) [rad]; Failed where no motion leads to the goal."""
-        self._sent = self._step() if self._missed else self._as_planned()
+        self._sent = self._stepwise_setpoint() if self._missed else self._planned_setpoint()
         return self._sent
 
     def keep_up(self, state: Any) -> None:
-        """Go on from the robot's own setpoint where that is not the one that it was sent.
+        """Continue from the robot's own setpoint where it differs from the one that it was sent.
 
         Its state is rounded, and a rounding of 1e-7 rad in one tick is 0.1 rad/s^2. But a robot
         that has heard nothing keeps its acceleration, so where it is follows from what it heard.
@@ -101,7 +101,7 @@ class Way:
         self._here = go_on(self._here, self._sent, state, ticks)
 
     def brake(self, *, hard: bool = False) -> None:
-        """Come to rest wherever that is; `hard` as quickly as any joint may."""
+        """Come to rest, wherever that is; `hard` as quickly as the joints may."""
         self._goal, self._acceleration = None, JOINT_ACCELERATION
         if hard:
             self._acceleration, self._jerk = HARD_ACCELERATION, HARD_JERK
@@ -111,7 +111,7 @@ class Way:
         self._plan.control_interface = ruckig.ControlInterface.Velocity
         self._plan.target_velocity = self._plan.target_acceleration = [0.0] * AXES
 
-    def _as_planned(self) -> Numbers:
+    def _planned_setpoint(self) -> Numbers:
         result = self._planner.update(self._plan, self._output)
         if result not in (ruckig.Result.Working, ruckig.Result.Finished):
             raise Failed(Failure(Cause.COMMAND, "no motion leads to these joints"))
@@ -120,7 +120,7 @@ class Way:
         setpoint: Numbers = self._output.new_position
         return setpoint
 
-    def _step(self) -> Numbers:
+    def _stepwise_setpoint(self) -> Numbers:
         wanted = [0.0] * AXES
         if self._goal is not None:
             away = [end - p for end, p in zip(self._goal, self._here.place, strict=True)]
@@ -144,14 +144,14 @@ def follow_joints(
     enough: Callable[[Any], bool] = lambda _: False,
 ) -> Numbers:
     """Bring `robot` to `joints` (7,) [rad], or to rest once it is `left` or its state is `enough`;
-    returns where it stands then.
+    returns the joints where it stands then.
 
     Raises Failed at what the `guard` objects to, once the robot stands.
     """
     motion = robot.start_joints()
     state = robot.read(motion)
     way, objection = Way(state, joints, share), ""
-    while not (way.arrived and _stands(state)):
+    while not (way.arrived and _is_still(state)):
         if not objection and (left() or enough(state)):
             way.brake()
         robot.write_joints(motion, way.tick())
@@ -166,8 +166,8 @@ def follow_joints(
     return list(state.q)
 
 
-def _stands(state: Any) -> bool:
-    """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
+def _is_still(state: Any) -> bool:
+    """Whether the robot's setpoint stands still, up to what one tick takes off smoothly."""
     return bool(max(abs(rate) for rate in state.dq_d) < REST_RATE)
 
 

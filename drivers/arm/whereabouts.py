@@ -1,4 +1,4 @@
-"""Where the robot's own setpoint of the hand is, more exactly than its rounded state says."""
+"""Estimates the robot's own setpoint of the hand more exactly than its rounded state gives it."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ class Whereabouts:
     """
 
     def __init__(self, state: Any) -> None:
-        """Of a robot at rest that hears its commands."""
+        """Start with the `state` of a robot at rest that receives its commands."""
         self.pose: Numbers = list(state.O_T_EE_c)
         self._change: Numbers = list(state.O_ddP_EE_c)
 
@@ -34,7 +34,7 @@ class Whereabouts:
         stated, change = list(state.O_T_EE_c), list(state.O_ddP_EE_c)
         heard = largest_difference(change, self._change) > ACCELERATION_TOLERANCE
         went_on = max(ticks - 1, 0) if heard else ticks
-        pose = self._gone_on(sent if heard else self.pose, state, went_on)
+        pose = self._extrapolate(sent if heard else self.pose, state, went_on)
         self.pose = pose if largest_difference(pose, stated) < POSE_ROUNDING else stated
         self._change = change
         if ticks > 1 or largest_difference(stated, sent) >= POSE_ROUNDING:
@@ -43,8 +43,8 @@ class Whereabouts:
             self.pose = sent
         return False
 
-    def _gone_on(self, pose: Numbers, state: Any, ticks: int) -> Numbers:
-        """The `pose` after so many ticks by itself, the last of them with the twist of `state`."""
+    def _extrapolate(self, pose: Numbers, state: Any, ticks: int) -> Numbers:
+        """The pose after `ticks` without commands, the last with the twist of `state`."""
         if ticks == 0:
             return pose
         twist, change = np.array(state.O_dP_EE_c), np.array(state.O_ddP_EE_c)
@@ -58,5 +58,5 @@ class Whereabouts:
 
 
 def largest_difference(these: Numbers, those: Numbers) -> float:
-    """Largest difference of two rows of numbers, place by place, in their unit."""
+    """Largest absolute difference of two rows of numbers, place by place."""
     return max(abs(a - b) for a, b in zip(these, those, strict=True))

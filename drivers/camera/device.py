@@ -113,7 +113,7 @@ class Device:
         )
 
     def present(self) -> bool:
-        """Whether the device still answers."""
+        """Whether the device still answers a request."""
         try:
             return self.supports(Request.QUERYCAP, Capability())
         except CameraLost:

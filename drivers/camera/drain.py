@@ -94,27 +94,27 @@ class Drain:
         self._current = session
         try:
             while not self._closing:
-                self._turn()
+                self._serve_session()
         finally:
-            self._let_go()
+            self._release()
 
-    def _turn(self) -> None:
-        """Take frames until a failure, report it, and restart or release the session."""
+    def _serve_session(self) -> None:
+        """Take frames until a failure, report the failure, and restart or release the session."""
         try:
             if self._current is None:
                 self._current = Session.open(self._kernel, self._settings)
-                self._begin_anew()
-            self._pump(self._current)
+                self._restart_counts()
+            self._take_frames(self._current)
         except (CameraStalled, CameraFaulty) as error:
-            self._tell(error)
+            self._report(error)
             self._kernel.wait(None, RETRY_INTERVAL)
             self._restart()
         except CellError as error:
-            self._tell(error)
-            self._let_go()
+            self._report(error)
+            self._release()
             self._kernel.wait(None, RETRY_INTERVAL)
 
-    def _pump(self, session: Session) -> None:
+    def _take_frames(self, session: Session) -> None:
         """Take frames until the camera is closed; raises the error that ends the session."""
         while not self._closing:
             capture = session.wait(FRAME_TIMEOUT)
@@ -142,15 +142,15 @@ class Drain:
             self.counts.corrupt += 1
             return
         self._last_whole, self._patience = capture.taken, self._settings.stall
-        arrived = self._place(session, capture)
+        arrived = self._on_cell_clock(session, capture)
         self.counts.arrived += 1
         self.counts.restamped += arrived.source is StampSource.DEQUEUE
         with self._changed:
             self._newest, self._recovered = arrived, True
             self._changed.notify_all()
 
-    def _place(self, session: Session, capture: Capture) -> Arrived:
-        """The capture with times on the cell's clock; stamps increase, none after the arrival."""
+    def _on_cell_clock(self, session: Session, capture: Capture) -> Arrived:
+        """The capture with times on the cell's clock; stamps increase, none after arrival."""
         shutter, number, last = session.setup.shutter, self._sequence.number, self._newest
         gap = 0 if last is None else number - last.sequence - 1
         earliest = -math.inf if last is None else last.stamp + LEAST_STEP
@@ -163,24 +163,24 @@ class Drain:
         stamp = max(min(middle - ahead, arrival - LEAST_STEP), earliest)
         return Arrived(capture, session.setup.picture, number, gap, stamp, arrival, source)
 
-    def _tell(self, error: CellError) -> None:
+    def _report(self, error: CellError) -> None:
         with self._changed:
             self._trouble, self._recovered = error, False
             self._changed.notify_all()
 
     def _restart(self) -> None:
-        """Stop the stream and start it; where that fails the device is let go."""
+        """Restart the stream; where that fails the device is released."""
         if self._current is None:
             return
         try:
             self._current.restart()
         except CellError as error:
-            self._tell(error)
-            self._let_go()
+            self._report(error)
+            self._release()
         else:
-            self._begin_anew()
+            self._restart_counts()
 
-    def _begin_anew(self) -> None:
+    def _restart_counts(self) -> None:
         now = self._kernel.monotonic()
         missing = round((now - self._last_any) * self._settings.rate)
         self._sequence.restart(max(missing, 0))
@@ -188,7 +188,7 @@ class Drain:
         self._patience = FIRST_FRAME
         self.counts.restarts += 1
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         session, self._current = self._current, None
         if session is not None:
             session.close()

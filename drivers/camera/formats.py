@@ -88,7 +88,7 @@ class Picture:
 
 
 def agree(device: Device, settings: V4l2Settings) -> Picture:
-    """Set format, size and rate, and compare what the device accepted with `settings`.
+    """Set format, size and rate of `device`, and compare what it accepted with `settings`.
 
     Raises CameraRefused with the supported modes where they differ; CameraBusy while another
     program streams.
@@ -101,7 +101,9 @@ def agree(device: Device, settings: V4l2Settings) -> Picture:
     made = (letters(pix.pixelformat), pix.width, pix.height)
     if made != (settings.format, settings.width, settings.height):
         wanted = f"{settings.format} {settings.width}x{settings.height}"
-        problem = f"{wanted} became {made[0]} {made[1]}x{made[2]}; allowed: {_offer(device)}"
+        problem = (
+            f"{wanted} became {made[0]} {made[1]}x{made[2]}; allowed: {_offered_formats(device)}"
+        )
         raise CameraRefused(device.path, "format", problem)
     if pix.field != PROGRESSIVE:
         raise CameraRefused(device.path, "format", "is interlaced; use a progressive mode")
@@ -117,11 +119,11 @@ def _agree_rate(device: Device, settings: V4l2Settings) -> float:
     period = device.call(Request.G_PARM, said, "reading the rate").parm.capture.timeperframe
     rate = period.denominator / period.numerator if period.numerator else 0.0
     if abs(rate - settings.rate) > RATE_TOLERANCE * settings.rate:
-        problem = f"{settings.rate:g} Hz became {rate:g} Hz; allowed: {_offer(device)}"
+        problem = f"{settings.rate:g} Hz became {rate:g} Hz; allowed: {_offered_formats(device)}"
         raise CameraRefused(device.path, "rate", problem)
     return rate
 
 
-def _offer(device: Device) -> str:
+def _offered_formats(device: Device) -> str:
     usable = (mode for mode in modes_of(device) if mode.format in READABLE_FORMATS)
     return "; ".join(str(mode) for mode in usable) or "none that this driver reads"

@@ -20,7 +20,7 @@ class Mapping(Protocol):
     """A kernel buffer mapped into this process."""
 
     def copy(self, length: int) -> Image:
-        """(length,) copy of its first bytes."""
+        """A copy (length,) of the mapping's first bytes."""
 
     def close(self) -> None:
         """Unmap the buffer."""
@@ -57,11 +57,11 @@ class _Shared:
         )
 
     def copy(self, length: int) -> Image:
-        """(length,) copy of its first bytes."""
+        """A copy (length,) of the mapping's first bytes."""
         return np.frombuffer(self._memory[:length], np.uint8)
 
     def close(self) -> None:
-        """Take it out of this process."""
+        """Unmap the buffer."""
         self._memory.close()
 
 

@@ -51,12 +51,12 @@ def _rates(device: Device, number: int, width: int, height: int) -> tuple[float,
         return FrameInterval(index=index, pixel_format=number, width=width, height=height)
 
     found = device.enumerate_entries(Request.ENUM_FRAMEINTERVALS, at)
-    rates = {_rate(step) for interval in found for step in _ends(interval)}
+    rates = {_rate(step) for interval in found for step in _range_ends(interval)}
     return tuple(sorted((rate for rate in rates if rate > 0), reverse=True))
 
 
-def _ends(interval: FrameInterval) -> list[Fraction]:
-    """The interval itself, or the ends of a range of them."""
+def _range_ends(interval: FrameInterval) -> list[Fraction]:
+    """Both ends of a range of frame intervals, or the one interval."""
     return list(interval.steps[: 1 if interval.type == DISCRETE else 2])
 
 

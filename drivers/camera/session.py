@@ -74,7 +74,7 @@ class Session:
 
 
 def set_up(device: Device, settings: V4l2Settings) -> Setup:
-    """Agree on the picture and lock the controls; raises CameraRefused where one does not take."""
+    """Configure format and controls of `device`; raises CameraRefused where it refuses one."""
     picture = agree(device, settings)
     locks = lock(device, settings.controls)
     exposure = settings.exposure

@@ -72,7 +72,7 @@ class Stream:
                 raise CameraFaulty(device.path, "the kernel stopped the stream") from None
             raise translate_error(error, device.path, "taking a frame", "") from None
         capture = self._copy(buffer)
-        self._give(buffer.index)
+        self._requeue(buffer.index)
         return capture
 
     def stop(self) -> None:
@@ -96,11 +96,11 @@ class Stream:
         if count < FEWEST_BUFFERS:
             raise CameraFaulty(device.path, f"gave {count} buffers of {buffers}")
         for index in range(count):
-            self._mappings.append(self._share(index))
-            self._give(index)
+            self._mappings.append(self._map_buffer(index))
+            self._requeue(index)
         device.call(Request.STREAMON, Number(CAPTURE), "starting the stream")
 
-    def _share(self, index: int) -> Mapping:
+    def _map_buffer(self, index: int) -> Mapping:
         device = self._device
         asked = Buffer(index=index, type=CAPTURE, memory=MMAP)
         said = device.call(Request.QUERYBUF, asked, "asking for a buffer")
@@ -109,12 +109,12 @@ class Stream:
         except OSError as error:
             raise translate_error(error, device.path, "sharing a buffer", "") from None
 
-    def _give(self, index: int) -> None:
+    def _requeue(self, index: int) -> None:
         buffer = Buffer(index=index, type=CAPTURE, memory=MMAP)
         self._device.call(Request.QBUF, buffer, "giving a buffer back")
 
     def _copy(self, buffer: Buffer) -> Capture:
-        """Sequence, flags and bytes as they are now: giving the buffer back rewrites them."""
+        """Sequence, flags and bytes of `buffer`, which its return to the queue overwrites."""
         time = buffer.timestamp
         return Capture(
             counter=buffer.sequence,

@@ -32,7 +32,7 @@ class ArmPort:
     def __init__(self, address: str, poll: select.epoll, robot: Robot) -> None:
         self._robot = robot
         self._publisher = Publisher()
-        self._reception = Reception(address, PORT, poll, self._greet)
+        self._reception = Reception(address, PORT, poll, self._parse_greeting)
         self._datagram = b""
         self.version = PROTOCOL_VERSION
 
@@ -48,7 +48,7 @@ class ArmPort:
 
     def serve(self, descriptor: int) -> None:
         """Handle a readable TCP descriptor, if it belongs to this port."""
-        if self._reception.serve(descriptor) and not self._listen():
+        if self._reception.serve(descriptor) and not self._read_requests():
             self.drop(reset=True)
 
     def drop(self, reset: bool = False) -> None:
@@ -85,11 +85,11 @@ class ArmPort:
         robot.late.clear()
 
     def repeat(self) -> None:
-        """Send the last state again to a client that may have missed it."""
+        """Send the last state again, for a client that may have missed it."""
         if self.client is not None and self._datagram:
             self.client.send_datagram(self._datagram)
 
-    def _greet(self, received: bytearray) -> Welcome | None:
+    def _parse_greeting(self, received: bytearray) -> Welcome | None:
         request = take_request(received)
         if request is None:
             return None
@@ -100,7 +100,7 @@ class ArmPort:
         content = CONNECTED.pack(0 if accepted else INCOMPATIBLE, self.version)
         return Welcome(accepted, port, reply(request.command, request.command_id, content))
 
-    def _listen(self) -> bool:
+    def _read_requests(self) -> bool:
         client = self.client
         if client is None or not client.read():
             return False
@@ -114,7 +114,7 @@ class ArmPort:
         return True
 
     def _answer(self, request: Request) -> bytes:
-        """Content of the reply, empty where it comes later."""
+        """Content of the reply to `request`, empty where the reply comes later."""
         robot = self._robot
         if request.command is Command.MOVE:
             status = robot.move(MoveRequest.read(request.payload), request.command_id)

@@ -1,4 +1,4 @@
-"""Whether the emulated arm meets itself or what stands around it, at the price of a few ticks."""
+"""Checks whether the emulated arm meets itself or its surroundings, at the price of a few ticks."""
 
 from math import inf
 
@@ -13,10 +13,10 @@ DEEPER = 1e-6  # m by which a touch must grow to count again: the arm may leave 
 
 
 class BodyCheck:
-    """Looks at the arm only once it may have come so far that something could touch."""
+    """Checks the arm for collisions only once it has moved far enough for one."""
 
     def __init__(self, solids: Solids | None = None) -> None:
-        """Check an arm between `solids`, or alone."""
+        """Check the arm against `solids`, or against itself alone."""
         self._solids = solids
         self._seen: Array | None = None
         self._room = 0.0  # m, at the joints that were seen

@@ -36,7 +36,7 @@ class Thresholds:
 
     @property
     def all(self) -> tuple[Array, ...]:
-        """Every pair of rows."""
+        """Every pair of rows of thresholds, contact and collision."""
         return (
             self.torque_accelerating,
             self.torque_nominal,

@@ -11,7 +11,7 @@ from drivers.fci_server.robot import Robot
 
 
 class Disturbance:
-    """Pending faults, and those in effect."""
+    """Faults of the script that are pending, and those in effect."""
 
     def __init__(self, script: Iterable[Fault]) -> None:
         self._waiting = sorted(script, key=lambda fault: fault.at)
@@ -20,22 +20,22 @@ class Disturbance:
         self._release = inf
 
     def is_nan(self, time: int) -> bool:
-        """Whether the state at robot time [ms] consists of NaN."""
+        """Whether the robot's state at robot time [ms] is to consist of NaN."""
         return time < self._nan_ends
 
     def add(self, fault: Fault) -> None:
-        """Schedule one more fault, at its tick or at once if that has passed."""
+        """Schedule one more fault, at its tick, or at once if its tick has passed."""
         self._waiting = sorted([*self._waiting, fault], key=lambda waiting: waiting.at)
 
     def strike(self, robot: Robot) -> Iterator[Fault]:
-        """Apply the faults due to the robot; faults of connections and time are the caller's."""
+        """Apply the due faults to the robot; faults of connections and time are the caller's."""
         self._end(robot)
         while self._waiting and self._waiting[0].at <= robot.ticks:
             fault = self._waiting.pop(0)
-            if not self._do(robot, fault):
+            if not self._apply(robot, fault):
                 yield fault
 
-    def _do(self, robot: Robot, fault: Fault) -> bool:
+    def _apply(self, robot: Robot, fault: Fault) -> bool:
         if isinstance(fault, ReflexFault):
             robot.reflex(Reflex[fault.error.upper()])
         elif isinstance(fault, UserStopFault):

@@ -1,4 +1,4 @@
-"""Torques that the joints of an emulated arm take, and by how much they bend it."""
+"""Joint torques of an emulated arm, and the deflection that they cause in its joints."""
 
 import mujoco
 import numpy as np
@@ -13,10 +13,10 @@ FRICTION_WIDTH = 0.005  # rad/s over which dry friction changes sign
 
 
 class Dynamics:
-    """Inverse dynamics of the published model with what a `plant` has beside it."""
+    """Inverse dynamics of the arm's published model, with the additional mechanics of a `plant`."""
 
     def __init__(self, plant: ArmPlant) -> None:
-        """With a hand as it is, whatever Desk states."""
+        """Take the mass of the hand from the model, whatever Desk states."""
         self._plant = plant
         model = mujoco.MjModel.from_xml_string(arm_mjcf())
         for i in range(7):
@@ -33,7 +33,7 @@ class Dynamics:
         self._tool = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
 
     def torque(self, posture: Posture) -> Array:
-        """Torques (7,) [N m] at the joints of an arm in motion."""
+        """Torques (7,) [N m] that the joints of the moving arm exert."""
         plant, data, course = self._plant, self._data, posture.joints
         q = posture.q - plant.encoder_bias
         data.qpos[:], data.qvel[:], data.qacc[:] = q, course.velocity, course.acceleration
@@ -46,7 +46,7 @@ class Dynamics:
         return np.asarray(taken)
 
     def reading(self, posture: Posture, tick: int) -> Array:
-        """What the torque sensors read (7,) [N m] at a tick; one tick always reads the same."""
+        """Readings of the torque sensors (7,) [N m] at a tick, always the same for it."""
         last = self._read
         if last is not None and last[0] is posture and last[1] == tick:
             return last[2]
@@ -58,12 +58,12 @@ class Dynamics:
         return found
 
     def sag(self, posture: Posture) -> Array:
-        """By how much (7,) [rad] links stand behind their motors in a posture of the motors."""
+        """Angles (7,) [rad] by which links stand behind their motors in the motors' posture."""
         return np.asarray(np.multiply(self._plant.compliance, self.torque(posture)))
 
     @property
     def bends(self) -> bool:
-        """Whether links can stand elsewhere than their motors."""
+        """Whether the links can stand elsewhere than their motors."""
         return any(self._plant.compliance)
 
     def _payload_torque(self, velocity: Array, acceleration: Array) -> Array:

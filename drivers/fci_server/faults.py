@@ -18,7 +18,7 @@ def _check_name(name: str) -> str:
     return name
 
 
-def _pushes(force: tuple[float, float, float]) -> tuple[float, float, float]:
+def _check_force(force: tuple[float, float, float]) -> tuple[float, float, float]:
     if not all(isfinite(part) for part in force) or not any(force):
         raise ValueError("needs three finite numbers [N], one of them not zero")
     return force
@@ -68,7 +68,7 @@ class ContactFault(Scripted):
     """A force [N] in the base pushes the tool for `duration` [s] of robot time, or from then on."""
 
     kind: Literal["contact"]
-    force: Annotated[tuple[float, float, float], AfterValidator(_pushes)]
+    force: Annotated[tuple[float, float, float], AfterValidator(_check_force)]
     duration: float = Field(default=inf, gt=0, allow_inf_nan=True)
 
 

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 
-from drivers.fci_server.hand_wire import STATUS, HandCommand, HandRequest, HandStatus, reply
+from drivers.fci_server.hand_wire import STATUS, HandRequest, reply
 from drivers.fci_server.limits import TICK
+from drivers.franka.hand_protocol import HandCommand, HandStatus
 
 WIDEST = 0.08  # m
 FASTEST_FINGER = 0.1  # m/s, of one finger towards the other

@@ -3,18 +3,11 @@
 import select
 
 from drivers.fci_server.hand import TEMPERATURE, WIDEST, Hand
-from drivers.fci_server.hand_wire import (
-    CONNECTED,
-    PORT,
-    PROTOCOL_VERSION,
-    STATE_PACKET,
-    HandCommand,
-    reply,
-    take_request,
-)
+from drivers.fci_server.hand_wire import CONNECTED, reply, take_request
 from drivers.fci_server.link import Link, Welcome
 from drivers.fci_server.reception import Reception
 from drivers.fci_server.wire import Malformed
+from drivers.franka.hand_protocol import PORT, PROTOCOL_VERSION, STATE_PACKET, HandCommand
 
 
 class HandPort:
@@ -22,7 +15,7 @@ class HandPort:
 
     def __init__(self, address: str, poll: select.epoll, hand: Hand) -> None:
         self._hand = hand
-        self._reception = Reception(address, PORT, poll, _greet)
+        self._reception = Reception(address, PORT, poll, _parse_greeting)
         self._datagram = b""
 
     @property
@@ -32,7 +25,7 @@ class HandPort:
 
     def serve(self, descriptor: int) -> None:
         """Handle a readable TCP descriptor, if it belongs to this port."""
-        if self._reception.serve(descriptor) and not self._listen():
+        if self._reception.serve(descriptor) and not self._read_requests():
             self._hand.interrupt()
             self._hand.replies.clear()
             self._reception.dismiss(reset=True)
@@ -65,7 +58,7 @@ class HandPort:
         if self.client is not None:
             self.client.send_datagram(self._datagram or _state(self._hand, 0))
 
-    def _listen(self) -> bool:
+    def _read_requests(self) -> bool:
         client = self.client
         if client is None or not client.read():
             return False
@@ -85,7 +78,7 @@ def _state(hand: Hand, time: int) -> bytes:
     return STATE_PACKET.pack(time & 0xFFFFFFFF, width, widest, hand.is_grasped, TEMPERATURE)
 
 
-def _greet(received: bytearray) -> Welcome | None:
+def _parse_greeting(received: bytearray) -> Welcome | None:
     request = take_request(received)
     if request is None:
         return None

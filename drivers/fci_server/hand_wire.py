@@ -1,45 +1,13 @@
 """Messages of the hand's protocol, version 3: little-endian, packed."""
 
 from dataclasses import dataclass
-from enum import IntEnum
 from struct import Struct
 
 from drivers.fci_server.wire import Malformed
+from drivers.franka.hand_protocol import HEADER, PAYLOAD, HandCommand
 
-PROTOCOL_VERSION = 3
-PORT = 1338
-HEADER = Struct("<HII")  # command, command id, size with header
 CONNECTED = Struct("<HH")  # status, version of the server
-STATE_PACKET = Struct("<IddBH")  # time [ms], width [m], largest width [m], grasped, temperature [C]
 STATUS = Struct("<H")
-
-
-class HandCommand(IntEnum):
-    """Commands of a client to the hand."""
-
-    CONNECT = 0
-    HOMING = 1
-    GRASP = 2
-    MOVE = 3
-    STOP = 4
-
-
-PAYLOAD = {
-    HandCommand.CONNECT: Struct("<HH"),
-    HandCommand.HOMING: Struct("<"),
-    HandCommand.GRASP: Struct("<5d"),  # width, epsilon inner, outer [m], speed [m/s], force [N]
-    HandCommand.MOVE: Struct("<2d"),  # width [m], speed [m/s]
-    HandCommand.STOP: Struct("<"),
-}
-
-
-class HandStatus(IntEnum):
-    """How a command of the hand ended."""
-
-    SUCCESS = 0
-    FAIL = 1
-    UNSUCCESSFUL = 2
-    ABORTED = 3
 
 
 @dataclass(frozen=True, slots=True)

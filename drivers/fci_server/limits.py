@@ -44,7 +44,7 @@ CARTESIAN_JOINT = Rates(
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Allowed box of the tool: corners (3,) [m] in the base."""
+    """Box in which the tool may move: corners (3,) [m] in the base."""
 
     low: Array = field(default_factory=lambda: frozen([-1.0, -1.0, -0.5]))
     high: Array = field(default_factory=lambda: frozen([1.0, 1.0, 1.4]))
@@ -121,7 +121,7 @@ def check_joints(q: Array, velocity: Array, position: Reflex, rate: Reflex) -> N
 
 
 def check_end(joints: Course, rates: Rates) -> None:
-    """Raises Violation for a motion that is declared finished while it is still moving."""
+    """Raises Violation for a motion that is declared finished while the arm still moves."""
     if _beyond(joints.velocity, _JOINT_STANDSTILL):
         raise Violation(rates.acceleration)
 

@@ -10,7 +10,7 @@ MOST_PENDING = 64 * 1024  # bytes of requests that nobody has read yet
 
 
 class Link:
-    """A client's sockets. Neither reading nor sending blocks or raises when the client is gone."""
+    """A client's TCP and UDP sockets; no call blocks, or raises when the client is gone."""
 
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)

@@ -14,7 +14,7 @@ class Pace:
         self._deadline = time.monotonic()
 
     def remaining(self) -> float:
-        """Time [s] until the next period is due; zero or less when it is."""
+        """Time [s] until the next period is due; at most zero when it is."""
         return self._deadline - time.monotonic()
 
     def begin_next(self) -> None:
@@ -27,7 +27,7 @@ class Pace:
         self._deadline = max(self._deadline, now - LONGEST_CATCH_UP) + TICK
 
     def restart(self) -> None:
-        """Count periods from now."""
+        """Begin to count periods anew, from now."""
         self._deadline = time.monotonic() + TICK
 
 
@@ -39,7 +39,7 @@ class Stopwatch:
         self._since = time.monotonic()
 
     def reset(self) -> None:
-        """Count from now."""
+        """Start the duration anew, from now."""
         self._since = time.monotonic()
 
     def rang(self) -> bool:

@@ -41,7 +41,7 @@ class Posture:
 
     @classmethod
     def resting(cls, q: Array, tool: Array) -> Self:
-        """At rest with joints (7,) [rad] and a tool (4, 4) on the flange."""
+        """Posture at rest with joints (7,) [rad] and a tool (4, 4) on the flange."""
         return cls.of(q, tool, still(7))
 
     @property
@@ -56,11 +56,11 @@ class Posture:
 
     @property
     def at_rest(self) -> bool:
-        """Whether nothing moves."""
+        """Whether the arm stands still."""
         return not self.joints.velocity.any()
 
     def swing_to(self, elbow: float) -> Array:
-        """The `swing` (3,) of an elbow that is at an angle [rad] one tick on."""
+        """Angle, rate and acceleration (3,) of an elbow that is at `elbow` [rad] one tick on."""
         angle, rate, _ = self.swing.tolist()
         speed = (elbow - angle) / TICK
         return np.array([elbow, speed, (speed - rate) / TICK])
@@ -72,7 +72,7 @@ class Posture:
         return replace(self, pose=pose, tool=course, swing=swing)
 
     def move_on(self, q: Array, tool: Array, joints: Course) -> Self:
-        """One tick on with joints `q` (7,) [rad] on their course; the commanded pose follows."""
+        """The posture one tick on with joints `q` (7,) [rad], the commanded pose with them."""
         new = self.of(q, tool, joints)
         course = self.tool.step(twist_of(self.pose, new.reached))
         return new.with_command(new.reached, course, self.swing_to(q[ELBOW_JOINT]))

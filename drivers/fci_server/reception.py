@@ -38,7 +38,7 @@ class Reception:
             while self._accept():
                 continue
         elif descriptor in self._guests:
-            self._hear(self._guests[descriptor])
+            self._read_greeting(self._guests[descriptor])
         return self.client is not None and descriptor == self.client.fileno()
 
     def dismiss(self, reset: bool = False) -> None:
@@ -53,7 +53,7 @@ class Reception:
         """Disconnect everybody and stop listening."""
         self.dismiss()
         for guest in list(self._guests.values()):
-            self._turn_away(guest)
+            self._refuse(guest)
         self._poll.unregister(self._listener)
         self._listener.close()
 
@@ -64,28 +64,28 @@ class Reception:
         except OSError:
             return False
         if len(self._guests) >= MOST_GUESTS:
-            self._turn_away(next(iter(self._guests.values())))
+            self._refuse(next(iter(self._guests.values())))
         guest = Link(connection)
         self._guests[guest.fileno()] = guest
         self._poll.register(guest.fileno(), select.EPOLLIN)
         return True
 
-    def _hear(self, guest: Link) -> None:
+    def _read_greeting(self, guest: Link) -> None:
         if not guest.read():
-            self._turn_away(guest)
+            self._refuse(guest)
             return
         try:
             welcome = self._greeting(guest.received)
         except Malformed:
-            self._turn_away(guest)
+            self._refuse(guest)
             return
         if welcome is None:
             return
         if not welcome.accepted:
             guest.send(welcome.reply)
-            self._turn_away(guest, reset=False)
+            self._refuse(guest, reset=False)
         elif self.client is not None or not guest.open_datagrams(self._address, welcome.port):
-            self._turn_away(guest)
+            self._refuse(guest)
         else:
             del self._guests[guest.fileno()]
             self.client = guest
@@ -93,7 +93,7 @@ class Reception:
             if not guest.send(welcome.reply):
                 self.dismiss()
 
-    def _turn_away(self, guest: Link, reset: bool = True) -> None:
+    def _refuse(self, guest: Link, reset: bool = True) -> None:
         self._poll.unregister(guest.fileno())
         del self._guests[guest.fileno()]
         guest.close(reset)

@@ -39,7 +39,7 @@ MOST_MISSED_TICKS = 20  # ticks in a row without a command
 
 
 class Surroundings(Protocol):
-    """The world of the robot, as forces on its tool."""
+    """Surroundings of the emulated robot, as forces on its tool."""
 
     def force(self, tip: Array, time: float) -> Array:
         """Force (3,) [N] in the base on the tool at pose `tip` (4, 4), robot time [s]."""
@@ -59,7 +59,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Late:
-    """A reply that the end of a motion gives."""
+    """A reply that is sent only at the end of a motion."""
 
     command: Command
     command_id: int
@@ -96,11 +96,11 @@ class Robot:
 
     @property
     def measured(self) -> Posture:
-        """Where the arm itself is: at its setpoint, or behind it."""
+        """Posture of the arm itself: at its setpoint, or behind it."""
         return self.posture if self.trailing is None else self.trailing.posture
 
     def trail(self) -> None:
-        """One tick of an arm that stands behind its setpoint."""
+        """Advance by one tick an arm that stands behind its setpoint."""
         if self.trailing is not None:
             self.trailing.tick(self.posture.q)
 
@@ -160,7 +160,7 @@ class Robot:
         self.mode = Mode.USER_STOPPED
 
     def release_user_stop(self) -> None:
-        """Be idle again, or still in the reflex that was there before."""
+        """Release the user stop: the robot is idle again, or in the reflex it was in before."""
         if self.mode is Mode.USER_STOPPED:
             self.mode = Mode.REFLEX if self.errors else Mode.IDLE
 
@@ -193,11 +193,11 @@ class Robot:
             self._brake()
             return
         self.posture, motion.started = posture, True
-        self._feel()
+        self._check_contact()
         if self.motion is not None and command.finished:
             self.posture = Posture.resting(self.posture.q, tool)
             self._finish(MoveStatus.SUCCESS)
-            self._answer()
+            self._send_late_replies()
 
     def miss(self) -> None:
         """Extrapolate the last command for a missing one, for MOST_MISSED_TICKS ticks at most."""
@@ -214,17 +214,17 @@ class Robot:
         """One tick without commands: brake a moving arm, reply once it stands still."""
         if not self.moving:
             self._brake()
-        self._feel()
+        self._check_contact()
         if self.motion is not None and self.motion.stopping and self.posture.at_rest:
             self._finish(MoveStatus.PREEMPTED)
         if self.motion is None and self.posture.at_rest:
-            self._answer()
+            self._send_late_replies()
 
     def _brake(self) -> None:
         if not self.posture.at_rest:
             self.posture = self.posture.brake(self.configuration.tool)
 
-    def _feel(self) -> None:
+    def _check_contact(self) -> None:
         force = self.pushed
         if self.surroundings is not None:
             force = force + self.surroundings.force(self.measured.reached, self.time / 1000)
@@ -241,7 +241,7 @@ class Robot:
             self.waiting.insert(0, Late(Command.MOVE, self.motion.command_id, status))
             self.motion, self.mode = None, Mode.IDLE
 
-    def _answer(self) -> None:
+    def _send_late_replies(self) -> None:
         for late in self.waiting:
             if late.command is Command.AUTOMATIC_ERROR_RECOVERY and self.mode is Mode.REFLEX:
                 self.mode, self.errors = Mode.IDLE, frozenset()

@@ -41,7 +41,7 @@ COUNTED_TICKS = 100
 
 
 class Punctuality:
-    """Counts over the last COUNTED_TICKS ticks of a motion."""
+    """Counts of commands that came in time over the last COUNTED_TICKS ticks of a motion."""
 
     def __init__(self) -> None:
         self._came: deque[bool] = deque()
@@ -49,7 +49,7 @@ class Punctuality:
 
     @property
     def rate(self) -> float:
-        """Between 0 and 1; 0 outside a motion."""
+        """Share of commands in time, between 0 and 1; 0 outside a motion."""
         return self._in_time / len(self._came) if self._came else 0.0
 
     def count(self, came: bool) -> None:
@@ -87,7 +87,7 @@ def _candidates() -> Iterator[str]:
 
 
 class RobotServer:
-    """Arm and hand at `address`, for one client each.
+    """Emulated robot with arm and hand at `address`, for one client each.
 
     `start` (7,) [rad] are the initial joints, `solids` what the arm must not meet, `surroundings`
     and `between` the forces on the arm and the object in the hand, `faults` the scheduled faults;
@@ -147,7 +147,7 @@ class RobotServer:
             self._thread.join()
             self._thread = None
         else:
-            self._hang_up()
+            self._disconnect()
 
     def __enter__(self) -> Self:
         return self.start()
@@ -166,7 +166,7 @@ class RobotServer:
             while not self._stopping:
                 self._turn()
         finally:
-            self._hang_up()
+            self._disconnect()
 
     def _open(self, address: str) -> tuple[ArmPort, HandPort]:
         arm = ArmPort(address, self._poll, self.robot)
@@ -176,7 +176,7 @@ class RobotServer:
             arm.close()
             raise
 
-    def _hang_up(self) -> None:
+    def _disconnect(self) -> None:
         if self._bell.fileno() >= 0:
             self._arm.close()
             self._hand_port.close()
@@ -189,8 +189,8 @@ class RobotServer:
         if self._strict:
             self._wait_for_command()
         elif self._idle():
-            self._strike()
-            self._attend(None)
+            self._apply_due_faults()
+            self._poll_sockets(None)
             self._pace.restart()
         else:
             self._wait_for_period()
@@ -201,21 +201,21 @@ class RobotServer:
         return alone and self.robot.posture.at_rest and not self.hand.moving
 
     def _wait_for_command(self) -> None:
-        events = self._attend(OFFER_HAND)
+        events = self._poll_sockets(OFFER_HAND)
         if not events:
             self._hand_port.repeat()
             if self._silence.rang():
                 self._arm.repeat()
         command = self._arm.command()
         if command is not None and self._arm.datagram_fileno not in events:
-            self._attend(0)  # requests that were sent before this command, and after the wait
+            self._poll_sockets(0)  # requests that were sent before this command, and after the wait
         if command is not None and command.message_id == self.robot.time and self.robot.moving:
             self._follow(command)
             self._silence.reset()
             self._pace.restart()
 
     def _wait_for_period(self) -> None:
-        self._attend(max(self._pace.remaining(), 0.0))
+        self._poll_sockets(max(self._pace.remaining(), 0.0))
         command = self._next_command()
         if command is not None and self._lock_step:
             # The client has begun: from here on its commands are the clock.
@@ -265,7 +265,7 @@ class RobotServer:
     def _advance(self) -> None:
         """One millisecond of robot time has passed: step the hand, apply faults, send states."""
         robot = self.robot
-        self._strike()
+        self._apply_due_faults()
         robot.time += 1
         robot.trail()
         self.hand.advance()
@@ -276,11 +276,11 @@ class RobotServer:
             self._punctuality.reset()
         self._arm.publish(self._punctuality.rate, self._disturbance.is_nan(robot.time))
 
-    def _strike(self) -> None:
+    def _apply_due_faults(self) -> None:
         for fault in self._disturbance.strike(self.robot):
-            self._suffer(fault)
+            self._apply_fault(fault)
 
-    def _suffer(self, fault: Fault) -> None:
+    def _apply_fault(self, fault: Fault) -> None:
         if isinstance(fault, DropFault):
             self._arm.drop()
         elif isinstance(fault, VersionFault):
@@ -291,7 +291,7 @@ class RobotServer:
             frozen.poll(1000 * fault.duration)
             self._pace.restart()
 
-    def _attend(self, seconds: float | None) -> set[int]:
+    def _poll_sockets(self, seconds: float | None) -> set[int]:
         """Wait for `seconds` at most, then handle TCP; returns the descriptors that were readable.
 
         The hand is handled before the arm, so that a command for it counts from the same tick.

@@ -1,4 +1,4 @@
-"""How a real arm trails its setpoint: a delay, a first-order lag, and gears that twist."""
+"""Lag of a real arm behind its setpoint: a delay, a first-order filter, and gears that twist."""
 
 from collections import deque
 from collections.abc import Callable
@@ -22,7 +22,7 @@ class Trailing:
     def __init__(
         self, posture: Posture, tool: Array, delay: float, lag: float, sag: Sag | None = None
     ) -> None:
-        """From rest in `posture` with a tool (4, 4) on the flange."""
+        """Start at rest in `posture` with a tool (4, 4) on the flange."""
         self._tool, self._sag = tool, sag
         self._share = 1.0 if lag == 0 else 1.0 - exp(-TICK / lag)
         self._past = deque([posture.q] * (1 + round(delay / TICK)))
@@ -34,11 +34,11 @@ class Trailing:
     def of(
         cls, posture: Posture, tool: Array, delay: float, lag: float, sag: Sag | None = None
     ) -> Self | None:
-        """One at rest in `posture` with a tool (4, 4); None where nothing trails."""
+        """A lagging arm at rest in `posture` with a tool (4, 4); None where no lag is set."""
         return cls(posture, tool, delay, lag, sag) if delay or lag or sag is not None else None
 
     def tick(self, commanded: Array) -> None:
-        """One tick on, with joints `commanded` (7,) [rad]."""
+        """Advance by one tick, with joints `commanded` (7,) [rad]."""
         self._past.append(commanded)
         self._past.popleft()
         here = self._motors

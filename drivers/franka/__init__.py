@@ -1,1 +1,1 @@
-"""Published geometry, limits and kinematics of the Franka Research 3."""
+"""Published geometry, limits, kinematics and hand protocol of the Franka Research 3."""

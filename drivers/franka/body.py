@@ -1,4 +1,4 @@
-"""The body of the Franka Research 3 with its hand, as spheres: near itself, near what is around."""
+"""Collision model of the Franka Research 3 with its hand: spheres, their distances and boxes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -75,7 +75,7 @@ def apart(q: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """What stands in the way, by its `name`: corners (3,) [m] in a frame."""
+    """An obstacle and its `name`: corners (3,) [m] of a box in a frame."""
 
     name: str
     low: tuple[float, float, float]

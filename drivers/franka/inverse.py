@@ -66,7 +66,7 @@ def solve(
             return attempt.joints
         if best is None or attempt.distance + attempt.angle < best.distance + best.angle:
             best = attempt
-    raise Unreachable(_reason(pose, tool, best))
+    raise Unreachable(_failure_reason(pose, tool, best))
 
 
 def twist_between(start: Array, end: Array) -> Array:
@@ -83,8 +83,8 @@ def damped_inverse(jac: Array, damping: float) -> Array:
 
 
 def straight(joints: Array, step: Array) -> Iterator[Array]:
-    """Joints (7,) [rad] along a straight line from `joints`, the tip each time a `step` (3,) [m]
-    further and never turned; without an end, limits or a check of the reach.
+    """Joints (7,) [rad] along a straight line of the tip, in steps of `step` (3,) [m] without
+    turning; endless, and limits and reach are not checked.
     """
     twist = np.concatenate([step, np.zeros(3)])
     while True:
@@ -122,7 +122,7 @@ def _step(jac: Array, error: Array, pull: Array, size: float) -> Array:
     return step
 
 
-def _reason(pose: Array, tool: Array, best: Attempt | None) -> str:
+def _failure_reason(pose: Array, tool: Array, best: Attempt | None) -> str:
     if best is None:
         return "no posture was tried"
     flange = pose @ np.linalg.inv(tool)
@@ -135,10 +135,10 @@ def _reason(pose: Array, tool: Array, best: Attempt | None) -> str:
     return f"{missed}" + (f" with {' and '.join(ended)} at the end" if ended else "")
 
 
-def _starts() -> tuple[Array, ...]:
+def _start_postures() -> tuple[Array, ...]:
     turned = [HOME + frozen([turn, 0, 0, 0, 0, 0, 0]) for turn in (-1.2, 1.2)]
     folded = frozen([0.0, 0.3, 0.0, -2.2, 0.0, 2.5, 0.8])
     return (HOME, frozen(MIDDLE), folded, *(frozen(start) for start in turned))
 
 
-_STARTS = _starts()
+_STARTS = _start_postures()

@@ -80,7 +80,7 @@ def jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
 
 
 def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Array]:
-    """`forward` and `jacobian` of joints (..., 7) [rad] at the price of one."""
+    """Tool pose (..., 4, 4) and Jacobian (..., 6, 7) of joints (..., 7) [rad] at once."""
     joints = frames(q)
     pose = joints[..., 6, :, :] @ from_last_joint(tool)
     axis = joints[..., :3, 2]

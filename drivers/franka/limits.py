@@ -39,10 +39,10 @@ def velocity_bounds(q: Array) -> tuple[Array, Array]:
 
     User documentation, "limits depending on the joint position".
     """
-    return -_brake(q - POSITION_LOW), _brake(POSITION_HIGH - q)
+    return -_braking_speed(q - POSITION_LOW), _braking_speed(POSITION_HIGH - q)
 
 
-def _brake(room: Array) -> Array:
+def _braking_speed(room: Array) -> Array:
     speed = np.sqrt(2 * DECELERATION * np.maximum(room, 0)) - VELOCITY_OFFSET
     bounded: Array = np.minimum(np.maximum(speed, 0), VELOCITY)
     return bounded

@@ -26,7 +26,8 @@ class NoRest(CellError):
 
 @dataclass(frozen=True, slots=True)
 class Hanging:
-    """A strip at rest: x, z [m] of `points` (n + 1, 2) from the ledge at (0, 0), their `arc`.
+    """Equilibrium of a hanging strip: x, z [m] of `points` (n + 1, 2) from the ledge (0, 0), and
+    `arc`.
 
     `angles` (n,) [rad] are those of the segments between them, above the horizontal; `stiffness`
     (2, n) is the upper band of the energy's second derivative over EI [1/m], `pull` (n,) [1/m] the
@@ -95,10 +96,10 @@ def hang(
     middle = 0.5 * (arc[1:] + arc[:-1])
     pull = np.diff(arc) * (overhang - middle) / bending_length**3
     born = np.zeros(len(pull)) if rest_curvature is None else rest_curvature * spans
-    angles = _start(middle, overhang, bending_length) + clamp_angle
+    angles = _start_angles(middle, overhang, bending_length) + clamp_angle
     for _ in range(ITERATIONS):
-        gradient, stiffness = _slopes(angles, born, spans, pull, clamp_angle)
-        step = _step(gradient, stiffness, pull * np.sin(angles))
+        gradient, stiffness = _derivatives(angles, born, spans, pull, clamp_angle)
+        step = _newton_step(gradient, stiffness, pull * np.sin(angles))
         angles = angles + step * min(1.0, 0.8 / max(float(np.abs(step).max()), 1e-300))
         if not np.abs(step).max() > CONVERGED:
             break
@@ -112,15 +113,15 @@ def hang(
     return Hanging(bending_length, arc, angles, points, stiffness, pull)
 
 
-def _step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
-    """Newton's step, without what the weight takes from the stiffness where that is too much."""
+def _newton_step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
+    """Newton's step of the equilibrium, without the weight's stiffness where it destabilises."""
     if not _stable(stiffness):
         stiffness = stiffness + np.stack([np.zeros(len(lifting)), np.maximum(lifting, 0.0)])
     return np.asarray(-solveh_banded(stiffness, gradient))
 
 
 def _stable(stiffness: Array) -> bool:
-    """Whether the energy rises in all directions."""
+    """Whether the energy rises in all directions: the stiffness is positive definite."""
     try:
         cholesky_banded(stiffness, check_finite=False)
     except LinAlgError:
@@ -129,19 +130,19 @@ def _stable(stiffness: Array) -> bool:
 
 
 def _spans(arc: Array) -> Array:
-    """Lengths (n,) [m] that the hinges stand for: between the middles of the segments."""
+    """Lengths (n,) [m] of strip that each hinge stands for: between the middles of the segments."""
     lengths = np.diff(arc)
     return np.asarray(0.5 * (lengths + np.concatenate([[0.0], lengths[:-1]])))
 
 
-def _start(arc: Array, overhang: float, bending_length: float) -> Array:
-    """Angles near the solution: a bend at the ledge as wide as the weight below it allows."""
+def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:
+    """Starting angles of Newton's method: a bend at the ledge as wide as the weight allows."""
     reach = bending_length * min(1.0, (bending_length / overhang) ** 0.5)
     turned = -0.5 * np.pi * min(1.0, (overhang / bending_length) ** 3 / 8)
     return np.asarray(turned * (1 - np.exp(-arc / reach)))
 
 
-def _slopes(
+def _derivatives(
     angles: Array, born: Array, spans: Array, pull: Array, clamp_angle: float
 ) -> tuple[Array, Array]:
     """First derivative (n,) and upper band (2, n) of the second derivative of the energy."""

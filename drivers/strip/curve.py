@@ -42,8 +42,8 @@ def curvature(before: Any, after: Any) -> Any:
 
 @kernel
 def beside(curve: Any, q: int, chosen: Any, bend: float, x: float, z: float) -> Any:
-    """Distance to segment q with the chord `chosen`, and signed distance to the arc of the mean
-    curvature `bend` [1/m] that stands on it, left positive.
+    """Distance of (x, z) to segment q with the chord `chosen`, and signed distance to the arc of
+    mean curvature `bend` [1/m] on that chord, left positive.
     """
     dx, dz, length = chosen
     tx, tz = dx / length, dz / length
@@ -83,7 +83,7 @@ def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
 
 @kernel
 def nearest(curve: Any, low: int, high: int, x: float, z: float) -> Any:
-    """The node of low..high nearest to (x, z): every STRIDE-th first, then its neighbourhood."""
+    """The node of low..high that is nearest to (x, z), searched by every STRIDE-th node first."""
     best = nearest_of(curve, range(low, high + 1, STRIDE), x, z)
     close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
     return nearest_of(curve, close, x, z)
@@ -102,7 +102,7 @@ def nearest_of(curve: Any, nodes: Any, x: float, z: float) -> Any:
 
 @kernel
 def around(arc: Any, s: float) -> Any:
-    """First and last node within SEARCH_SPAN of arc length s, clamped to the strip."""
+    """First and last node within SEARCH_SPAN of the arc length s, clamped to the strip."""
     last = len(arc) - 1
     low = before(arc, min(s, arc[last]) - SEARCH_SPAN)
     high = before(arc, max(s, 0.0) + SEARCH_SPAN) + 1
@@ -126,7 +126,7 @@ def before(arc: Any, s: float) -> Any:
 def signed_distances(
     points: Any, image: Any, near: Any, places: Any, shapes: Any, arc: Any, found: Any
 ) -> None:
-    """Distance (n,) [m] of each of points (n, 2) to the midline of its moment into `found`.
+    """Write into `found` the distances (n,) [m] of points (n, 2) from the midline at their times.
 
     Positive to the left of the way from the fixed to the grasped edge. Point p belongs to
     `image` (n,), which shows the world at `places` (m,), a fractional index into `shapes`
@@ -143,7 +143,7 @@ def signed_distances(
 
 @entry
 def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -> None:
-    """Mean and mean square of each group values[edges[g]:edges[g + 1]], wild ones clipped.
+    """Write into `mean` and `square` those of values[edges[g]:edges[g + 1]], outliers clipped.
 
     Values count at most `OUTLIER` robust deviations (at least `sigma`) from the group's median.
     """

@@ -23,12 +23,12 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
     """
     effects = {**strip.effects, **(cell_effects or {})}
     return _describe_cached(
-        _Question(f"{strip!r} {sorted(effects.items())!r} {index}", strip, effects, index)
+        _CacheKey(f"{strip!r} {sorted(effects.items())!r} {index}", strip, effects, index)
     )
 
 
 @dataclass(frozen=True, slots=True)
-class _Question:
+class _CacheKey:
     """Cache key of a description: equal where all inputs are equal."""
 
     key: str
@@ -38,8 +38,8 @@ class _Question:
 
 
 @lru_cache(maxsize=16)
-def _describe_cached(asked: _Question) -> StripModel:
-    """Descriptions are read-only, so that who asks for the same one shares it."""
+def _describe_cached(asked: _CacheKey) -> StripModel:
+    """A strip's description from the cache; descriptions are read-only and shared."""
     strip = asked.strip
     rigidity = np.full(CELLS, strip.rigidity)
     mechanics = Mechanics(

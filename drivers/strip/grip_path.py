@@ -57,5 +57,5 @@ def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:
 
 
 def _offset(rig: Rig) -> Array:
-    """True over the true desk minus reported (3,)."""
+    """Offset (3,) of the true pose over the true desk from the reported one."""
     return np.array([rig.grip_x, rig.grip_z - rig.desk_height, rig.grip_tilt])

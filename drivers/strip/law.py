@@ -1,4 +1,4 @@
-"""Generic laws for residuals that no named effect explains.
+"""Generic terms of a strip's equations for residuals that no named effect explains.
 
 Each is a moment, a force or a measurement error as a function of a state variable. A strip file may
 hold their amounts under `law:`; every engine simulates them, because they change the description
@@ -39,51 +39,51 @@ class Term:
 
 
 def _add(part: Any, path: str, amount: float) -> Any:
-    """`part` of a model with more of the field at `path` in it."""
+    """Copy of `part` of a model with `more` of the field at `path` in it."""
     field, _, inner = path.partition(".")
     value = getattr(part, field)
     return replace(part, **{field: _add(value, inner, amount) if inner else value + amount})
 
 
-def _force(model: StripModel, amount: float) -> StripModel:
+def _add_force(model: StripModel, amount: float) -> StripModel:
     gx, gz = model.boundary.gravity
     return replace(model, boundary=replace(model.boundary, gravity=(gx + amount, gz)))
 
 
-def _place(model: StripModel, amount: float) -> StripModel:
-    return replace(model, mechanics=model.mechanics.scale_rigidity(1.0 + amount * _along(model)))
+def _add_gradient(model: StripModel, amount: float) -> StripModel:
+    return replace(model, mechanics=model.mechanics.scale_rigidity(1.0 + amount * _position(model)))
 
 
-def _run(model: StripModel, amount: float) -> StripModel:
+def _add_drift(model: StripModel, amount: float) -> StripModel:
     factor = np.full_like(model.mechanics.rigidity, max(0.05, 1.0 + amount * model.index))
     return replace(model, mechanics=model.mechanics.scale_rigidity(factor))
 
 
-def _set(model: StripModel, amount: float) -> StripModel:
+def _add_curl(model: StripModel, amount: float) -> StripModel:
     strip: Mechanics = model.mechanics
-    rest = frozen(strip.rest_curvature + amount * _along(model))
+    rest = frozen(strip.rest_curvature + amount * _position(model))
     return replace(model, mechanics=replace(strip, rest_curvature=rest))
 
 
-def _middle(model: StripModel, amount: float) -> StripModel:
-    arched = 1.0 - 4.0 * _along(model) ** 2
+def _add_bulge(model: StripModel, amount: float) -> StripModel:
+    arched = 1.0 - 4.0 * _position(model) ** 2
     return replace(model, mechanics=model.mechanics.scale_rigidity(1.0 + amount * arched))
 
 
-def _weight(model: StripModel, amount: float) -> StripModel:
+def _add_weight_gradient(model: StripModel, amount: float) -> StripModel:
     strip: Mechanics = model.mechanics
-    density = frozen(strip.linear_density * (1.0 + amount * _along(model)))
+    density = frozen(strip.linear_density * (1.0 + amount * _position(model)))
     return replace(model, mechanics=replace(strip, linear_density=density))
 
 
-def _give(model: StripModel, amount: float) -> StripModel:
+def _add_compliance(model: StripModel, amount: float) -> StripModel:
     strip: Mechanics = model.mechanics
     stiffness = 1.0 / (1.0 / strip.stretch_stiffness + amount)
     return replace(model, mechanics=replace(strip, stretch_stiffness=stiffness))
 
 
-def _along(model: StripModel) -> Array:
-    """Place along the strip from -1/2 to 1/2 (CELLS,)."""
+def _position(model: StripModel) -> Array:
+    """Position of each cell along the strip, from -1/2 to 1/2 (CELLS,)."""
     return np.asarray(model.mechanics.cells / model.mechanics.length - 0.5)
 
 
@@ -98,15 +98,15 @@ _TERMS = (
          "mechanics.law.relaxing", least=0.0),
     Term("term_speed", "force as normal speed squared", "1", 0.5, 10.0,
          "mechanics.drag.coefficient", least=0.0),
-    Term("term_force", "steady force along the desk per mass", "m/s^2", 0.05, 2.0, _force),
-    Term("term_weight", "weight growing towards the grip", "1", 0.05, 1.8, _weight),
-    Term("term_place", "stiffness growing towards the grip", "1", 0.2, 1.8, _place),
-    Term("term_middle", "stiffness greater in the middle", "1", 0.2, 5.0, _middle, least=-0.9),
-    Term("term_run", "stiffness growing with the run", "1", 0.005, 0.3, _run),
+    Term("term_force", "steady force along the desk per mass", "m/s^2", 0.05, 2.0, _add_force),
+    Term("term_weight", "weight growing towards the grip", "1", 0.05, 1.8, _add_weight_gradient),
+    Term("term_place", "stiffness growing towards the grip", "1", 0.2, 1.8, _add_gradient),
+    Term("term_middle", "stiffness greater in the middle", "1", 0.2, 5.0, _add_bulge, least=-0.9),
+    Term("term_run", "stiffness growing with the run", "1", 0.005, 0.3, _add_drift),
     Term("term_even", "rest curvature everywhere", "1/m", 0.5, 30.0, "mechanics.rest_curvature"),
-    Term("term_set", "rest curvature growing towards the grip", "1/m", 1.0, 30.0, _set),
+    Term("term_set", "rest curvature growing towards the grip", "1/m", 1.0, 30.0, _add_curl),
     Term("term_length", "strip longer than stated", "m", 3e-4, 0.02, "mechanics.length"),
-    Term("term_give", "strip longer by its pull", "1/N", 0.01, 2.0, _give, least=0.0),
+    Term("term_give", "strip longer by its pull", "1/N", 0.01, 2.0, _add_compliance, least=0.0),
     Term("term_clock", "images older than their stamps", "s", 0.003, 0.1,
          "observation.camera_latency"),
     Term("term_side", "images shifted along the desk", "m", 3e-4, 0.03, "observation.shift_x"),
@@ -123,7 +123,7 @@ LAW_TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _T
 
 
 def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
-    """`model` with these amounts of the laws; names that are no law are left to others."""
+    """`model` with these amounts of the generic laws; unknown names are ignored."""
     for name, term in LAW_TERMS.items():
         if amount := amounts.get(name):
             added = term.added
@@ -132,7 +132,7 @@ def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
 
 
 def check_law(amounts: Mapping[str, float], origin: str) -> None:
-    """Raise ConfigurationError for an unknown law or an amount that no strip has."""
+    """Raise ConfigurationError for an unknown law or an amount outside its range."""
     for name, amount in amounts.items():
         if name not in LAW_TERMS:
             raise ConfigurationError(

@@ -83,7 +83,7 @@ class Drag:
 
 @dataclass(frozen=True, slots=True)
 class Mechanics:
-    """The strip itself. Arrays have shape (CELLS,), cell j spans [j, j + 1] length / CELLS.
+    """Mechanical properties of the strip; arrays (CELLS,), cell j spans [j, j + 1] length / CELLS.
 
     `rigidity` EI [N m^2], `viscosity` [N m^2 s] (moment per rate of curvature),
     `rest_curvature` [1/m], `linear_density` [kg/m], all of the whole width. `length` [m] is the

@@ -63,7 +63,7 @@ def desk_contact(points: Array, height: float) -> float:
 
 
 def _last_low(z: Array, start: int, height: float) -> int:
-    """Index of the last of the values `z` (n,) from `start` on that stand no higher."""
+    """Index of the last of the values `z` (n,) from `start` on that is at most `height`."""
     above = np.flatnonzero(z[start:] > height)
     return start + int(above[0]) - 1 if len(above) else len(z) - 1
 

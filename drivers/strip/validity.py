@@ -16,7 +16,7 @@ from drivers.strip.file import StripFile
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """What an `engine` was found to hold for: `value` of a strip from `low` to `high`.
+    """Range in which an `engine` was validated: `value` of a strip from `low` to `high`.
 
     Below `refused` the engine gives no result at all. `why` is what happens outside.
     """
@@ -77,9 +77,9 @@ BOUNDS = (
 
 
 def doubts(strip: StripFile) -> tuple[str, ...]:
-    """What of `strip` lies where an engine is not known to hold, a sentence each."""
+    """Properties of `strip` outside the range in which an engine was validated, a sentence each."""
     return tuple(
-        f"{strip.name}: {_place(bound, strip)}, the {bound.engine} holds from {bound.low:g} to "
+        f"{strip.name}: {_location(bound, strip)}, the {bound.engine} holds from {bound.low:g} to "
         f"{bound.high:g}: {bound.why}; expect errors of the simulation"
         for bound in BOUNDS
         if not bound.low <= bound.value(strip) <= bound.high
@@ -91,10 +91,10 @@ def check_valid(strip: StripFile, origin: str) -> None:
     for bound in BOUNDS:
         if bound.value(strip) < bound.refused:
             raise ConfigurationError(
-                f"{origin}: {_place(bound, strip)}, the {bound.engine} is refused below "
+                f"{origin}: {_location(bound, strip)}, the {bound.engine} is refused below "
                 f"{bound.refused:g}: {bound.why}; take a shorter strip or a stiffer one"
             )
 
 
-def _place(bound: Bound, strip: StripFile) -> str:
+def _location(bound: Bound, strip: StripFile) -> str:
     return f"{bound.key}: is {bound.value(strip):.3g}"

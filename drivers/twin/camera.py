@@ -32,13 +32,13 @@ class Visible(Protocol):
 class TwinCamera:
     """Satisfies `drivers.protocols.Camera` for a simulated world.
 
-    Frame k is exposed about k / rate, its stamp, and delivered `transport_delay` later. Only frames
-    that are read are rendered. `observation` holds what changed since the calibration and is hidden
-    from the controller: the camera is moved, so that places appear scaled and shifted; lint or
-    glare covers the point where the strip leaves the desk; frames show the world `camera_latency`
-    [s] before their stamps, and a negative latency delays them. The desk stands `desk_height` [m]
-    higher than at the calibration. Scenes are over the true desk. `surround` is the look of the
-    cell about the strip.
+    Frame k is exposed about k / rate, its stamp, and delivered `transport_delay` later; a share of
+    them, `lost`, never is. Only frames that are read are rendered. `observation` holds what changed
+    since the calibration and is hidden from the controller: the camera is moved, so that places
+    appear scaled and shifted; lint or glare covers the point where the strip leaves the desk;
+    frames show the world `camera_latency` [s] before their stamps, and a negative latency delays
+    them. The desk stands `desk_height` [m] higher than at the calibration. Scenes are over the true
+    desk. `surround` is the look of the cell about the strip.
     """
 
     def __init__(
@@ -59,6 +59,7 @@ class TwinCamera:
         bias = observation.contact_bias
         self._renderer = Renderer(settings, look, seed, optics, bias, surround)
         self._latency = observation.camera_latency
+        self._seed = seed
         self._delay = settings.transport_delay + max(0.0, -self._latency)
         self._newest: Frame | None = None
         self._connected = False
@@ -96,9 +97,13 @@ class TwinCamera:
         """Sequence of the newest frame that has arrived; -1 before the first."""
         now = self._clock.now()
         sequence = floor((now - self._delay) * self._settings.rate) + 1
-        while sequence >= 0 and self._arrival(sequence) > now:
+        while sequence >= 0 and (self._arrival(sequence) > now or self._is_lost(sequence)):
             sequence -= 1
         return max(sequence, -1)
+
+    def _is_lost(self, sequence: int) -> bool:
+        share = self._settings.lost
+        return share > 0 and np.random.default_rng([self._seed, sequence]).uniform() < share
 
     def _stamp(self, sequence: int) -> float:
         return round(sequence / self._settings.rate, CLOCK_DIGITS)

@@ -40,8 +40,9 @@ class CameraSettings(Settings):
     `tilt` and `roll` are mounting errors. The optical axis aims at (`aim_x`, `aim_z`) and the image
     is `view_width` [m] wide there. `principal` is the principal point's offset from the centre and
     `lens_blur` the sigma of the lens [px]; `distortion` the radial k1, k2. Times [s]: `exposure`,
-    and `transport_delay` from its middle until the frame arrives. `noise` is the sensor's sigma in
-    grey levels; the rest are fractions of brightness.
+    and `transport_delay` from its middle until the frame arrives. The share `lost` of the frames
+    never arrives. `noise` is the sensor's sigma in grey levels; the rest are fractions of
+    brightness.
     """
 
     width: int = Field(1280, ge=320, le=4096)
@@ -49,6 +50,7 @@ class CameraSettings(Settings):
     rate: float = Field(60.0, gt=0, le=240)
     exposure: float = Field(0.004, gt=0, le=0.02)
     transport_delay: float = Field(0.02, ge=0, le=0.5)
+    lost: float = Field(0.0, ge=0, le=0.9, exclude_if=lambda share: share == 0)
     sub_shapes: int = Field(3, ge=1, le=9)
     distance: float = Field(2.0, ge=0.5, le=5.0)
     elevation: float = Field(radians(3.0), gt=0, le=HIGHEST_ELEVATION)

@@ -1,1 +1,1 @@
-"""Folding a strip that nobody measured: a critic foresees d, the path is moved until it is 0."""
+"""Folding of an unmeasured strip: a critic predicts d, and the path is moved until d is 0."""

@@ -1,4 +1,4 @@
-"""The policy `adaptive`: it moves the path until the displacement that it foresees is 0."""
+"""The policy `adaptive`: moves the path until the displacement that its critic predicts is 0."""
 
 import math
 from collections import deque
@@ -38,7 +38,7 @@ class Fold(NamedTuple):
 
 
 class Adaptive:
-    """Steers down along z = x + rise, with the rise at which the critic foresees d = 0.
+    """Steers down along z = x + rise, with the rise at which the critic predicts d = 0.
 
     While no image deserves belief it holds the rise; after `BLIND_TIME` it takes that of `shifted`,
     and `blind` says so.
@@ -47,7 +47,7 @@ class Adaptive:
     name = "adaptive"
 
     def __init__(self, critic: Critic, transfer: Transfer | None = None) -> None:
-        """With the `transfer` of `critic` to where it folds; None in the rod."""
+        """Fold by `critic`, corrected by the `transfer` to images; None in the rod."""
         self.critic = critic
         self.transfer = transfer or Transfer()
         self._seen, self._unseen = 0.0, 0.0
@@ -61,13 +61,13 @@ class Adaptive:
         self._fold: Fold = _begun(REFERENCE_LENGTH, 1, critic.memory)
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Expect displacements `seen` [m] above the critic's in images, and `unseen` [m] above
-        those in truth.
+        """Add biases to the critic's displacements: `seen` [m] for images, `unseen` [m] for the
+        truth.
         """
         self._seen, self._unseen = seen, unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Forget; prepare to fold `count` strips of the length of `strip` at `speed` [m/s].
+        """Clear all state; prepare to fold `count` strips as long as `strip` at `speed` [m/s].
 
         Raises ConfigurationError for a length or speed that the critic was not trained for.
         """
@@ -80,16 +80,16 @@ class Adaptive:
         self._fold = _begun(strip.length, count, self.critic.memory)
 
     def lift(self) -> Path:
-        """Up without a push on the strip."""
+        """Path of the lift, which goes up without a push on the strip."""
         return vertical_lift(self._length)
 
     @property
     def rise(self) -> Array:
-        """Rises (n,) [m] of the lines that the grippers come down on."""
+        """Rises (n,) [m] of the lines along which the grippers come down."""
         return self._fold.rise
 
     def prediction(self) -> FoldPrediction | None:
-        """What images are expected to show of the first fold; None before the first decision."""
+        """Predicted measurement of the first fold in images; None before the first decision."""
         if not self._recent:
             return None
         judged = middle(self._recent)
@@ -102,7 +102,7 @@ class Adaptive:
         )
 
     def decide(self, observation: Observation) -> Decision:
-        """Towards the line of each strip, moved by what its images predict."""
+        """Directions towards the line of each strip, moved by the prediction from its images."""
         fresh = self._features.tell(observation)
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
         judgement = self._judge(inputs, fresh)
@@ -113,7 +113,7 @@ class Adaptive:
         return self._steering.decide(observation.x, observation.z, self.rise)
 
     def _judge(self, inputs: Array, fresh: NDArray[np.bool_]) -> Judgement:
-        """The judgement on `inputs` (n, COUNT), remembered where they are `fresh`."""
+        """The critic's judgement on `inputs` (n, COUNT), remembered where they are `fresh`."""
         whitened = self.critic.whiten(inputs)
         memory = self._fold.memory + fresh[:, None] * self.critic.memorise(whitened)
         counted = self._fold.counted + fresh
@@ -123,7 +123,7 @@ class Adaptive:
         return self.judgement
 
     def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
-        """The rises (n,) at which d = 0 is expected, approached smoothly."""
+        """Rises (n,) at which d = 0 is predicted, approached smoothly."""
         bias = self.transfer.bias.of(judgement.belief, self._thickness)
         missing = bias - self._seen - self._unseen - judgement.displacement
         rise = self.rise + missing / judgement.slope

@@ -1,5 +1,5 @@
-"""Displacement that the critic predicts minus the one that comes, where folds differ from those of
-its training.
+"""Bias of the critic's displacement: predicted minus true, where folds differ from those of its
+training.
 """
 
 import math
@@ -37,7 +37,7 @@ class Untrained(Settings):
 
 @cache
 def untrained_spread() -> Untrained:
-    """Spread of predictions that no training explains, as this version ships it."""
+    """Spread added to predictions outside the training, from this version's data file."""
     return load(UNTRAINED, Untrained)
 
 
@@ -64,7 +64,7 @@ class Bias:
         return np.asarray(terms @ np.array([self.always, self.of_length, self.of_thickness]))
 
     def sigma_of(self, sigma: Array, thickness: float | None) -> Array:
-        """Sigma (n,) [m] of what is left, where the critic states `sigma` (n,) [m]."""
+        """Sigma (n,) [m] after correction, where the critic states `sigma` (n,) [m]."""
         added = np.hypot(self.untrained, self.unmeasured if thickness is None else 0.0)
         return np.hypot(self.sigma * sigma, added)
 

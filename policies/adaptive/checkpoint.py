@@ -29,12 +29,12 @@ def load_critic(path: FilePath | None = None) -> Critic:
 
     Raises ConfigurationError for a file that is missing, broken, or of another policy.
     """
-    return Critic(_weights(path or COMMITTED))
+    return Critic(_read_weights(path or COMMITTED))
 
 
 def about(path: FilePath | None = None) -> dict[str, Any]:
-    """How the weights at `path` came about: settings of their training and its results."""
-    return _about(_arrays(path or COMMITTED), path or COMMITTED)
+    """Origin of the weights at `path`: settings of their training and its results."""
+    return _read_facts(_read_arrays(path or COMMITTED), path or COMMITTED)
 
 
 def load_transfer(path: FilePath | None = None) -> Transfer:
@@ -68,7 +68,7 @@ def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:
         replace_file(path, content.getvalue())
 
 
-def _arrays(path: FilePath) -> dict[str, Any]:
+def _read_arrays(path: FilePath) -> dict[str, Any]:
     try:
         content = read_bytes(path, LARGEST_FILE)
     except ConfigurationError as error:
@@ -82,7 +82,7 @@ def _arrays(path: FilePath) -> dict[str, Any]:
         raise _broken(path, "not a file of arrays") from None
 
 
-def _about(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
+def _read_facts(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
     try:
         about = json.loads(str(arrays[ABOUT]))
     except (KeyError, json.JSONDecodeError):
@@ -94,9 +94,9 @@ def _about(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
     return about
 
 
-def _weights(path: FilePath) -> dict[str, Array]:
-    arrays = _arrays(path)
-    _about(arrays, path)
+def _read_weights(path: FilePath) -> dict[str, Array]:
+    arrays = _read_arrays(path)
+    _read_facts(arrays, path)
     missing = [name for name in ARRAY_NAMES if name not in arrays]
     if missing:
         raise _broken(path, f"lacks {', '.join(missing)}")
@@ -111,7 +111,7 @@ def _weights(path: FilePath) -> dict[str, Array]:
 
 
 def _shapes(weights: dict[str, Array]) -> dict[str, tuple[int, ...]]:
-    """Shapes that arrays must have, sizes of layers being those of their biases."""
+    """Expected shapes of the arrays, with the layers' sizes taken from their biases."""
     memory, one, two = (weights[f"{n}_bias"].size for n in ("recall", "first", "second"))
     return {
         "mean": (COUNT,),

@@ -1,4 +1,4 @@
-"""The critic: what displacement will come of a fold, how sure that is, and what strip it may be."""
+"""The critic: predicts a fold's displacement with its uncertainty, and estimates the strip."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Self
@@ -22,8 +22,8 @@ ARRAY_NAMES = (
 
 
 class Belief(NamedTuple):
-    """The strip as far as n folds show it; `log_bending_length`, `log_retardation_time` [m, s] and
-    `friction`, ln(1 + yield curvature / YIELD_UNIT), each mean and sigma: arrays (n, 2).
+    """Estimate of the strip from n folds so far: `log_bending_length`, `log_retardation_time` [m,
+    s] and `friction`, ln(1 + yield curvature / YIELD_UNIT), each mean and sigma: arrays (n, 2).
     """
 
     log_bending_length: Array
@@ -31,7 +31,7 @@ class Belief(NamedTuple):
     friction: Array
 
     def first(self) -> dict[str, Estimate]:
-        """Bending length [m], retardation time [s], yield curvature [1/m] of the first fold."""
+        """The first fold's bending length [m], retardation time [s] and yield curvature [1/m]."""
         logs = (self.log_bending_length, self.log_retardation_time, self.friction)
         ends = [
             np.exp(mean + np.array([0.0, -sigma, sigma])) for mean, sigma in (b[0] for b in logs)
@@ -42,8 +42,8 @@ class Belief(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """Of n folds: the `displacement` (n,) [m] that comes if the rise is kept, `slope` (n,) by
-    which it grows with the rise, one `sigma` (n,) [m] of it, and the `belief`.
+    """Prediction for n folds: the `displacement` (n,) [m] if the rise is kept, its `slope` (n,)
+    over the rise, its `sigma` (n,) [m], and the `belief` about the strips.
     """
 
     displacement: Array
@@ -53,7 +53,7 @@ class Judgement(NamedTuple):
 
 
 def middle(judgements: Sequence[Judgement]) -> Judgement:
-    """Medians of `judgements` on the same folds, at least one: a single wild image moves none."""
+    """Medians of `judgements` on the same folds, at least one: a single outlier moves none."""
 
     def median(of: Callable[[Judgement], Array]) -> Array:
         return np.asarray(np.median([of(judged) for judged in judgements], axis=0))
@@ -71,7 +71,7 @@ def middle(judgements: Sequence[Judgement]) -> Judgement:
 
 
 class Critic:
-    """A network of two hidden layers over whitened inputs and a running mean of what it recalls.
+    """A network of two hidden layers over whitened inputs and a running mean of its memory units.
 
     `recalled` inputs (n, inputs) become (n, memory) units, whose mean over a fold's images is the
     fold's memory; `judge` reads inputs and memory. `weights` are the arrays called ARRAY_NAMES.
@@ -82,7 +82,7 @@ class Critic:
 
     @property
     def memory(self) -> int:
-        """Units of memory."""
+        """Number of memory units."""
         return int(self.weights["recall"].shape[1])
 
     def whiten(self, inputs: Array) -> Array:
@@ -92,11 +92,11 @@ class Critic:
         )
 
     def memorise(self, whitened: Array) -> Array:
-        """What of whitened inputs (n, k) goes into the memory (n, memory)."""
+        """Contribution (n, memory) of whitened inputs (n, k) to the memory."""
         return np.tanh(whitened @ self.weights["recall"] + self.weights["recall_bias"])
 
     def judge(self, whitened: Array, memory: Array) -> Judgement:
-        """The judgement on whitened inputs (n, k) with `memory` (n, memory)."""
+        """The prediction from whitened inputs (n, k) with `memory` (n, memory)."""
         w = self.weights
         known = np.concatenate([whitened, memory], axis=1)
         hidden = np.tanh(known @ w["first"] + w["first_bias"])
@@ -113,5 +113,5 @@ class Critic:
         )
 
     def with_stretch(self, stretch: Array) -> Self:
-        """The same critic, its sigmas (displacement, belief of three) times `stretch` (4,) more."""
+        """A copy of the critic with its four sigmas larger by `stretch` (4,)."""
         return type(self)(self.weights | {"stretch": self.weights["stretch"] * stretch})

@@ -1,4 +1,4 @@
-"""Strips that nobody measured: the paper's range, yarn friction, and effects of textile size."""
+"""Random strips for training: the paper's range, yarn friction, and effects of textile size."""
 
 from collections.abc import Mapping
 
@@ -36,9 +36,9 @@ over textiles are in their own files.
 
 
 def friction(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
-    """Yarn friction, its yield curvature log-uniform over [`low`, `high`] [1/m]."""
+    """Yarn friction with a yield curvature log-uniform over [`low`, `high`] [1/m]."""
     ratio = registry()[FRICTION_EFFECT].textile["stiffness_ratio"]
-    curvature = _log(rng, low, high)
+    curvature = _log_uniform(rng, low, high)
     return {"yield_curvature": curvature, "stiffness_ratio": ratio.draw(rng, STRIP_LENGTH)}
 
 
@@ -50,22 +50,22 @@ def effect(name: str, rng: np.random.Generator, length: float = STRIP_LENGTH) ->
 def plain(
     rng: np.random.Generator, length: float = STRIP_LENGTH, **effects: Mapping[str, float]
 ) -> StripFile:
-    """A strip of the paper's range of `length` [m], textile weight, with these effects."""
+    """A strip of the paper's range of `length` [m] with textile weight and the given effects."""
     range_ = strip_at(rng.uniform(), rng.uniform())
     return StripFile(
         name="unknown",
         length=length,
         width=0.05,
-        areal_density=_log(rng, *DENSITY_RANGE),
+        areal_density=_log_uniform(rng, *DENSITY_RANGE),
         bending_length=range_.bending_length,
         retardation_time=range_.retardation_time,
-        thickness=_log(rng, *THICKNESS_RANGE),
+        thickness=_log_uniform(rng, *THICKNESS_RANGE),
         effects={name: dict(values) for name, values in effects.items()},
     )
 
 
 def unknown(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
-    """A strip as it may come: friction on many, another effect on some."""
+    """A random strip as an operator may bring it: friction on many, another effect on some."""
     effects: dict[str, Mapping[str, float]] = {}
     if rng.uniform() < FRICTION_SHARE:
         curvature = registry()[FRICTION_EFFECT].textile["yield_curvature"]
@@ -77,5 +77,5 @@ def unknown(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile
     return plain(rng, length, **effects)
 
 
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
+def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return Span(low, high, log=True).draw(rng, STRIP_LENGTH)

@@ -1,4 +1,4 @@
-"""Inputs of the critic: the gripper, its line, and the images of a tenth of a second."""
+"""Inputs of the critic: the gripper, its line, and the images of the last tenth of a second."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +28,11 @@ class Features:
 
     @property
     def newest(self) -> Array:
-        """Stamps (n,) [s] of the newest images that deserved belief, -inf before the first."""
+        """Stamps (n,) [s] of the newest images of sufficient confidence, -inf before the first."""
         return self._window.newest
 
     def tell(self, seen: Observation) -> NDArray[np.bool_]:
-        """Take note of an observation; which strips (n,) it shows anew, and with confidence."""
+        """Add an observation; for which strips (n,) its image is new, and with confidence."""
         count = len(seen.x)
         flat = seen.profile.reshape(count, -1)
         values = np.concatenate([seen.contact_x[:, None], seen.tip_x[:, None], flat], axis=1)

@@ -17,20 +17,20 @@ UP_DIRECTION, DOWN_DIRECTION, LEVEL_DIRECTION = 0.75 * math.pi, 1.25 * math.pi, 
 
 
 class Steering:
-    """Headings of n grippers. A gripper that came down to its line stays on the way down."""
+    """Headings of n grippers along raised triangles; one on the way down stays there."""
 
     def __init__(self, length: float, speed: float, count: int) -> None:
-        """For strips of `length` [m] at `speed` [m/s]."""
+        """Steer over strips of `length` [m] at `speed` [m/s]."""
         self._length, self._speed = length, speed
         self.descending: NDArray[np.bool_] = np.zeros(count, dtype=bool)
 
     @property
     def highest(self) -> float:
-        """Largest rise [m]."""
+        """Largest allowed rise [m]."""
         return HIGHEST * self._length
 
     def decide(self, x: Array, z: Array, rise: Array) -> Decision:
-        """Towards the lines z = x + `rise`, all arrays (n,) [m]; done past the fixed edge."""
+        """Directions towards the lines z = x + `rise`, all (n,) [m]; done past the fixed edge."""
         above = (z - x - rise) / math.sqrt(2.0)
         self.descending = self.descending | (above > -self._speed * LEAD)
         turn = np.arctan2(above, LOOK_AHEAD)

@@ -1,4 +1,4 @@
-"""What folds through images taught about a critic that was trained in the rod."""
+"""Correction of a critic that was trained in the rod, learned from folds through images."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -13,7 +13,7 @@ LARGEST_NUMBER = 100.0  # of any number: none is near it
 
 @dataclass(frozen=True, slots=True)
 class Transfer:
-    """`bias` of the displacement that the critic predicts.
+    """Correction of a critic: the `bias` of the displacement that it predicts.
 
     The default is that of folds like those of the training: none.
     """
@@ -21,12 +21,12 @@ class Transfer:
     bias: Bias = field(default_factory=Bias)
 
     def facts(self) -> dict[str, Any]:
-        """Plain values, for the checkpoint."""
+        """The transfer as plain values, for the checkpoint."""
         return asdict(self)
 
     @classmethod
     def read(cls, facts: Mapping[str, Any]) -> Self:
-        """The transfer with these `facts`; raises ValueError where they are none."""
+        """The transfer from its `facts`; raises ValueError where they are not valid."""
         try:
             found = TypeAdapter(cls).validate_python(facts)
         except ValidationError as error:

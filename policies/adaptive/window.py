@@ -1,4 +1,4 @@
-"""The last tenth of a second of what n strips showed, as values and rates at its newest image."""
+"""Window over the last tenth of a second of n strips' images: values and rates at the newest."""
 
 from typing import NamedTuple
 
@@ -16,8 +16,8 @@ PASSES = 2  # of reweighting
 
 
 class Trend(NamedTuple):
-    """Of n strips and their channels: `value` and `rate` (n, channels) at the newest image, and
-    `spread` (n, channels), the rms deviation of the images from the line.
+    """Trend of n strips and their channels: `value` and `rate` (n, channels) at the newest image,
+    and `spread` (n, channels), the rms deviation of the images from the line.
     """
 
     value: Array
@@ -26,10 +26,10 @@ class Trend(NamedTuple):
 
 
 class Window:
-    """Keeps images by their stamps; one not newer than the last is no image."""
+    """Keeps images by their stamps; one not newer than the last is ignored."""
 
     def __init__(self, count: int, channels: int) -> None:
-        """Of `count` strips with so many `channels`."""
+        """Keep images of `count` strips with so many `channels`."""
         self._stamps: Array = np.full((count, FRAME_COUNT), -np.inf)
         self._values: Array = np.zeros((count, FRAME_COUNT, channels))
 
@@ -39,7 +39,7 @@ class Window:
         return self._stamps[:, 0]
 
     def tell(self, stamp: Array, values: Array, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Add images with `stamp` (n,), `values` (n, channels), where `good`; which were new."""
+        """Add images with `stamp` (n,), `values` (n, channels) where `good`; which were new."""
         new = good & (stamp > self.newest)
         if new.any():
             self._stamps[new, 1:] = self._stamps[new, :-1]
@@ -48,7 +48,7 @@ class Window:
         return new
 
     def trend(self) -> Trend:
-        """A line through the images of the last `WINDOW_TIME`, wild ones reweighted (Cauchy)."""
+        """Fit a line to the images of the last `WINDOW_TIME`, outliers reweighted (Cauchy)."""
         with np.errstate(invalid="ignore"):
             ago = self._stamps - self.newest[:, None]
         inside = np.nan_to_num(ago, nan=-np.inf) >= -WINDOW_TIME
@@ -56,17 +56,17 @@ class Window:
         inside = inside[..., None]
         weight = np.broadcast_to(inside, self._values.shape).astype(np.float64)
         for _ in range(PASSES):
-            value, rate = _line(t, self._values, weight)
+            value, rate = _fit_line(t, self._values, weight)
             off = self._values - value[:, None] - rate[:, None] * t
             weight = inside / (1.0 + (off / OUTLIER_DEVIATION) ** 2)
-        value, rate = _line(t, self._values, weight)
+        value, rate = _fit_line(t, self._values, weight)
         off = np.where(inside, self._values - value[:, None] - rate[:, None] * t, 0.0)
         spread = np.sqrt((off**2).sum(axis=1) / np.maximum(inside.sum(axis=1), 1))
         return Trend(value, rate, spread)
 
 
-def _line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
-    """Weighted least squares over the frames; rates are held back by what a single image says."""
+def _fit_line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
+    """Weighted least-squares line over the frames, with a ridge that keeps its slope small."""
     s0 = weight.sum(axis=1) + 1e-12
     s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + RATE_NOISE
     y0, y1 = (weight * values).sum(axis=1), (weight * values * t).sum(axis=1)

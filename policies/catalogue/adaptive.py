@@ -1,4 +1,4 @@
-"""`adaptive`, for strips that nobody measured: see `policies.adaptive`."""
+"""Entry of `adaptive`, for strips that nobody measured; see `policies.adaptive`."""
 
 from pathlib import Path
 

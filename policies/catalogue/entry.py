@@ -9,7 +9,7 @@ from policies.policy import Policy
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How figures show a policy: its colour, and matplotlib's marker of a `size` [points]."""
+    """Appearance of a policy in figures: colour, and matplotlib's marker of a `size` [points]."""
 
     colour: str = "#1b1f24"
     marker: str = "o"

@@ -22,7 +22,7 @@ PATH_SAMPLES = 2001  # of a path as a polyline
 
 
 def generator(seed: int, number: int) -> np.random.Generator:
-    """All chance of motion `number` by the hand of `seed`."""
+    """Random generator of motion `number` by the hand of `seed`."""
     return np.random.default_rng([seed, HAND_STREAM, number])
 
 
@@ -40,12 +40,12 @@ def hand_path(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Arr
 
     Up first, then over, with pauses and returns.
     """
-    line = _line(length, rng)
+    line = _smooth_line(length, rng)
     return line, _travel(float(line.x[-1]), rng)
 
 
-def _line(length: float, rng: np.random.Generator) -> CubicSpline:
-    """Points [m] by distance along a smooth curve through places that a person aims for."""
+def _smooth_line(length: float, rng: np.random.Generator) -> CubicSpline:
+    """Points [m] by distance along a smooth curve through the places that a person aims for."""
     apex = (rng.uniform(0.42, 0.58), rng.uniform(0.40, 0.55))
     corners = np.array([
         (1.0, 0.0),
@@ -62,7 +62,7 @@ def _line(length: float, rng: np.random.Generator) -> CubicSpline:
 
 
 def _travel(whole: float, rng: np.random.Generator) -> Array:
-    """Distance along the way (n,) [m] every STEP, in strokes from rest to rest, pauses between."""
+    """Distance along the way (n,) [m] every STEP, in strokes from rest to rest, with pauses."""
     stops = [*np.sort(rng.uniform(0.2, 0.8, rng.integers(MOST_STOPS + 1))), 1.0]
     if rng.uniform() < RETURN_SHARE and len(stops) > 1:
         stops.insert(1, stops[0] - rng.uniform(*RETURN_RANGE))
@@ -75,7 +75,7 @@ def _travel(whole: float, rng: np.random.Generator) -> Array:
 
 
 def _stroke(begin: float, end: float, speed: float, rng: np.random.Generator) -> Array:
-    """From `begin` to `end` [m] along the way at about `speed`, from rest to rest."""
+    """Distances along the way from `begin` to `end` [m] at about `speed`, from rest to rest."""
     t = np.arange(0.0, abs(end - begin) / speed + STARTING, STEP)
     pace = np.exp(HASTE * wavering(t, WAVER, rng))
     near = np.clip(np.minimum(t, t[-1] - t) / STARTING, 0.0, 1.0)

@@ -11,14 +11,14 @@ from policies.path import Path
 
 @dataclass(frozen=True, slots=True)
 class Go:
-    """Move along the path, forward or back, to the fraction `to` of its length."""
+    """Part of a motion: along the path, forward or back, to the fraction `to` of its length."""
 
     to: float
 
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """Rest for `duration` [s]."""
+    """Part of a motion: rest for `duration` [s]."""
 
     duration: float
 
@@ -33,7 +33,7 @@ class Shake:
 
     @property
     def duration(self) -> float:
-        """Duration [s]."""
+        """Duration of the shaking [s]."""
         return self.cycles / self.frequency
 
     def offset(self, time: Array) -> Array:
@@ -65,7 +65,7 @@ class Motion:
         return float(self.times[-1])
 
     def at(self, time: Array | float) -> Array:
-        """Points (..., 2) of x, z [m]."""
+        """Points (..., 2) of x, z [m] at `time`."""
         points = self.path.at(self.travel(time))
         for begin, shake in self.shakes:
             since = np.asarray(time) - begin
@@ -74,7 +74,7 @@ class Motion:
         return points
 
     def travel(self, time: Array | float) -> Array:
-        """Distance along the path [m]."""
+        """Distance along the path [m] at `time`."""
         return np.asarray(np.interp(time, self.times, self.travels))
 
     def passing(self, travel: float) -> float:
@@ -84,7 +84,7 @@ class Motion:
 
 
 def motion(path: Path, parts: Sequence[Part], speed: float) -> Motion:
-    """The motion along `path` at `speed` [m/s], composed of `parts` in order."""
+    """A motion along `path` at `speed` [m/s], composed of `parts` in order."""
     times, travels = [0.0], [0.0]
     shakes = []
     for part in parts:

@@ -29,20 +29,20 @@ class Scripted:
         self._begun: Array = np.zeros(0)
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Reset; create the motion for `strip`."""
+        """Create the motion for `strip` and start at its beginning."""
         self._motion = self._draw(strip.length, speed)
         self._begun = np.full(count, np.nan)
 
     def lift(self) -> Path:
         """The motion's path."""
-        return self._ready().path
+        return self._active_motion().path
 
     def decide(self, observation: Observation) -> Decision:
         """Direction to the motion's present point, at its velocity; done at its end."""
-        motion = self._ready()
+        motion = self._active_motion()
         here = np.stack([observation.x, observation.z], axis=-1)
         if np.isnan(self._begun).any():
-            passed = [motion.passing(place) for place in _along(motion.path, here)]
+            passed = [motion.passing(place) for place in _nearest_travel(motion.path, here)]
             self._begun = observation.time - np.array(passed)
         now = observation.time - self._begun
         ahead = np.clip(now + LEAD, 0.0, motion.duration)
@@ -55,13 +55,13 @@ class Scripted:
         direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)
         return Decision(direction, speed, np.zeros(len(here)), done)
 
-    def _ready(self) -> Motion:
+    def _active_motion(self) -> Motion:
         if self._motion is None:
             raise RuntimeError(f"{self.name}: reset before the first decision")
         return self._motion
 
 
-def _along(path: Path, points: Array) -> Array:
+def _nearest_travel(path: Path, points: Array) -> Array:
     """Distances along `path` (n,) [m] of its points nearest to `points` (n, 2)."""
     travel = np.linspace(0.0, path.length, 2001)
     away = np.linalg.norm(path.at(travel)[:, None] - points[None], axis=-1)

@@ -17,7 +17,7 @@ THIRD = 1 / 3
 
 @dataclass(frozen=True, slots=True)
 class Standard:
-    """A motion for strips of any length: what it reveals, `speed` [m/s], `shape` and `parts`."""
+    """A standard motion on any strip: what it reveals, `speed` [m/s], `shape` and `parts`."""
 
     reveals: str
     speed: float
@@ -25,7 +25,7 @@ class Standard:
     parts: Sequence[Part]
 
     def of(self, length: float, speed: float | None = None) -> Motion:
-        """The motion for a strip of `length` [m], at its own or another speed [m/s]."""
+        """The motion on a strip of `length` [m], at its own or another speed [m/s]."""
         return motion(self.shape(length), self.parts, speed or self.speed)
 
 

@@ -27,7 +27,7 @@ def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: in
 
 
 def evaluator(settings: TrainingSettings, executor: Executor) -> Callable[[Array, int], Scores]:
-    """The `evaluate` function of the search, in pieces over `executor`."""
+    """The search's `evaluate` function, in pieces over `executor`."""
 
     def evaluate(candidates: Array, generation: int) -> Scores:
         pieces = [candidates[i : i + PIECE] for i in range(0, len(candidates), PIECE)]
@@ -54,5 +54,5 @@ def validate(settings: TrainingSettings, weights: Array) -> float:
 
 
 def validator(settings: TrainingSettings, executor: Executor) -> Callable[[Array], float]:
-    """The `validate` function of the search, over `executor`."""
+    """The search's `validate` function, run over `executor`."""
     return lambda weights: executor.submit(validate, settings, weights).result()

@@ -28,7 +28,7 @@ class Journal:
     """
 
     def __init__(self, path: FilePath, settings: TrainingSettings) -> None:
-        """Open or begin."""
+        """Open the journal at `path`, or begin one with `settings`."""
         self.path = path
         text = self._read()
         self._lines = self._parse(text)
@@ -36,13 +36,13 @@ class Journal:
             json.dumps({"schema": 1, "settings": settings.model_dump(mode="json")})
         )
         if not self._lines:
-            self._replace("")
+            self._write_all("")
             self.append(header)
             return
         self._check(header["settings"])
         if self._lines[0] != header or not text.endswith("\n"):  # extended, or cut off by a kill
             self._lines[0] = header
-            self._replace("".join(json.dumps(line) + "\n" for line in self._lines))
+            self._write_all("".join(json.dumps(line) + "\n" for line in self._lines))
 
     @property
     def generations(self) -> list[Line]:
@@ -50,16 +50,16 @@ class Journal:
         return self._lines[1:]
 
     def append(self, line: Line) -> None:
-        """Write `line`; it is on disk on return."""
+        """Write `line` to disk; it is kept after a crash."""
         with writing(self.path, OTHER_FOLDER):
             append_line(self.path, (json.dumps(line) + "\n").encode())
         self._lines.append(line)
 
     def _check(self, asked: dict[str, Any]) -> None:
-        """Refuse other settings, but for a number of generations not below those done."""
+        """Refuse a journal of other settings; more generations than it holds are allowed."""
         begun = self._lines[0].get("settings")
         if not isinstance(begun, dict):
-            raise self._strange()
+            raise self._not_a_journal()
         done = len(self.generations)
         differ = [
             f"{key} is {begun.get(key, 'not stated')} there, {asked.get(key, 'not stated')} here"
@@ -85,17 +85,17 @@ class Journal:
         try:
             lines = [json.loads(line) for line in whole]
         except json.JSONDecodeError:
-            raise self._strange() from None
+            raise self._not_a_journal() from None
         if not all(isinstance(line, dict) for line in lines):
-            raise self._strange()
+            raise self._not_a_journal()
         if not all(line.keys() >= GENERATION_KEYS for line in lines[1:]):
-            raise self._strange()
+            raise self._not_a_journal()
         if text and not lines and not text.startswith("{"):
-            raise self._strange()
+            raise self._not_a_journal()
         return lines
 
-    def _replace(self, text: str) -> None:
+    def _write_all(self, text: str) -> None:
         write_file(self.path, text, OTHER_FOLDER)
 
-    def _strange(self) -> ConfigurationError:
+    def _not_a_journal(self) -> ConfigurationError:
         return ConfigurationError(f"{self.path}: is not a training journal; {OTHER_FOLDER}")

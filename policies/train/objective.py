@@ -63,7 +63,7 @@ def scores(
 
 
 def misses(folds: Folds, length: float) -> Array:
-    """|d| (n,) [m] of each fold; half a strip where the layers never touched."""
+    """|d| (n,) [m] of each fold; half the strip's length where the layers never touched."""
     return np.asarray(np.where(folds.touched, np.abs(folds.displacement), 0.5 * length))
 
 

@@ -54,7 +54,7 @@ class Progress:
 
 
 class Search:
-    """Ask and tell of CMA-ES; `weights` are the optimiser's mean at its best validation so far.
+    """Search by CMA-ES; `weights` are the optimiser's mean at its best validation so far.
 
     The optimiser's linear algebra is limited to one thread: its rounding depends on their number,
     and a training may be resumed on another machine.
@@ -76,7 +76,7 @@ class Search:
     def run(self, evaluate: Evaluate, validate: Validate) -> Iterator[Progress]:
         """Run the remaining generations, one at a time; those in the journal are replayed."""
         for line in list(self._journal.generations):
-            self._tell_again(line)
+            self._replay(line)
         while self._optimiser.generation < self.settings.generations:
             yield self._generation(evaluate, validate)
 
@@ -87,9 +87,9 @@ class Search:
         scores = evaluate(asked, number)
         self._tell(asked, scores.cost)
         validated = None
-        if self._is_judged(number):
+        if self._is_validated(number):
             validated = validate(self._optimiser.mean)
-            self._keep(validated)
+            self._keep_best(validated)
         done = Progress(
             generation=number,
             best=float(scores.miss.min()),
@@ -102,12 +102,12 @@ class Search:
         )
         return done
 
-    def _is_judged(self, number: int) -> bool:
-        """Whether to validate now: at intervals and at the end; only what is validated is kept."""
+    def _is_validated(self, number: int) -> bool:
+        """Whether to validate this generation; only validated weights are kept."""
         last = number + 1 == self.settings.generations
         return last or (number + 1) % self.settings.validate_every == 0
 
-    def _tell_again(self, line: Line) -> None:
+    def _replay(self, line: Line) -> None:
         number, asked = self._optimiser.generation, self._ask()
         if _digest(asked) != line["asked"]:
             raise ConfigurationError(
@@ -115,8 +115,8 @@ class Search:
                 "of processor; go on there, or begin again in another output folder"
             )
         self._tell(asked, np.array(line["costs"]))
-        if line["validated"] is not None and self._is_judged(number):  # not where it once ended
-            self._keep(line["validated"])
+        if line["validated"] is not None and self._is_validated(number):  # not where it once ended
+            self._keep_best(line["validated"])
 
     def _ask(self) -> Array:
         with self._blas.limit(limits=1, user_api="blas"):
@@ -126,7 +126,7 @@ class Search:
         with self._blas.limit(limits=1, user_api="blas"):
             self._optimiser.tell([(x, float(c)) for x, c in zip(asked, costs, strict=True)])
 
-    def _keep(self, validated: float) -> None:
+    def _keep_best(self, validated: float) -> None:
         if validated < self.validated:
             self.validated = validated
             self.weights = self._optimiser.mean.copy()

@@ -15,7 +15,7 @@ JOURNAL, CHECKPOINT = "feedback.jsonl", "feedback.json"
 
 
 class TrainingRun:
-    """Starts in an empty folder, resumes in one that holds a journal of the same settings.
+    """A training that begins in an empty folder, or resumes one of the same settings.
 
     `known` generations were done before. Raises ConfigurationError for a folder that cannot be
     written or holds something else.
@@ -43,11 +43,11 @@ class TrainingRun:
         for step in steps:
             done = step.generation + 1
             if step.validated == search.validated:
-                self._save(done)
+                self._save_checkpoint(done)
             yield step
-        self._save(done)
+        self._save_checkpoint(done)
 
-    def _save(self, generations: int) -> None:
+    def _save_checkpoint(self, generations: int) -> None:
         training = Training(
             seed=self.settings.seed,
             generations=generations,

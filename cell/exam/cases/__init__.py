@@ -1,1 +1,1 @@
-"""The cases of an exam: drawn by chance, sized, their keys sealed."""
+"""The cases of an exam: drawn at random, scaled to their strength, with sealed keys."""

@@ -1,4 +1,4 @@
-"""The sealed key: what is hidden in a case, written before it is judged, read by the scorer."""
+"""The sealed key: the cause hidden in a case, written before judging, read by the scorer."""
 
 import hashlib
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ SCORER = ("scoring/score.py", "scoring/oracle.py", "run_case.py")
 
 
 def seal(case: Case, folder: Path) -> Path:
-    """Write the key of `case` into the exam's `folder`, for its owner's eyes only."""
+    """Write the key of `case` into the exam's `folder`, readable by its owner alone."""
     keys = folder / KEYS_FOLDER
     keys.mkdir(mode=0o700, parents=True, exist_ok=True)
     path = keys / f"{case.name}.yaml"
@@ -35,29 +35,29 @@ def open_key(folder: Path, name: str) -> Case:
 
 
 def case_hash(case: Case) -> str:
-    """Digest of everything that a case says, and of the motions that are made of it."""
+    """Digest of all fields of a case, and of the motions made from them."""
     made = MOTIONS if case.tier == "state" else (*STANDARD, REPEATED_RUN, REFERENCE_RUN)
     return hashlib.sha256((case.model_dump_json() + " ".join(made)).encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True, slots=True)
 class Sources:
-    """Digests of the sources that a verdict depends on (`engine`) and that score it."""
+    """Digests of the source code that makes verdicts (`engine`) and scores them."""
 
     engine: str
     scorer: str
 
     def verdict(self, case: Case) -> str:
-        """What the verdict on a case depends on."""
+        """Digest of all that the verdict on a case depends on."""
         return f"{self.engine}-{case_hash(case)}"
 
     def entry(self, case: Case) -> str:
-        """What the entry of a case depends on."""
+        """Digest of all that the entry of a case depends on."""
         return f"{self.verdict(case)}-{self.scorer}"
 
 
 def sources() -> Sources:
-    """The sources as they lie on the disk now."""
+    """Digests of the sources as they are on disk now."""
     package, model = Path(cell.__file__).parent, Path(drivers.__file__).parent / "strip"
     here = Path(__file__).parents[1]
     return Sources(

@@ -1,4 +1,4 @@
-"""Cases drawn by chance: what is hidden, where it sits, how strong it is, on which strip."""
+"""Draws cases at random: the hidden effect, its place, its strength, the strip."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.a
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """Case `i` of the exam of `seed`, the one with this `number` of its kind; not drawn yet."""
+    """Case `i` of the exam of `seed`, the `number`-th of its kind, not drawn yet."""
 
     tier: Tier
     kind: Kind
@@ -56,7 +56,7 @@ class Draw:
     seed: int
 
     def case(self) -> Case:
-        """The case; raises Fault where nothing can be as strong as it must."""
+        """Draw the case; raises Fault where nothing can be as strong as required."""
         drawn = _case(self.tier, self.kind, self.i, self.number, self.seed)
         return drawn.model_copy(update={"scatter": _scatter_level(self.number)})
 
@@ -69,7 +69,7 @@ def cases(
     progress: Progress = quiet,
     jobs: int = 1,
 ) -> list[Case]:
-    """`count` cases, of one kind `only` or of all in their shares, `jobs` drawn at a time in
+    """Draw `count` cases, of one kind `only` or of all in their shares, `jobs` at a time in
     processes; the same for the same seed.
 
     `progress` hears of every tenth of them. Raises Fault where none can be that strong.
@@ -86,8 +86,8 @@ def cases(
 
 
 def _scatter_level(number: int) -> Scattered:
-    """How much runs differ in case `number` of a kind: every level at every strength, and for
-    motions of either kind.
+    """Level of the run-to-run scatter in case `number` of a kind: every level occurs at every
+    strength, and for motions of either kind.
     """
     levels, triples = len(SCATTER), number // len(CASE_STRENGTHS)
     return SCATTER[(number + triples + triples // BY_HAND_PERIOD) % levels]
@@ -131,17 +131,17 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
 
 
 def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator) -> Case:
-    """One effect; in a chain, that of images too, every other three by laws that only resemble
-    the library's.
+    """Case with one hidden effect; every third chain case uses the library's laws, the others laws
+    that resemble them.
     """
     turn, place = divmod(number, len(CASE_STRENGTHS))
     own = case.tier == "state" and case.engine == "rod"
     if own or turn % UNLIKE_PERIOD == 0:
-        return _hiding(case, level, draw_effects(case, 1, level, rng))
+        return _with_effects(case, level, draw_effects(case, 1, level, rng))
     names = sorted(RESEMBLING)
     first = (turn // UNLIKE_PERIOD * len(CASE_STRENGTHS) + place) % len(names)
     for name in [*names[first:], *names[:first]]:
-        shown = _showing(case, registry()[name], STRENGTHS[level], rng)
+        shown = _visible_effect(case, registry()[name], STRENGTHS[level], rng)
         if shown is not None:
             strip, values = shown
             cause = RESEMBLING[name]
@@ -151,11 +151,11 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
     raise Fault("exam", f"{case.name}: no law that resembles the library's is {level}")
 
 
-def _showing(
+def _visible_effect(
     case: Case, effect: Effect, target: float, rng: np.random.Generator
 ) -> tuple[str, Values] | None:
-    """A strip on which an effect leaves a gap of `target`, and its values; None where none does:
-    no air that a heavy strip does not feel, no seam where nothing is lifted.
+    """A strip on which an effect leaves a gap of `target`, and the effect's values; None where no
+    strip does, as for air drag on a heavy one.
     """
     others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
     for strip in [case.strip, *others]:
@@ -168,18 +168,18 @@ def _showing(
 
 
 def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
-    """Two effects, each of medium strength or above for itself and of medium beside the other."""
+    """Case with two hidden effects, of medium strength or above alone, medium beside the other."""
     strong: Strength = "strong" if level == "strong" else "medium"
     ruler = _ruler_of(case)
     for _ in range(TRIES):
         both = draw_effects(case, 2, strong, rng)
         if ruler.beside(both).min() >= STRENGTHS["medium"] * NEARLY:
-            return _hiding(case, strong, both)
+            return _with_effects(case, strong, both)
     raise Fault("exam", f"{case.name}: no two effects of {case.strip} show beside each other")
 
 
 def _with_foreign(case: Case, number: int, seed: int) -> Case:
-    """A cause that nothing in the library resembles, of medium strength or above.
+    """Case with a cause unlike everything in the library, of medium strength or above.
 
     An exam begins with another one by its `seed`.
     """
@@ -190,7 +190,7 @@ def _with_foreign(case: Case, number: int, seed: int) -> Case:
     return case.model_copy(update={"causes": hidden, "strength": strong})
 
 
-def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
+def _with_effects(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
     return case.model_copy(
         update={"effects": hidden, "answer": tuple(sorted(hidden)), "strength": level}
     )
@@ -199,7 +199,7 @@ def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
 def draw_effects(
     case: Case, count: int, level: Strength, rng: np.random.Generator
 ) -> dict[str, Values]:
-    """`count` effects, each of strength `level` for itself on the plant of the case.
+    """Draw `count` effects, each of strength `level` by itself on the plant of the case.
 
     Raises Fault where no effect of that strip can be that strong.
     """
@@ -221,17 +221,19 @@ def _ruler_of(case: Case) -> Ruler:
 
     A slip begins at a threshold: on a strip only a little softer than the plant none might show.
     """
-    return _ruler(case.strip, case.stiffness, case.damping, case.tier, _hand(case))
+    return _cached_ruler(case.strip, case.stiffness, case.damping, case.tier, _hand_seed(case))
 
 
-def _hand(case: Case) -> int | None:
-    """The seed of a case that is moved by hand."""
+def _hand_seed(case: Case) -> int | None:
+    """Seed of the hand in a case that is moved by hand."""
     return case.seed if case.motions == "by_hand" else None
 
 
 @lru_cache(maxsize=2)
-def _ruler(name: str, stiffness: float, damping: float, tier: Tier, hand: int | None) -> Ruler:
-    """The ruler of a strip of the cell, cached by what it depends on."""
+def _cached_ruler(
+    name: str, stiffness: float, damping: float, tier: Tier, hand: int | None
+) -> Ruler:
+    """The ruler of a strip of the cell, cached."""
     plant = scale_strip(find_configs(None).strip(name), stiffness, damping)
     if tier == "images":
         return _ruler_of_cell(plant, hand)
@@ -242,7 +244,7 @@ def _ruler(name: str, stiffness: float, damping: float, tier: Tier, hand: int | 
 
 
 def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
-    """The ruler on motions that the cell makes."""
+    """The ruler on motions made by the cell."""
     sigma = Sigma.model_validate(find_configs(None).cell().sigma.model_dump())
     order = standard_order(np.random.default_rng(0))
     if hand is None:
@@ -252,7 +254,7 @@ def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
 
 
 def path_of(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
-    """An effect with the numbers that shape it drawn, growing to a side drawn too."""
+    """Draw the shape parameters of an effect and the sign in which it grows."""
     others: Values = {}
     for p in effect.parameters[1:]:
         if p.role == "place":

@@ -1,4 +1,4 @@
-"""The cases of an exam, drawn once: another engine is examined on the very same ones."""
+"""Cases of an exam, drawn once and stored, so that another engine is examined on the same ones."""
 
 import json
 from pathlib import Path
@@ -26,8 +26,7 @@ def load_or_draw(
     progress: Progress = quiet,
     jobs: int = 1,
 ) -> tuple[Case, ...]:
-    """The cases of a tier: those that `folder` holds for the same request, else drawn now,
-    `jobs` at a time.
+    """Load the cases that `folder` holds for the same request, else draw them, `jobs` at a time.
 
     From the state each motion is made `repeats` times; with a `kind` all cases are of that; with a
     `force` [N] the arm reports the strip's with that noise, and nothing else of a case changes.

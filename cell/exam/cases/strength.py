@@ -1,4 +1,4 @@
-"""How large a hidden effect must be to leave a given gap, after the base is refitted."""
+"""Finds how large a hidden effect must be to leave a given gap, after the base is refitted."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ Hidden = dict[str, dict[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """An effect that grows: its switch from null to `largest`, its other numbers fixed."""
+    """An effect of growing strength: its switch from null to `largest`, all else fixed."""
 
     effect: Effect
     others: dict[str, float]
@@ -39,7 +39,7 @@ class Path:
 
     @classmethod
     def of(cls, effect: Effect, strip: StripFile, others: dict[str, float], *, up: bool) -> Self:
-        """Towards the largest believable value on `strip`; `up` where both signs are possible."""
+        """Path to the largest believable value on `strip`; `up` where both signs are possible."""
         p, known = effect.parameters[0], effect.sizes(strip)
         if p.null is None:
             return cls(effect, others, max(p.low, min(known) / BELIEVABLE))
@@ -49,7 +49,7 @@ class Path:
         return cls(effect, others, float(np.clip(signed, p.low, p.high)))
 
     def at(self, share: float) -> dict[str, float]:
-        """Its parameters, `share` of the way from null."""
+        """The effect's parameters at `share` of the way from null."""
         p = self.effect.parameters[0]
         if p.null is None:
             value = self.largest / share
@@ -61,8 +61,8 @@ class Path:
 
 
 class Ruler:
-    """Gaps that effects leave on the motions of `made`, runs of a plant without effects, in
-    the model's own eyes.
+    """Measures the gap that effects leave, as the model sees it, on the motions of `made`,
+    simulated runs of a plant without effects.
     """
 
     def __init__(self, plant: StripFile, made: Sequence[MeasuredRun]) -> None:
@@ -76,19 +76,19 @@ class Ruler:
 
     @classmethod
     def standard(cls, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> Self:
-        """On standard motions by their names."""
+        """A ruler on the standard motions with these names."""
         made = {run.name: run for run in planned_runs(plant, sigma, 0)}
         return cls(plant, [made[name] for name in motions])
 
     @classmethod
     def along(cls, plant: StripFile, ways: Sequence[GripperPath], sigma: Sigma) -> Self:
-        """On motions of one's own."""
+        """A ruler on given motions."""
         seen = measured_along(ways, plant, sigma, 0)
         return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(seen)])
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:
-        """Excess gap (k,) that each of these sets of effects leaves."""
-        return np.array([self._excess(left) for left in self._left(hidden)])
+        """Excess gap (k,) left by each of these sets of effects."""
+        return np.array([self._excess(left) for left in self._response_after_refit(hidden)])
 
     def beside(self, both: Hidden) -> Array:
         """Excess gap (2,) that each of two effects leaves once the other's amount is refitted too.
@@ -96,12 +96,12 @@ class Ruler:
         To first order: what of the joint response the base and the other's own do not span.
         """
         alone = [{name: values} for name, values in both.items()]
-        joint, *each = self._left([both, *alone])
+        joint, *each = self._response_after_refit([both, *alone])
         others = [other / np.linalg.norm(other) for other in reversed(each)]
         return np.array([self._excess(joint - other * (other @ joint)) for other in others])
 
-    def _left(self, hidden: Sequence[Hidden]) -> list[Array]:
-        """Whitened responses (N,) to sets of effects, once the base has moved against them."""
+    def _response_after_refit(self, hidden: Sequence[Hidden]) -> list[Array]:
+        """Whitened responses (N,) to sets of effects, less what a refit of the base removes."""
         estimate = self._estimate
         base, local = estimate.shared, estimate.point.local
         asked = [
@@ -138,11 +138,11 @@ class Ruler:
         return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
 
     def share(self, path: Path, target: float) -> float | None:
-        """How far along `path` the gap is `target`; None where it never gets there."""
+        """Share of `path` at which the gap is `target`; None where it is never reached."""
         try:
-            if self._along(path, LADDER[-1:]).max() < target:
+            if self._interpolate_shares(path, LADDER[-1:]).max() < target:
                 return None
-            excess = self._along(path, LADDER)
+            excess = self._interpolate_shares(path, LADDER)
         except ConfigurationError:
             return None
         beyond = np.flatnonzero(excess >= target)
@@ -150,12 +150,12 @@ class Ruler:
         (low, high), (a, b) = LADDER[k - 1 : k + 1], excess[k - 1 : k + 1]
         return float(low * (high / low) ** ((target - a) / (b - a)))
 
-    def _along(self, path: Path, shares: Array) -> Array:
+    def _interpolate_shares(self, path: Path, shares: Array) -> Array:
         return self.excess([{path.effect.name: path.at(s)} for s in shares])
 
 
 def engine_values(name: str, values: dict[str, float]) -> Array:
-    """An effect's parameters, stated as files state them, as the gap engine has them (p,)."""
+    """Parameters (p,) of an effect in the gap engine's units, from those of a file."""
     effect = registry()[name]
     complete = effect.complete(values)
     switch = effect.parameters[0]

@@ -1,4 +1,4 @@
-"""Causes that only the makers of exam cases know: no effect of the library is their law.
+"""Causes that only the makers of exam cases know: none follows the law of an effect of the library.
 
 Every module of this folder that has a `CAUSE` is one cause, named like the module, and so is every
 plug-in of the kind `causes`.

@@ -10,7 +10,7 @@ TINY = 1e-6  # s, over which nodes are led on to see how fast they move
 
 
 def moving(joints: Joints, position: Array, rate: Array) -> tuple[Array, Array, Array]:
-    """Middles (n, 2) [m] of the links, their velocities (n, 2) [m/s], directions (n, 2)."""
+    """Midpoints (n, 2) [m] of the links, their velocities (n, 2) [m/s] and directions (n, 2)."""
     nodes = joints.nodes(position)
     speed = (joints.nodes(position + TINY * rate) - nodes) / TINY
     along = np.diff(nodes, axis=0)

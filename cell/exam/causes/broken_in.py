@@ -1,4 +1,4 @@
-"""Stiffness that is lost at once, between two runs."""
+"""Cause: stiffness that is lost at once, between two runs."""
 
 from dataclasses import replace
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""A yarn of the strip that hangs on the desk."""
+"""Cause: a yarn of the strip is caught on the desk."""
 
 from typing import ClassVar
 

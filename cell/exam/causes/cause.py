@@ -1,4 +1,4 @@
-"""What every hidden cause is: settings of its own, and the places where it can take hold."""
+"""Base class of hidden causes: their settings, and the points at which they act."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -14,7 +14,7 @@ Sizes = Mapping[str, Mapping[str, float]]
 
 
 class Cause(Settings):
-    """Something that a plant of the exam has and no description of a strip holds.
+    """A property of an exam plant that no description of a strip can hold.
 
     `amount` names the setting that says how much of it there is. `answers` names the effect of
     the library that it resembles, whose own amount then has the same name and meaning; None where
@@ -29,7 +29,7 @@ class Cause(Settings):
     sizes: ClassVar[Sizes] = {}
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
-        """The strip as it lies there in the run `model.index`; `rng` is the run's."""
+        """The strip as altered by the cause in the run `model.index`; `rng` is the run's."""
         return model
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
@@ -37,13 +37,13 @@ class Cause(Settings):
         return None
 
     def true_pose(self, pose: Array, time: float) -> Array:  # noqa: ARG002
-        """Where the strip's edge truly is at `time` [s] since the grasp, held at `pose` (3,)."""
+        """True pose of the strip's edge at `time` [s] since the grasp, held at `pose` (3,)."""
         return pose
 
     def image_time(self, since: float) -> float:
-        """How old the world is that an image shows, stamped `since` [s] after the grasp [s]."""
+        """Age of the world [s] shown in an image stamped `since` [s] after the grasp."""
         return since
 
     def distortion(self, distortion: tuple[float, float]) -> tuple[float, float]:
-        """Radial k1, k2 of the lens, from those with which it was calibrated."""
+        """Radial distortion k1, k2 of the lens, given the calibrated one."""
         return distortion

@@ -1,4 +1,4 @@
-"""A camera whose clock is not the arm's."""
+"""Cause: the camera's clock drifts from the arm's."""
 
 from typing import ClassVar
 
@@ -19,7 +19,7 @@ class ClockDrift(Cause):
     drift: float = Field(ge=0, le=0.05)
 
     def image_time(self, since: float) -> float:
-        """The moment that an image stamped `since` shows."""
+        """True time of the world in an image stamped `since`."""
         return since / (1.0 + self.drift)
 
 

@@ -1,4 +1,4 @@
-"""Fingers out of which the strip slides slowly."""
+"""Cause: the strip slides slowly out of the fingers."""
 
 from typing import ClassVar
 
@@ -10,7 +10,7 @@ from drivers.types import Array
 
 
 class CreepingGrip(Cause):
-    """The edge leaves the fingers by `rate` [m/s] from the grasp on, along what they hold.
+    """The strip's edge leaves the fingers at `rate` [m/s] after the grasp, along its tangent.
 
     Source: assumed; a soft fabric between smooth fingers whose force fades.
     """

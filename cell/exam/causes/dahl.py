@@ -1,4 +1,4 @@
-"""Friction between yarns that sets in gradually, without a yield point."""
+"""Cause: friction between yarns that sets in gradually, without a yield point."""
 
 from typing import ClassVar
 
@@ -11,7 +11,7 @@ from drivers.types import Array
 
 
 class Dahl(Cause):
-    """Dahl's friction beside the elastic moment, in the place of elasto-plastic elements.
+    """Dahl's friction in addition to the elastic moment, in place of elasto-plastic elements.
 
     The friction moment M obeys dM/dkappa = ratio EI (1 - s M / M_c)^exponent, where s is the sign
     of the curvature's rate and M_c = `yield_curvature` EI. Source: Dahl, Solid friction damping
@@ -47,12 +47,12 @@ class Element:
         self._angle = 0.0 * limit
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Moment and slope after the turn since the last call; exact for a turn one way."""
+        """Moment and slope after the turn since the last call; exact for one direction."""
         turn = angle - self._angle
         sign = np.where(turn < 0, -1.0, 1.0)
         short = 1.0 - sign * self._moment / self._limit  # 0 where it slides, 2 where it turns back
         way = self._stiffness * np.abs(turn) / self._limit
-        short = _less(short, way, self._exponent)
+        short = _decay(short, way, self._exponent)
         self._moment = sign * self._limit * (1.0 - short)
         self._angle = angle
         back = np.where(rate < 0, -1.0, 1.0)
@@ -60,8 +60,8 @@ class Element:
         return self._moment, self._stiffness * left**self._exponent
 
 
-def _less(short: Array, way: Array, exponent: float) -> Array:
-    """What du/dx = -u^exponent leaves of u = `short` after x = `way`."""
+def _decay(short: Array, way: Array, exponent: float) -> Array:
+    """Solution u of du/dx = -u^exponent from u = `short`, after x = `way`."""
     short = np.maximum(short, 1e-12)
     if exponent == 1:
         return np.asarray(short * np.exp(-way))

@@ -1,4 +1,4 @@
-"""Moving air in the room."""
+"""Cause: moving air in the room."""
 
 from typing import ClassVar
 

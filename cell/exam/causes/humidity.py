@@ -1,4 +1,4 @@
-"""Air that is drier or damper in every run."""
+"""Cause: air that is drier or damper in every run."""
 
 from dataclasses import replace
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""A lens that was touched after its calibration."""
+"""Cause: a lens that was touched after its calibration."""
 
 from typing import ClassVar
 
@@ -8,7 +8,7 @@ from cell.exam.causes.cause import Cause
 
 
 class LensTouched(Cause):
-    """Radial distortion other than calibrated: k1 and k2 greater by `k1`, `k2`.
+    """Radial distortion that differs from the calibrated one: k1 and k2 are greater by `k1`, `k2`.
 
     The exam does not draw it: up to a k1 of 0.25 the refitted base leaves nothing of it, and from
     0.3 on the preflight refuses to fold. At the edge of a picture r is about 0.19 here: k1 of

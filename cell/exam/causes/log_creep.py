@@ -1,4 +1,4 @@
-"""Bending stiffness that fades with the logarithm of time."""
+"""Cause: bending stiffness that decays with the logarithm of time."""
 
 from typing import ClassVar
 
@@ -28,7 +28,7 @@ class LogCreep(Cause):
     slow: float = Field(5.0, gt=0, le=1000)  # s
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """What the springs of a chain have lost."""
+        """Loss of moment of a chain's springs by creep."""
         if self.ratio == 0:
             return None
         times = np.geomspace(self.quick, self.slow, ELEMENTS)
@@ -46,7 +46,7 @@ class Fading:
         self._elapsed = 0.0
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Negative: by how much the elements have fallen short of springs, dq = da - q dt / T."""
+        """Negative moment and slope: the elements' loss against springs, dq = da - q dt / T."""
         past = self._elapsed / self._times
         kept = np.ones_like(past) if self._elapsed == 0 else -np.expm1(-past) / past
         self._strain = np.exp(-past) * self._strain + kept * (angle - self._angle)

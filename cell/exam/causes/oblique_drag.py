@@ -1,4 +1,4 @@
-"""Drag of still air that also rubs along the strip and is not quite quadratic."""
+"""Cause: drag of still air that also acts along the strip and is not quite quadratic."""
 
 from typing import ClassVar
 
@@ -13,7 +13,7 @@ from drivers.twin.chain.lumps import AIR_DENSITY
 
 
 class ObliqueDrag(Cause):
-    """Force per length 1/2 rho C width v_0^2 (|v| / v_0)^exponent, against the motion.
+    """Drag per length 1/2 rho C width v_0^2 (|v| / v_0)^exponent, against the motion.
 
     Its part along the strip counts `along`. The coefficient is that of a plate in normal flow,
     C_d, at the speed v_0. Sources: Hoerner, Fluid-Dynamic Drag, 1965, chapter 3 (plates between

@@ -1,4 +1,4 @@
-"""Damping that grows with a power of the rate of bending."""
+"""Cause: damping that grows with a power of the rate of bending."""
 
 from typing import ClassVar
 
@@ -11,7 +11,7 @@ from drivers.twin.chain.extra_forces import ForceFunction, Parts
 
 
 class PowerDamping(Cause):
-    """Adds the moment EI `coefficient` r^2 (|kappa'| / r)^exponent against the rate kappa'.
+    """Adds a moment EI `coefficient` r^2 (|kappa'| / r)^exponent against the rate kappa'.
 
     At the rate r it is that of the library's quadratic law. Source: the power law of Ostwald and
     de Waele, here of a dashpot; the exponent is assumed.

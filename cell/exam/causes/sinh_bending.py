@@ -1,4 +1,4 @@
-"""Bending that grows stiffer, or softer, with curvature, by another law than a cubic."""
+"""Cause: bending that grows stiffer, or softer, with curvature, by another law than a cubic."""
 
 from typing import ClassVar
 
@@ -13,7 +13,7 @@ LINEAR_FROM = 6.0  # times the curvature of the law from which on it is led stra
 
 
 class SinhBending(Cause):
-    """M = EI k_s sinh(kappa / k_s), or tanh where `cubic` is negative.
+    """Elastic moment M = EI k_s sinh(kappa / k_s), or tanh where `cubic` is negative.
 
     `cubic` [m^2] is the coefficient of the law's own series: 1 / (6 k_s^2) for sinh and
     -1 / (3 k_s^2) for tanh. Source of the saturating law: friction couples of yarns, Grosberg,
@@ -26,7 +26,7 @@ class SinhBending(Cause):
     cubic: float = Field(ge=-1e-3, le=1e-3)  # m^2
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """What the law adds to the elastic moment of every hinge."""
+        """The law's addition to the elastic moment of every hinge."""
         if self.cubic == 0:
             return None
         hard = self.cubic > 0
@@ -35,13 +35,13 @@ class SinhBending(Cause):
 
 
 class Excess:
-    """The moment of sinh or tanh over that of its tangent, `scale` (n + 1,) [rad]."""
+    """Moment of sinh or tanh beyond its tangent's, `scale` (n + 1,) [rad]."""
 
     def __init__(self, stiffness: Array, scale: Array, *, hard: bool) -> None:
         self._stiffness, self._scale, self._hard = stiffness, scale, hard
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Moment and slope at `angle`."""
+        """Excess moment and slope at `angle`."""
         x = np.clip(angle / self._scale, -LINEAR_FROM, LINEAR_FROM)
         value = np.sinh(x) if self._hard else np.tanh(x)
         slope = np.cosh(x) if self._hard else 1.0 / np.cosh(x) ** 2

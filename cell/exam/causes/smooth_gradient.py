@@ -1,4 +1,4 @@
-"""Stiffness that rises along the strip in an S instead of a straight line."""
+"""Cause: stiffness that rises along the strip in an S instead of a straight line."""
 
 from dataclasses import replace
 from typing import ClassVar

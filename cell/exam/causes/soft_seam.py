@@ -1,4 +1,4 @@
-"""A place of other stiffness without edges."""
+"""Cause: a place of other stiffness with smooth edges."""
 
 from dataclasses import replace
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Inner friction that a specimen loses in its first runs."""
+"""Cause: inner friction that a specimen loses in its first runs."""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -23,7 +23,7 @@ class Softening(Cause):
     runs: float = Field(2.5, gt=0, le=100)
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
-        """The strip as its earlier runs have left it."""
+        """The strip as softened by its earlier runs."""
         if self.loss == 0:
             return model
         factor = 1.0 - self.loss * (1.0 - np.exp(-model.index / self.runs))

@@ -1,4 +1,4 @@
-"""Electrostatic attraction between strip and desk."""
+"""Cause: electrostatic attraction between strip and desk."""
 
 from typing import ClassVar
 

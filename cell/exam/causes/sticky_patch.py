@@ -1,4 +1,4 @@
-"""A spot on the desk that holds what lies on it."""
+"""Cause: a sticky spot on the desk."""
 
 from typing import ClassVar
 

@@ -1,4 +1,4 @@
-"""A gripper that vibrates without the arm's knowledge."""
+"""Cause: a gripper that vibrates without the arm's knowledge."""
 
 from typing import ClassVar
 

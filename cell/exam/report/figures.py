@@ -15,7 +15,7 @@ EDGES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, float("inf"))
 
 
 def figure(table: Confusion, bins: Sequence[Bin], found: Sequence[Outcome]) -> Figure:
-    """All three, the matrix above."""
+    """The figure of an exam: the confusion matrix above, reliability and rates below."""
     height = 1.6 + 0.24 * len(table.rows)
     drawn = Figure(figsize=(max(9.0, 3.5 + 0.36 * len(table.columns)), height + 4.0),
                    layout="constrained")  # fmt: skip
@@ -25,18 +25,18 @@ def figure(table: Confusion, bins: Sequence[Bin], found: Sequence[Outcome]) -> F
     _reliability(left, bins)
     _strength(right, found)
     for axis in (left, right):
-        _quiet(axis)
+        _remove_spines(axis)
     return drawn
 
 
-def _quiet(axis: Axes) -> None:
+def _remove_spines(axis: Axes) -> None:
     axis.tick_params(colors=INK, labelsize=8)
     for side in ("top", "right"):
         axis.spines[side].set_visible(False)
 
 
 def _matrix(axis: Axes, table: Confusion) -> None:
-    """Counts, shaded by their share of the row."""
+    """Draw the counts, shaded by their share of the row."""
     counts = np.array([[table.count(r, c) for c in table.columns] for r in table.rows])
     axis.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0.0, vmax=1.3,
                 aspect="auto")  # fmt: skip
@@ -61,7 +61,7 @@ def _reliability(axis: Axes, bins: Sequence[Bin]) -> None:
 
 
 def _strength(axis: Axes, found: Sequence[Outcome]) -> None:
-    """Right and wrong names of single effects by the gap that the refitted base left."""
+    """Draw right and wrong names of single effects over the gap left by the refitted base."""
     single = [o for o in found if o.kind == "single"]
     groups = [[o for o in single if low <= o.realised < high] for low, high in pairwise(EDGES)]
     for shift, colour, words in (

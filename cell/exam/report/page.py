@@ -45,7 +45,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def plant_table(entries: Sequence[Entry]) -> str:
-    """Rates split by what the plant is, beside the reliability of what is stated there."""
+    """Table of rates by kind of plant, with the reliability of the confidence stated there."""
     groups = {name: [e for e in entries if e.case.plant == name] for name in PLANTS}
     groups = {name: mine for name, mine in groups.items() if mine}
     rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
@@ -54,7 +54,7 @@ def plant_table(entries: Sequence[Entry]) -> str:
 
 
 def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
-    """How many of the verdicts that name are right, and what they state on average."""
+    """How many of the naming verdicts are right, and their mean stated confidence."""
     if not claims:
         return "no name"
     right = rate_text(rate(right for _, right in claims))
@@ -62,8 +62,10 @@ def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
 
 
 def scatter_table(entries: Sequence[Entry]) -> str:
-    """Rates split by level of scatter and by who moves, and estimated spreads against true ones."""
-    groups = {_level(name): [e for e in entries if e.case.scatter == name] for name in LEVELS}
+    """Table of rates by scatter and kind of motion, and estimated spreads over true ones."""
+    groups = {
+        _scatter_words(name): [e for e in entries if e.case.scatter == name] for name in LEVELS
+    }
     led = [e for e in entries if e.case.motions == "by_hand"]
     if led:
         groups["standard motions"] = [e for e in entries if e.case.motions == "standard"]
@@ -86,21 +88,21 @@ def scatter_table(entries: Sequence[Entry]) -> str:
     return "\n\n".join(parts)
 
 
-def _level(name: Scattered) -> str:
+def _scatter_words(name: Scattered) -> str:
     of = LEVELS[name]
     sizes = f"{1e3 * of.grip:g} mm, {100 * of.damping:g} %, {100 * of.stiffness:g} %"
     return "no scatter" if name == "none" else sizes
 
 
 def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tuple[Path, ...]:
-    """Write the Markdown `page`, and a figure a tier beside it; the paths.
+    """Write the Markdown `page`, and a figure a tier beside it; returns their paths.
 
     Raises ConfigurationError where that is impossible.
     """
     content = {page: markdown(entries, page.stem, command).encode()}
     for tier, mine in by_tier(entries):
         if outcomes(mine):
-            content[_picture(page, tier)] = _png(mine)
+            content[_picture_path(page, tier)] = _draw_png(mine)
     with writing(page):
         page.parent.mkdir(parents=True, exist_ok=True)
         for path, data in content.items():
@@ -109,7 +111,7 @@ def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tup
 
 
 def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
-    """The tiers that were examined, with their cases."""
+    """Entries by tier, for the tiers that were examined."""
     every = list(entries)
     for tier in TIERS:
         mine = [e for e in every if e.case.tier == tier]
@@ -118,7 +120,7 @@ def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
 
 
 def markdown(entries: Sequence[Entry], stem: str = "exam", command: str = "") -> str:
-    """The whole page."""
+    """Text of the whole page."""
     parts = [
         "# The exam of the gap workflow",
         "Every case is a strip whose plant hides something, or nothing. The workflow sees the "
@@ -128,18 +130,18 @@ def markdown(entries: Sequence[Entry], stem: str = "exam", command: str = "") ->
     if command:
         parts.append(f"Made by `{command}`.")
     for tier, mine in by_tier(entries):
-        parts += _tier(mine, tier, f"{stem}-{tier}.png")
+        parts += _tier_lines(mine, tier, f"{stem}-{tier}.png")
     return "\n\n".join(parts) + "\n"
 
 
-def _tier(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterator[str]:
+def _tier_lines(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterator[str]:
     failed = sum(e.state == "failed" for e in entries)
     yield f"## {TIERS[tier]}"
     yield (
         f"{len(entries)} cases; {failed} of them gave no verdict, and count as not right. "
-        f"Source of the engine: {_engines(entries)}."
+        f"Source of the engine: {_engines_used(entries)}."
     )
-    yield _targets(targets(entries, tier))
+    yield _targets_table(targets(entries, tier))
     found = outcomes(entries)
     if found:
         yield "### By what the plant is"
@@ -152,29 +154,29 @@ def _tier(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterator[str]:
         yield "### By how much runs differ from one another"
         yield scatter_table(entries)
         yield f"![Confusion, confidence, strength]({picture})"
-        yield from _details(entries, found)
+        yield from _detail_lines(entries, found)
     yield "### Every miss"
-    yield "\n".join(_misses(entries)) or "None."
+    yield "\n".join(_missed_cases(entries)) or "None."
 
 
-def _details(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iterator[str]:
+def _detail_lines(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iterator[str]:
     yield "### What was hidden and what was said"
-    yield _confusion(said_of(entries))
+    yield _confusion_table(said_of(entries))
     yield "### Is the stated confidence earned?"
-    yield _confidence(found)
+    yield _reliability_table(found)
     yield "### Do the intervals hold the truth?"
-    yield _coverage(entries)
+    yield _coverage_table(entries)
     yield "### The gap on held-out runs, against knowing the truth"
-    yield _against_truth(entries)
+    yield _parameter_table(entries)
     yield "### Against simpler ways, on the same cases"
-    yield _baselines(entries)
+    yield _baseline_lines(entries)
 
 
-def _engines(entries: Iterable[Entry]) -> str:
+def _engines_used(entries: Iterable[Entry]) -> str:
     return ", ".join(sorted({e.of.split("-")[0] for e in entries}))
 
 
-def _targets(lines: Iterable[Target]) -> str:
+def _targets_table(lines: Iterable[Target]) -> str:
     words = {True: "met", False: "**missed**", None: ""}
     rows = [
         (line.words, line.found, line.wanted, "too few cases" if line.few else words[line.met])
@@ -189,7 +191,7 @@ def stated_confidences(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
 
 
 def said_of(entries: Iterable[Entry]) -> Confusion:
-    """What was hidden against what was said; pairs together."""
+    """Pairs of hidden cause and stated name; pairs of effects together."""
     return confusion((_hidden_causes(e), _verdict_words(e)) for e in entries)
 
 
@@ -214,7 +216,7 @@ def _verdict_words(entry: Entry) -> str:
     return found.named[0] if len(found.named) == 1 else "several"
 
 
-def _confusion(counts: Confusion) -> str:
+def _confusion_table(counts: Confusion) -> str:
     rows = []
     for row in counts.rows:
         said = {c: counts.count(row, c) for c in counts.columns if counts.count(row, c)}
@@ -224,7 +226,7 @@ def _confusion(counts: Confusion) -> str:
     return table(["hidden", "cases", "said"], rows)
 
 
-def _confidence(found: Iterable[Outcome]) -> str:
+def _reliability_table(found: Iterable[Outcome]) -> str:
     claims = stated_confidences(found)
     if not claims:
         return "Nothing was named."
@@ -238,7 +240,7 @@ def _confidence(found: Iterable[Outcome]) -> str:
     )
 
 
-def _coverage(entries: Sequence[Entry]) -> str:
+def _coverage_table(entries: Sequence[Entry]) -> str:
     every = comparisons(entries)
     right = [e for e in entries if e.outcome and e.outcome.result in GOOD_RESULTS]
     if not every:
@@ -255,7 +257,7 @@ def _coverage(entries: Sequence[Entry]) -> str:
     return table(["parameter", "held", "median error"], rows)
 
 
-def _against_truth(entries: Iterable[Entry]) -> str:
+def _parameter_table(entries: Iterable[Entry]) -> str:
     rows = []
     for word in ("weak", "medium", "strong"):
         known = [
@@ -278,8 +280,8 @@ def _against_truth(entries: Iterable[Entry]) -> str:
     return note + "\n\n" + table(head, rows)
 
 
-def _baselines(entries: Iterable[Entry]) -> str:
-    """Refitting alone is always silent, the least error always names."""
+def _baseline_lines(entries: Iterable[Entry]) -> str:
+    """Lines on refitting alone, which never names, and on the least error, which always does."""
     known = [(e.outcome, e.baselines) for e in entries if e.outcome and e.baselines]
     silent = [(o, b) for o, b in known if o.kind in ("nothing", "outside")]
     hidden = [(o, b) for o, b in known if o.kind in ("single", "pair")]
@@ -300,17 +302,17 @@ def _baselines(entries: Iterable[Entry]) -> str:
     return table(["", "workflow", "refit the base only", "least in-sample error"], rows)
 
 
-def _misses(entries: Iterable[Entry]) -> Iterator[str]:
+def _missed_cases(entries: Iterable[Entry]) -> Iterator[str]:
     for entry in entries:
         found = entry.outcome
         if found is None:
-            yield f"- `{entry.case.name}`: {_secret(entry)}; no verdict: {entry.reason}"
+            yield f"- `{entry.case.name}`: {_hidden_words(entry)}; no verdict: {entry.reason}"
         elif found.result not in GOOD_RESULTS:
-            yield f"- `{entry.case.name}`: {_secret(entry)}; {_answer(found)}"
+            yield f"- `{entry.case.name}`: {_hidden_words(entry)}; {_stated_words(found)}"
 
 
-def _secret(entry: Entry) -> str:
-    """What was hidden, with its numbers."""
+def _hidden_words(entry: Entry) -> str:
+    """The hidden effects of an entry, with their values."""
     case = entry.case
     names = [
         f"{name} ({', '.join(f'{k} {v:.3g}' for k, v in values.items())})"
@@ -320,8 +322,8 @@ def _secret(entry: Entry) -> str:
     return f"hidden {' and '.join(names) or 'nothing'} on {case.strip}{strength}"
 
 
-def _answer(found: Outcome) -> str:
-    """What was said of it, and what stood against it."""
+def _stated_words(found: Outcome) -> str:
+    """The verdict's answer, and the strongest rival model."""
     what = ", ".join(found.named) or "; ".join(" or ".join(group) for group in found.classes)
     words = f"gap left {found.realised:.2f}; said {found.verdict.replace('_', ' ')}"
     words += f" ({what})" if what else ""
@@ -332,11 +334,11 @@ def _answer(found: Outcome) -> str:
     return words + (f"; {found.reason}" if found.reason else "")
 
 
-def _picture(page: Path, tier: Tier) -> Path:
+def _picture_path(page: Path, tier: Tier) -> Path:
     return page.with_name(f"{page.stem}-{tier}.png")
 
 
-def _png(entries: Sequence[Entry]) -> bytes:
+def _draw_png(entries: Sequence[Entry]) -> bytes:
     found = outcomes(entries)
     content = io.BytesIO()
     drawn = figure(said_of(entries), reliability(stated_confidences(found)), found)

@@ -1,8 +1,9 @@
-"""What a gripper reports that a person leads: motions by hand, with a hand's tremor."""
+"""Gripper reports of motions led by a person, with a hand's tremor."""
 
 import numpy as np
 
 from cell.gap.subject.strip.ways import ROW_STRIDE
+from drivers.geometry import arc_lengths
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
 from policies.experiments.by_hand import STEP, generator, hand_path, wavering
@@ -13,7 +14,7 @@ SHIVER = (1.0, 5.0)  # Hz
 
 
 def ways_by_hand(length: float, seed: int, count: int) -> list[GripperPath]:
-    """`count` motions over a strip of `length` [m]; the same for the same seed."""
+    """`count` motions by hand over a strip of `length` [m]; the same for the same seed."""
     return [_reported_path(length, generator(seed, i)) for i in range(count)]
 
 
@@ -24,6 +25,5 @@ def _reported_path(length: float, rng: np.random.Generator) -> GripperPath:
     fading = (4.0 * share * (1.0 - share))[:, None]  # a gripper that grasps or is done stands still
     tremor = np.stack([wavering(t, SHIVER, rng) for _ in range(2)], axis=1)
     places = line(travel) + TREMOR * np.clip(fading, 0.0, 1.0) * tremor
-    steps = np.hypot(*np.diff(places, axis=0).T)
-    poses = np.column_stack([places, lift_pitch(np.concatenate([[0.0], np.cumsum(steps)]))])
+    poses = np.column_stack([places, lift_pitch(arc_lengths(places))])
     return GripperPath(frozen(t[::ROW_STRIDE]), frozen(poses[::ROW_STRIDE]))

@@ -1,4 +1,4 @@
-"""Runs of the state-based tier: standard motions, or some by hand, in the rod or a fine chain
+"""Runs of the state-based tier: standard motions or some by hand, in the rod or in a fine chain
 whose laws may only resemble the rod's; noise is added.
 """
 
@@ -33,7 +33,7 @@ TARE_STREAM = 78  # of the case's generators, of what tares left
 
 
 class Made(NamedTuple):
-    """A motion of a case: the `name` and `condition` of its run, the reported `way`."""
+    """A motion of a case: the `name` and `condition` of its run, and the reported `way`."""
 
     name: str
     condition: str
@@ -41,12 +41,12 @@ class Made(NamedTuple):
 
 
 def plant_of(case: Case) -> StripFile:
-    """The strip that really lies on the desk, its hidden effects aside."""
+    """The true strip of a case, without its hidden effects."""
     return scale_strip(find_configs(None).strip(case.strip), case.stiffness, case.damping)
 
 
 def scale_strip(strip: StripFile, stiffness: float, damping: float) -> StripFile:
-    """The strip with its bending length and retardation time times these factors."""
+    """The strip with bending length and retardation time multiplied by these factors."""
     return strip.model_copy(
         update={
             "bending_length": stiffness * strip.bending_length,
@@ -56,7 +56,7 @@ def scale_strip(strip: StripFile, stiffness: float, damping: float) -> StripFile
 
 
 def make_runs(case: Case, folder: Path) -> None:
-    """The case's run folders in `folder`, each of the four files that a fit reads."""
+    """Write the case's run folders into `folder`, each with the four files that a fit reads."""
     rng = np.random.default_rng([case.seed, 1])
     plant = plant_of(case)
     made = motions_of(case, plant.length)
@@ -77,7 +77,7 @@ def make_runs(case: Case, folder: Path) -> None:
 
 
 def after_tare(model: StripModel, case: Case, index: int) -> StripModel:
-    """The model of run number `index`, whose force is off by what the arm's tare left."""
+    """Model of run number `index`, with the force offset left by the arm's tare."""
     if case.force is None:
         return model
     rng = np.random.default_rng([case.seed, index, TARE_STREAM])
@@ -97,7 +97,7 @@ def motions_of(case: Case, length: float) -> list[Made]:
 def _fold_on_chain(
     case: Case, models: Sequence[StripModel], ways: Sequence[GripperPath]
 ) -> list[Fold]:
-    """Folds in a fine chain with the causes of the case in it."""
+    """Simulate folds in a fine chain with the causes of the case in it."""
     hidden = [cause_of(name, values) for name, values in case.causes.items()]
     specimen = Specimen(LINKS, hidden, case.seed)
     folds = []

@@ -1,4 +1,4 @@
-"""What differs from run to run in a laboratory, drawn anew for every run of a case."""
+"""Differences from run to run as in a laboratory, drawn anew for every run of a case."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -15,7 +15,7 @@ SCATTER_STREAM = 77  # of the case's generators, of this one
 
 @dataclass(frozen=True, slots=True)
 class Scatter:
-    """Standard deviations from run to run: grip in x and in z [m], damping, stiffness (shares).
+    """Standard deviations from run to run: grip in x and in z [m]; damping and stiffness (shares).
 
     Source: grasping flat cloth by two fingers repeats to 0.1 to 0.5 mm; internal damping of
     fabric follows humidity and rest by a few per cent, its stiffness by a tenth of that.
@@ -35,7 +35,7 @@ LEVELS: dict[Scattered, Scatter] = {
 
 @dataclass(frozen=True, slots=True)
 class RunScatter:
-    """What one run has: grip (2,) [m] beside where the arm says, factors on damping, stiffness."""
+    """Differences of one run: true minus reported grip (2,) [m], factors on damping, stiffness."""
 
     grip: Array
     damping: float
@@ -43,7 +43,7 @@ class RunScatter:
 
     @classmethod
     def draw(cls, level: Scattered, seed: int, index: int) -> Self:
-        """The scatter of run number `index` of a case with `seed`; none is none exactly."""
+        """Draw the scatter of run number `index` of a case with `seed`; none is none exactly."""
         of, rng = LEVELS[level], np.random.default_rng([seed, index, SCATTER_STREAM])
         grip = frozen(of.grip * rng.standard_normal(2))
         damping, stiffness = rng.standard_normal(2)
@@ -62,7 +62,7 @@ class RunScatter:
         return replace(model, mechanics=changed)
 
     def in_rig(self, model: StripModel) -> StripModel:
-        """The strip as it is, in a rig that holds it where it truly is in this run."""
+        """The strip unchanged, in a rig with this run's true grip."""
         if not self.grip.any():
             return self.alter(model)
         rig = model.rig
@@ -72,6 +72,6 @@ class RunScatter:
         return replace(self.alter(model), rig=rig)
 
     def true_pose(self, pose: Array, time: float) -> Array:
-        """Where the edge truly is at `time` [s] since the grasp, held at `pose` (3,)."""
+        """True pose of the edge at `time` [s] since the grasp, held at `pose` (3,)."""
         share = min(time / GRASP, 1.0)
         return np.asarray(pose + share * np.array([*self.grip, 0.0]))

@@ -1,4 +1,4 @@
-"""A strip with causes in it, as the plant of a twin."""
+"""A strip with hidden causes, as the plant of a twin."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from drivers.types import Array
 
 
 class Specimen:
-    """An engine for one strip that `causes` act on; chance comes from `seed` and the run's index.
+    """An engine for one strip on which `causes` act; random by `seed` and the run's index.
 
     Runs differ by `scatter` besides. Without causes and scatter it is a chain of `links` links,
     bit for bit.
@@ -34,7 +34,7 @@ class Specimen:
         self._chain = Chain(links)
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """Lay the strip flat and still, as its causes have left it after `index` runs."""
+        """Lay the strip flat and still, as its causes altered it over `index` runs."""
         (model,) = models
         rngs = [
             np.random.default_rng([self._seed, model.index, k]) for k in range(len(self._causes))
@@ -49,7 +49,7 @@ class Specimen:
         self._chain.reset([model])
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """Advance by `dt` [s] to gripper `poses` (1, 3), which causes may know better."""
+        """Advance by `dt` [s] to gripper `poses` (1, 3), which causes may offset."""
         self._time += dt
         moved = np.asarray(poses, dtype=np.float64)
         if self._level != "none":
@@ -59,7 +59,7 @@ class Specimen:
         return self._chain.step(moved, dt)
 
     def release(self) -> None:
-        """Let the grasped edge go."""
+        """Release the grasped edge."""
         self._chain.release()
 
     def shapes(self) -> Array:
@@ -73,26 +73,26 @@ class Specimen:
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """The forces of a cause, with its generator."""
+    """The forces of a cause, with its random generator."""
 
     cause: Cause
     rng: np.random.Generator
 
     def begin(self, parts: Parts) -> ForceFunction:
-        """The cause at work; one without forces does nothing."""
+        """Start the cause on a chain; a cause without forces does nothing."""
         act = self.cause.begin(parts, self.rng)
-        return _nothing if act is None else act
+        return _no_force if act is None else act
 
 
 class Aged:
-    """A world as images show it whose stamps are not the time at which it was so."""
+    """Scene source of a camera whose stamps differ from the time that its images show."""
 
     def __init__(self, world: Visible, causes: Sequence[Cause]) -> None:
         self._world, self._causes = world, tuple(causes)
         self._grasped: float | None = None
 
     def scene(self, stamp: float) -> Scene:
-        """The cell in an image of `stamp` [s]."""
+        """The cell as an image of `stamp` [s] shows it."""
         if self._grasped is None:
             seen = self._world.scene(stamp)
             if not seen.holds_strip:
@@ -104,5 +104,5 @@ class Aged:
         return replace(self._world.scene(self._grasped + since), stamp=stamp)
 
 
-def _nothing(*_: object) -> None:
-    """No force."""
+def _no_force(*_: object) -> None:
+    """Zero moment and slope."""

@@ -1,4 +1,4 @@
-"""The runs of a case of the tier through images: folded by the cell, the plant sealed."""
+"""Runs of the image-based tier: folded by the cell on a plant that stays sealed."""
 
 import shutil
 from collections.abc import Iterator, Mapping
@@ -73,22 +73,22 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
         return
     calibration = calibration_of(settings)
     for name, request in missing:
-        with _workplace(case, configs, request) as placed:
+        with _temporary_configs(case, configs, request) as placed:
             result = _fold(placed, causes, case, calibration, State.LAY)
             if result.outcome == REFUSED_OUTCOME:
                 raise Fault(REFUSED_OUTCOME, f"{placed.policy} of {case.strip}: {result.reason}")
-            _seal(Path(result.run), folder / name, strip)
+            _copy_sealed(Path(result.run), folder / name, strip)
 
 
 def refusal(case: Case) -> str | None:
-    """Why the preflight of the cell refuses to fold this plant; None where it does not.
+    """Reason why the preflight of the cell refuses to fold this plant; None where it does not.
 
     A desk a few millimetres too high or an edge far from where the strip file puts it.
     """
     configs, causes = find_configs(None), [cause_of(n, v) for n, v in case.causes.items()]
     _, request = _requests(case)[0]
     calibration = calibration_of(configs.cell())
-    with _workplace(case, configs, request) as placed:
+    with _temporary_configs(case, configs, request) as placed:
         result = _fold(placed, causes, case, calibration, State.GRASP)
     return result.reason if result.outcome == REFUSED_OUTCOME else None
 
@@ -105,24 +105,24 @@ def _requests(case: Case) -> list[tuple[str, Request]]:
         requests = tuple(
             replace(r, policy=f"{led}-{i}", speed=None) for i, r in enumerate(requests)
         )
-    return [(f"{i:02d}-{_word(request)}", request) for i, request in enumerate(requests)]
+    return [(f"{i:02d}-{_motion_name(request)}", request) for i, request in enumerate(requests)]
 
 
-def _word(request: Request) -> str:
-    """What is done in a fold, in a word of a folder's name."""
+def _motion_name(request: Request) -> str:
+    """The motion of a fold, as a word for a folder's name."""
     name = request.policy.removeprefix(MOTION)
     return BY_HAND.rstrip("-") if name.startswith(BY_HAND) else name
 
 
 @contextmanager
-def _workplace(case: Case, configs: Configs, request: Request) -> Iterator[Request]:
-    """The request with a cell of its own, whose desk carries the plant, in a folder that goes."""
+def _temporary_configs(case: Case, configs: Configs, request: Request) -> Iterator[Request]:
+    """The request with a temporary configuration of its own, whose desk carries the plant."""
     with TemporaryDirectory(prefix="exam-") as name:
         place = Path(name)
         (place / "strips").mkdir()
         strip = configs.strip_path(case.strip)
         shutil.copy(strip, place / "strips" / strip.name)
-        settings = exam_cell(configs.cell(), _word(request), case.force)
+        settings = exam_cell(configs.cell(), _motion_name(request), case.force)
         _write(place / "cell.yaml", settings.model_dump(mode="json", by_alias=True))
         plant = plant_of(case, configs.strip(case.strip))
         _write(place / "plant.yaml", plant.model_dump(mode="json", by_alias=True))
@@ -131,8 +131,8 @@ def _workplace(case: Case, configs: Configs, request: Request) -> Iterator[Reque
 
 
 def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> CellFile:
-    """The cell with a plant that is finer than the model of any workflow; its arm
-    reports the `force` of the strip with so much noise [N], and as much that its tare left.
+    """Cell settings with a plant finer than the model of any workflow; the arm reports the strip's
+    `force` with so much noise [N], and the same error of its tare.
     """
     changes = {"links": LINKS, "step": MOTION_STEPS.get(motion, STEP)}
     world = settings.twin.world.model_copy(update=changes)
@@ -146,7 +146,7 @@ def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> Ce
 
 
 def plant_of(case: Case, strip: StripFile) -> StripFile:
-    """What lies on the desk: the strip file with the base of `case`, and its effects."""
+    """The plant on the desk: the strip file with the base of `case`, and its effects."""
     return strip.model_copy(
         update={
             "bending_length": strip.bending_length * case.stiffness,
@@ -158,7 +158,7 @@ def plant_of(case: Case, strip: StripFile) -> StripFile:
 
 
 class Open:
-    """Opens the twin with `causes` in it, and runs that differ by `scatter`.
+    """Device factory of a twin with `causes` in it, and runs that differ by `scatter`.
 
     All chance comes from `seed`.
     """
@@ -170,7 +170,7 @@ class Open:
     def __call__(
         self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
     ) -> Devices:
-        """Devices of the twin; the camera says that it is the one that was calibrated."""
+        """Open the twin's devices; the camera states the identity of the calibrated one."""
         check_drivers(settings, choice)
         cv2.setNumThreads(1)
         staging = PlantOptions(
@@ -178,13 +178,13 @@ class Open:
             view=lambda world: Aged(world, self._causes),
         )
         devices = twin_devices(
-            self._touch_lens(settings), strip, choice, calibrating=calibrating, staging=staging
+            self._change_lens(settings), strip, choice, calibrating=calibrating, staging=staging
         )
         devices = replace(devices, camera_identity=settings.twin.camera.identity)
         return corrected_devices(devices, settings, strip)
 
-    def _touch_lens(self, settings: CellFile) -> CellFile:
-        """The cell with the lens that its camera has by now."""
+    def _change_lens(self, settings: CellFile) -> CellFile:
+        """The cell's settings with the lens as the causes changed it."""
         distortion = settings.twin.camera.distortion
         for cause in self._causes:
             distortion = cause.distortion(distortion)
@@ -194,7 +194,7 @@ class Open:
 
 
 class Until:
-    """Watches a run, and interrupts it once it stands at `state`: what follows shows nothing.
+    """Observer that interrupts a run once it enters `state`: nothing of use follows.
 
     Callable as `interrupted`, and an observer of the run.
     """
@@ -203,10 +203,10 @@ class Until:
         self._state, self._reached = state, False
 
     def see(self, snapshot: Snapshot) -> None:
-        """A tick says nothing."""
+        """Ignore a tick."""
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:  # noqa: ARG002
-        """An event: the run enters a state."""
+        """Note an event: the run enters a state."""
         self._reached = self._reached or (kind == "state" and facts.get("state") is self._state)
 
     def __call__(self) -> bool:
@@ -217,13 +217,13 @@ class Until:
 def _fold(
     request: Request, causes: list[Cause], case: Case, calibration: Calibration, end: State
 ) -> FoldResult:
-    """A fold that is broken off where it enters `end`."""
+    """Fold, and interrupt the fold where it enters `end`."""
     until, opened = Until(end), Open(causes, case.seed, case.scatter)
     return fold(request, lambda *_: (until,), until, calibration, opened=opened, page=False)
 
 
-def _seal(made: Path, final: Path, strip: StripFile) -> None:
-    """The four files of the record at `final`, whole or not at all."""
+def _copy_sealed(made: Path, final: Path, strip: StripFile) -> None:
+    """Copy the four files of the record to `final`, whole or not at all."""
     lacking = [name for name in FILES if not (made / name).is_file()]
     if lacking:
         raise Fault("record", f"{final}: the fold of {strip.name} left no {', '.join(lacking)}")
@@ -239,7 +239,7 @@ def _seal(made: Path, final: Path, strip: StripFile) -> None:
 
 
 def _sealed_header(header: Mapping[str, Any]) -> dict[str, Any]:
-    """run.yaml without what gives the plant away; motions by hand go by their number alone."""
+    """run.yaml without what reveals the plant; motions by hand have their number alone."""
     kept = {k: v for k, v in header.items() if k in HEADER_KEYS}
     if BY_HAND in str(kept.get("policy")):
         kept |= dict.fromkeys(("policy", "condition"), f"{BY_HAND}{1 + int(kept['index'])}")
@@ -247,7 +247,7 @@ def _sealed_header(header: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def sealed_result(result: Mapping[str, Any]) -> dict[str, Any]:
-    """result.yaml of a run that was ended on purpose once its touch was measured."""
+    """Content of result.yaml for a run that was ended on purpose once its touch was measured."""
     kept = {k: v for k, v in result.items() if k in RESULT_KEYS}
     touched = all(kept.get(k) is not None for k in ("t_layer_touch", "displacement", "l1", "l2"))
     if kept.get("outcome") == INTERRUPTED.name and touched:

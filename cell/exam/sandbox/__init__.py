@@ -1,1 +1,1 @@
-"""The process that judges a case and can open nothing but its runs."""
+"""Sandbox of the exam: a process that judges a case and can open nothing but its runs."""

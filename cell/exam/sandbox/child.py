@@ -1,4 +1,4 @@
-"""The sealed process: bars itself, then judges the runs that lie beside it.
+"""The sealed process: restricts itself, then judges the runs that lie beside it.
 
 Started as `python -m cell.exam.sandbox.child PERMIT` in a folder with strip.yaml and runs/;
 PERMIT is
@@ -21,7 +21,7 @@ VERDICT_FILE, NOTES = "verdict.json", "exam.json"
 
 
 def main() -> None:
-    """Judge; a CellError is one line and its exit code."""
+    """Judge the runs; a CellError is one line and its exit code."""
     die_with_parent()
     given = json.loads(sys.argv[1])
     _import_packages()
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def _import_packages() -> None:
-    """The bare packages: what is inside them is found by their own paths from now on."""
+    """Import the bare packages, so that modules inside are found by their own paths."""
     import calibration as _calibration  # noqa: F401
     import drivers as _drivers  # noqa: F401
     import policies as _policies  # noqa: F401

@@ -1,4 +1,4 @@
-"""The workflow on a case, in a process that sees the runs and the strip file and nothing else."""
+"""Runs the workflow on a case in a process that can read runs, strip file and nothing else."""
 
 import json
 import os
@@ -34,7 +34,7 @@ class NoVerdict(CellError):
 
 @dataclass(frozen=True, slots=True)
 class SandboxRun:
-    """A verdict's process: `wall` [s], `memory` [MB, peak], and whether the kernel barred it."""
+    """Facts on a verdict's process: `wall` [s], peak `memory` [MB], the kernel's restriction."""
 
     wall: float
     memory: float
@@ -50,7 +50,7 @@ def run_sandboxed(
     limit: float = SANDBOX_TIMEOUT,
     workdirs: Path | None = None,
 ) -> SandboxRun:
-    """Judge the `runs` of `strip`: verdict.json and exam.json in `out`.
+    """Judge the `runs` of `strip` in a sealed process: verdict.json and exam.json in `out`.
 
     The runs are laid out in a new folder within `workdirs` (usually that of temporary files).
     `sealed` cannot be read, wherever it lies. Raises NoVerdict after `limit` [s], and with the
@@ -68,7 +68,7 @@ def run_sandboxed(
 
 
 def stage(workdir: Path, strip: Path, runs: Sequence[Path]) -> None:
-    """Lay out what may be seen: the strip file, and of each run the files of the contract."""
+    """Stage the permitted files: the strip file, and of each run the files of the contract."""
     shutil.copyfile(strip, workdir / "strip.yaml")
     for run in runs:
         folder = workdir / "runs" / run.name
@@ -79,7 +79,7 @@ def stage(workdir: Path, strip: Path, runs: Sequence[Path]) -> None:
 
 
 def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
-    """What the process may open, as its argument: no code of the exam, and nothing `sealed`."""
+    """Permissions of the process, as its argument: no code of the exam, and nothing `sealed`."""
     root = Path(cell.__file__).resolve().parents[1]
     python = (sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"), *site.getsitepackages(),
               *(path for path in sys.path if Path(path).name == "site-packages"))  # fmt: skip
@@ -93,7 +93,7 @@ def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
 
 
 def _start(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
-    """The process, in the staged folder, with an environment that gives nothing away."""
+    """Start the process in the staged folder, with an environment that reveals nothing."""
     module = [
         sys.executable,
         "-P",
@@ -117,7 +117,7 @@ def _start(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
 
 
 def _wait(process: subprocess.Popen[bytes], limit: float, said: Path) -> tuple[float, float]:
-    """Wall time [s] and peak memory [MB] of the process, which is ended at `limit`.
+    """Wait for the process, ended at `limit`; returns its wall time [s] and peak memory [MB].
 
     The kernel counts what the starting process held before, hence the process's own word first.
     """

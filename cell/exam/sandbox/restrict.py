@@ -1,5 +1,5 @@
-"""What a process may open from now on: enforced by the kernel where it can (Landlock), and by
-the interpreter, which also refuses what lies within a permitted folder and is sealed.
+"""Restricts the files that a process may open: by the kernel where it can (Landlock), and by the
+interpreter, which also refuses what lies within a permitted folder and is sealed.
 
 Imports nothing of the project and no threads: what runs already is not barred.
 """
@@ -24,7 +24,7 @@ STARTED = ("subprocess.Popen", "os.exec", "os.posix_spawn", "os.system", "os.for
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """Trees that may be read, trees that may be written too, and what is sealed within them."""
+    """Permissions of a process: readable trees, writable trees, and what is sealed in them."""
 
     readable: tuple[Path, ...]
     writable: tuple[Path, ...]
@@ -32,14 +32,14 @@ class Policy:
 
 
 def restrict(permit: Policy) -> bool:
-    """Bar this process, its threads and children from everything else; whether by the kernel."""
+    """Restrict this process, its threads and children to `permit`; whether the kernel does."""
     firm = landlock(permit)
     sys.addaudithook(Guard(permit, kernel=firm))
     return firm
 
 
 def die_with_parent() -> None:
-    """End when the process ends that started this one (Linux)."""
+    """Have the kernel end this process when its parent ends (Linux)."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(DIE_WITH_PARENT, KILL, 0, 0, 0)
 
@@ -48,11 +48,11 @@ def version() -> int:
     """Version of Landlock in this kernel; 0 where it has none."""
     if sys.platform != "linux":
         return 0
-    return max(0, _call(CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(LANDLOCK_VERSION)))
+    return max(0, _syscall(CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(LANDLOCK_VERSION)))
 
 
 def landlock(permit: Policy) -> bool:
-    """Bar by the kernel; False where it cannot.
+    """Restrict this process by the kernel; False where it cannot.
 
     Rules only permit, so that a tree with something sealed in it is permitted piece by piece
     (Salaün, Landlock: unprivileged access control, Linux documentation, userspace-api).
@@ -62,16 +62,16 @@ def landlock(permit: Policy) -> bool:
         return False
     cut = TRUNCATE if known >= TRUNCATES else 0
     handled = ctypes.c_uint64(READ_FILE | READ_DIR | CHANGE_RIGHTS | cut)
-    rules = _call(CREATE, ctypes.byref(handled), ctypes.c_size_t(8), ctypes.c_uint32(0))
+    rules = _syscall(CREATE, ctypes.byref(handled), ctypes.c_size_t(8), ctypes.c_uint32(0))
     if rules < 0:
         return False
     try:
-        for path, whole in _pieces(permit.readable, permit.sealed):
-            _permit(rules, path, READ_FILE | READ_DIR if whole else READ_DIR)
-        for path, whole in _pieces(permit.writable, permit.sealed):
-            _permit(rules, path, handled.value if whole else READ_DIR)
+        for path, whole in _unsealed_parts(permit.readable, permit.sealed):
+            _add_rule(rules, path, READ_FILE | READ_DIR if whole else READ_DIR)
+        for path, whole in _unsealed_parts(permit.writable, permit.sealed):
+            _add_rule(rules, path, handled.value if whole else READ_DIR)
         ctypes.CDLL(None).prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0)
-        return _call(RESTRICT, ctypes.c_int(rules), ctypes.c_uint32(0)) == 0
+        return _syscall(RESTRICT, ctypes.c_int(rules), ctypes.c_uint32(0)) == 0
     finally:
         os.close(rules)
 
@@ -81,8 +81,8 @@ class _Beneath(ctypes.Structure):
     _fields_ = (("allowed", ctypes.c_uint64), ("parent", ctypes.c_int32))
 
 
-def _permit(rules: int, path: Path, access: int) -> None:
-    """Permit `access` to a tree; a path that is not there permits nothing."""
+def _add_rule(rules: int, path: Path, access: int) -> None:
+    """Add the permission `access` to a tree; a path that does not exist permits nothing."""
     if not path.is_dir():
         access &= READ_FILE | WRITE_FILE | TRUNCATE
     try:
@@ -91,20 +91,20 @@ def _permit(rules: int, path: Path, access: int) -> None:
         return
     try:
         rule = _Beneath(access, handle)
-        _call(
+        _syscall(
             ADD, ctypes.c_int(rules), ctypes.c_int(BENEATH), ctypes.byref(rule), ctypes.c_uint32(0)
         )
     finally:
         os.close(handle)
 
 
-def _call(number: int, *arguments: Any) -> int:
+def _syscall(number: int, *arguments: Any) -> int:
     return int(ctypes.CDLL(None, use_errno=True).syscall(ctypes.c_long(number), *arguments))
 
 
-def _pieces(trees: Iterable[Path], sealed: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
-    """Trees without anything sealed, and True; False for one that was taken apart around it, of
-    which only names may be listed: the interpreter finds modules so.
+def _unsealed_parts(trees: Iterable[Path], sealed: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
+    """Trees without anything sealed, and True; False for one that was split around a sealed part,
+    of which only names may be listed, as the interpreter needs to find modules.
     """
     for tree in trees:
         if any(_within(tree, secret) for secret in sealed):
@@ -112,7 +112,7 @@ def _pieces(trees: Iterable[Path], sealed: Sequence[Path]) -> Iterator[tuple[Pat
         holds = any(_within(secret, tree) for secret in sealed)
         yield tree, not holds
         if holds:
-            yield from _pieces(sorted(tree.iterdir()), sealed)
+            yield from _unsealed_parts(sorted(tree.iterdir()), sealed)
 
 
 def _within(path: Path, tree: Path) -> bool:
@@ -120,8 +120,8 @@ def _within(path: Path, tree: Path) -> bool:
 
 
 class Guard:
-    """An audit hook that refuses what is sealed, and all that is not permitted where the kernel
-    does not see to that. Code that is not Python's opens files unseen by it.
+    """Audit hook that refuses sealed files, and everything not permitted where the kernel does not
+    enforce that. Code that is not Python's opens files unseen by it.
     """
 
     def __init__(self, permit: Policy, *, kernel: bool) -> None:
@@ -131,7 +131,7 @@ class Guard:
         self._kernel = kernel
 
     def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
-        """Raise PermissionError where the event must not happen."""
+        """Raise PermissionError for an event that is not permitted."""
         if event in STARTED and not self._kernel:
             raise PermissionError(f"{event}: a sealed process starts no other")
         if event not in OPENED:

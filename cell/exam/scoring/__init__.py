@@ -1,1 +1,1 @@
-"""Verdicts held against what was hidden."""
+"""Scoring of verdicts against the hidden causes."""

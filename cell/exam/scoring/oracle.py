@@ -1,4 +1,4 @@
-"""What knowing the truth would have given: the true effects, refitted on the same runs."""
+"""The best possible result with the truth known: the true effects, refitted on the same runs."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,7 +27,7 @@ from drivers.types import Array
 def oracle(
     case: Case, strip: Path, runs: Sequence[RunFolder], held_out: Sequence[str]
 ) -> Oracle | None:
-    """What the case's answer leaves on the held-out runs, against the refitted base.
+    """Refit the case's true effects and compare with the refitted base on the held-out runs.
 
     Laws of the library are refitted from the truth; effects that a cause resembles from where a
     screen finds them. Runs differ from one another by what they show beside the truth. None where
@@ -39,11 +39,11 @@ def oracle(
         return None
     train = evidence([run for run in subject.runs if run.name not in held_out])
     test = evidence([run for run in subject.runs if run.name in held_out])
-    start = _truth(case, strip, subject)
+    start = _true_base(case, strip, subject)
     base = _refit(subject.simulate, Model(subject.scope.base), train, [start])
     model = with_effects(base.model, case.answer, subject.scope.candidates)
     if case.alike:
-        starts = [model.join(start, _values(case, model.effects))]
+        starts = [model.join(start, _true_values(case, model.effects))]
     else:
         starts = _screened_starts(subject.simulate, base, model)
     scatter = spreads(_refit(subject.simulate, model, train, starts))
@@ -54,8 +54,8 @@ def oracle(
     return Oracle(after=after, shrink=1.0 - after / before if before > 0.0 else 0.0)
 
 
-def _truth(case: Case, path: Path, subject: Subject) -> Array:
-    """The plant's base, where the plant has one."""
+def _true_base(case: Case, path: Path, subject: Subject) -> Array:
+    """True base parameters of the plant, where it has any."""
     strip = load_strip(path)
     true = {
         "bending_length": case.stiffness * strip.bending_length,
@@ -64,8 +64,8 @@ def _truth(case: Case, path: Path, subject: Subject) -> Array:
     return np.array([true.get(p.name, p.start) for p in subject.scope.base])
 
 
-def _values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
-    """True values of the effects as the engine has them."""
+def _true_values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
+    """True values of the effects in the gap engine's units."""
     found = {}
     for effect in effects:
         true = registry()[effect.name].complete(case.effects[effect.name])
@@ -78,7 +78,7 @@ def _values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
 
 
 def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
-    """The null, and where a screen finds each effect by itself."""
+    """Starts of a fit: the null, and the values at which a screen finds each effect by itself."""
     probed = run_all(simulate, [probe(base, effect) for effect in model.effects])
     scores = ranking(table(projection(base), probed))
     values = {name: value for score in scores for name, value in score.start.items()}
@@ -86,7 +86,7 @@ def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[A
 
 
 def _refit(simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Array]) -> Estimate:
-    """The best of the fits from these values."""
+    """The best of the fits from these starting values."""
     tasks = [refit(model, runs, Point(start, runs.start())) for start in starts]
     return min(run_all(simulate, tasks), key=lambda estimate: estimate.objective)
 

@@ -1,4 +1,4 @@
-"""The ledger of an exam: what came of every case, so that one that was interrupted goes on."""
+"""The ledger of an exam: the result of every case, from which an interrupted exam resumes."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,8 +13,8 @@ from drivers.settings import Settings
 
 
 class Oracle(Settings):
-    """The model that knows what is hidden, refitted on the same runs: the excess gap that it
-    leaves on the same held-out ones, and the share of the excess that it removes.
+    """Result of the model that knows the truth, refitted on the same runs: its excess gap on the
+    same held-out ones, and the share of the excess that it removes.
     """
 
     after: float
@@ -22,8 +22,8 @@ class Oracle(Settings):
 
 
 class Baselines(Settings):
-    """What simpler ways would have said: the `single` candidate of the least in-sample error,
-    and whether that is in the answer. Refitting the base alone never names anything.
+    """Results of simpler methods: the `single` candidate of the least in-sample error, and whether
+    that is in the answer. Refitting the base alone never names anything.
     """
 
     single: str | None
@@ -31,8 +31,8 @@ class Baselines(Settings):
 
 
 class Entry(Settings):
-    """A case in the ledger: what it was judged of, and its outcome or the reason of its failure;
-    `made` where its runs were made and nothing else was asked for.
+    """A case in the ledger: the digest of what it was judged by, and its outcome or the reason of
+    its failure; `made` where its runs were made and nothing else was asked for.
 
     `wall` [s] and `memory` [MB, peak] are those of the sealed process; `oracle` is None where
     nothing of the library is hidden; `spreads` are what runs were said to differ by.
@@ -51,20 +51,20 @@ class Entry(Settings):
 
 
 class Ledger:
-    """Lines of JSON at `path`, one a case; the last line of a case counts.
+    """Ledger of lines of JSON at `path`, one a case; the last line of a case counts.
 
     Raises ConfigurationError where `path` cannot be written.
     """
 
     def __init__(self, path: Path, *, again: bool = False) -> None:
-        """Open or begin; `again` forgets everything."""
+        """Open the ledger, or begin one; `again` discards everything."""
         self.path = path
         self._journal = Journal(path, again=again)
         self._known = {e.case.name: e for e in map(_entry, self._journal.lines) if e is not None}
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """Every case, as it was judged last."""
+        """The newest entry of every case."""
         return tuple(self._known.values())
 
     def of(self, cases: Iterable[Case]) -> tuple[Entry, ...]:
@@ -72,13 +72,13 @@ class Ledger:
         return tuple(self._known[c.name] for c in cases if c.name in self._known)
 
     def put(self, entry: Entry) -> None:
-        """Keep a case."""
+        """Append the entry of a case."""
         self._known[entry.case.name] = entry
         self._journal.append(entry.model_dump(mode="json"))
 
 
 def _entry(line: dict[str, object]) -> Entry | None:
-    """The entry in a line; None where another version wrote it."""
+    """The entry in a line; None where another version wrote the line."""
     try:
         return Entry.model_validate(line)
     except ValidationError:

@@ -1,4 +1,4 @@
-"""A verdict against what was hidden: pure functions, the only ones that see both."""
+"""Scores a verdict against the hidden causes: pure functions, the only ones that see both."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
@@ -21,7 +21,7 @@ RIGHT_RESULTS: tuple[Result, ...] = ("right_strict", "right_class")
 
 
 class Checked(Settings):
-    """A parameter that was estimated, against the truth.
+    """An estimated parameter, compared with the truth.
 
     `error` is relative to the truth's distance from the null, None where that is zero; `switch`
     where the parameter says how much of an effect there is.
@@ -37,16 +37,15 @@ class Checked(Settings):
 
     @property
     def covered(self) -> bool:
-        """Whether the interval holds the truth; an open end holds everything."""
+        """Whether the interval contains the truth; an open end contains everything."""
         above = self.low is None or self.low <= self.truth
         return above and (self.high is None or self.truth <= self.high)
 
 
 class Outcome(Settings):
-    """What came of a case. `named` and `classes` are what was said, `realised` is the excess gap
-    that was left after the base was refitted, `rival` the strongest model that was not accepted,
-    with its nats over the base, `reason` what the verdict says remains, `signs` what its confidence
-    rests on.
+    """Score of a case: `named` and `classes` of the verdict, `realised` excess gap after the base
+    was refitted, `rival`, the strongest model not accepted, with its nats over the base, `reason`,
+    the verdict's text on what remains, `signs` that its confidence rests on.
     """
 
     case: str
@@ -72,17 +71,17 @@ class Outcome(Settings):
 
     @property
     def right(self) -> bool:
-        """Whether the answer was named, strictly or by its class."""
+        """Whether the hidden effects were named, strictly or by their class."""
         return self.result in RIGHT_RESULTS
 
     @property
     def claimed(self) -> bool:
-        """Whether a gap was claimed, with a name or without."""
+        """Whether the verdict claims a gap, with a name or without."""
         return self.verdict != "no_gap"
 
 
 def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
-    """What a verdict on the runs of `case`, made of `strip`, is worth."""
+    """Score a verdict on the runs of `case`, made of `strip`."""
     named = tuple(effect.name for effect in verdict.effects)
     rival, reason = _rival(verdict, named), verdict.unexplained
     return Outcome(
@@ -92,47 +91,47 @@ def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
         result=result(verdict, case),
         confidence=min((e.confidence for e in verdict.effects), default=None),
         realised=verdict.gap.before["excess"], shrink=verdict.gap.shrink,
-        base=tuple(_base(verdict, case, strip)), parameters=tuple(_parameters(verdict, case)),
+        base=tuple(_base(verdict, case, strip)), parameters=tuple(_effects(verdict, case)),
         rival=rival, reason=reason.description if reason else "",
         runtime=verdict.runtime, simulations=verdict.simulations, signs=_signs(verdict),
     )  # fmt: skip
 
 
 def hidden_names(case: Case) -> tuple[str, ...]:
-    """Names of everything that is hidden in the plant."""
+    """Names of all effects and causes hidden in the plant."""
     return tuple(sorted((*case.effects, *case.causes)))
 
 
 def result(verdict: Verdict, case: Case) -> Result:
-    """Which of the nine outcomes it is."""
+    """The one of nine outcomes that the verdict is."""
     named = frozenset(effect.name for effect in verdict.effects)
     if case.kind == "nothing":
-        return _of_nothing(verdict, named)
+        return _score_empty(verdict, named)
     if case.kind == "outside":
-        return _of_outside(verdict)
+        return _score_foreign(verdict)
     answer = frozenset(case.answer)
     if not named:
-        return _of_classes(verdict.ambiguous, answer)
-    found = _of_names(named, answer)
+        return _score_classes(verdict.ambiguous, answer)
+    found = _score_names(named, answer)
     doubtful = frozenset(name for group in verdict.ambiguous for name in group)
     return "right_class" if found == "partly" and answer <= named | doubtful else found
 
 
-def _of_nothing(verdict: Verdict, named: frozenset[str]) -> Result:
+def _score_empty(verdict: Verdict, named: frozenset[str]) -> Result:
     if verdict.verdict == "no_gap":
         return "correct_no_gap"
     return "false_alarm" if named else "gap_claimed"
 
 
-def _of_outside(verdict: Verdict) -> Result:
-    """A cause outside the library is best left open; that no gap was seen is no merit."""
+def _score_foreign(verdict: Verdict) -> Result:
+    """Outcome for a cause outside the library: best left open; overlooking the gap is no merit."""
     if verdict.verdict == "unexplained":
         return "correct_abstention"
     return "abstained" if verdict.verdict == "no_gap" else "wrong_name"
 
 
-def _of_names(named: frozenset[str], answer: frozenset[str]) -> Result:
-    """One false name makes the whole wrong; one of two without a false one is a part."""
+def _score_names(named: frozenset[str], answer: frozenset[str]) -> Result:
+    """Outcome of names: a false one is wrong; one of two without a false one is partly right."""
     if named == answer:
         return "right_strict"
     if named in _with_twins(answer):
@@ -141,8 +140,8 @@ def _of_names(named: frozenset[str], answer: frozenset[str]) -> Result:
     return "partly" if len(answer) > 1 and named <= set(parts) else "wrong_name"
 
 
-def _of_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> Result:
-    """Classes that hold all of the answer are right, some of a pair is a part of it."""
+def _score_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> Result:
+    """Outcome of classes: right with the whole answer, partly right with some of a pair."""
     held = answer & {name for group in classes for name in group}
     if answer and held == answer:
         return "right_class"
@@ -150,23 +149,23 @@ def _of_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> Res
 
 
 def _with_twins(answer: frozenset[str]) -> list[frozenset[str]]:
-    """The answer, and what it becomes with twins in the place of its names."""
+    """All variants of the answer with names replaced by their twins."""
     choices = [sorted({name, *twins(name)}) for name in sorted(answer)]
     return [frozenset(choice) for choice in product(*choices)]
 
 
 def twins(name: str) -> frozenset[str]:
-    """Effects that look like `name` in every run of a fold; none for what is not in the library."""
+    """Effects that look like `name` in every run of a fold; none for names outside the library."""
     return registry()[name].looks_like if name in registry() else frozenset()
 
 
 def same(name: str, answer: Iterable[str]) -> bool:
-    """Whether a single name is in the answer, twins counting as one."""
+    """Whether a single name is in the answer; a twin counts as the name itself."""
     return any(name in whole for whole in _with_twins(frozenset(answer)))
 
 
 def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Checked]:
-    """Base parameters, where the plant's laws are the library's."""
+    """Comparison of base parameters, where the plant follows the library's laws."""
     truth = {
         "bending_length": case.stiffness * strip.bending_length,
         "retardation_time": case.damping * strip.retardation_time,
@@ -178,14 +177,14 @@ def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Checked]:
             yield _compare(name, value, 0.0, verdict.base[name])
 
 
-def _parameters(verdict: Verdict, case: Case) -> Iterable[Checked]:
-    """Parameters of effects that were named rightly and whose law is the library's."""
+def _effects(verdict: Verdict, case: Case) -> Iterable[Checked]:
+    """Comparison of parameters of rightly named effects that follow the library's laws."""
     for effect in verdict.effects:
         if case.alike and effect.name in case.effects:
-            yield from _of_effect(effect, case.effects[effect.name])
+            yield from _compare_effect(effect, case.effects[effect.name])
 
 
-def _of_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Checked]:
+def _compare_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Checked]:
     known = registry()[effect.name]
     for i, p in enumerate(known.parameters):
         if p.name in truth and p.name in effect.parameters:

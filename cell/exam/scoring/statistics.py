@@ -1,4 +1,4 @@
-"""Rates with their uncertainty, and whether stated confidence is earned."""
+"""Rates with their uncertainty, and the calibration of stated confidences."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -10,24 +10,24 @@ NORMAL = 1.959963984540054  # two-sided 95 %
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """`hits` of `count` cases."""
+    """A rate: `hits` of `count` cases."""
 
     hits: int
     count: int
 
     @property
     def value(self) -> float:
-        """The share; NaN of nothing."""
+        """Share of hits; NaN without cases."""
         return self.hits / self.count if self.count else float("nan")
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Its 95 % interval."""
+        """The 95 % interval of the rate."""
         return wilson(self.hits, self.count)
 
 
 def rate(found: Iterable[bool]) -> Rate:
-    """How many of these are true."""
+    """Rate of the true values in `found`."""
     every = list(found)
     return Rate(sum(every), len(every))
 
@@ -47,15 +47,15 @@ def wilson(hits: int, count: int, z: float = NORMAL) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """Cases of about the same stated confidence: their mean confidence, and how many were right."""
+    """Cases of similar stated confidence: their mean confidence, and how many were right."""
 
     confidence: float
     right: Rate
 
 
 def reliability(stated: Sequence[tuple[float, bool]], bins: int = 10) -> list[Bin]:
-    """Bins of equal width that are not empty, the least confident first (DeGroot and Fienberg
-    1983, The Statistician 32, 12).
+    """Non-empty bins of equal width, the least confident first (DeGroot and Fienberg 1983, The
+    Statistician 32, 12).
     """
     groups: dict[int, list[tuple[float, bool]]] = {}
     for confidence, right in stated:
@@ -86,19 +86,19 @@ def calibration_error(stated: Sequence[tuple[float, bool]], bins: int = 10) -> f
 
 @dataclass(frozen=True, slots=True)
 class Confusion:
-    """How often each thing hidden (rows) was said to be each thing (columns)."""
+    """Confusion matrix: counts of each hidden cause (rows) by stated name (columns)."""
 
     rows: tuple[str, ...]
     columns: tuple[str, ...]
     counts: dict[tuple[str, str], int]
 
     def count(self, row: str, column: str) -> int:
-        """Cases with `row` hidden of which `column` was said."""
+        """Number of cases with `row` hidden for which `column` was stated."""
         return self.counts.get((row, column), 0)
 
 
 def confusion(found: Iterable[tuple[str, str]]) -> Confusion:
-    """Table of (hidden, said); words that are hidden come first among the columns, in row order."""
+    """Confusion matrix of pairs (hidden, stated); hidden words come first, in row order."""
     counts = Counter(found)
     rows = tuple(sorted({hidden for hidden, _ in counts}))
     said = {column for _, column in counts}

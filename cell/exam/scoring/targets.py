@@ -1,4 +1,4 @@
-"""What an exam is to show, tier by tier, and whether it did."""
+"""Targets of an exam, tier by tier, and whether each is met."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -17,9 +17,8 @@ ERROR_TARGET = 0.25  # of a parameter
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A line of the table: what was counted, what came out, what is wanted (empty: nothing), and
-    whether it is met (None: nothing is wanted, or nothing was counted). It is not met by `few`
-    where a single case weighs more than the target leaves room for.
+    """A line of the table: what is counted, the result, the target (empty: none), whether it is met
+    (None: nothing to judge), and whether the cases are too `few` for the target's room.
     """
 
     words: str
@@ -30,7 +29,7 @@ class Target:
 
 
 def targets(entries: Sequence[Entry], tier: Tier) -> list[Target]:
-    """The lines of a tier."""
+    """The table's lines for a tier."""
     through = tier == "images"
     return [
         *_false_alarms(entries, through),
@@ -44,13 +43,13 @@ def targets(entries: Sequence[Entry], tier: Tier) -> list[Target]:
 
 
 def outcomes(entries: Iterable[Entry], *kinds: Kind) -> list[Outcome]:
-    """Outcomes of the cases of these kinds; of all where none is given."""
+    """Outcomes of the cases of these kinds; of all where no kind is given."""
     found = [e.outcome for e in entries if e.outcome is not None]
     return [o for o in found if not kinds or o.kind in kinds]
 
 
 def rate_text(found: Rate) -> str:
-    """A rate in words, with its interval."""
+    """A rate as text, with its interval."""
     if not found.count:
         return "no case"
     low, high = found.interval
@@ -63,7 +62,7 @@ def rate_text(found: Rate) -> str:
 def _line(
     words: str, found: Rate, wanted: str = "", judge: Judge | None = None, room: float = 0.0
 ) -> Target:
-    """A line whose target leaves `room` [share of the cases] for cases that went otherwise."""
+    """A line whose target leaves `room` [share of the cases] for failures."""
     met = judge(found) if judge is not None and found.count else None
     return Target(words, rate_text(found), wanted, met, met is False and found.count * room < 1.0)
 
@@ -78,17 +77,17 @@ def _false_alarms(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     if through:
         yield _at_most(words, named, most)
     else:
-        yield _line(words, named, "at most 2 %, upper end at most 8 %", _rare, 0.02)
+        yield _line(words, named, "at most 2 %, upper end at most 8 %", _is_rare, 0.02)
     claimed = rate(o.claimed for o in nothing)
     yield _line("a gap claimed where nothing is hidden, named or not", claimed)
 
 
-def _rare(found: Rate) -> bool:
+def _is_rare(found: Rate) -> bool:
     return found.value <= 0.02 and found.interval[1] <= 0.08
 
 
 def _names(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
-    """Cases that failed count as not right."""
+    """Named effects of the cases; failed cases count as not right."""
     single = [e for e in entries if e.case.kind == "single"]
     clear = [e for e in single if e.case.strength != "weak"]
     weak = [e for e in single if e.case.strength == "weak"]
@@ -114,7 +113,7 @@ def _at_most(words: str, found: Rate, most: float) -> Target:
 
 
 def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
-    """Lines of a table split by how the runs were made: what was counted, one rate a group."""
+    """Table lines split by how the runs were made: what is counted, one rate a group."""
     rows = [
         ("nothing hidden: `no_gap`", "nothing", (), ("correct_no_gap",)),
         ("nothing hidden: a name", "nothing", (), ("false_alarm",)),
@@ -164,7 +163,7 @@ def _abstentions(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
 
 
 def comparisons(entries: Iterable[Entry]) -> list[Checked]:
-    """Every parameter that can be held against the truth."""
+    """All parameters that can be compared with the truth."""
     return [c for o in outcomes(entries) for c in (*o.base, *o.parameters)]
 
 
@@ -177,7 +176,7 @@ def _coverage(entries: Sequence[Entry], through: bool) -> Target:
 
 
 def shares(entries: Iterable[Entry]) -> list[float]:
-    """Shrink of what was named, over the shrink that knowing the truth would give."""
+    """Share of the gap removed by the named effects, over that removed with the truth known."""
     return [
         e.outcome.shrink / e.oracle.shrink
         for e in entries

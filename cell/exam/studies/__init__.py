@@ -1,1 +1,1 @@
-"""Studies of `cell gap`: what it finds, states and costs where the truth is known."""
+"""Studies of `cell gap`: its findings, stated confidences and costs where the truth is known."""

@@ -1,4 +1,4 @@
-"""What gap the causes of the exam leave on a strip: where their sizes come from.
+"""Study of the gap that the exam's causes leave on a strip: the source of their sizes.
 
 A chain of 100 links with the cause goes through the motions of a case from the state, measured as a
 cell does; the gap is what the workflow's refitted base leaves on held-out runs: about 2.5 for a
@@ -40,7 +40,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Excess gap of the base, and what it is of profile and contact [m]."""
+    """Excess gap of the refitted base, and its share in profile and contact [m]."""
     known = find_configs(None).strip(case["strip"])
     rng = np.random.default_rng(1 + case["noise"])
     with TemporaryDirectory() as place:

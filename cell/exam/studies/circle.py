@@ -1,4 +1,4 @@
-"""A strip folds badly, what its model lacks is found and accepted, and it folds anew.
+"""Study of the whole circle: fold badly, find and accept the missing effect, fold again.
 
 Folds by the path planned from the strip file, before and after the standard runs were compared with
 their simulation; configuration is a copy. No noise is seen twice.
@@ -38,7 +38,7 @@ SCATTER: tuple[Scattered, ...] = ("none", "full")
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """`strip` as the cell knows it, the `plant` on the desk, and a folder to `work` in.
+    """One case: `strip` as the cell knows it, the `plant` on the desk, and a folder to `work` in.
 
     Runs differ from one another by `scatter` as in the exam: at `full` by 0.3 mm of the grip in x
     and in z, 5 % of damping and 0.5 % of stiffness, one sigma each.
@@ -51,16 +51,16 @@ class Circle:
 
     @property
     def configs(self) -> Path:
-        """The copy of the configuration, which is accepted into."""
+        """The copy of the configuration that accepted effects are written into."""
         return self.work / "configs"
 
     def fold(self, when: str, first: int, count: int) -> list[FoldResult]:
-        """`count` folds by the path planned from the strip file as it is, seeds from `first`."""
+        """`count` folds along the path planned from the strip file, with seeds from `first`."""
         wanted = [self._request("planned", when, first + i) for i in range(count)]
         return list(self._fold_each(wanted))
 
     def learn(self, first: int) -> list[str]:
-        """Fold the standard runs, compare, and accept what is named; its names."""
+        """Fold the standard runs, fit, and accept the named effects; returns their names."""
         for _ in self._fold_each(standard_requests(self._request("", "standard", first))):
             pass
         file = self.configs / "strips" / f"{self.strip}.yaml"
@@ -92,7 +92,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Displacements [m] before and after, as seen and true, and what was named between."""
+    """Displacements [m] before and after, as seen and true, and the effects named between."""
     configs, first, count = find_configs(None), SEEDS_NEXT * case["noise"], case["folds"]
     with TemporaryDirectory() as place:
         work = Path(place)

@@ -1,4 +1,4 @@
-"""Whether the confidence of `cell gap` is earned, and its calibration: verdicts against the truth.
+"""Study of the confidence that `cell gap` states, and its calibration: verdicts against the truth.
 
 Cases from the state hide one effect, one in eight two. From two in five the effect is withheld from
 the library, with what looks like it: whatever is named is wrong, and a law may be offered instead.
@@ -43,7 +43,7 @@ FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
 
 
 class Name(NamedTuple):
-    """A verdict that names: its signs, whether it is right, what it stated, and of which case."""
+    """A naming verdict: its signs, whether it is right, its stated confidence, and its case."""
 
     signs: Signs
     right: bool
@@ -83,8 +83,8 @@ def measure(case: Values) -> Values:
 
 
 def names_to_withhold(case: Case) -> list[str]:
-    """One hidden effect, or the one whose law the hidden one resembles, and what no run separates
-    from it.
+    """Names removed from the library: a hidden effect, or the one that resembles the hidden law,
+    and its twins.
     """
     hidden = sorted(case.effects or case.answer)[0]
     return sorted({hidden, *registry()[hidden].looks_like})
@@ -115,7 +115,7 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
 
 
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
-    """The verdicts with a name, and the share of all cases from which the effect was withheld."""
+    """Naming verdicts, and the share of all cases from which the effect was withheld."""
     found = [
         Name(Signs(**v["signs"]), v["is_right"], bool(v["without"]), v["case"])
         for v in (o.values for o in outcomes)
@@ -125,8 +125,8 @@ def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
 
 
 def shares(found: Sequence[Name], without: float) -> Array:
-    """What each verdict counts (n,), so that OUTSIDE_SHARE of all cases lack the effect and not the
-    share `without` that was withheld.
+    """Weights (n,) of the verdicts, so that the effect is absent from OUTSIDE_SHARE of all cases
+    instead of the share `without`.
     """
     lacking, whole = (
         OUTSIDE_SHARE / without if without else 1.0,
@@ -136,7 +136,7 @@ def shares(found: Sequence[Name], without: float) -> Array:
 
 
 def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibration:
-    """The calibration that is most probable given these verdicts, each as often as it counts (n,).
+    """The most probable calibration given these verdicts with weights `counts` (n,).
 
     Logistic regression with normal priors of what each sign weighs, for few verdicts are wrong; no
     sign speaks against its sense.
@@ -165,8 +165,8 @@ def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibr
 
 
 def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
-    """What the calibration of all other cases, with their counts (n,), states of each verdict, and
-    whether it is right.
+    """For each verdict, the confidence by the calibration of all other cases with their weights
+    (n,), and whether it is right.
     """
     stated = []
     for name in found:
@@ -178,15 +178,13 @@ def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bo
 
 
 def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> float:
-    """Mean nats lost by stating these probabilities of these outcomes, each as often as it counts
-    (n,).
-    """
+    """Mean logarithmic loss [nats] of these probabilities and outcomes, with weights (n,)."""
     p = np.array([p if right else 1.0 - p for p, right in stated])
     return float(-np.average(np.log(np.clip(p, 1e-9, 1.0)), weights=counts))
 
 
 def reliable(stated: Sequence[tuple[float, bool]]) -> str:
-    """The reliability table, in fifths of the stated probability, as Markdown."""
+    """Reliability table in fifths of the stated probability, as Markdown."""
     rows = [
         (f"{b.confidence:.2f}", rate_text(b.right), f"{100 * (b.right.value - b.confidence):+.0f}")
         for b in reliability(stated, FIFTHS)
@@ -203,7 +201,7 @@ def reliable(stated: Sequence[tuple[float, bool]]) -> str:
 
 
 def calibrate(outcomes: Sequence[Outcome]) -> Values:
-    """The calibration of all these verdicts; its source says what it states of those left out."""
+    """Calibration by all these verdicts; its source states the confidence of those left out."""
     found, without = names(outcomes)
     counts = shares(found, without)
     source = (
@@ -221,7 +219,7 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
 
 
 def judge(outcomes: Sequence[Outcome]) -> str:
-    """What the package states of the verdicts, by whether the effect was in the library."""
+    """Confidences that the package states, by whether the effect was in the library."""
     (found, _), by = names(outcomes), calibration()
     parts = []
     for words, kept in (("All", (False, True)), ("None withheld", (False,)), ("Withheld", (True,))):

@@ -1,4 +1,4 @@
-"""By how much two engines differ in the base: the rod fitted to runs of a chain without noise.
+"""Study of the engines' difference in base parameters: the rod fitted to noise-free chain runs.
 
 Neither damps more: their shapes are 17 um apart, and a percent of damping moves a shape by 2 um. A
 rod on a harder desk and a chain of more links come closer. The gap workflow takes the root mean
@@ -28,10 +28,10 @@ LINKS, STEP = 200, 0.004  # of the chain; s
 
 
 class Quiet(np.random.Generator):
-    """Chance without noise: uniform numbers stay, normal ones are their mean."""
+    """Random generator without noise: uniform numbers are drawn, normal ones equal their mean."""
 
     def normal(self, loc: Any = 0.0, scale: Any = 1.0, size: Any = None) -> Any:
-        """The mean (size)."""
+        """The mean `loc` of a normal distribution, as an array of this size."""
         return loc + 0.0 * super().normal(loc, scale, size)
 
 
@@ -63,7 +63,7 @@ def measure(case: Values) -> Values:
 
 
 def model_error(outcomes: Sequence[Outcome]) -> Values:
-    """The root mean square over strips."""
+    """Root mean square over strips of the relative difference of both engines."""
     found = [o.values["damping"] for o in outcomes]
     names = ", ".join(dict.fromkeys(o.case.values["strip"] for o in outcomes))
     return {"schema": 1, "damping": float(np.sqrt(np.mean(np.square(found)))),

@@ -1,4 +1,4 @@
-"""Causes hidden in mechanisms of two to seven joints, found blind."""
+"""Study of causes hidden in mechanisms of two to seven joints, found blind."""
 
 import resource
 import time
@@ -36,8 +36,8 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """What the verdict says of a case: `right`, by `class`, `wrong` names; whether each interval of
-    a size that was `covered` holds it; processor time `cpu` [s] and peak `memory` [MB].
+    """Score of a case: `right`, by `class`, `wrong` names; whether each interval of a size that was
+    `covered` contains it; processor time `cpu` [s] and peak `memory` [MB].
     """
     hidden, joints, size, cart = (case[k] for k in ("hidden", "joints", "size", "cart"))
     with TemporaryDirectory() as place:
@@ -77,7 +77,7 @@ def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
 
 
 def coverage(hidden: str, truth: Mapping[str, float], verdict: Verdict) -> list[bool]:
-    """Whether the interval of each size that is known of a `hidden` effect holds the `truth`."""
+    """Whether the interval of each known size of a `hidden` effect contains the `truth`."""
     found = next((e.parameters for e in verdict.effects if e.name == hidden), {})
     return [(p.low is None or p.low <= truth[name]) and (p.high is None or truth[name] <= p.high)
             for name, p in found.items() if name in truth]  # fmt: skip

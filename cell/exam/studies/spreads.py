@@ -1,4 +1,4 @@
-"""How well the gap workflow estimates how much runs differ from one another.
+"""Study of how well the gap workflow estimates the run-to-run spreads.
 
 Nothing is hidden, and runs differ at a level of the exam. Estimates are over the true spreads, and
 over what the drawn runs happen to have.
@@ -58,7 +58,7 @@ def measure(case: Values) -> Values:
 
 
 def _estimate(case: Case) -> dict[str, float]:
-    """Spreads by name that the runs of a case show beside the refitted base."""
+    """Run-to-run spreads by name, estimated from the runs of a case beside the refitted base."""
     with TemporaryDirectory() as name:
         make_runs(case, Path(name))
         file = find_configs(None).strip_path(case.strip)

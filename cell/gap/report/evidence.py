@@ -16,7 +16,7 @@ EXCLUDED = 1e-4  # probability below which a set counts as excluded: its size sa
 
 
 def where(found: Findings) -> dict[str, str]:
-    """A sentence and a map of the places where the refitted base exceeds noise."""
+    """A sentence and a map of the places where the refitted base deviates beyond noise."""
     return {"words": _where(found), "map": figures.heat_map(found.places)}
 
 
@@ -43,7 +43,7 @@ def _where(found: Findings) -> str:
 
 
 def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Every model that was tried, by what it gains on runs left out."""
+    """Table of all fitted models with their gain on runs left out."""
     accepted = found.accepted.model.name
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats (4 nats: "
@@ -60,33 +60,33 @@ def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
     return {
         "note": note,
         "bars": figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else "",
-        "steps": list(_steps(found)),
-        "probable": _probable(verdict),
+        "steps": list(_level_sentences(found)),
+        "probable": _probable_sets(verdict),
         "dead": ", ".join(p.candidate.name for p in found.screened.probed if p.dead),
-        "rows": [_row(row, row.name == accepted) for row in verdict.candidates],
+        "rows": [_candidate_row(row, row.name == accepted) for row in verdict.candidates],
     }
 
 
-def _probable(verdict: Verdict) -> str:
+def _probable_sets(verdict: Verdict) -> str:
     """The most probable sets of effects, in a sentence."""
     if verdict.posterior is None or len(verdict.posterior.models) < 2:
         return ""
     first, *others = verdict.posterior.models[:LISTED_SETS]
     others = [m for m in others if m.p > EXCLUDED]
-    rest = [f"{_set(m.names)} {probability(m.p)}" for m in others]
+    rest = [f"{_effect_names(m.names)} {probability(m.p)}" for m in others]
     also = f"; besides {', '.join(rest)}" if rest else "; all others are excluded"
     return (
-        f"Of the sets of effects that were fitted, by their evidence: {_set(first.names)} "
+        f"Of the sets of effects that were fitted, by their evidence: {_effect_names(first.names)} "
         f"{number(first.p, 2)}{also}. On held-out runs {number(verdict.posterior.left, 2)} times "
         "noise and floor are left. A cause outside the library is not among them."
     )
 
 
-def _set(names: Sequence[str]) -> str:
+def _effect_names(names: Sequence[str]) -> str:
     return " + ".join(names) or "the base alone"
 
 
-def _row(row: Compared, best: bool) -> dict[str, Any]:
+def _candidate_row(row: Compared, best: bool) -> dict[str, Any]:
     same = "" if row.invariance_p is None else probability(row.invariance_p)
     return {
         "name": row.name,
@@ -96,8 +96,8 @@ def _row(row: Compared, best: bool) -> dict[str, Any]:
     }
 
 
-def _steps(found: Findings) -> Iterator[str]:
-    """How the number of effects was decided, level by level."""
+def _level_sentences(found: Findings) -> Iterator[str]:
+    """Sentences on how the number of effects was decided, level by level."""
     for count, step in enumerate(found.choice.steps, start=1):
         verb = "taken" if step.accepted else "not taken"
         yield (
@@ -109,18 +109,18 @@ def _steps(found: Findings) -> Iterator[str]:
 
 
 def name_model(model: str) -> str:
-    """A model by name; the one without effects in words."""
+    """Name of a model; for the one without effects, a description."""
     return "the refitted base" if model == "base" else model
 
 
 def base(found: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Stated and refitted values of the base."""
+    """Table of stated and refitted values of the base."""
     stated = {p.name: p for p in found.subject.scope.base}
     weak = "; ".join(found.fitted.weak)
     return {
         "rows": [
-            (name, _four(stated[name].start, of), _four(value.value, of),
-             _ends(value.low, value.high, of), unit(of))
+            (name, _four_digits(stated[name].start, of), _four_digits(value.value, of),
+             _interval_text(value.low, value.high, of), unit(of))
             for name, value in verdict.base.items()
             for of in [stated[name].unit]
         ],
@@ -130,11 +130,11 @@ def base(found: Findings, verdict: Verdict) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _ends(low: float | None, high: float | None, of: str) -> str:
+def _interval_text(low: float | None, high: float | None, of: str) -> str:
     if low is None or high is None:
         return ""
-    return f"{_four(low, of)} to {_four(high, of)}"
+    return f"{_four_digits(low, of)} to {_four_digits(high, of)}"
 
 
-def _four(value: float, of: str) -> str:
+def _four_digits(value: float, of: str) -> str:
     return number(in_small_unit(value, of), 4)

@@ -36,7 +36,7 @@ def blank(
 
 
 def heat_map(places: Sequence[Bin]) -> str:
-    """Strength of every bin: rows channel, zone and phase, columns conditions."""
+    """Map of the strength of every bin: rows channel, zone and phase, columns conditions."""
     rows = sorted({(p.channel, p.zone, p.phase) for p in places})
     columns = list(dict.fromkeys(sorted(p.condition for p in places)))
     grid = np.full((len(rows), len(columns)), np.nan)
@@ -65,14 +65,14 @@ def heat_map(places: Sequence[Bin]) -> str:
 
 
 def _slant_labels(labels: Sequence[str], width: float) -> dict[str, Any]:
-    """How labels stand below columns of `width` [inches] without running into each other."""
+    """Rotation of labels below columns of `width` [inches] that keeps them apart."""
     if CHARACTER * max(map(len, labels), default=0) <= width:
         return {}
     return {"rotation": 40, "ha": "right", "rotation_mode": "anchor"}
 
 
 def candidate_bars(rows: Sequence[Compared], accepted: str) -> str:
-    """Nats that each candidate gains on runs left out, with standard errors over runs."""
+    """Bars of the nats that candidates gain on runs left out, with standard errors over runs."""
     shown = list(rows)[:14][::-1]
     figure, axes = blank(7.0, 0.6 + 0.27 * len(shown))
     axis = axes[0]
@@ -143,7 +143,7 @@ def midlines(run: Replayed) -> str:
 
 
 def _midline(axis: Axes, run: Replayed, k: int) -> None:
-    """Image number `k`, as far as its midline was seen."""
+    """Draw image number `k`, as far as its midline was seen."""
     points = 1e3 * run.measured.curve.points[k] if run.measured.curve else np.zeros((1, 2))
     axis.plot(*points.T, "o", ms=3.5, color=INK, alpha=0.35, mew=0, label="measured")
     for scene, colour, word in (
@@ -162,7 +162,7 @@ def _midline(axis: Axes, run: Replayed, k: int) -> None:
 
 
 def _legend_above(figure: Figure, axis: Axes) -> None:
-    """The legend of `axis` above all axes, where it covers nothing."""
+    """Put the legend of `axis` above all axes, where it covers nothing."""
     handles, labels = axis.get_legend_handles_labels()
     figure.legend(
         handles, labels, fontsize=8, frameon=False, ncols=3, loc="outside upper right",
@@ -171,7 +171,7 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
 
 
 def run_bars(names: Sequence[str], before: Array, after: Array) -> str:
-    """Excess gap (R,) of each held-out run, before and after [units of noise]."""
+    """Bars of the excess gap (R,) of each held-out run, before and after [units of noise]."""
     figure, axes = blank(max(4.0, 1.0 + 0.7 * len(names)), 2.3)
     axis, at = axes[0], np.arange(len(names))
     if after is before:

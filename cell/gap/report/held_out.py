@@ -1,4 +1,4 @@
-"""What the report shows of held-out runs: the gap before and after, and what remains."""
+"""The report's part on held-out runs: the gap before and after, and what remains."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -27,9 +27,9 @@ def compare_held_out(found: Findings, verdict: Verdict) -> dict[str, Any]:
     quantities = dict(found.subject.scope.quantities)
     return {
         "typical": names[typical],
-        "midlines": _midlines(found, before.evidence.runs[typical].name),
+        "midlines": _midline_figure(found, before.evidence.runs[typical].name),
         "traces": figures.residual_traces(before, after, typical, quantities),
-        "shrank": f"{_shrank(found, verdict)}: {change(found, verdict)}",
+        "shrank": f"{_shrinkage_words(found, verdict)}: {change(found, verdict)}",
         "head": ("rms", *(("before", "after") if changed else ("gap",)), "noise"),
         "rows": [
             (words.get(key, "excess [noise]"), *(f"{side[key]:.3g}" for side in sides))
@@ -41,7 +41,7 @@ def compare_held_out(found: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def conditions(runs: Sequence[Run]) -> list[str]:
-    """Runs by what was done in them, such as `fast`; repeats are numbered."""
+    """Names of the runs by their motion, such as `fast`; repeats are numbered."""
     short = [motion(run.condition) for run in runs]
     return [
         name if short.count(name) == 1 else f"{name} {short[: i + 1].count(name)}"
@@ -49,13 +49,13 @@ def conditions(runs: Sequence[Run]) -> list[str]:
     ]
 
 
-def _midlines(found: Findings, run: str) -> str:
-    """The curve of one held-out run, where the subject has curves."""
+def _midline_figure(found: Findings, run: str) -> str:
+    """Figure of the midlines of one held-out run, where the subject has curves."""
     drawn = next((r for r in replay(found, held_out_only=True) if r.name == run), None)
     return "" if drawn is None else figures.midlines(drawn)
 
 
-def _shrank(found: Findings, verdict: Verdict) -> str:
+def _shrinkage_words(found: Findings, verdict: Verdict) -> str:
     if found.shown.after is found.shown.before:
         return "No effect was added"
     gap = verdict.gap

@@ -57,7 +57,7 @@ def blueprint(runs: Sequence[Replayed]) -> Any:
 
     A subject without curves has its plots only.
     """
-    tabs = [_tab(run) for run in runs]
+    tabs = [_run_tab(run) for run in runs]
     said = rrb.TextDocumentView(origin="/verdict", name="verdict")
     return rrb.Blueprint(
         rrb.Vertical(said, rrb.Tabs(*tabs, active_tab=0), row_shares=[1, 6]),
@@ -69,7 +69,7 @@ def blueprint(runs: Sequence[Replayed]) -> Any:
     )
 
 
-def _tab(run: Replayed) -> Any:
+def _run_tab(run: Replayed) -> Any:
     name = f"{run.name} (held out)" if run.held_out else run.name
     root = _root(run.name)
     titles = dict.fromkeys(s.title for _, scene in _scenes(run) for s in scene.signals)
@@ -96,15 +96,15 @@ def _tab(run: Replayed) -> Any:
 def _write(recording: rr.RecordingStream, run: Replayed) -> None:
     root = _root(run.name)
     if run.measured.curve is not None:
-        _furnish(recording, root, run.measured)
+        _log_surroundings(recording, root, run.measured)
     for word, scene in _scenes(run):
-        _signals(recording, root, word, scene)
-        _curve(recording, root, word, scene)
+        _log_signals(recording, root, word, scene)
+        _log_curve(recording, root, word, scene)
         for name, track in scene.tracks.items():
             colour = HAND_RGBA if name == "gripper" else CURVE_COLOURS[word]
             size = 4 * RADIUS_MM if word == "measured" else 3 * RADIUS_MM
-            columns = rr.Points2D.columns(positions=_flat(track.places))
-            _send(recording, f"{root}/tracks/{name}/{word}", track.t, columns,
+            columns = rr.Points2D.columns(positions=_flat_points(track.places))
+            _send_columns(recording, f"{root}/tracks/{name}/{word}", track.t, columns,
                   rr.Points2D.from_fields(colors=colour, radii=size))  # fmt: skip
         for t, words in scene.events:
             recording.set_time("t", duration=t)
@@ -112,28 +112,28 @@ def _write(recording: rr.RecordingStream, run: Replayed) -> None:
             recording.reset_time()
 
 
-def _furnish(recording: rr.RecordingStream, root: str, measured: Scene) -> None:
-    """The desk, and the gripper's way."""
+def _log_surroundings(recording: rr.RecordingStream, root: str, measured: Scene) -> None:
+    """Log the desk and the gripper's path."""
     grip = measured.tracks["gripper"].places
-    desk = _flat(np.array([[-0.1, 0.0], [float(grip[:, 0].max()) + 0.15, 0.0]]))
-    lines = (("desk", desk, DESK_RGBA), ("path", _flat(grip), HAND_RGBA))
+    desk = _flat_points(np.array([[-0.1, 0.0], [float(grip[:, 0].max()) + 0.15, 0.0]]))
+    lines = (("desk", desk, DESK_RGBA), ("path", _flat_points(grip), HAND_RGBA))
     for name, points, colour in lines:
         line = rr.LineStrips2D([points], colors=colour, radii=0.4 * RADIUS_MM)
         recording.log(f"{root}/{name}", line, static=True)
 
 
-def _signals(recording: rr.RecordingStream, root: str, word: str, scene: Scene) -> None:
+def _log_signals(recording: rr.RecordingStream, root: str, word: str, scene: Scene) -> None:
     for signal in scene.signals:
         entity = f"{root}/signals/{rr.escape_entity_path_part(signal.title)}/{word}"
         look = rr.SeriesLines(colors=CURVE_COLOURS[word], names=word, widths=1.5)
-        _send(recording, entity, signal.t, rr.Scalars.columns(scalars=signal.values), look)
+        _send_columns(recording, entity, signal.t, rr.Scalars.columns(scalars=signal.values), look)
 
 
-def _curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene) -> None:
-    """Measured points as points, since they are not joined; simulated ones as a line."""
+def _log_curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene) -> None:
+    """Log measured points as points, since they are not joined, and simulated ones as a line."""
     if scene.curve is None or not len(scene.curve.t):
         return
-    entity, curves = f"{root}/curve/{word}", [_flat(points) for points in scene.curve.points]
+    entity, curves = f"{root}/curve/{word}", [_flat_points(points) for points in scene.curve.points]
     if word == "measured":
         columns = rr.Points2D.columns(positions=np.concatenate(curves))
         columns = columns.partition([len(points) for points in curves])
@@ -141,10 +141,12 @@ def _curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene) ->
     else:
         columns = rr.LineStrips2D.columns(strips=curves)
         look = rr.LineStrips2D.from_fields(colors=CURVE_COLOURS[word], radii=0.7 * RADIUS_MM)
-    _send(recording, entity, scene.curve.t, columns, look)
+    _send_columns(recording, entity, scene.curve.t, columns, look)
 
 
-def _send(recording: rr.RecordingStream, entity: str, t: Array, columns: Any, look: Any) -> None:
+def _send_columns(
+    recording: rr.RecordingStream, entity: str, t: Array, columns: Any, look: Any
+) -> None:
     if len(t):
         recording.log(entity, look, static=True)
         recording.send_columns(entity, [rr.TimeColumn("t", duration=t)], columns)
@@ -160,6 +162,6 @@ def _root(name: str) -> str:
     return f"/{rr.escape_entity_path_part(name)}"
 
 
-def _flat(points: Array) -> Array:
+def _flat_points(points: Array) -> Array:
     """Points (k, 2) [m] in mm in a flat view, whose second axis points down."""
     return points * (1e3, -1e3)

@@ -1,4 +1,4 @@
-"""`report.html`: one page for a technician, whole in itself."""
+"""The report of a fit, `report.html`: one self-contained page for a technician."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def write_report(found: Findings, verdict: Verdict, path: Path) -> None:
 
 
 def page(found: Findings, verdict: Verdict) -> str:
-    """The page as text: the card, the picture, and below them all numbers."""
+    """Text of the page: the card, the picture, and below them all numbers."""
     runs, held = len(found.subject.runs), len(verdict.held_out)
     name = found.subject.name
     return document(
@@ -36,22 +36,22 @@ def page(found: Findings, verdict: Verdict) -> str:
         f"{name}: simulation and measurement",
         title=f"{name}: simulation against {runs} measured runs, {held} of them held out",
         name=name,
-        said=_card(found, verdict),
-        following=_following(found, verdict),
+        said=_verdict_card(found, verdict),
+        following=_next_commands(found, verdict),
         notes=verdict.notes,
         held=compare_held_out(found, verdict),
         where=where(found),
         remains=remains(found, verdict),
         repeats=repeats(found),
-        experiments=_experiments(verdict),
+        experiments=_experiments_table(verdict),
         candidates=candidates(found, verdict),
         base=base(found, verdict),
-        foot=_foot(found, verdict),
+        foot=_provenance(found, verdict),
     )
 
 
-def _card(found: Findings, verdict: Verdict) -> Card:
-    """The verdict in large: what, how big, and how much of the gap it closes."""
+def _verdict_card(found: Findings, verdict: Verdict) -> Card:
+    """The verdict in large print: the effect, its size, and the share of the gap it closes."""
     number, below = "", ""
     if verdict.effects and verdict.gap.before["excess"]:
         number, below = f"{100 * verdict.gap.shrink:.0f} %", "of the gap closed"
@@ -63,8 +63,8 @@ def _card(found: Findings, verdict: Verdict) -> Card:
     return Card(tone, headline(verdict), tuple(lines), number, below)
 
 
-def _following(found: Findings, verdict: Verdict) -> list[str]:
-    """The commands to type next, in the folder where the fit was called."""
+def _next_commands(found: Findings, verdict: Verdict) -> list[str]:
+    """The commands to type next, for the folder where the fit was called."""
     name = f"--strip configs/strips/{found.subject.name}.yaml"
     if isinstance(found.subject, EditsModel):
         name = "--model FILE"
@@ -88,7 +88,7 @@ def _following(found: Findings, verdict: Verdict) -> list[str]:
     return todo
 
 
-def _experiments(verdict: Verdict) -> list[tuple[str, ...]] | None:
+def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
     """Planned runs that would separate the explanations; None where that would change nothing."""
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return None
@@ -99,7 +99,7 @@ def _experiments(verdict: Verdict) -> list[tuple[str, ...]] | None:
     ]  # fmt: skip
 
 
-def _foot(found: Findings, verdict: Verdict) -> str:
+def _provenance(found: Findings, verdict: Verdict) -> str:
     held = [run for run in found.subject.runs if run.name in verdict.held_out]
     return (
         f"{verdict.simulations} simulated runs in {verdict.runtime:.0f} s. "

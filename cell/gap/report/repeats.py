@@ -1,4 +1,4 @@
-"""How much runs differ for no reason, in words for those who can change it."""
+"""Text on run-to-run differences, for those who can reduce them."""
 
 from collections.abc import Iterator, Mapping
 

@@ -23,7 +23,7 @@ class Replayed:
 
 
 def replay(found: Findings, *, held_out_only: bool = False) -> Iterator[Replayed]:
-    """Runs under the refitted base and the accepted model, held-out ones first."""
+    """Simulate runs under the refitted base and the accepted model, held-out ones first."""
     subject, shown = found.subject, found.shown
     if not isinstance(subject, Draws):
         return

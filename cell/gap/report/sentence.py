@@ -1,4 +1,4 @@
-"""The verdict in plain words."""
+"""The verdict of a fit as sentences for a technician."""
 
 from collections.abc import Sequence
 
@@ -33,10 +33,10 @@ def headline(verdict: Verdict) -> str:
 
 
 def sentence(found: Findings, verdict: Verdict) -> str:
-    """What is missing, how sure, and beside what, for a technician; sizes stand elsewhere."""
+    """Sentence on the missing effect and its certainty, for a technician; sizes stand elsewhere."""
     words = {
         "named": _name_effects,
-        "ambiguous": _ambiguous,
+        "ambiguous": _ambiguity,
         "no_gap": _no_gap,
         "unexplained": _describe_rest,
     }
@@ -46,7 +46,8 @@ def sentence(found: Findings, verdict: Verdict) -> str:
 def _name_effects(found: Findings, verdict: Verdict) -> str:
     sentences = {c.name: c.sentence for c in found.subject.scope.candidates}
     effects = ", and ".join(
-        f"{sentences[e.name]} ({e.name}: {_values(e.parameters)})" for e in verdict.effects
+        f"{sentences[e.name]} ({e.name}: {_parameter_values(e.parameters)})"
+        for e in verdict.effects
     )
     text = f"{effects}; {sigmas(found):.1f} sigma."
     if found.judged.outlying_run is not None:
@@ -66,11 +67,11 @@ def _name_effects(found: Findings, verdict: Verdict) -> str:
 
 
 def _class_members(found: Findings) -> frozenset[str]:
-    """The effects that stand in the accepted model for a class of their like."""
+    """Effects of the accepted model that represent a class of indistinguishable ones."""
     return found.accepted.model.names - {e.name for e in found.sure}
 
 
-def _ambiguous(found: Findings, verdict: Verdict) -> str:
+def _ambiguity(found: Findings, verdict: Verdict) -> str:
     sentences = {c.name: f"{c.sentence} ({c.name})" for c in found.subject.scope.candidates}
     groups = [[sentences.get(name, name) for name in group] for group in verdict.ambiguous]
     either = "; ".join(", or ".join(group) for group in groups)
@@ -85,9 +86,8 @@ def _no_gap(found: Findings, verdict: Verdict) -> str:
     sizes = f" {many} effects would have shown, from the sizes listed below on." if many else ""
     silent = undetectable(found)
     never = f" Not detectable here at any possible size: {', '.join(silent)}." if silent else ""
-    return (
-        f"The model explains these runs down to their noise ({_now(found, verdict)}).{sizes}{never}"
-    )
+    gaps = f"The model explains these runs down to their noise ({_gaps(found, verdict)})."
+    return f"{gaps}{sizes}{never}"
 
 
 def _describe_rest(found: Findings, verdict: Verdict) -> str:
@@ -119,8 +119,8 @@ def change(found: Findings, verdict: Verdict) -> str:
 
 
 def sigmas(found: Findings) -> float:
-    """What the sure effects add to the accepted model, as the sigma of an equal likelihood ratio;
-    over the base where the model without them was not tried.
+    """Significance of the sure effects in the accepted model: the sigma of an equal likelihood
+    ratio, over the base where the model without them was not tried.
     """
     fits = found.choice.fits
     without = fits.of(_class_members(found)) or fits.base
@@ -141,7 +141,7 @@ def at_their_ends(found: Findings) -> list[str]:
 
 
 def deviation(deviates: Sequence[Deviation]) -> str:
-    """What deviates from the file, in a line for an operator."""
+    """Deviations from the file, in a line for an operator."""
     parts = []
     for d in deviates:
         ends = (quantity(end, d.unit) if end is not None else "any" for end in d.tolerated)
@@ -152,7 +152,7 @@ def deviation(deviates: Sequence[Deviation]) -> str:
     return f"not as the file states: {'; '.join(parts)}"
 
 
-def _values(parameters: dict[str, Measured]) -> str:
+def _parameter_values(parameters: dict[str, Measured]) -> str:
     return ", ".join(
         f"{name.replace('_', ' ')} {quantity(v.value, v.unit)}" for name, v in parameters.items()
     )
@@ -164,19 +164,19 @@ def undetectable(found: Findings) -> list[str]:
 
 
 def smallest(found: Findings, name: str, value: float) -> str:
-    """The size from which an effect would have shown; down to which, where less is more."""
+    """Smallest size that would have been detected; the largest, where less is more."""
     candidate = next(c for c in found.subject.scope.candidates if c.name == name)
     first = candidate.parameters[0]
     return f"{'at most ' if first.inverse else ''}{quantity(value, first.unit)}"
 
 
 def label(of: Quantity) -> str:
-    """A quantity in words."""
+    """Name of a quantity in words."""
     words = of.key.rsplit("_", 1)[0].replace("_", " ")
     return f"{words} time" if of.unit == "ms" else words
 
 
-def _now(found: Findings, verdict: Verdict) -> str:
+def _gaps(found: Findings, verdict: Verdict) -> str:
     parts = [
         f"{label(q)} {number(verdict.gap.before[q.key])} {q.unit}"
         for q in found.subject.scope.quantities.values()
@@ -186,10 +186,10 @@ def _now(found: Findings, verdict: Verdict) -> str:
 
 
 def motion(condition: str) -> str:
-    """A condition by what was done in it, such as `fast`."""
+    """Motion of a condition, such as `fast`."""
     return condition.rsplit(":", 1)[-1]
 
 
 def capital(text: str) -> str:
-    """`text` as a sentence begins."""
+    """`text` with a capital first letter."""
     return text[:1].upper() + text[1:]

@@ -1,4 +1,4 @@
-"""Numbers and units as a person reads them."""
+"""Formats numbers and units for pages."""
 
 from cell.gap.verdict.schema import Measured
 
@@ -8,12 +8,12 @@ SMALL_UNITS = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "kg": (
 
 
 def in_small_unit(value: float, of: str) -> float:
-    """`value` in the unit in which a page shows what is stated in `of`."""
+    """`value`, stated in `of`, converted to the unit that a page shows."""
     return value * SMALL_UNITS.get(of, (1.0, of))[0]
 
 
 def unit(text: str) -> str:
-    """The unit in which a page shows `text`, powers raised; a pure number has none."""
+    """Symbol of a unit as pages show it, powers raised; a pure number has none."""
     text = SMALL_UNITS.get(text, (1.0, text))[1]
     for plain, raised in POWERS.items():
         text = text.replace(plain, raised)
@@ -21,7 +21,7 @@ def unit(text: str) -> str:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number in few digits, a power of ten written out."""
+    """Text of a number in few digits, a power of ten written out."""
     text = f"{value:.{digits}g}"
     if "e" not in text:
         return text
@@ -31,19 +31,19 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def probability(p: float) -> str:
-    """A probability; below one in a billion its size says nothing."""
+    """Text of a probability; one below one in a billion is given as that bound."""
     return "< 10⁻⁹" if p < 1e-9 else number(p, 2)
 
 
 def quantity(value: float, of: str) -> str:
-    """A number in `of` as a page shows it, with its unit."""
+    """Text of a number in the unit `of` with its unit, as a page shows it."""
     return f"{number(in_small_unit(value, of))}\N{NO-BREAK SPACE}{unit(of)}".rstrip(
         "\N{NO-BREAK SPACE}"
     )
 
 
 def interval(value: Measured) -> str:
-    """An estimate with its interval and unit."""
+    """Text of an estimate with its interval and unit."""
     if value.low is None or value.high is None:
         return quantity(value.value, value.unit)
     low, middle, high = (

@@ -1,1 +1,1 @@
-"""What is measured: strips and mechanisms, their runs, and how a model of them is simulated."""
+"""Subjects of the gap workflow: strips and mechanisms, their runs, and their simulation."""

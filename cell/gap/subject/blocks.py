@@ -20,7 +20,7 @@ def blocks(t: Array, width: float) -> tuple[NDArray[np.int64], NDArray[np.int64]
 
 
 def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Mean and mean square of `values` (n, k) within samples, each flat (n b,)."""
+    """Mean and mean square of `values` (n, k) within blocks, each flattened to (n b,)."""
     counts = np.diff(edges)
     mean = np.add.reduceat(values, edges[:-1], axis=1) / counts
     square = np.add.reduceat(values**2, edges[:-1], axis=1) / counts

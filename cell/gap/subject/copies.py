@@ -1,4 +1,4 @@
-"""Copies of a run: equal measurements under another name say nothing new, and are counted once."""
+"""Detects copies of a run: equal measurements under another name, which are counted once."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ def counted_once(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Mapp
 
 
 def note(copy: str, first: str) -> str:
-    """What an operator must know of a copy."""
+    """Remark for the operator on a copied run."""
     return f"{copy}: holds the measurements of {first}, as a copy does, and is left out"
 
 

@@ -1,4 +1,4 @@
-"""A simulated motion between the steps at which it was computed."""
+"""Interpolates a simulated motion between its time steps."""
 
 import numpy as np
 

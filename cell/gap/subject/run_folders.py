@@ -1,4 +1,4 @@
-"""Run folders as the workflow finds them, and the checks that every subject's tables share."""
+"""Finds run folders, and checks what every subject's tables share."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
 
 
 def _check_heads(folders: Sequence[Path]) -> None:
-    """Refuse measurements of unknown origin."""
+    """Refuse runs whose header does not state their origin."""
     for folder in sorted(folders):
         tables = [name for name in TABLES if (folder / name).is_file()]
         if tables and not (folder / HEADER_FILE).is_file():
@@ -94,7 +94,7 @@ def _utf8(name: str) -> str:
 
 
 def check_schema(head: Mapping[str, Any], path: Path) -> None:
-    """Refuse the head of a run, read from `path`, of no schema or of a newer one."""
+    """Refuse the header of a run, read from `path`, without a schema or with a newer one."""
     schema = head.get("schema")
     if schema is None:
         raise ConfigurationError(
@@ -107,7 +107,7 @@ def check_schema(head: Mapping[str, Any], path: Path) -> None:
 
 
 def index_of(head: Mapping[str, Any], path: Path) -> int:
-    """The index that the head of a run states, or 0; ConfigurationError for what is none."""
+    """The index in the header of a run, or 0; ConfigurationError for an invalid one."""
     index = head.get("index", 0)
     if isinstance(index, bool) or not isinstance(index, int) or index < 0:
         raise ConfigurationError(f"{path}: index: is {index!r}; allowed: 0, 1, 2, ...")
@@ -147,7 +147,7 @@ def read_table(path: Path) -> dict[str, Array]:
 
 
 def column(table: dict[str, Array], name: str, path: Path, *, gaps: bool = False) -> Array:
-    """A column (n,) that must be there, finite throughout unless `gaps` are allowed.
+    """A required column (n,) of a table, finite throughout unless `gaps` are allowed.
 
     Raises ConfigurationError where it is not.
     """

@@ -1,4 +1,4 @@
-"""Drawings of a run: the curve, points and signals that were measured or simulated."""
+"""Drawings of a measured or simulated run: its curve, points and signals."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A number over time, at `t` (m,) [s]; signals of one title share a plot."""
+    """A drawn number over time, at `t` (m,) [s]; signals of one title share a plot."""
 
     title: str
     t: Array
@@ -35,7 +35,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A run as it was measured, or as a model has it; `tracks` by name, `events` [s, words]."""
+    """Drawing of a run, measured or simulated; `tracks` by name, `events` [s, words]."""
 
     signals: tuple[Signal, ...]
     curve: Curve | None = None
@@ -48,7 +48,7 @@ class Draws(Protocol):
     """A subject that can draw its runs."""
 
     def draw_measured(self, run: Run) -> Scene:
-        """The run as it was measured."""
+        """Drawing of the measured run."""
 
     def draw_simulated(self, requests: Sequence[Request]) -> Sequence[Scene | None]:
-        """Simulations beside what was measured; None where there is no motion."""
+        """Drawings of simulations beside the measured run; None where there is no motion."""

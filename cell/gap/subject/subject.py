@@ -1,4 +1,4 @@
-"""What the engine needs to know of the thing that is measured, and nothing more."""
+"""Interface between the gap engine and a measured subject, strip or mechanism."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -39,7 +39,7 @@ class Parameter:
     tolerated: tuple[float, float] | None = None
 
     def stated_value(self, value: float) -> float:
-        """`value` as files state it."""
+        """`value` in the form that files state."""
         if not self.inverse:
             return value
         return 1.0 / value if value else float("inf")
@@ -47,7 +47,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """An effect that the model may lack, as the engine tries it.
+    """An effect that the model may lack, with its parameters and starts for the engine.
 
     `probes` are groups of whole parameter vectors at which it is screened, small to large; the
     members of a group may be mixed (one parameter each), groups may not (another place). Bounds
@@ -67,7 +67,7 @@ class Candidate:
     shape_parameters: tuple[Parameter, ...] = ()
 
     def with_shape(self) -> "Candidate":
-        """The same with its shape parameters free."""
+        """The candidate with its shape parameters free."""
         whole = self.parameters + self.shape_parameters
         return replace(self, parameters=whole, shape_parameters=())
 
@@ -77,7 +77,7 @@ class Candidate:
 
     @property
     def null(self) -> Array:
-        """Values (k,) at which it vanishes."""
+        """Values (k,) at which the effect vanishes."""
         return np.array([p.start for p in self.parameters])
 
 
@@ -150,7 +150,7 @@ class Residuals:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """How a measured quantity's gap is shown: key in the verdict, factor from SI, its unit.
+    """Presentation of a measured quantity's gap: key in the verdict, factor from SI, unit.
 
     Without a key it is fitted like any other, and its gap is part of the excess only.
 
@@ -166,7 +166,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """A run that could be made next: what to do, its cost, and the run as it would be."""
+    """A run that could be made next: its instruction, its cost, and the predicted run."""
 
     name: str
     instruction: str
@@ -176,7 +176,7 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True)
 class Scattering:
-    """A quantity that differs from run to run: in words, and what makes it smaller."""
+    """A quantity that differs from run to run, described in words, with its remedy."""
 
     name: str
     sentence: str
@@ -215,7 +215,7 @@ class Subject(Protocol):
 
     @property
     def notes(self) -> Sequence[str]:
-        """What the operator must know of the runs: which died, what of them was used."""
+        """Remarks for the operator on the runs: which died, and which parts were used."""
 
     @property
     def scope(self) -> Scope:
@@ -225,12 +225,12 @@ class Subject(Protocol):
         """Residuals of many simulations, each independent of the others in the call."""
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """The runs of `requests`, corrected for how coarse their simulation is at these values, and
+        """The runs of `requests`, corrected for the coarseness of their simulation at these values,
         with floors that allow for it.
         """
 
     def experiments(self) -> Sequence[Experiment]:
-        """Runs worth making next, each to be judged by what it would separate."""
+        """Possible next runs, to be rated by how well they separate explanations."""
 
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
@@ -240,12 +240,12 @@ class Subject(Protocol):
 
 @runtime_checkable
 class HasConsequences(Protocol):
-    """A subject whose effects matter for something that an operator cares about."""
+    """A subject whose effects have consequences for the operator."""
 
     def consequences(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
     ) -> Sequence[str]:
-        """What an operator must know of named effects."""
+        """Sentences for the operator on the consequences of named effects."""
 
 
 @runtime_checkable

@@ -1,1 +1,1 @@
-"""Runs that other programs measured: read from their tables, written as run folders."""
+"""Exchange of runs with other programs: their tables are read and written as run folders."""

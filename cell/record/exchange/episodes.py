@@ -27,8 +27,8 @@ TOUCH = "touch"
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """An episode as a source of tables: `episode` its frames with vectors a column a name, and of
-    an exported run `points` and `touch`.
+    """An episode as a source of tables: `episode` its frames with a column for each component of a
+    vector, and of an exported run `points` and `touch`.
     """
 
     path: Path
@@ -39,7 +39,7 @@ class Episode:
     result: Mapping[str, float]
 
     def table(self, file: str, _how: object) -> pa.Table:
-        """The frames, the points or the touch; ConfigurationError for anything else."""
+        """Frames, points or touch of the episode; ConfigurationError for any other table."""
         if file == EPISODE:
             return self._flat()
         if file == POINTS_TABLE and "observation.profile_stamp" in self.frames.column_names:
@@ -81,7 +81,7 @@ def _is_vector(column: pa.Array) -> bool:
 
 
 def _matrix(column: pa.Array, count: int) -> Array:
-    """Vectors of one length as (count, m); ConfigurationError where they differ."""
+    """Vectors of one length as a matrix (count, m); ConfigurationError where they differ."""
     flat = column.flatten() if _is_vector(column) else column
     values = flat.to_numpy(zero_copy_only=False).astype(np.float64)
     if count == 0 or len(values) % count:
@@ -90,7 +90,7 @@ def _matrix(column: pa.Array, count: int) -> Array:
 
 
 def episodes(root: Path) -> Iterator[Episode]:
-    """The episodes of the data set at `root`, each with the frames of its own.
+    """The episodes of the data set at `root`, each with its own frames.
 
     Raises ConfigurationError for a data set of another version, or one that is not whole.
     """

@@ -55,7 +55,7 @@ def _write(parts: Sequence[Outgoing], kind: Format, out: Path) -> tuple[Path, ..
 
 
 def _write_csv(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
-    """A folder of tables for each run in the new folder `out`, and one mapping for all."""
+    """Write a folder of tables for each run into the new folder `out`, and one mapping for all."""
     for part in parts:
         (out / part.run.name).mkdir(parents=True)
         for name, columns in part.tables.items():

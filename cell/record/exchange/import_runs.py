@@ -1,4 +1,4 @@
-"""Import of measured runs: foreign tables checked, converted, written as run folders."""
+"""Imports measured runs: foreign tables are checked, converted, and written as run folders."""
 
 import shutil
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,7 @@ SOON = 1.0  # s after the last row, within which a touch read off a stopwatch ma
 
 
 def import_runs(places: Sequence[Path], mapping: Path | None, out: Path) -> tuple[Path, ...]:
-    """The folders below `out` with the runs that the tables in `places` hold, in their order.
+    """Import the runs of the tables in `places`, in their order; returns their folders below `out`.
 
     A place is a folder of tables, a folder of such folders, an MCAP file, or a LeRobot data set;
     what `cell export` wrote brings its own mapping. All runs are written, or none. Raises
@@ -55,7 +55,7 @@ def import_runs(places: Sequence[Path], mapping: Path | None, out: Path) -> tupl
 
 
 def _check_readable(run: Path, source: Source) -> None:
-    """Refuse what no run can hold; the error names what it was read from."""
+    """Refuse a run that could not be read back; the error names its source."""
     try:
         read_run(run)
     except ConfigurationError as error:
@@ -63,7 +63,7 @@ def _check_readable(run: Path, source: Source) -> None:
 
 
 def _sources(place: Path, mapping: Path | None) -> Iterator[Source]:
-    """The sources in `place`; none in a mapping, which lies among the folders it is for."""
+    """The sources in `place`; none in a mapping's folder, among those that it describes."""
     if place.suffix == ".mcap":
         require_library("mcap")
         from cell.record.exchange.mcap_file import McapFile
@@ -109,7 +109,7 @@ def _with_needed(mapping: Mapping, origin: str) -> Mapping:
 
 
 def _import(source: Source, how: Mapping, index: int, target: Path, *, documents: bool) -> None:
-    """Write the run; with its own `documents`, where it brought them."""
+    """Write the run, with its own `documents` where it has any."""
     ticks = dict(read_columns(source, how.ticks, how.ticks.columns.items()))
     first = float(ticks["t"][0]) if len(ticks["t"]) else 0.0
     begin = first if how.begin is None else how.begin
@@ -133,7 +133,7 @@ def _import(source: Source, how: Mapping, index: int, target: Path, *, documents
 
 
 def _check_ticks(ticks: dict[str, Array], path: Path) -> None:
-    """Refuse rows that no run can have, or too few of them to be in the unit that was stated."""
+    """Refuse implausible rows, or too few rows for the stated unit of time."""
     t = Ticks.of(pa.table(ticks), str(path)).t
     if len(t) < 2:
         raise ConfigurationError(f"{path}: holds {len(t)} rows of numbers, must hold two at least")
@@ -160,7 +160,7 @@ def _header(name: str, how: Mapping, index: int) -> dict[str, object]:
 
 
 def _profile(source: Source, how: Mapping, begin: float) -> dict[str, Array]:
-    """The points of the strip; no row where no profile was measured."""
+    """Points of the strip; no rows where no profile was measured."""
     if how.profile is None:
         return {name: np.empty(0) for name in ("t", "i", "x", "z")}
     points = dict(read_columns(source, how.profile, how.profile.columns.items()))
@@ -177,8 +177,8 @@ def _profile(source: Source, how: Mapping, begin: float) -> dict[str, Array]:
 
 
 def _result(source: Source, how: Mapping, begin: float, end: float) -> dict[str, object]:
-    """What was seen of the touch, by the last row of the gripper at `end` [s] or soon after."""
-    if how.result is None or not _is_there(source, how.result.file):
+    """The measured touch, if before the last row of the gripper at `end` [s] or soon after."""
+    if how.result is None or not _touch_was_measured(source, how.result.file):
         return {"outcome": "path_done"}
     values = read_columns(source, how.result, how.result.columns.items())
     if not all(len(column) and np.isfinite(column).any() for column in values.values()):
@@ -197,6 +197,6 @@ def _result(source: Source, how: Mapping, begin: float, end: float) -> dict[str,
     return {"outcome": "layer_touch", **found}
 
 
-def _is_there(source: Source, file: str) -> bool:
-    """Whether the touch was seen: a folder without its file says that it was not."""
+def _touch_was_measured(source: Source, file: str) -> bool:
+    """Whether the touch was measured: a folder without its file states that it was not."""
     return not isinstance(source, Folder) or (source.path / file).exists()

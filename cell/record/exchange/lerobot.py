@@ -1,4 +1,4 @@
-"""Runs written as a LeRobotDataset v3.0: an episode a run, a frame a row of the gripper's points.
+"""Writes runs as a LeRobotDataset v3.0: an episode a run, a frame a row of the gripper's points.
 
 The data set's clock is nominal, `frame_index / fps`; the exact stamps are the feature `stamp`, and
 those of the images `observation.contact_stamp` and `observation.profile_stamp`. What belongs to the
@@ -37,7 +37,7 @@ Features = dict[str, dict[str, Any]]
 
 
 def write_lerobot(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
-    """The data set of the runs in the new folder `out`."""
+    """Write the runs as a data set into the new folder `out`."""
     points = max((_most_points(part) for part in parts), default=0)
     features = _features(parts, points)
     begin, rows, every = 0, [], []
@@ -59,7 +59,7 @@ def write_lerobot(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
 
 
 def _name(table: str, column: str) -> tuple[str, str]:
-    """File and column of ours for the mapping of a data set."""
+    """File and column in a data set for a column of a run, for its mapping."""
     if table == "contact":
         stamp = "observation.contact_stamp"
         return EPISODE, stamp if column == "t" else "observation.contact"
@@ -76,7 +76,7 @@ def _vectors() -> dict[str, tuple[str, ...]]:
 
 
 def _features(parts: Sequence[Outgoing], points: int) -> Features:
-    """Features of the frames: what every run measured, by LeRobot's names."""
+    """Features of the frames: the quantities that every run measured, by LeRobot's names."""
     found: Features = {}
     for name, columns in _vectors().items():
         there = [c for c in columns if all(c in part.tables["ticks"] for part in parts)]
@@ -108,13 +108,13 @@ def _columns(part: Outgoing, features: Features, points: int) -> dict[str, Array
         seen = part.tables.get("contact", empty)
         rows = place_rows(found["stamp"], seen["t"])
         for name, key in (("contact", "contact_x"), ("contact_stamp", "t")):
-            found[f"observation.{name}"] = _spread(rows, seen[key], len(found["stamp"]), part)
+            found[f"observation.{name}"] = _at_rows(rows, seen[key], len(found["stamp"]), part)
     if points:
-        found |= _wide(part, found["stamp"], points)
+        found |= _curves_per_frame(part, found["stamp"], points)
     return found
 
 
-def _wide(part: Outgoing, t: Array, points: int) -> dict[str, Array]:
+def _curves_per_frame(part: Outgoing, t: Array, points: int) -> dict[str, Array]:
     """Curves (n, points) in the frames nearest to their images, and their stamps (n,)."""
     curves = part.run.profile.curves()
     stamps = np.array([stamp for stamp, _ in curves])
@@ -122,14 +122,14 @@ def _wide(part: Outgoing, t: Array, points: int) -> dict[str, Array]:
     padded = np.full((len(curves), points, 2), np.nan)
     for i, (_, curve) in enumerate(curves):
         padded[i, : len(curve)] = curve
-    found = {"observation.profile_stamp": _spread(rows, stamps, len(t), part)}
+    found = {"observation.profile_stamp": _at_rows(rows, stamps, len(t), part)}
     for k, axis in enumerate("xz"):
-        found[f"observation.profile_{axis}"] = _spread(rows, padded[..., k], len(t), part)
+        found[f"observation.profile_{axis}"] = _at_rows(rows, padded[..., k], len(t), part)
     return found
 
 
-def _spread(rows: Any, values: Array, count: int, part: Outgoing) -> Array:
-    """`values` (k, ...) in their `rows` (k,) of (count, ...), NaN elsewhere."""
+def _at_rows(rows: Any, values: Array, count: int, part: Outgoing) -> Array:
+    """Array (count, ...) with `values` (k, ...) in their `rows` (k,), NaN elsewhere."""
     if len(np.unique(rows)) < len(rows):
         raise ConfigurationError(
             f"{part.run.folder}: two images belong to one row of ticks.parquet; LeRobot keeps one "
@@ -156,7 +156,7 @@ def _counters(episode: int, begin: int, count: int, fps: int) -> dict[str, Any]:
 
 
 def _table(columns: Mapping[str, Any], features: Features) -> pa.Table:
-    """The frames, with the features as the library `datasets` reads them."""
+    """Table of the frames, with features typed as the library `datasets` reads them."""
     arrays, stated = {}, {}
     for name, values in columns.items():
         kind, size = features[name]["dtype"], features[name]["shape"][0]
@@ -173,7 +173,7 @@ def _table(columns: Mapping[str, Any], features: Features) -> pa.Table:
 
 
 def _episode(part: Outgoing, i: int, begin: int, count: int) -> dict[str, Any]:
-    """A row of meta/episodes; `cell/` holds the documents of the run."""
+    """Row of meta/episodes for one run; `cell/` holds the run's documents."""
     documents = {}
     for name in (RUN, RESULT):
         path = part.run.folder / name
@@ -200,7 +200,7 @@ def _task(part: Outgoing) -> str:
 
 
 def _tasks(parts: Sequence[Outgoing]) -> pa.Table:
-    """The task and its index, the text being the index of a pandas frame."""
+    """Table of tasks and their index; the text is the index of a pandas frame."""
     columns = [
         {"name": name, "field_name": name, "pandas_type": pandas, "numpy_type": numpy,
          "metadata": None}
@@ -212,7 +212,7 @@ def _tasks(parts: Sequence[Outgoing]) -> pa.Table:
 
 
 def _stats(each: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Extremes, mean, deviation and count of each feature over what was measured of it."""
+    """Extremes, mean, deviation and count of each feature, over its measured values."""
     found = {}
     for name in each[0]:
         values = np.concatenate([columns[name] for columns in each])
@@ -249,7 +249,7 @@ def _info(parts: Sequence[Outgoing], features: Features, frames: int) -> dict[st
 
 
 def _rate(parts: Sequence[Outgoing]) -> int:
-    """Nominal rows a second."""
+    """Nominal number of rows a second."""
     steps = np.concatenate([np.diff(part.tables["ticks"]["t"]) for part in parts])
     return max(round(1.0 / float(np.median(steps))), 1) if len(steps) else 1
 

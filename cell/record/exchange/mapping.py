@@ -1,4 +1,4 @@
-"""The mapping file of `cell import`: which column of whose tables holds what, in which unit."""
+"""The mapping file of `cell import`: the foreign column for each quantity, with its unit."""
 
 from typing import Annotated, Literal
 
@@ -27,7 +27,7 @@ ResultColumn = Literal["t_layer_touch", "l1", "l2", "displacement"]
 
 
 class Column(Settings):
-    """A column of theirs: its name and unit; `offset` [SI] is their value of our zero, and of a
+    """A foreign column: its name and unit; `offset` [SI] is their value of our zero, and of a
     `reversed` axis the sign is turned.
     """
 
@@ -49,25 +49,25 @@ class Table(Settings):
 
 
 class TickTable(Table):
-    """The gripper's points, a row a moment; `t`, `x`, `z` at least."""
+    """Table of the gripper's points, a row a moment; `t`, `x`, `z` at least."""
 
     columns: dict[TickColumn, Column]
 
 
 class ProfileTable(Table):
-    """Points of the strip's midline, a row a point; `t` is equal for the points of one image."""
+    """Table of points of the strip's midline, a row a point; `t` is equal within an image."""
 
     columns: dict[Literal["t", "i", "x", "z"], Column]
 
 
 class ContactTable(Table):
-    """The desk contact, a row an image."""
+    """Table of the desk contact, a row an image."""
 
     columns: dict[Literal["t", "contact_x"], Column]
 
 
 class ResultTable(Table):
-    """The touch of the layers, one row; absent where none was seen."""
+    """Table of the touch of the layers, one row; absent where none was seen."""
 
     columns: dict[ResultColumn, Column]
 
@@ -82,7 +82,7 @@ class Place(Settings):
 
 
 class Mapping(Settings):
-    """Contents of a mapping file; what is left out was not measured.
+    """Contents of a mapping file; quantities left out were not measured.
 
     `sigma` are the one-sigma errors [m], [s], [N] of what was measured; `runs` are facts of single
     runs by the name of their folder, without which their order is that of the call;

@@ -1,4 +1,4 @@
-"""Runs as MCAP files: written with exact stamps, read whoever wrote them, whole or cut off.
+"""Writes runs as MCAP files with exact stamps, and reads any such files, whole or cut off.
 
 A message of a run is JSON; its `t` is the exact stamp [s], the log time that of the file's
 nanoseconds. Kept images and the camera are messages of Foxglove's own schemas.
@@ -35,7 +35,7 @@ Row = dict[str, Any]
 
 
 def write_mcap(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
-    """A file for each run in the new folder `out`; each holds its mapping as an attachment."""
+    """Write a file for each run into the new folder `out`, its mapping as an attachment."""
     out.mkdir(parents=True)
     return tuple(_write(part, out / f"{part.run.name}.mcap") for part in parts)
 
@@ -79,7 +79,7 @@ def _write_numbers(writer: "Writer", part: Outgoing) -> None:
 
 
 def _write_pictures(writer: "Writer", part: Outgoing) -> None:
-    """The kept images, and the camera's lens before them."""
+    """Write the kept images, preceded by the camera's lens."""
     from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
     from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
     from mcap_protobuf.schema import register_schema
@@ -113,7 +113,7 @@ class McapFile:
     """An MCAP file as a source of tables, one a topic; of a file cut off, all whole chunks."""
 
     def __init__(self, path: Path) -> None:
-        """Read the messages of JSON and protobuf in the file at `path`, and its attachments."""
+        """Read messages in JSON and protobuf from the file at `path`, and its attachments."""
         self.path = path
         self.name = path.stem
         self._rows: dict[str, list[Row]] = {}
@@ -121,8 +121,8 @@ class McapFile:
         self._read(read_bytes(path, LARGEST_FILE))
 
     def table(self, topic: str, _how: object) -> pa.Table:
-        """The messages of `topic` as rows, nested fields joined by dots, lists of objects a row an
-        entry; `log_time` [s] beside. ConfigurationError for a topic that is not there.
+        """Messages of `topic` as rows, nested fields joined by dots, lists of objects a row an
+        entry; `log_time` [s] beside. ConfigurationError for a missing topic.
         """
         if topic not in self._rows:
             known = sorted(self._rows)

@@ -1,4 +1,4 @@
-"""What a run measured as plain tables, and the mapping by which `cell import` reads them again."""
+"""A run's measurements as plain tables, and the mapping by which `cell import` reads them again."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ Name = Callable[[str, str], tuple[str, str]]
 
 @dataclass(frozen=True, slots=True)
 class Outgoing:
-    """A run and what it measured: name of a table -> columns (n,) in SI units.
+    """A run with its measurements: name of a table -> columns (n,) in SI units.
 
     The tables are `ticks`, and where they were measured `contact`, `profile` and `result`.
     """
@@ -30,7 +30,7 @@ class Outgoing:
 
     @classmethod
     def of(cls, run: Run) -> Self:
-        """The tables of `run`; a column that holds nothing is left out."""
+        """The tables of `run`; empty columns are left out."""
         ticks = {name: np.asarray(getattr(run.ticks, name)) for name in TICK_COLUMNS}
         found = {"ticks": {name: v for name, v in ticks.items() if np.isfinite(v).any()}}
         seen = np.isfinite(run.ticks.contact_x)
@@ -45,7 +45,7 @@ class Outgoing:
 
 
 def outgoing(runs: Sequence[Run]) -> tuple[Outgoing, ...]:
-    """What `runs` measured; ConfigurationError for runs that one mapping cannot describe: without a
+    """Tables of `runs`; ConfigurationError for runs that one mapping cannot describe: without a
     row, or of several strips, starts or noises.
     """
     for run in runs:

@@ -1,4 +1,4 @@
-"""Columns of foreign tables, in SI units and the cell frame."""
+"""Reads columns of foreign tables, in SI units and the cell frame."""
 
 import io
 import json
@@ -25,15 +25,15 @@ FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
 
 
 class Source(Protocol):
-    """Where the tables of one run come from: a folder, a file, an episode."""
+    """Protocol of a source of one run's tables: a folder, a file, an episode."""
 
     @property
     def path(self) -> Path:
-        """The file or folder, for errors."""
+        """The source's file or folder, for errors."""
 
     @property
     def name(self) -> str:
-        """What to call the run."""
+        """Name for the run."""
 
     @property
     def documents(self) -> Mapping[str, bytes]:
@@ -51,7 +51,7 @@ class Folder:
 
     @property
     def name(self) -> str:
-        """Name of the folder."""
+        """Name of the folder, as the run's name."""
         return self.path.resolve().name
 
     @property
@@ -74,7 +74,7 @@ class Folder:
 def read_columns(
     source: Source, table: Table, columns: Iterable[tuple[str, Column]]
 ) -> dict[str, Array]:
-    """`columns` of the file of `table` in `source`, each (n,) in SI units by its name with us.
+    """Read `columns` of the file of `table` in `source`, each (n,) in SI units by our name.
 
     Raises ConfigurationError for a file, a column or a unit that cannot be used.
     """

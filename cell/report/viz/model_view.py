@@ -1,4 +1,4 @@
-"""Prediction of the strip by its model, driven by the measured gripper."""
+"""Prediction of the strip by its model, driven by the measured gripper, for display."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ NO_SHAPE = np.empty((0, 2))
 
 
 class Shadow:
-    """The rod driven beside the real strip, from t = 0, where both lie flat or hang still."""
+    """Rod simulated beside the real strip, from t = 0, where both lie flat or hang still."""
 
     def __init__(self, strip: StripFile) -> None:
         self._rod, self._model = Rod(SEGMENTS), describe(strip)

@@ -1,4 +1,4 @@
-"""A run as a sequence of ticks and log lines for display."""
+"""Converts a run to a sequence of ticks and log lines for display."""
 
 import heapq
 from collections.abc import Iterator
@@ -17,8 +17,8 @@ EVERY_FRAME = frozenset({"decision", PREDICTED})  # kinds of events that are not
 
 @dataclass(frozen=True, slots=True)
 class TickView:
-    """One tick: `clock` [s], `t` since the lift began [s] (NaN before), gripper `pose` (3,);
-    `measurement`, `image` and `outlook`, a row of `cell.record.outlook`, only when they are new.
+    """A tick for display: `clock` [s], `t` since the lift [s] (NaN before), gripper `pose` (3,);
+    `measurement`, `image` and `outlook`, a row of `cell.record.outlook`, only when new.
     """
 
     clock: float
@@ -50,7 +50,7 @@ def log_text(kind: str, facts: dict[str, object]) -> str:
 
 
 def moments_of(run: Run) -> Iterator[TickView | LogLine]:
-    """Ticks, with kept images and their measurements, and events, in the order of time."""
+    """Ticks of a run, with kept images and their measurements, and events, in the order of time."""
     origin = run.origin()
     words: Iterator[TickView | LogLine] = (
         LogLine(
@@ -99,10 +99,10 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
 
 
 def _sights(run: Run) -> list[StripMeasurement]:
-    """Measurements, image by image; of a laboratory's run only the curves."""
+    """Measurements of a run, image by image; of a laboratory's run only the curves."""
     sights, curves = run.sights(), run.profile.curves()
     if sights.stamp.size == 0:
-        return [_bare(t, points) for t, points in curves]
+        return [_curve_only(t, points) for t, points in curves]
     points_at = dict(curves)
     return [
         StripMeasurement(
@@ -120,6 +120,6 @@ def _sights(run: Run) -> list[StripMeasurement]:
     ]
 
 
-def _bare(t: float, points: Array) -> StripMeasurement:
+def _curve_only(t: float, points: Array) -> StripMeasurement:
     nothing = float("nan")
     return StripMeasurement(t, 0, nothing, 0.0, points, 1.0, (nothing, nothing), nothing, nothing)

@@ -99,7 +99,7 @@ def open_recording(
     live: bool = False,
     viewer: Callable[[str], None] | None = None,
 ) -> Iterator[rr.RecordingStream]:
-    """A recording into the file `name` of `folder`, complete when this ends; `live` serves it too.
+    """Recording into the file `name` of `folder`, complete after the block; `live` serves it too.
 
     `viewer` opens a viewer on the served address. Raises OSError, RuntimeError or ValueError when
     the file cannot be written.
@@ -113,7 +113,7 @@ def open_recording(
 def watched_recording(
     application: str, path: Path, *, live: bool, viewer: Callable[[str], None] | None
 ) -> Iterator[rr.RecordingStream]:
-    """A recording of `application` into the file at `path`, named by its folder; else as
+    """Recording of `application` into the file at `path`, named by its folder; see
     `open_recording`.
     """
     recording = rr.RecordingStream(application, recording_id=ascii(path.parent.name).strip("'"))
@@ -151,7 +151,7 @@ class Screen:
         calibration: Calibration | None,
         strip: StripFile | None,
     ) -> None:
-        """Draws into no images without `calibration`, and simulates no model without `strip`."""
+        """Draw into `recording`: images with a `calibration`, a model with a `strip`."""
         self._to = recording
         self._calibration = calibration
         self._shadow = None if strip is None else Shadow(strip)
@@ -160,11 +160,11 @@ class Screen:
         self._ahead: list[tuple[float, int, list[float]]] = []
         self._track: list[Array] = []
         self._state: tuple[str, bool] = ("", False)
-        self._furnish(1.0 if strip is None else strip.length)
+        self._log_surroundings(1.0 if strip is None else strip.length)
 
     def draw(self, item: TickView | LogLine) -> None:
         """Add a tick or a line of the log."""
-        self._at(item)
+        self._set_times(item)
         if isinstance(item, LogLine):
             level = rr.TextLogLevel.ERROR if item.alarm else rr.TextLogLevel.INFO
             self._to.log("log", rr.TextLog(item.text, level=level))
@@ -191,7 +191,7 @@ class Screen:
         self._send(ahead, OUTLOOK_SIGNALS)
 
     def verdict(self, folder: Path) -> None:
-        """Add what came of the run in `folder`, where it has a result."""
+        """Add the outcome of the run in `folder`, where it has a result."""
         if not (folder / RESULT).is_file():
             return
         said = verdict_of(Salvage.of(folder), None)
@@ -232,7 +232,7 @@ class Screen:
             columns = rr.Scalars.columns(scalars=SIGNAL_SCALES.get(name, MM) * values)
             self._to.send_columns(f"signals/{name}", [times, ticks], columns)
 
-    def _furnish(self, length: float) -> None:
+    def _log_surroundings(self, length: float) -> None:
         desk = [MM * np.array([(-0.1, 0.0), (length + 0.15, 0.0)])]
         self._to.log("desk", rr.LineStrips2D(desk, colors=0x8A9099FF, radii=1.0), static=True)
         lanes = rr.StateConfiguration(
@@ -244,7 +244,7 @@ class Screen:
             line = rr.SeriesLines(colors=colour, names=label, widths=1.5)
             self._to.log(f"signals/{name}", line, static=True)
 
-    def _at(self, item: TickView | LogLine) -> None:
+    def _set_times(self, item: TickView | LogLine) -> None:
         self._to.reset_time()
         self._to.set_time("clock", duration=item.clock)
         if math.isfinite(item.t):
@@ -259,7 +259,7 @@ class Screen:
         self._to.log("strip/measured", _curve(measurement.profile, SEEN_RGBA, 2.0))
 
     def _picture(self, image: Image, measurement: StripMeasurement | None) -> None:
-        """An image, and the measurement from it."""
+        """Draw an image, and the measurement from it."""
         self._to.log("camera/image", jpeg(image))
         if measurement is None or self._calibration is None:
             self._to.log("camera/overlay", rr.Clear(recursive=True))
@@ -292,14 +292,14 @@ class Screen:
 
 
 def _curve(points: Array, colour: int, radius: float) -> Any:
-    """Points (n, 2) [m] as a line of a flat view, `radius` [mm]."""
+    """Line of a flat view through points (n, 2) [m], `radius` [mm]."""
     return rr.LineStrips2D(
         [TO_VIEW * points] if len(points) > 1 else [], colors=colour, radii=radius
     )
 
 
 def jpeg(image: Image) -> Any:
-    """`image` (height, width, 3) BGR, compressed, as Rerun takes it."""
+    """`image` (height, width, 3) BGR, compressed for Rerun."""
     import cv2
 
     _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 70])
@@ -307,7 +307,7 @@ def jpeg(image: Image) -> Any:
 
 
 def free_port() -> int:
-    """A free port of the loopback."""
+    """A free port number on the loopback."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -1,4 +1,4 @@
-"""Saves a Rerun recording in a file, also where its disk is full."""
+"""Saves a Rerun recording in a file, and survives a full disk."""
 
 import os
 import threading
@@ -47,7 +47,7 @@ def saving(recording: rr.RecordingStream, path: Path, *others: Any) -> Iterator[
 
 
 def send_blueprint(recording: rr.RecordingStream, blueprint: Any) -> None:
-    """Send the layout `blueprint` of the viewer to `recording`, and release what held it.
+    """Send the viewer's layout `blueprint` to `recording`, and free its memory.
 
     `RecordingStream.send_blueprint` does the same, but Rerun 0.41 keeps the stream that it makes of
     the layout, with two threads and 0.8 MB, for as long as the process lives.
@@ -63,7 +63,7 @@ def send_blueprint(recording: rr.RecordingStream, blueprint: Any) -> None:
 
 
 def _pass_on(pipe: int, file: FileIO, failures: list[OSError]) -> None:
-    """Write what comes through `pipe` into `file`; after a failure it is only taken."""
+    """Write the bytes from `pipe` into `file`; after a failure they are read and discarded."""
     while content := os.read(pipe, CHUNK_SIZE):
         try:
             if not failures:

@@ -30,7 +30,7 @@ CLOSING_TIMEOUT = 30.0  # s, for what still waits when the run is over
 
 
 class Viz:
-    """Shows a run in Rerun without blocking it; drops the oldest ticks when it lags.
+    """Observer that shows a run in Rerun without blocking it; drops the oldest ticks when it lags.
 
     `save` writes run.rrd into the run's folder; `live` also serves it on loopback and opens a
     viewer there. The viewer connects to us, so that one that hangs or dies cannot block anything.
@@ -46,8 +46,7 @@ class Viz:
         *,
         hanging: bool = False,
     ) -> None:
-        """The run's calibration is read from its folder; without one, images are shown without
-        overlays.
+        """Show a run with the calibration from its folder; without one, images have no overlays.
 
         Measured time begins with the lift, or with the fold in a run that starts `hanging`.
         `viewer` opens a viewer on an address; by default Rerun's own.
@@ -61,7 +60,9 @@ class Viz:
         self._next_image, self._sequence = -math.inf, -1
         self._predicted: FoldPrediction | None = None
         arguments = (mode, folder, strip, viewer)
-        self._thread = threading.Thread(target=self._work, args=arguments, name="viz", daemon=True)
+        self._thread = threading.Thread(
+            target=self._draw_queue, args=arguments, name="viz", daemon=True
+        )
         self._thread.start()
 
     def see(self, snapshot: Snapshot) -> None:
@@ -121,10 +122,10 @@ class Viz:
         self._waiting.append(item)
         self._news.set()
 
-    def _work(
+    def _draw_queue(
         self, mode: Mode, folder: Path, strip: StripFile, viewer: Callable[[str], None] | None
     ) -> None:
-        """Draw the queue until the run is over. Rerun is imported here, while the run goes on."""
+        """Draw the queue until the run is over; Rerun is imported here, while the run goes on."""
         from cell.report.viz.recording import Screen, open_recording
 
         path = folder / CALIBRATION
@@ -152,7 +153,7 @@ class Viz:
 def watching(
     mode: Mode | Literal["off"], *, hanging: bool = False
 ) -> Iterator[Callable[[Path, StripFile], tuple[Viz, ...]]]:
-    """Makes the Rerun observers of folds, none when `off`, and waits for them at the end.
+    """Within the block, make the Rerun observers of folds, none when `off`; at its end wait.
 
     `hanging` is where the measured time of the folds begins; see `Viz`.
     """

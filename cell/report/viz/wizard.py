@@ -1,4 +1,4 @@
-"""A calibration in Rerun: the image with its measurements, the coverage, the next request."""
+"""Shows a calibration in Rerun: the image with its measurements, the coverage, the next request."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,7 +24,7 @@ WANTED_RGBA = 0xFFAA32FF
 def wizard_screen(
     folder: Path, *, live: bool = False, viewer: Callable[[str], None] | None = None
 ) -> Iterator["WizardScreen"]:
-    """Draws into wizard.rrd of `folder`, which must exist when the first news arrive.
+    """Screen that draws into wizard.rrd of `folder`, which must exist when the first news arrive.
 
     `live` serves it on loopback too, and `viewer` opens a viewer there.
     """
@@ -35,7 +35,7 @@ def wizard_screen(
 
 
 class WizardScreen:
-    """Draws the news of a wizard; the only user of its entity paths."""
+    """Screen that draws a wizard's news; the only user of its entity paths."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._to = recording
@@ -60,7 +60,7 @@ class WizardScreen:
     def _views(self, news: ViewNews) -> None:
         wanted = "nothing more" if news.wanted is None else str(news.wanted)
         rows = [f"{'x' if gate.passed else ' '} {gate}" for gate in news.gates]
-        self._say(wanted, news.why, rows)
+        self._log_request(wanted, news.why, rows)
         shares = np.array([gate.share for gate in news.gates])
         self._to.log("wizard/coverage", rr.BarChart(shares))
         if news.sketch is not None:
@@ -87,7 +87,7 @@ class WizardScreen:
         if news.wanted is not None:
             wanted = news.request
         done = f"{len({point.number for point in news.touches})} of {len(news.plan)} points"
-        self._say(wanted, news.why, [str(news.stage), done])
+        self._log_request(wanted, news.why, [str(news.stage), done])
         if news.touches:
             pixels = np.array([point.pixel for point in news.touches])
             shades = [HELD_OUT_RGBA if point.held_out else FITTED_RGBA for point in news.touches]
@@ -99,7 +99,7 @@ class WizardScreen:
             words = f"point {news.result.number}: {news.result.refused}"
             self._to.log("wizard/log", rr.TextLog(words))
 
-    def _say(self, wanted: str, why: str, rows: list[str]) -> None:
+    def _log_request(self, wanted: str, why: str, rows: list[str]) -> None:
         words = "\n".join([f"next: {wanted}", f"why: {why}", "", *rows])
         self._to.log("wizard/words", rr.TextDocument(words))
 

@@ -38,7 +38,7 @@ def _claims(folds: dict[str, tuple[ImageFold, ...]], results: Results) -> Iterat
         if policy in folds:
             yield _sign_claim(folds[policy], count, policy, word, sign)
     if folds.keys() >= set(THREE):
-        yield _best(folds)
+        yield _smallest_mean(folds)
     if "planned" in folds:
         yield _within(
             folds["planned"], count, "methods that know the properties", paper.KNOWN_STRIP_BOUND
@@ -49,13 +49,13 @@ def _claims(folds: dict[str, tuple[ImageFold, ...]], results: Results) -> Iterat
 
 
 def _within(folds: tuple[ImageFold, ...], count: int, who: str, limit: float) -> Claim:
-    d = np.abs(_d(folds))
+    d = np.abs(_displacements(folds))
     held = len(folds) == count and bool(np.all(d < limit))
     return Claim(f"{who}: under {1e3 * limit:.0f} mm on every strip", _worst(folds, count), held)
 
 
 def _worst(folds: tuple[ImageFold, ...], count: int) -> str:
-    d = np.abs(_d(folds))
+    d = np.abs(_displacements(folds))
     touched = np.isfinite(d)
     if not touched.any():
         return f"no touch on {count} strips"
@@ -68,7 +68,7 @@ def _worst(folds: tuple[ImageFold, ...], count: int) -> str:
 def _sign_claim(
     folds: tuple[ImageFold, ...], count: int, policy: str, word: str, sign: float
 ) -> Claim:
-    d = _d(folds)
+    d = _displacements(folds)
     agreeing = int(np.sum(sign * d > 0))
     mean = millimetres(float(np.nanmean(d)) if np.isfinite(d).any() else None, signed=True)
     stated = millimetres(paper.MEANS[policy], signed=True)
@@ -79,8 +79,11 @@ def _sign_claim(
     )
 
 
-def _best(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
-    means = {p: float(np.mean(np.nan_to_num(np.abs(_d(folds[p])), nan=np.inf))) for p in THREE}
+def _smallest_mean(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
+    means = {
+        p: float(np.mean(np.nan_to_num(np.abs(_displacements(folds[p])), nan=np.inf)))
+        for p in THREE
+    }
     values = ", ".join(f"{p} {millimetres(mean)}" for p, mean in means.items())
     least = min(means.values())
     held = means["feedback"] == least and np.isfinite(least)
@@ -98,5 +101,5 @@ def _repeatable(again: dict[str, tuple[ImageFold, ...]]) -> Claim:
     )
 
 
-def _d(folds: tuple[ImageFold, ...]) -> Array:
+def _displacements(folds: tuple[ImageFold, ...]) -> Array:
     return np.array([f.displacement for f in folds], dtype=np.float64)

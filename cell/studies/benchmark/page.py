@@ -43,7 +43,7 @@ FOLD_WIDTH = 130.0  # mm of the fold
 
 
 def folded_figure(results: Results) -> str:
-    """Shapes of folds, aligned at their ends, and their heights over bending length; SVG."""
+    """Figure (SVG) of folded shapes, ends aligned, and their heights over bending length."""
     laid = [r for r in results.results if isinstance(r, Laid)]
     if not laid:
         return ""
@@ -70,7 +70,7 @@ def folded_figure(results: Results) -> str:
 
 
 def write_results(results: Results, folder: Path) -> Path:
-    """Write benchmark.json and benchmark.html into `folder`; the path of the page."""
+    """Write benchmark.json and benchmark.html into `folder`; returns the page's path."""
     content = results.model_dump_json(by_alias=True, indent=1)
     write_file(folder / "benchmark.json", content)
     page = folder / "benchmark.html"
@@ -89,7 +89,7 @@ def write_main_picture(results: Results, path: Path) -> None:
 
 
 def lines(results: Results) -> list[dict[str, Any]]:
-    """Objects for a program: one for each policy, then one for each claim; None if unknown."""
+    """Results as JSON objects: one for each policy, then one for each claim; None if unknown."""
     summary = [{"kind": "policy", **asdict(row)} for row in rows(results)]
     claimed = [{"kind": "claim", **asdict(claim)} for claim in claims(results)]
     return [plain(line) for line in (*summary, *claimed)]
@@ -103,7 +103,7 @@ NOT_IN_SOURCE = (
 
 
 def page_of(results: Results) -> str:
-    """The page of `results`, self-contained."""
+    """Self-contained page of `results`."""
     summary = rows(results)
     return page(
         "studies/benchmark/benchmark.html",
@@ -112,9 +112,9 @@ def page_of(results: Results) -> str:
         said=verdict_of(results),
         claims=[("held" if c.held else "not held", c.says, c.here) for c in claims(results)],
         asked=results.asked,
-        strips=[_strip_row(row) for row in summary],
-        ranges=[_range_row(row) for row in summary],
-        outside=_outside(results),
+        strips=[_strip_cells(row) for row in summary],
+        ranges=[_range_cells(row) for row in summary],
+        outside=_outside_sentence(results),
         hidden=_hidden_effects(results),
         figures={name: draw(results) for name, draw in FIGURES.items()},
         photograph=photograph(results),
@@ -124,7 +124,7 @@ def page_of(results: Results) -> str:
 
 
 def verdict_of(results: Results) -> Verdict:
-    """Whether the paper's main claim holds: feedback under 20 mm on every strip, from images."""
+    """Sentence on the paper's main claim: feedback under 20 mm on every strip, from images."""
     limit = f"{1e3 * paper.WORST['feedback']:.0f} mm"
     row = next((row for row in rows(results) if row.policy == "feedback"), None)
     if row is None or row.strips.folded == 0:
@@ -142,14 +142,14 @@ def verdict_of(results: Results) -> Verdict:
     return Verdict(tone, headline, sentences, millimetres(strips.worst), "worst |d|, feedback")
 
 
-def _outside(results: Results) -> str:
-    """How many strips lie outside of the range that was simulated, a policy after the other."""
+def _outside_sentence(results: Results) -> str:
+    """Sentence on the number of strips outside the simulated range, policy by policy."""
     strays = [(p, *outside(results, p)) for p in THREE if p in results.asked.policies]
     return "; ".join(f"{p} {out} of {of}" for p, out, of in strays if of) or NO_VALUE
 
 
 def _hidden_effects(results: Results) -> dict[str, Any]:
-    """Misses with effects that no policy knows: a row an effect, a column a policy."""
+    """Table of misses with effects unknown to the policies: a row an effect, a column a policy."""
     policies = [policy for policy in results.asked.policies if results.hidden_folds(policy)]
     found = {
         (r.policy, r.effect): misses_text(r) for p in policies for r in results.hidden_folds(p)
@@ -162,7 +162,7 @@ def _hidden_effects(results: Results) -> dict[str, Any]:
     return {"head": ("hidden", *policies), "rows": misses}
 
 
-def _strip_row(row: Row) -> tuple[str, ...]:
+def _strip_cells(row: Row) -> tuple[str, ...]:
     s = row.strips
     numbers = [numeral(value, signed=True) for value in (s.mean, s.low, s.high)]
     tail = [numeral(s.worst), s.worst_strip, numeral(s.misread), numeral(row.spread)]
@@ -170,7 +170,7 @@ def _strip_row(row: Row) -> tuple[str, ...]:
     return row.policy, f"{s.folded} of {s.of}", *numbers, *tail
 
 
-def _range_row(row: Row) -> tuple[str, ...]:
+def _range_cells(row: Row) -> tuple[str, ...]:
     rod, chain = row.rod, row.chain
     numbers = [numeral(value) for value in (rod.mean, rod.quantile_95, rod.worst)]
     other = [numeral(chain.mean), numeral(chain.worst), newtons(rod.force)]

@@ -13,8 +13,8 @@ Curve = tuple[tuple[float, float], ...]  # x, z [m]
 
 
 class ImageFold(Settings):
-    """A fold through images on the twin: `displacement` as the camera saw it and the true one
-    [m], None without a touch; times and `retardation_time` of the strip [s], its
+    """Result of a fold through images on the twin: `displacement` as the camera saw it and the true
+    one [m], None without a touch; times and `retardation_time` of the strip [s], its
     `bending_length` [m]; `edge_offset_true` [m] between the laid edges; `run` is the folder.
     """
 
@@ -35,9 +35,9 @@ class ImageFold(Settings):
 
 
 class RangeFolds(Settings):
-    """A policy over the paper's range with simulated observations: `displacement` [m], None without
-    a touch, and mean `force` [N] that holds the fixed edge from the take-over on; side x side
-    strips, stiffness outermost.
+    """Results of a policy over the paper's range with simulated observations: `displacement` [m],
+    None without a touch, and mean `force` [N] that holds the fixed edge from the take-over on; side
+    x side strips, stiffness outermost.
     """
 
     kind: Literal["range"] = "range"
@@ -54,8 +54,8 @@ class RangeFolds(Settings):
 
 
 class EffectFolds(Settings):
-    """A policy over strips of the paper's range with one `effect` of textile size that it does not
-    know, none where empty: `displacement` [m] in the rod, None without a touch.
+    """Results of a policy over strips of the paper's range with one `effect` of textile size that
+    it does not know, none where empty: `displacement` [m] in the rod, None without a touch.
     """
 
     kind: Literal["effect"] = "effect"
@@ -106,7 +106,7 @@ class Adaptation(Settings):
 
 
 class Laid(Settings):
-    """A folded strip at rest on the chain."""
+    """Result of a laid fold: a folded strip at rest on the chain."""
 
     kind: Literal["laid"] = "laid"
     bending_length: float
@@ -114,7 +114,7 @@ class Laid(Settings):
 
 
 class Refused(Settings):
-    """A part that could not be measured, and the reason."""
+    """A part that was not measured, and the reason."""
 
     kind: Literal["refused"] = "refused"
     part: str
@@ -137,7 +137,7 @@ class Results(Settings):
     results: tuple[AnyResult, ...]
 
     def folds(self, policy: str) -> tuple[ImageFold, ...]:
-        """The first fold of each strip by `policy`, in the order asked for."""
+        """First fold of each strip by `policy`, in the requested order."""
         found = {f.strip: f for f in self._image_folds(policy) if f.seed == self.asked.seed}
         return tuple(found[strip] for strip in self.asked.strips if strip in found)
 

@@ -52,13 +52,13 @@ def benchmark(
 def measure_parts(
     parts: Sequence[Part], folder: Path, engine: Engine, watcher: Watcher, *, again: bool = False
 ) -> Iterator[tuple[str, Result]]:
-    """Every part's key with its result; one that cannot be measured is Refused."""
+    """Measure every part; returns its result by its key, Refused where it could not be measured."""
     for part, record in carry_out(parts, folder, engine, watcher, again=again):
         yield part.key, _result(record)
 
 
 def summarise(record: Record) -> str:
-    """What came of a part, in a few words."""
+    """Result of a part, in a few words."""
     if record.outcome is None:
         return f": {record.reason}"
     if record.outcome["kind"] == "fold":

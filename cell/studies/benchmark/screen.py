@@ -1,4 +1,4 @@
-"""The tables of a benchmark in the terminal."""
+"""Prints the tables of a benchmark in the terminal."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ from cell.studies.benchmark.summary import Row, rows
 
 
 def show(results: Results, console: Console) -> None:
-    """Print the tables and the claims."""
+    """Print the tables and the claims of `results`."""
     summary = rows(results)
     console.print(_strips_table(summary, len(results.asked.strips)))
     console.print(_range_table(summary, results))

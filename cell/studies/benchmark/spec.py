@@ -14,7 +14,7 @@ QUICK_FABRICS = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and sl
 
 
 class Size(Settings):
-    """Number of simulated strips: a side of the `grid` in the rod, and on the `chain`;
+    """Numbers of simulated strips: a side of the `grid` in the rod, and on the `chain`;
     `stiffnesses`, `dampings` and `heights` [m] of the critical points; `laid` folded strips;
     `hidden` strips for each effect that a policy does not know.
     """
@@ -60,8 +60,8 @@ class BenchmarkSpec(Settings):
         known = configs.strip_names()
         usual = tuple(name for name in QUICK_FABRICS if name in known) if quick else known
         return cls(
-            policies=_each(policies or policy_names(), policy_names(), "policies"),
-            strips=_each(strips or usual or known, known, "strips"),
+            policies=_check_names(policies or policy_names(), policy_names(), "policies"),
+            strips=_check_names(strips or usual or known, known, "strips"),
             repeats=repeats or (2 if quick else 5),
             seed=seed,
             extent=QUICK if quick else Size(),
@@ -73,7 +73,7 @@ class BenchmarkSpec(Settings):
         return FAVOURITE if FAVOURITE in self.strips else self.strips[0]
 
 
-def _each(names: tuple[str, ...], known: tuple[str, ...], option: str) -> tuple[str, ...]:
+def _check_names(names: tuple[str, ...], known: tuple[str, ...], option: str) -> tuple[str, ...]:
     wanted = tuple(dict.fromkeys(names))
     for name in wanted:
         if name not in known:
@@ -84,5 +84,5 @@ def _each(names: tuple[str, ...], known: tuple[str, ...], option: str) -> tuple[
 
 
 def split(given: str | None) -> tuple[str, ...]:
-    """Names in a list like `denim,blanket`."""
+    """Names in a comma-separated list such as `denim,blanket`."""
     return tuple(part.strip() for part in (given or "").split(",") if part.strip())

@@ -31,7 +31,7 @@ class StripNumbers:
 
     @classmethod
     def of_folds(cls, folds: tuple[ImageFold, ...], asked: int) -> "StripNumbers":
-        """The statistics of `folds`, out of `asked` strips."""
+        """Statistics of `folds`, out of `asked` strips."""
         touched = [(f, f.displacement) for f in folds if f.displacement is not None]
         if not touched:
             return cls(0, asked, NAN, NAN, NAN, NAN, "", NAN)
@@ -55,7 +55,7 @@ class StripNumbers:
 
 @dataclass(frozen=True, slots=True)
 class RangeNumbers:
-    """|d| over the paper's range [m]; `untouched` folds, mean holding force [N]."""
+    """Statistics of |d| over the paper's range [m]; `untouched` folds, mean holding force [N]."""
 
     mean: float
     quantile_95: float
@@ -65,7 +65,7 @@ class RangeNumbers:
 
     @classmethod
     def of_folds(cls, folds: RangeFolds | None) -> "RangeNumbers":
-        """The statistics of `folds`."""
+        """Statistics of `folds` over the paper's range."""
         d = np.abs(folds.d[np.isfinite(folds.d)]) if folds is not None else np.zeros(0)
         if folds is None or d.size == 0:
             return cls(NAN, NAN, NAN, 0, NAN)
@@ -76,7 +76,7 @@ class RangeNumbers:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One policy: over the strips, over the range in both engines, and between repeats [m]."""
+    """Statistics of one policy [m]: over strips, the range in both engines, and repeats."""
 
     policy: str
     strips: StripNumbers
@@ -87,7 +87,7 @@ class Row:
 
 
 def rows(results: Results) -> tuple[Row, ...]:
-    """A row for each policy, in the order asked for."""
+    """Rows of the summary, one for each policy in the requested order."""
     return tuple(_row(results, policy) for policy in results.asked.policies)
 
 
@@ -98,7 +98,7 @@ def spread(folds: tuple[ImageFold, ...]) -> float:
 
 
 def misses_text(folds: EffectFolds) -> str:
-    """|d| of `folds` as text [mm]: mean, 95 % and worst, and how many did not touch."""
+    """|d| of `folds` as text [mm]: mean, 95 % and worst, and the number without a touch."""
     d = np.abs([value for value in folds.displacement if value is not None])
     if d.size == 0:
         return NO_VALUE

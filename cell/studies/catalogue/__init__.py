@@ -1,4 +1,4 @@
-"""The studies by name; every module of these folders that has a `STUDY` is one, named like it."""
+"""Registry of studies: every module of these folders with a `STUDY`, by the module's name."""
 
 import importlib
 import pkgutil

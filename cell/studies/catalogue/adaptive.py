@@ -1,4 +1,4 @@
-"""`adaptive` over strips that nobody measured, each effect hidden in turn, from noisy states."""
+"""Study of `adaptive` on unmeasured strips, each effect hidden in turn, from noisy states."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ CONDITIONS = (*SENSED, *STRANGE, *EFFECTS)
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """A strip in the next condition; every condition twenty times on the rod, then on the chain."""
+    """Draw a strip in the next condition, each twenty times on the rod, then on the chain."""
     times, which = divmod(number, len(CONDITIONS))
     name = CONDITIONS[which]
     if name in STRANGE:
@@ -35,8 +35,8 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """d [m] by `adaptive` and by the shifted triangle, the prediction and the belief; and the
-    belief of a second fold, combined with that of the first.
+    """Displacement d [m] by `adaptive` and by the shifted triangle, with the prediction and the
+    estimate of the strip; and the estimate of a second fold, combined with the first.
     """
     strip = StripFile.model_validate(case["strip"])
     rate = 30.0 if case["condition"] == "30 Hz" else 60.0
@@ -49,12 +49,12 @@ def measure(case: Values) -> Values:
         return roll_out(by, engine, strip, lying, settings=settings, rng=rng)
 
     folds = fold(policy)
-    known = _last(policy, folds)
+    known = _last_prediction(policy, folds)
     before, again = fold(Shifted()), fold(policy)
     touch, d = folds.touch[0], float(folds.displacement[0])
     length, time, _ = truth(strip)
     ratio = abs(d - known.displacement) / known.sigma
-    both, sigma = _product(known.retardation_time, _last(policy, again).retardation_time)
+    both, sigma = _combine(known.retardation_time, _last_prediction(policy, again).retardation_time)
     return {
         "d": d,
         "shifted": float(before.displacement[0]),
@@ -64,26 +64,26 @@ def measure(case: Values) -> Values:
         "length_off": float(np.log(known.bending_length.value) - length),
         "time_off": float(np.log(known.retardation_time.value) - time),
         "time_off_both": both - time,
-        "time_within": _within(known.retardation_time, time),
+        "time_within": _contains(known.retardation_time, time),
         "time_within_both": abs(both - time) < sigma,
     }
 
 
-def _last(policy: Kept, folds: Folds) -> FoldPrediction:
-    """What was predicted last before the touch."""
+def _last_prediction(policy: Kept, folds: Folds) -> FoldPrediction:
+    """Last prediction before the touch."""
     touch = folds.touch[0]
     end = np.inf if touch is None else touch.time
     return [said for seen, said in policy.seen if seen.time[0] < end][-1]
 
 
-def _product(a: Estimate, b: Estimate) -> tuple[float, float]:
-    """Mean and sigma of the logarithm, as if the two were independent."""
+def _combine(a: Estimate, b: Estimate) -> tuple[float, float]:
+    """Mean and sigma of the product of two estimates of a logarithm, taken as independent."""
     means = np.log([a.value, b.value])
     weights = np.log([a.high / a.low, b.high / b.low]) ** -2.0
     return float(means @ weights / weights.sum()), 0.5 / float(np.sqrt(weights.sum()))
 
 
-def _within(estimate: Estimate, log: float) -> bool:
+def _contains(estimate: Estimate, log: float) -> bool:
     return estimate.low < float(np.exp(log)) < estimate.high
 
 

@@ -1,4 +1,4 @@
-"""How often `adaptive` says that a strip does not behave like the model, rightly and wrongly.
+"""Study of how often `adaptive` reports an unlike strip, rightly and wrongly.
 
 Strips as they may come are compared with a rod of what the policy believed at the touch
 (`cell.perception.agreement`). Laws that no description of a strip holds are causes of the exam.
@@ -36,7 +36,7 @@ STRANGE_LAWS = {
 
 
 def add_seam(rng: np.random.Generator) -> StripFile:
-    """A strip with a seam."""
+    """Effect of a seam at a random place."""
     return plain(rng, seam=effect("seam", rng))
 
 
@@ -57,7 +57,7 @@ class Law:
         self._cause, self._rng = cause_of(name, values), np.random.default_rng(0)
 
     def begin(self, parts: Parts) -> ForceFunction:
-        """The force of the law on `parts`; raises ValueError for a cause that is none."""
+        """Start the law's force on `parts`; raises ValueError for a cause without a force."""
         force = self._cause.begin(parts, self._rng)
         if force is None:
             raise ValueError("the cause is not a force")
@@ -65,7 +65,7 @@ class Law:
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """A strip in the next condition."""
+    """Draw a strip in the next condition."""
     name = CONDITIONS[number % len(CONDITIONS)]
     strip = STRIP_DRAWS.get(name, unknown)(rng)
     content = strip.model_dump(mode="json", by_alias=True)
@@ -98,7 +98,7 @@ def measure(case: Values) -> Values:
 
 
 def limits(outcomes: Sequence[Outcome]) -> Values:
-    """What `UNFLAGGED_SHARE` of the folds stay below that strips as they come make."""
+    """Limits that UNFLAGGED_SHARE of the folds of ordinary strips stay below."""
     rows = [o.values for o in outcomes if o.case.values["kind"] == "as trained"]
     rows = [row for row in rows if row["residual"] is not None]
     found = {name: float(np.quantile([row[name] for row in rows], UNFLAGGED_SHARE))

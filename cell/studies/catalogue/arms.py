@@ -1,4 +1,4 @@
-"""Folds through the robot's own library beside folds by the in-process arm: the same, and again."""
+"""Study of folds through the robot's own library beside the in-process arm, each repeated."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,7 +11,7 @@ FILES = ("ticks.parquet", "profile.parquet", "result.yaml")
 
 
 def measure(case: Values) -> Values:
-    """The difference of both true displacements [m], and whether a second fold has equal bytes."""
+    """Difference of both true displacements [m], and whether a second fold has equal bytes."""
     with TemporaryDirectory() as place:
         arms = ("fci", "fci", "twin")
         made = [

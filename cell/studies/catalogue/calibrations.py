@@ -1,4 +1,4 @@
-"""Folds with the calibration that the wizards leave, beside those with the twin's own."""
+"""Study of folds with the wizards' calibration beside folds with the twin's own."""
 
 import subprocess
 import sys
@@ -31,7 +31,7 @@ def _displacement(case: Values, calibration: Calibration | None) -> float | None
 
 @cache
 def by_wizards() -> Calibration:
-    """The calibration that both wizards leave, run unattended as an operator starts them."""
+    """Calibration by both wizards, run unattended as an operator starts them."""
     with TemporaryDirectory() as place:
         for kind in ("camera", "homography"):
             command = [sys.executable, "-m", "cell", "calibrate", kind, "--viz", "off"]

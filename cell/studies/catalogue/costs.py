@@ -1,4 +1,4 @@
-"""What the parts of a fold cost: an image, its reading, a decision, a turn of the control loop.
+"""Study of the cost of a fold's parts: an image, its measurement, a decision, a loop's turn.
 
 Processor time of one thread where a part is called alone; a turn and the fold as a whole on the
 wall clock, so that they need an idle machine.
@@ -82,8 +82,8 @@ def decision(seed: int, _look: str) -> Mapping[str, list[float]]:
 
 
 def whole(seed: int, _look: str) -> Mapping[str, list[float]]:
-    """A fold as `cell fold` makes it, with page and recording: of its own time, the share that it
-    took of the wall clock; milliseconds of each turn of the control loop.
+    """Cost of a fold as `cell fold` makes it, with page and recording: share of its own time that
+    it took on the wall clock; milliseconds of each turn of the control loop.
     """
     calibration, choice = cached_calibration(), DeviceSelection(seed=seed)
     with TemporaryDirectory() as place:
@@ -103,14 +103,14 @@ COST_PARTS: dict[str, Callable[[int, str], Mapping[str, list[float]]]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """The next part, images in the next look."""
+    """Draw the next part, images in the next look."""
     seed, part = divmod(number, len(COST_PARTS))
     look = list(looks())[seed % len(looks())] if part == 0 else next(iter(looks()))
     return {"part": list(COST_PARTS)[part], "look": look, "noise": seed}
 
 
 def measure(case: Values) -> Values:
-    """Its costs, a list a name."""
+    """Costs of the case's part, a list for each name."""
     return COST_PARTS[case["part"]](case["noise"], case["look"])
 
 

@@ -1,4 +1,4 @@
-"""What the engines cost and how exact they are, on the same folds.
+"""Study of the engines' cost and accuracy on the same folds.
 
 Errors of d are against the rod converged in segments and step; costs are of processor time of one
 thread per simulated second of a strip.
@@ -40,14 +40,14 @@ SUBJECTS: dict[str, Callable[[], Stepper]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Every engine on every fold, from the middle of the paper's range to its corners."""
+    """Draw every engine on every fold, from the middle of the paper's range to its corners."""
     fold, subject = divmod(number, len(SUBJECTS))
     k, b, path = FOLD_CASES[fold % len(FOLD_CASES)]
     return {"engine": list(SUBJECTS)[subject], "stiffness": k, "damping": b, "path": path}
 
 
 def measure(case: Values) -> Values:
-    """d's error [m] and the cost [s of processor per simulated second]."""
+    """Error of d [m] and cost [s of processor per simulated second] of one engine."""
     k = case["stiffness"]
     model = describe(paper_strip(k, case["damping"] * paper_damping_minimum(k)))
     path, engine = PATHS[case["path"]](0.6), SUBJECTS[case["engine"]]()
@@ -69,7 +69,7 @@ def steady(path: Path, dt: float) -> Array:
 def batch(
     rod: Rod, model: StripModel, poses: Array, dt: float, count: int = 1
 ) -> tuple[float, float]:
-    """d [m] of `count` equal folds along poses (k, 3), and the cost."""
+    """Displacements d [m] of `count` equal folds along poses (k, 3), and their cost."""
     each = np.repeat(poses[:, None], count, axis=1)
     for _ in range(2):  # the first loads the compiled code
         rod.reset([model] * count)
@@ -81,7 +81,7 @@ def batch(
 
 
 def stepwise(engine: Stepper, model: StripModel, path: Path) -> tuple[float, float]:
-    """d [m] of one fold step after step, as a fold on the twin does it, and the cost."""
+    """Displacement d [m] of one fold, step by step as on the twin, and its cost."""
     poses = steady(path, DT)
     start = np.array([[path.points[0, 0], 0.0, 0.0]])
     begun = time.thread_time()

@@ -1,4 +1,4 @@
-"""What comes of strips at the ends of what a strip file admits: folded, refused, stopped, untrue.
+"""Study of strips at the ends of the allowed range: folded, refused, stopped, inaccurate.
 
 Good ends: the layers truly touched within 25 mm, or the fold was refused before anything moved, or
 it was stopped and says why. Untrue is a touch that the twin does not know, or another displacement
@@ -35,13 +35,13 @@ STRIPS: dict[str, dict[str, float]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Every strip by every policy."""
+    """Draw every strip by every policy."""
     policy, strip = divmod(number, len(STRIPS))
     return {"strip": list(STRIPS)[strip], "policy": policy_names()[policy % len(policy_names())]}
 
 
 def measure(case: Values) -> Values:
-    """How the fold of an extreme strip ended, and how far off it was."""
+    """Outcome of the fold of an extreme strip, and its error."""
     content = yaml.safe_load(find_configs(None).strip_path("denim").read_text(encoding="utf-8"))
     changed = {**content, **STRIPS[case["strip"]], "name": case["strip"]}
     with TemporaryDirectory() as place:
@@ -55,7 +55,7 @@ def measure(case: Values) -> Values:
 
 
 def judge_fold(result: FoldResult) -> Values:
-    """Whether a fold is true and near."""
+    """Outcome of a fold in a word: whether its measurement is true and its d near 0."""
     seen, true = result.displacement, result.displacement_true
     touched = result.outcome == "layer_touch"
     if not touched:

@@ -1,4 +1,4 @@
-"""The campaign of faults: every one in every state of a fold, who notices it, and how it ends."""
+"""Study of faults in every state of a fold: which monitor notices each, and how the fold ends."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,14 +17,14 @@ ACCEPTABLE_VERDICTS = ("stopped", "harmless")
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Every fault in a state, then in the next state, then all of it with the next noise."""
+    """Draw every fault in a state, then in the next state, then all with the next noise."""
     number, fault = divmod(number, len(FAULTS))
     seed, state = divmod(number, len(FAULT_STATES))
     return {"fault": list(FAULTS)[fault], "state": FAULT_STATES[state], "noise": seed}
 
 
 def measure(case: Values) -> Values:
-    """What came of the fault; times [s], ways [m], shares as 0 and 1."""
+    """Result of a fold with a fault; times [s], ways [m], shares as 0 and 1."""
     blow = Blow(case["fault"], case["state"], case["noise"])
     with TemporaryDirectory() as place:
         came = dict(strike(blow, Path(place), cached_calibration()))
@@ -35,12 +35,12 @@ def measure(case: Values) -> Values:
 
 
 def page(outcomes: Sequence[Outcome]) -> str:
-    """The runbook's table: a row a fault, with its worst case; then a row a monitor."""
+    """Text of the runbook's table: a row a fault, with its worst case; then a row a monitor."""
     lines = [PAGE_HEAD, "| fault | verdicts | noticed by | exit | stop | rest | way | message |"]
     lines.append("|---|---|---|---|---|---|---|---|")
     for fault in FAULTS:
         cases = [o for o in outcomes if o.case.values["fault"] == fault]
-        lines += [_row(fault, cases)] if cases else []
+        lines += [_fault_row(fault, cases)] if cases else []
     missing = [
         state
         for state in FAULT_STATES
@@ -57,7 +57,7 @@ def page(outcomes: Sequence[Outcome]) -> str:
     return "\n".join([*lines, ""])
 
 
-def _row(fault: str, cases: Sequence[Outcome]) -> str:
+def _fault_row(fault: str, cases: Sequence[Outcome]) -> str:
     def states(verdict: str) -> str:
         some = [str(o.case.values["state"]) for o in cases if o.values["verdict"] == verdict]
         named = ", ".join(dict.fromkeys(some))
@@ -68,18 +68,19 @@ def _row(fault: str, cases: Sequence[Outcome]) -> str:
     named = ", ".join(dict.fromkeys(f"`{o.values['outcome']}`" for o in stopped)) or "-"
     codes = ", ".join(sorted({str(o.values["exit_code"]) for o in cases}))
     worst = [
-        _worst(stopped, key, scale) for key, scale in (("stop", 1), ("rest", 1), ("distance", 1e3))
+        _worst_text(stopped, key, scale)
+        for key, scale in (("stop", 1), ("rest", 1), ("distance", 1e3))
     ]
     said = str((stopped or cases)[0].values["message"]).splitlines()[0]
     return f"| {fault} | {verdicts} | {named} | {codes} | {' | '.join(worst)} | {said[:120]} |"
 
 
 def _remedy(outcome: str) -> str:
-    """What to do after a run that ended so."""
+    """The operator's action after a run with this outcome."""
     return next(words for begin, words in REMEDIES if outcome.startswith(begin))
 
 
-def _worst(cases: Sequence[Outcome], key: str, scale: float) -> str:
+def _worst_text(cases: Sequence[Outcome], key: str, scale: float) -> str:
     values = [float(o.values[key]) for o in cases if o.values.get(key) is not None]
     return f"{scale * max(values):.2f}" if values else "-"
 

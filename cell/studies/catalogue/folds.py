@@ -1,4 +1,4 @@
-"""How strips fold through images, by policy, and how images, truth and the rod agree."""
+"""Study of folds through images, by policy, and of the agreement of images, truth and rod."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +15,7 @@ POLICIES = ("triangular", "circular", "shifted", "planned", "feedback", "adaptiv
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Every policy on every strip, then again with the next noise."""
+    """Draw every policy on every strip, then again with the next noise."""
     strips = find_configs(None).strip_names()
     pair, policy = divmod(number, len(POLICIES))
     seed, strip = divmod(pair, len(strips))
@@ -23,7 +23,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """The fold, and what the rod makes of its path."""
+    """Facts of the fold, and the displacement simulated by the rod along its path."""
     with TemporaryDirectory() as place:
         result = fold_strip(case["strip"], case["policy"], case["noise"], Path(place))
         rod = resimulate(Path(result.run)).simulated

@@ -1,32 +1,30 @@
-"""Strips folded in every look of the cell: what preflight and images make of it."""
+"""Study of strips folded in every look of the cell, by preflight and images."""
 
-import shutil
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import yaml
 
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
-from cell.studies.kit.folds import cached_calibration, facts, fold_strip
+from cell.studies.kit.folds import cached_calibration, configs_with_twin, facts, fold_strip
 from drivers.twin.renderer.looks import looks
 
 ALLOWED_MM = 6.0  # mm of displacement
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Every look of every strip of the cell."""
+    """Draw every look of every strip of the cell."""
     strips = find_configs(None).strip_names()
     strip, look = divmod(number, len(looks()))
     return {"look": list(looks())[look], "strip": strips[strip % len(strips)]}
 
 
 def measure(case: Values) -> Values:
-    """The fold by feedback with the calibration of the plain look: the camera stays in place."""
+    """Facts of the fold by feedback with the plain look's calibration; the camera stays."""
     with TemporaryDirectory() as place:
-        configs = in_look(case["look"], Path(place) / "configs")
+        configs = configs_with_twin(Path(place), case["look"])
         result = fold_strip(
             case["strip"],
             "feedback",
@@ -39,17 +37,6 @@ def measure(case: Values) -> Values:
     failed = [line.split(":")[0] for line in result.reason.splitlines()] if refused else []
     stopped = not refused and result.displacement is None
     return {**facts(result), "admitted": not refused, "stopped": stopped, "refused_by": failed}
-
-
-def in_look(look: str, folder: Path) -> Path:
-    """A copy of the configuration in `folder`, its twin in `look`."""
-    configs = find_configs(None)
-    shutil.copytree(configs.folder, folder)
-    settings = configs.cell()
-    twin = settings.twin.model_copy(update={"look": look})
-    content = settings.model_copy(update={"twin": twin}).model_dump(mode="json", by_alias=True)
-    (folder / "cell.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
-    return folder
 
 
 STUDY = Study(

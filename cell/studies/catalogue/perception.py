@@ -1,4 +1,4 @@
-"""How well images agree with the truth: contact, tip, profile, touch, over folds of the chain.
+"""Study of perception against the truth: contact, tip, profile, touch, over folds of the chain.
 
 What policies are trained with beside it is written into `policies/sensing.yaml`, what errs alike in
 all runs into `cell/gap/subject/strip/bias.yaml`; sigma in
@@ -26,7 +26,7 @@ OUTLIER = 5.0  # robust standard deviations from which an error is an outlier
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Every strip of the cell along a triangle, then along the first of the standard motions."""
+    """Draw every strip of the cell along a triangle, then along the first standard motion."""
     strips = find_configs(None).strip_names()
     return {"strip": strips[number % len(strips)], "standard": number // len(strips) % 2 == 1}
 
@@ -48,8 +48,8 @@ def measure(case: Values) -> Values:
             unseen += 1
             continue
         tip = sight.seen.tip - np.array(fold_tip(fold.shape(sight.stamp)))
-        _add(halves, sight, strip.length)
-        curves.append(_curve(sight))
+        _add_errors(halves, sight, strip.length)
+        curves.append(_profile_errors(sight))
         row = (sight.contact, *tip, float(np.sqrt(np.mean(curves[-1] ** 2))))
         for name, value in zip(errors, row, strict=False):
             errors[name].append(float(value))
@@ -71,8 +71,8 @@ def measure(case: Values) -> Values:
     }
 
 
-def _add(halves: dict[str, list[float]], sight: Sight, length: float) -> None:
-    """Add what an image is off by, of contact and thirds of the profile, to its half of the run."""
+def _add_errors(halves: dict[str, list[float]], sight: Sight, length: float) -> None:
+    """Add the errors of an image, of contact and thirds of the profile, to its half of the run."""
     side = "past" if sight.pose.x < length / 2 else "before"
     halves[f"contact {side}"].append(sight.contact)
     off, where = sight.profile()
@@ -81,7 +81,7 @@ def _add(halves: dict[str, list[float]], sight: Sight, length: float) -> None:
         halves[f"profile {k} {side}"].append(float(np.median(off[third == k])))
 
 
-def _curve(sight: Sight) -> Array:
+def _profile_errors(sight: Sight) -> Array:
     """Errors (points, 2) [m] of the profile as a policy reads it."""
     fold, grip = sight.fold, (sight.pose.x, sight.pose.z)
     seen = seen_profile(sight.seen.profile, sight.seen.contact_x, grip)[0]
@@ -91,7 +91,7 @@ def _curve(sight: Sight) -> Array:
 
 
 def noise_of_images(outcomes: Sequence[Outcome]) -> Values:
-    """Medians over strips of the noise, root mean squares of the biases."""
+    """Medians over strips of the noise, and root mean squares of the biases."""
     rows = [o.values for o in outcomes]
     noise = np.median([[row["noise"], *row["tip_noise"], row["curve_noise"]] for row in rows], 0)
     names = ("contact_sigma", "tip_sigma", "tip_z_sigma", "profile_sigma")
@@ -104,7 +104,7 @@ def noise_of_images(outcomes: Sequence[Outcome]) -> Values:
 
 
 def bias(outcomes: Sequence[Outcome]) -> Values:
-    """Root mean squares over strips of the mean error of half a run, as the gap workflow has them.
+    """Root mean squares over strips of the mean error of half a run, in the gap workflow's form.
 
     Of the profile beside the near edge, which shows on the other side past the middle. l1 and l2
     err alike, so that the place of a touch errs by half as much as the displacement.

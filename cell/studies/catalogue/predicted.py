@@ -1,4 +1,4 @@
-"""`adaptive` on the strips of the cell, as their files say and with effects that nobody knows."""
+"""Study of `adaptive` on the strips of the cell, as in their files and with unknown effects."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,7 +12,7 @@ from cell.studies.kit.predicted import QUANTITIES, compare
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Every strip and every plant, then again with the next noise."""
+    """Draw every strip and every plant, then again with the next noise."""
     configs = find_configs(None)
     plants = sorted(path.stem for path in (configs.folder / "plants").glob("*.yaml"))
     subjects = [(name, "") for name in configs.strip_names()]
@@ -23,7 +23,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """The fold, and how well it was predicted."""
+    """Facts of the fold, and the errors of its prediction."""
     plants = find_configs(None).folder / "plants"
     plant = plants / f"{case['plant']}.yaml" if case["plant"] else None
     with TemporaryDirectory() as place:

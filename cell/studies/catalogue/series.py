@@ -1,4 +1,4 @@
-"""Folds of one specimen in a row by a cell that learns, in a right cell and in wrong ones.
+"""Study of folds of one specimen in a row by a cell that learns, in a right cell and in wrong ones.
 
 The controller does not know what is wrong. In a wrong cell a ruler measures the first fold, once.
 """
@@ -46,7 +46,7 @@ FRICTION_RANGE = (20.0, 60.0)  # 1/m, of every second strip
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """A strip in the next cell; in every second round of cells its yarns rub."""
+    """Draw a strip in the next cell; in every second round of cells its yarns rub."""
     turn, which = divmod(number, len(CONDITIONS))
     cell, series = CONDITIONS[which]
     rubs = {"bending_hysteresis": friction(rng, *FRICTION_RANGE)} if (turn + which) % 2 else {}
@@ -55,7 +55,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """The folds, what the cell knew of its bias in each, and what it noticed."""
+    """Facts of the folds, the cell's knowledge of its bias in each, and the changes it noticed."""
     cell, series = case["cell"], case["series"]
     found: dict[str, object] = {}
     with TemporaryDirectory() as name:
@@ -69,12 +69,12 @@ def measure(case: Values) -> Values:
                 _measure_by_ruler(result, memory)
         since = changed_since(StripFile.model_validate(case["strip"]), memory)
     noticed = since in runs[FOLDS_BEFORE:] if series == CHANGED_SERIES else None
-    return {**found, "worse": _worse(found), "noticed": noticed,
+    return {**found, "worse": _growth(found), "noticed": noticed,
             "alarm": since is not None and not noticed}  # fmt: skip
 
 
 def _fold(case: Values, number: int, place: Path, memory: Path) -> FoldResult:
-    """Fold `number` of the series, by a cell that learns in `memory`."""
+    """Fold number `number` of the series, by a cell that learns in `memory`."""
     strip = StripFile.model_validate(case["strip"])
     wrong = case["cell"] != RIGHT_CELL and not (
         case["series"] == CHANGED_SERIES and number < FOLDS_BEFORE
@@ -86,7 +86,7 @@ def _fold(case: Values, number: int, place: Path, memory: Path) -> FoldResult:
 
 
 def _facts(case: Values, result: FoldResult) -> Values:
-    """What is kept of one fold: d by truth, the bias left in images, errors of the belief [m]."""
+    """Facts of one fold: d by truth, the bias left in images, errors of the estimated strip [m]."""
     known, learning = compare(result), read_run(Path(result.run)).header.learning or {}
     facts = {k: known.get(k) for k in ("outcome", "true", "edges", "within_1", "within_2")}
     facts |= {"corrected": learning["seen"], "place": learning["place"]}
@@ -110,8 +110,8 @@ def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
         learn_from_ruler(Path(result.run), edges, find_configs(None).cell().name, memory)
 
 
-def _worse(found: Mapping[str, object]) -> float | None:
-    """Mean |d| of the folds that learned beyond that of the first [m]; None without one."""
+def _growth(found: Mapping[str, object]) -> float | None:
+    """Mean |d| of the folds that learned, less that of the first [m]; None without one."""
     first, *others = (
         found.get(f"true_{number + 1}") for number in range(max(SERIES_FOLDS.values()))
     )

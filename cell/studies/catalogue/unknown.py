@@ -1,4 +1,4 @@
-"""Strips that nobody measured, drawn over the paper's range, folded by `adaptive` through images.
+"""Study of unmeasured strips, drawn over the paper's range, folded by `adaptive` through images.
 
 A cell that knows only their length folds them, with calipers also their thickness.
 """
@@ -13,8 +13,7 @@ from scipy.optimize import least_squares
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.record.run import read_run
-from cell.studies.kit.folds import fold_unknown
-from cell.studies.kit.poor_images import dropping
+from cell.studies.kit.folds import configs_with_twin, fold_unknown
 from cell.studies.kit.predicted import QUANTITIES, SIGMAS_95, compare
 from drivers.strip.file import StripFile
 from drivers.types import Array
@@ -34,7 +33,7 @@ CONDITIONS = (
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """A strip in the next condition: what the cell knows or loses, and what the strip hides."""
+    """Draw a strip in the next condition: what the cell knows or loses, and the hidden effect."""
     known, hidden = CONDITIONS[number % len(CONDITIONS)]
     parts = [part for part in hidden.split("+") if part != "nothing"]
     named = {"friction": "bending_hysteresis"}
@@ -50,14 +49,17 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """The fold, and the errors of what `adaptive` believed of the strip."""
+    """Facts of the fold, and the errors of `adaptive`'s estimate of the strip."""
     strip = StripFile.model_validate(case["strip"])
-    measured, share = case["known"] != "length alone", 0.5 if case["known"] == "half dropped" else 0
-    with TemporaryDirectory() as place:
-        opened = dropping(share, case["noise"])
-        result = fold_unknown(strip, case["noise"], Path(place), measured=measured, opened=opened)
+    with TemporaryDirectory() as name:
+        place = Path(name)
+        lost = 0.5 if case["known"] == "half dropped" else 0.0
+        result = fold_unknown(
+            strip, case["noise"], place, measured=case["known"] != "length alone",
+            configs=configs_with_twin(place, camera={"lost": lost}),
+        )  # fmt: skip
         found = dict(compare(result)) | {"untrained": untrained_spread().added}
-        found |= _loop(Path(result.run), strip.length, result.edge_offset_true)
+        found |= _loop_size(Path(result.run), strip.length, result.edge_offset_true)
     length, time, _ = truth(strip)
     if "believed_length" in found:
         found |= {
@@ -67,8 +69,8 @@ def measure(case: Values) -> Values:
     return found
 
 
-def _loop(run: Path, length: float, edges: float | None) -> Values:
-    """Size of the laid fold's loop as it was seen, and what it holds beyond its length [m]."""
+def _loop_size(run: Path, length: float, edges: float | None) -> Values:
+    """Measured size of the laid fold's loop, and the length [m] that it holds beyond its size."""
     seen = [e.facts.get("loop") for e in read_run(run).events() if e.kind == "edges_seen"]
     if edges is None or not seen or not isinstance(loop := seen[0], dict):
         return {}
@@ -77,24 +79,24 @@ def _loop(run: Path, length: float, edges: float | None) -> Values:
 
 
 def laid_weights(outcomes: Sequence[Outcome]) -> Values:
-    """Weights of the loop's size for what it holds, and the rms error [m] over every fifth fold,
-    left out in turn.
+    """Weights of the loop's size for the length it holds, and the rms error [m] over every fifth
+    fold, left out in turn.
     """
     kept = [o for o in outcomes if "held" in o.values and o.case.values["known"] == "calipers"]
     thickness = [o.case.values["strip"]["thickness"] for o in kept]
     size = [(1.0, o.values["height"], o.values["width"]) for o in kept]
     terms, held = np.column_stack([size, thickness]), np.array([o.values["held"] for o in kept])
     fifth = np.arange(len(kept)) % 5
-    left = [held[fifth == k] - terms[fifth == k] @ _robust(terms[fifth != k], held[fifth != k])
+    left = [held[fifth == k] - terms[fifth == k] @ _robust_fit(terms[fifth != k], held[fifth != k])
             for k in range(5)]  # fmt: skip
     names = ("constant", "height", "width", "thickness")
     rms = float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
-    return {"schema": 1, **dict(zip(names, _robust(terms, held).tolist(), strict=True)),
+    return {"schema": 1, **dict(zip(names, _robust_fit(terms, held).tolist(), strict=True)),
             "rms": rms, "folds": len(kept)}  # fmt: skip
 
 
 def untrained_sigma(outcomes: Sequence[Outcome]) -> Values:
-    """What is added to the critic's sigma [m] so that 68 % of all displacements are within one."""
+    """Addition to the critic's sigma [m] with which 68 % of all displacements are within one."""
     known = [o.values for o in outcomes if "surprise" in o.values]
     surprise = np.array([values["surprise"] for values in known])
     used = [values.get("untrained", 0.0) for values in known]
@@ -106,8 +108,8 @@ def untrained_sigma(outcomes: Sequence[Outcome]) -> Values:
             "folds": len(known)}  # fmt: skip
 
 
-def _robust(terms: Array, values: Array) -> Array:
-    """Fit `values` (n,) [m] by `terms` (n, k), Cauchy's loss beyond DISPLACEMENT_SCALE."""
+def _robust_fit(terms: Array, values: Array) -> Array:
+    """Fit `values` (n,) [m] by `terms` (n, k) with Cauchy's loss beyond DISPLACEMENT_SCALE."""
     found = np.linalg.lstsq(terms, values, rcond=None)[0]
     fit = least_squares(
         lambda x: (terms @ x - values) / DISPLACEMENT_SCALE, found, loss="cauchy", x_scale="jac"

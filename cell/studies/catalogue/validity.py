@@ -1,4 +1,4 @@
-"""Where rod and chain can be believed: strips ever further from ordinary fabric.
+"""Study of the range in which rod and chain are valid: strips ever further from ordinary fabric.
 
 The bounds in `drivers/strip/validity.py` are read off this table.
 """
@@ -36,14 +36,14 @@ ENGINES: dict[str, tuple[Callable[[], Stepper], Callable[[], Stepper]]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """One value of denim changed, on one engine."""
+    """Draw one changed property of denim, on one engine."""
     change, engine = divmod(number, len(ENGINES))
     key, value = CHANGES[change % len(CHANGES)]
     return {"engine": list(ENGINES)[engine], "key": key, "value": value}
 
 
 def measure(case: Values) -> Values:
-    """d [m] of a fold by the triangle as the engine is used, and how far a finer one is from it."""
+    """Displacement d [m] by the triangle in the engine as used, less that in a finer one."""
     strip = find_configs(None).strip("denim").model_copy(update={case["key"]: case["value"]})
     coarse, fine = (_fold(make(), strip) for make in ENGINES[case["engine"]])
     reason = coarse if isinstance(coarse, str) else fine if isinstance(fine, str) else ""
@@ -53,7 +53,7 @@ def measure(case: Values) -> Values:
 
 
 def _fold(engine: Stepper, strip: StripFile) -> float | str:
-    """d [m] of the fold, or what came instead of it."""
+    """Displacement d [m] of the fold, or the error in its place."""
     policy, rng = make_policy("triangular"), np.random.default_rng(0)
     try:
         settings = Rollout(substeps=4)

@@ -1,4 +1,4 @@
-"""How exact the calibration wizards are: cameras at random places, wild touches, known latencies.
+"""Study of the calibration wizards' accuracy: cameras at random places, outliers, known latencies.
 
 Every camera is calibrated through rendered boards and rendered touches alone; a tenth of the
 touches is wild by 4 to 40 mm, the arm is uncertain by 0.1 mm. Errors are those of the map over a
@@ -32,7 +32,7 @@ BARE = StripLook((40, 60, 110), 0.001, 0.05)
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """A camera somewhere before the work area, all of which it sees."""
+    """Draw a camera before the work area that sees all of it."""
     while True:
         camera = CameraSettings(
             distance=rng.uniform(1.4, 2.6),
@@ -49,24 +49,24 @@ def draw(number: int, rng: np.random.Generator) -> Values:
             noise=rng.uniform(1.0, 4.0),
             gain=rng.uniform(0.85, 1.1),
         )
-        seen = Optics.of(camera).plane(_area(2))
+        seen = Optics.of(camera).plane(_random_places(2))
         high = (camera.width - EDGE_MARGIN, camera.height - EDGE_MARGIN)
         if ((seen > EDGE_MARGIN) & (seen < high)).all():
             return {"camera": camera.model_dump(mode="json"), "noise": number}
 
 
 def measure(case: Values) -> Values:
-    """Median and worst error of the map [m], and how many wild touches were named."""
+    """Median and worst error of the map [m], and the number of wild touches that were named."""
     camera = CameraSettings.model_validate(case["camera"])
     rng = np.random.default_rng([case["noise"], 1])
-    lens, refused = _lens(camera, case["noise"])
+    lens, refused = _wizard_lens(camera, case["noise"])
     if lens is None:
         return {"median": None, "worst": None, "refused": True, "reasons": list(refused)}
     verdict, wild = _touch_points(camera, lens, rng)
     reasons = [*refused, *verdict.reasons]
     if verdict.homography is None:
         return {"median": None, "worst": None, "refused": True, "reasons": reasons}
-    grid = _area(25)
+    grid = _random_places(25)
     seen = verdict.homography.to_plane(lens.undistort(Optics.of(camera).plane(grid)))
     errors = np.hypot(*(seen - grid).T)
     return {
@@ -80,14 +80,14 @@ def measure(case: Values) -> Values:
     }
 
 
-def _area(count: int) -> Array:
+def _random_places(count: int) -> Array:
     x = np.linspace(TOUCHES.x_min, TOUCHES.x_max, count)
     z = np.linspace(TOUCHES.z_min, TOUCHES.z_max, count)
     return np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
 
 
-def _lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[str, ...]]:
-    """The lens by the wizard, through rendered boards; the reasons where it is refused."""
+def _wizard_lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[str, ...]]:
+    """Lens by the wizard, through rendered boards; the reasons where it is refused."""
     views, board, sequence = BoardViews(BOARD), BOARD.board(), 0
     while (wanted := views.ask()) is not None:
         held = Held(wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll)
@@ -102,7 +102,7 @@ def _lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[str, ..
 def _touch_points(
     camera: CameraSettings, lens: Lens, rng: np.random.Generator
 ) -> tuple[TouchVerdict, int]:
-    """The map by the wizard, through rendered touches, and how many first touches were wild."""
+    """Map by the wizard, through rendered touches, and the number of wild first touches."""
     renderer, sequence = Renderer(camera, BARE, int(rng.integers(1 << 30))), 0
     points, off = TouchedPoints(lens, TOUCHES), np.zeros(2)
     count = round(OUTLIER_SHARE * len(points.plan))
@@ -117,15 +117,15 @@ def _touch_points(
         seen = replace(pose, x=pose.x + off[0], z=max(pose.z + off[1], 0.01))
         noise = ARM_NOISE * rng.normal(size=2)
         points.tell(
-            _pointer(renderer, seen, sequence),
+            _pointer_image(renderer, seen, sequence),
             replace(pose, x=pose.x + noise[0], z=pose.z + noise[1]),
         )
         sequence += 1
     return points.verdict(), len(first)
 
 
-def _pointer(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
-    """The pin at `pose`, no strip in the cell."""
+def _pointer_image(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
+    """Image of the pin at `pose`, without a strip in the cell."""
     points = np.column_stack([np.linspace(0, 0.6, 7), np.zeros(7)])
     scene = Scene(0.0, points, points[:, 0], pose, 0.0, holds_strip=False, pointer=True,
                   strip=False)  # fmt: skip

@@ -1,1 +1,1 @@
-"""What several studies measure with."""
+"""Tools that several studies measure with."""

@@ -1,8 +1,10 @@
 """One fold through images on the twin, as a case of a study."""
 
+import shutil
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,18 +16,18 @@ from cell.campaign.study import Values
 from cell.config.places import find_configs
 from cell.config.unknown import name_of
 from cell.devices.devices import DeviceSelection
-from cell.devices.open import DeviceFactory
 from cell.folding.correct import with_correction
 from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
 from drivers.strip.file import StripFile
+from drivers.twin.renderer.looks import DEFAULT_LOOK
 
 SPECIMEN_NAME = "studied"
 
 
 @cache
 def cached_calibration(configs: Path | None = None) -> Calibration:
-    """The calibration of the cell in `configs`, made or read once a process."""
+    """Calibration of the cell in `configs`, made or read once a process."""
     return calibration_of(find_configs(configs).cell())
 
 
@@ -40,17 +42,16 @@ def fold_strip(
     checkpoint: Path | None = None,
     arm: str | None = None,
     calibration: Calibration | None = None,
-    opened: DeviceFactory | None = None,
     memory: Path | None = None,
 ) -> FoldResult:
-    """The fold of `strip`, recorded in `folder` without images and page.
+    """Fold `strip`, recorded in `folder` without images and page.
 
     With a `memory` the cell learns from it there, and all its folds are of one specimen.
     """
     choice = DeviceSelection(arm=arm, plant=plant, seed=seed)
     request = _learning(strip, policy, folder, memory, choice, configs, checkpoint)
     known = calibration or cached_calibration(configs)
-    return fold(request, calibration=known, opened=opened, page=False)
+    return fold(request, calibration=known, page=False)
 
 
 def _learning(
@@ -62,7 +63,7 @@ def _learning(
     configs: Path | None = None,
     checkpoint: Path | None = None,
 ) -> Request:
-    """The request of a fold, corrected by what is learned in `memory`, if any."""
+    """Request of a fold, corrected by the biases learned in `memory`, if any."""
     request = Request(
         strip, policy, checkpoint, choice, folder / "runs", configs, "none", truth=True, viz="off",
         specimen=SPECIMEN_NAME, memory=memory,
@@ -70,8 +71,23 @@ def _learning(
     return with_correction(request, "off" if memory is None else "on")
 
 
+def configs_with_twin(
+    folder: Path, look: str = DEFAULT_LOOK, camera: Mapping[str, float] = MappingProxyType({})
+) -> Path:
+    """A copy of the configuration as `folder`/configs, its twin in `look`, with these settings of
+    its `camera`.
+    """
+    configs = find_configs(None)
+    copy = Path(shutil.copytree(configs.folder, folder / "configs"))
+    content = configs.cell().model_dump(mode="json", by_alias=True)
+    content["twin"]["look"] = look
+    content["twin"]["camera"] |= camera
+    (copy / "cell.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    return copy
+
+
 def changed_since(strip: StripFile, memory: Path) -> str | None:
-    """The run since which a cell says that something moved, by its folds of `strip` in `memory`."""
+    """Run since which the cell reports a change, by its folds of `strip` in `memory`."""
     name, choice = name_of(strip.length, strip.thickness), DeviceSelection()
     learned = _learning(name, "adaptive", memory, memory, choice).correction.learned
     return None if learned is None else learned.since
@@ -84,11 +100,11 @@ def fold_unknown(
     *,
     measured: bool = True,
     checkpoint: Path | None = None,
-    opened: DeviceFactory | None = None,
     memory: Path | None = None,
     thicker: float = 0.0,
+    configs: Path | None = None,
 ) -> FoldResult:
-    """The fold by `adaptive` of `strip`, whose length, and thickness if `measured`, it knows.
+    """Fold `strip` by `adaptive`, which knows its length, and its thickness if `measured`.
 
     The thickness is stated `thicker` [m] than it is; `memory` as in `fold_strip`.
     """
@@ -97,20 +113,20 @@ def fold_unknown(
     plant.write_text(yaml.safe_dump(content), encoding="utf-8")
     name = name_of(strip.length, strip.thickness + thicker if measured else None)
     return fold_strip(
-        name, "adaptive", seed, folder, plant=plant, checkpoint=checkpoint, opened=opened,
-        memory=memory,
+        name, "adaptive", seed, folder, plant=plant, checkpoint=checkpoint, memory=memory,
+        configs=configs,
     )  # fmt: skip
 
 
 def next_strip(number: int, _rng: np.random.Generator) -> Values:
-    """Each strip of the cell, then each with another noise."""
+    """Draw each strip of the cell, then each with another noise."""
     strips = find_configs(None).strip_names()
     noise, strip = divmod(number, len(strips))
     return {"strip": strips[strip], "noise": noise}
 
 
 def facts(result: FoldResult) -> Mapping[str, Any]:
-    """What a study keeps of a fold [m, s]: no path and no wall time, so that it repeats."""
+    """Facts of a result for a study [m, s]: without paths and wall times, so that they repeat."""
     seen, true = result.displacement, result.displacement_true
     return {
         "outcome": result.outcome,

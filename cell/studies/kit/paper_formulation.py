@@ -1,4 +1,4 @@
-"""The strip as the paper simulates it: a subject of the benchmark of engines, nothing else.
+"""The paper's simulation of a strip, for the benchmark of engines alone.
 
 Spheres of 1 mm and 3.3 g every 2 mm on hinges with stiffness k and damping b, semi-implicit
 Euler steps of 5 ms, Newton's method with at most 100 iterations, contacts with the desk only, the
@@ -80,7 +80,7 @@ _BAD = mujoco.mjtWarning.mjWARN_BADQACC
 
 
 def spec(links: int, stiffness: float, damping: float) -> mujoco.MjSpec:
-    """The model: spheres on hinges along x, the first one fixed."""
+    """MuJoCo model of the strip: spheres on hinges along x, the first one fixed."""
     made = mujoco.MjSpec()
     made.compiler.degree = False
     made.option.timestep = STEP

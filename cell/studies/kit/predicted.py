@@ -1,4 +1,4 @@
-"""Folds by `adaptive` with what it predicted at the touch beside what came."""
+"""Folds by `adaptive` with the prediction at the touch beside the result."""
 
 import math
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ QUANTITIES = (
 
 
 def compare(result: FoldResult) -> Mapping[str, Any]:
-    """The facts of a fold, the prediction [m], and the belief behind it."""
+    """Facts of a fold, the prediction [m], and the estimate of the strip behind it."""
     stored = read_run(Path(result.run)).result
     predicted = None if stored is None else stored.foretold
     agreed = None if stored is None else stored.agreement

@@ -1,4 +1,4 @@
-"""The measured gripper path of a run, driven through the model of its strip."""
+"""Drives the model of a strip with the measured gripper path of a run."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ SEGMENTS = 100
 
 @dataclass(frozen=True, slots=True)
 class Resimulation:
-    """Displacement [m] as the camera saw it and as the rod gives it; None without a touch."""
+    """Displacement [m] by the camera and by the rod; None without a touch."""
 
     measured: float | None
     simulated: float | None

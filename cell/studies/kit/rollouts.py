@@ -1,4 +1,4 @@
-"""Strips folded by `adaptive` from noisy states, on rod or chain, with what it predicted."""
+"""Folds by `adaptive` from noisy states, on rod or chain, with its predictions."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -24,15 +24,15 @@ Draw = Callable[[np.random.Generator], StripFile]
 
 
 class Kept(Adaptive):
-    """`adaptive` for one strip, which keeps every observation and what was predicted after it."""
+    """`adaptive` for one strip, with every observation and the prediction after it kept."""
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Forget the last fold."""
+        """Discard the observations of the last fold."""
         super().reset(strip, speed, count)
         self.seen: list[tuple[Observation, FoldPrediction]] = []
 
     def decide(self, observation: Observation) -> Decision:
-        """Decide, and keep."""
+        """Decide, and keep observation and prediction."""
         decision = super().decide(observation)
         judged = self.judgement
         if judged is None:
@@ -44,7 +44,7 @@ class Kept(Adaptive):
 
 
 class Traced:
-    """An engine that remembers where its grippers went: `times` (k,), `poses` (k, n, 3)."""
+    """An engine that records its grippers' motion: `times` (k,), `poses` (k, n, 3)."""
 
     def __init__(self, engine: Stepper) -> None:
         self._engine = engine
@@ -52,7 +52,7 @@ class Traced:
         self.poses: list[Array] = []
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """Begin anew."""
+        """Start a new recording."""
         self._engine.reset(models)
         self.times, self.poses = [0.0], [np.tile((STRIP_LENGTH, 0.0, 0.0), (len(models), 1))]
 
@@ -77,17 +77,17 @@ def stepper(name: str) -> Stepper:
 
 
 def rough(low: float, high: float) -> Draw:
-    """Strips with yarn friction at a yield curvature between `low` and `high` [1/m]."""
+    """Effect of yarn friction with a yield curvature between `low` and `high` [1/m]."""
     return lambda rng: plain(rng, bending_hysteresis=friction(rng, low, high))
 
 
 def stretchy(rng: np.random.Generator) -> StripFile:
-    """A strip that stretches far more than fabric does."""
+    """Effect of stretch far beyond that of fabric."""
     return plain(rng, stretch={"stiffness": 3.0})
 
 
 def sensing_of(name: str) -> Sensing:
-    """How states are sensed in the condition called `name`: as through images where not named."""
+    """Simulated sensing in the condition called `name`: as through images where not named."""
     late = {f"latency +-{ms} ms": replace(IMAGE_SENSING, delay_error=1e-3 * ms) for ms in (10, 30)}
     half = replace(IMAGE_SENSING, dropped=(0.5, 0.5))
     known: Mapping[str, Any] = {"3 mm noise": LOUD, "half dropped": half, **late}

@@ -1,4 +1,4 @@
-"""Every image of a fold on the chain, as perception reads it, with the truth beside."""
+"""Measurements of every image of a fold on the chain, with the truth beside."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ BEFORE_TOUCH = 0.5  # s before the touch, from which on every image counts
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """One image of `fold`: its stamp [s], the pose, what was seen, and the touch once it is."""
+    """One image of `fold`: its stamp [s], the pose, the measurement, the touch if seen."""
 
     stamp: float
     pose: Pose
@@ -35,18 +35,18 @@ class Sight:
 
     @property
     def contact(self) -> float:
-        """Desk contact, seen minus true [m]."""
+        """Error of the desk contact, measured minus true [m]."""
         return self.seen.contact_x - self.fold.contact_x(self.stamp)
 
     def profile(self) -> tuple[Array, Array]:
-        """How far the seen points lie left of the true curve (n,) [m], and where on it, as shares
-        (n,) of its length.
+        """Distances (n,) [m] of the measured points to the left of the true curve, and their
+        positions on it as shares (n,) of its length.
         """
         return signed_distances(self.seen.profile, self.fold.shape(self.stamp))
 
 
 def fold_of(strip: str, path: Path, speed: float, links: int = 60) -> TwinFold:
-    """The strip called `strip` along `path` at `speed` [m/s]."""
+    """Simulated fold of the strip called `strip` along `path` at `speed` [m/s]."""
     return simulate_fold(find_configs(None).strip(strip), path, speed, links=links)
 
 

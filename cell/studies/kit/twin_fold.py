@@ -1,4 +1,4 @@
-"""A fold of the twin as a camera sees it, with the truth beside: what perception is measured on."""
+"""A simulated fold of the twin with its camera images and the truth, to measure perception on."""
 
 from dataclasses import dataclass
 
@@ -35,13 +35,13 @@ class TwinFold:
     touch: Touch | None
 
     def shape(self, time: float) -> Array:
-        """The midline (n, 2) at `time`, interpolated."""
+        """Midline (n, 2) at `time`, interpolated."""
         place = np.clip(time / STEP, 0, len(self.t) - 1.001)
         i, share = int(place), place - int(place)
         return np.asarray(self.shapes[i] + share * (self.shapes[i + 1] - self.shapes[i]))
 
     def pose(self, time: float) -> Pose:
-        """The gripper at `time`."""
+        """Gripper's pose at `time`."""
         return Pose(*(float(np.interp(time, self.t, self.poses[:, c])) for c in range(3)))
 
     def contact_x(self, time: float) -> float:
@@ -49,12 +49,12 @@ class TwinFold:
         return desk_contact(self.shape(time), CONTACT_HEIGHT)
 
     def scene(self, time: float) -> Scene:
-        """The world at `time`."""
+        """Scene of the renderer at `time`."""
         return Scene(time, self.shape(time), self.arc, self.pose(time), 0.004, holds_strip=True)
 
 
 def simulate_fold(strip: StripFile, path: Path, speed: float, *, links: int = 60) -> TwinFold:
-    """The strip along `path` at `speed` [m/s] until TIME_AFTER_TOUCH the touch, or the end."""
+    """Simulate the strip along `path` at `speed` [m/s] until TIME_AFTER_TOUCH, or its end."""
     chain = Chain(links)
     chain.reset([describe(strip)])
     t, poses, shapes = [0.0], [path.poses(0.0)], [chain.shapes()[0].copy()]
@@ -77,7 +77,7 @@ class FoldCamera:
         self.renderer = Renderer(settings, StripLook.of(strip, look.pattern), seed, surround=look)
 
     def flat(self, strip: StripFile, sequence: int = 0) -> Frame:
-        """The strip flat and still before the grasp, the hand where it waits in the cell."""
+        """Frame of the strip flat and still before the grasp, with the hand where it waits."""
         arc = np.linspace(0, strip.length, 61)
         points = np.column_stack([arc, np.zeros_like(arc)])
         away = Pose(strip.length + HAND_ASIDE, HAND_HEIGHT, 0.0)
@@ -85,7 +85,7 @@ class FoldCamera:
         return Frame(0.0, 0.02, "test", sequence, self.renderer.render([scene], sequence))
 
     def frame(self, fold: TwinFold, sequence: int) -> Frame:
-        """Frame `sequence` of the fold."""
+        """Frame number `sequence` of the fold."""
         stamp = sequence / self.settings.rate
         count = self.settings.sub_shapes
         offsets = ((np.arange(count) + 0.5) / count - 0.5) * self.settings.exposure

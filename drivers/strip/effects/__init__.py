@@ -1,5 +1,5 @@
-"""The registry of effects: every module of this folder is one, its `EFFECT`, and so is every
-plug-in of the kind `effects`.
+"""Registry of effects: every module of this folder with an `EFFECT`, and every plug-in of the kind
+`effects`.
 """
 
 import importlib
@@ -28,22 +28,22 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
     """`model` with the named effects, in registry order."""
     for name, effect in registry().items():
         if name in effects:
-            model = effect.apply_to(model, _on_strip(effect, effects[name], model))
+            model = effect.apply_to(model, _fit_to_strip(effect, effects[name], model))
     return model
 
 
-def _beside(name: str) -> str:
-    """Why an effect file of that name in a checkout is not one of the package that runs."""
+def _checkout_hint(name: str) -> str:
+    """Hint for an effect file of that name in a checkout that is not the running package."""
     path = Path("drivers", "strip", "effects", f"{name}.py")
     if not path.is_file():
         return ""
     return f"; {path} is not a part of the installed package: run `pip install -e .` here"
 
 
-def _on_strip(
+def _fit_to_strip(
     effect: Effect, values: Mapping[str, float], model: StripModel
 ) -> Mapping[str, float]:
-    """The values; a place near the end of the stated strip is at the end of a shorter one."""
+    """Values of the effect on this strip; a place near the stated end stays near a shorter end."""
     end = model.mechanics.length
     places = {p.name for p in effect.parameters if p.role == "place"}
     beyond = {n for n in places & values.keys() if end < values[n] <= model.stated_length}
@@ -57,6 +57,6 @@ def check_effects(effects: Effects, origin: str, of: Literal["strip", "cell"]) -
         if name not in known:
             raise ConfigurationError(
                 f"{origin}: effects.{name}: unknown effect of the {of}{suggestion(name, known)}; "
-                f"allowed: {', '.join(known)}{_beside(name)}"
+                f"allowed: {', '.join(known)}{_checkout_hint(name)}"
             )
         registry()[name].check(values, f"{origin}: effects.{name}")

@@ -34,7 +34,7 @@ class Span:
     of_length: bool = False
 
     def draw(self, rng: np.random.Generator, length: float) -> float:
-        """A value, for a strip of `length` [m]."""
+        """Draw a value for a strip of `length` [m]."""
         if self.log:
             return float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
         value = self.low if self.low == self.high else float(rng.uniform(self.low, self.high))

@@ -23,14 +23,16 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
     slots = -(-count // lanes) * lanes
     filled = [*models, *[models[-1]] * (slots - count)]
     rich = any(needs_terms(model) for model in models)
-    lumped = {id(model): nature(model, segments, rich=rich) for model in _each(filled)}
+    lumped = {id(model): nature(model, segments, rich=rich) for model in _distinct_models(filled)}
     natures = np.stack([lumped[id(model)] for model in filled])
-    places = {id(model): lattice(model.mechanics.length, segments) for model in _each(models)}
+    places = {
+        id(model): lattice(model.mechanics.length, segments) for model in _distinct_models(models)
+    }
     arc = np.stack([places[id(model)] for model in models])
     living = (np.arange(slots) < count).astype(np.float64)
     return Batch(
         nature=at.pack(natures, lanes),
-        state=at.pack(_flat(natures, rich=rich), lanes),
+        state=at.pack(_flat_states(natures, rich=rich), lanes),
         work=at.scratch(rows, at.RICH_WORK if rich else at.WORK, lanes),
         band=at.scratch(2 * rows + 4, at.COLUMN_COUNT, lanes),
         strips=np.arange(slots).reshape(-1, lanes),
@@ -44,7 +46,7 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
 
 
 def closed_up(batch: Batch) -> Batch:
-    """The batch with living strips compacted into the first blocks, where that saves time."""
+    """The batch with its living strips moved into the first blocks, where that saves time."""
     lanes = batch.strips.shape[1]
     alive = at.unpack(batch.alive, lanes)[:, 0, 0] > 0
     busy = int(alive.reshape(-1, lanes).any(axis=1).sum())
@@ -87,8 +89,8 @@ def fixed_edges(batch: Batch) -> Array:
     return _by_strip(batch, batch.state[:, 1, at.X].ravel())
 
 
-def _each(models: Sequence[StripModel]) -> list[StripModel]:
-    """Each distinct model once, however many strips share it."""
+def _distinct_models(models: Sequence[StripModel]) -> list[StripModel]:
+    """Each distinct model once, with the strips that share it."""
     return list({id(model): model for model in models}.values())
 
 
@@ -98,7 +100,7 @@ def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:
     return ordered[: len(batch.arc)]
 
 
-def _flat(natures: Array, *, rich: bool) -> Array:
+def _flat_states(natures: Array, *, rich: bool) -> Array:
     spans = natures[:, :, at.SPAN]
     states = np.zeros((*natures.shape[:2], at.RICH_STATE if rich else at.STATE_SIZE))
     states[:, 1:, at.X] = np.cumsum(spans[:, :-1], axis=1)

@@ -91,7 +91,7 @@ def bend(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
 
 @kernel
 def turn(work: Any, r: int, u: Any) -> Any:
-    """How segment r turns with its end: normal over length, into `work`."""
+    """Write into `work` how segment r turns with its end: its normal over its length."""
     x, z = -(u[1] * u[2]), u[0] * u[2]
     store(work, r, at.TURN_X, x)
     store(work, r, at.TURN_Z, z)
@@ -130,7 +130,7 @@ def pull(block: Any, r: int, u: Any, couple: Any) -> None:
 
 @kernel
 def trail(state: Any) -> None:
-    """Let the ghost beyond a free end go straight on."""
+    """Extend the strip beyond its free end by a ghost node in a straight line."""
     ghost = state.shape[0] - 1
     for axis in (at.X, at.Z):
         end, before = load(state, ghost - 1, axis), load(state, ghost - 2, axis)

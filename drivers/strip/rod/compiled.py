@@ -13,7 +13,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def kernel(function: F) -> F:
-    """`function` compiled for use in other kernels: no bounds checks, IEEE arithmetic, no GIL."""
+    """Compile `function` for use in other kernels: no bounds checks, IEEE arithmetic, no GIL."""
     compiled: F = numba.njit(
         error_model="numpy", nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
     )(function)
@@ -21,7 +21,7 @@ def kernel(function: F) -> F:
 
 
 def entry(function: F) -> F:
-    """`function` compiled for calls from Python; cached between processes where possible.
+    """Compile `function` for calls from Python; cached between processes where possible.
 
     The cache folder carries a digest of this package, because numba detects changes only in the
     file of the entry itself.

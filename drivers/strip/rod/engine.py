@@ -80,7 +80,7 @@ class Rod:
 
     def advance(self, poses: Array, dt: float) -> Observables:
         """Advance in one call by a step of `dt` [s] to each of `poses` (k, n, 3) in turn."""
-        self._march(poses, dt, np.empty((0, 0, 0, 2)), 1)
+        self._step_all(poses, dt, np.empty((0, 0, 0, 2)), 1)
         last = self._shown
         return Observables(
             time=self._time,
@@ -94,13 +94,13 @@ class Rod:
     def follow(
         self, poses: Array, dt: float, every: int = 0, memory: Array | None = None
     ) -> Showing:
-        """`advance` with the observables of every step, and the shapes of each `every`th step, 0
-        for none; in `memory` (m or more, n, nodes, 2) where it is given.
+        """Advance along `poses` (k, n, 3) and return the observables of every step, and the shapes
+        of each `every`th step, 0 for none; in `memory` (m or more, n, nodes, 2) where it is given.
         """
         count = len(poses) // every if every else 0
         shapes = np.empty((count, *self._batch.arc.shape, 2)) if memory is None else memory[:count]
         shapes.fill(np.nan)
-        shown = self._march(poses, dt, shapes, max(every, 1))
+        shown = self._step_all(poses, dt, shapes, max(every, 1))
         tip = shown[:, :, of.TIP_X : of.TIP_Z + 1]
         grip = shown[:, :, of.GRIP_X : of.GRIP_Z + 1]
         return Showing(shown[:, :, of.CONTACT_X], tip, shown[:, :, of.HOLDING], grip, shapes)
@@ -140,7 +140,7 @@ class Rod:
         self._touched: NDArray[np.bool_] = np.zeros(count, dtype=bool)
         self._shown = np.zeros((count, of.FIELDS_SHOWN))
 
-    def _march(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
+    def _step_all(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
         """Observables of each step, (k, n, FIELDS_SHOWN)."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         if poses.shape[1:] != self._batch.held.shape:
@@ -155,11 +155,11 @@ class Rod:
         if len(shown):
             self._shown = shown[-1]
         if ended:
-            self._note()
+            self._record_touches()
             self._batch = closed_up(self._batch)
         return shown
 
-    def _note(self) -> None:
+    def _record_touches(self) -> None:
         """Record new touches; raise for new failures where they are not allowed."""
         known = self._batch.known
         touched = np.isfinite(known[:, of.TIME])

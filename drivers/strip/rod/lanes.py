@@ -145,7 +145,7 @@ def below(typing: Any, a: Any, b: Any) -> Any:
 
 @_inline
 def choose(typing: Any, gate: Any, a: Any, b: Any) -> Any:
-    """`a` where `gate` is above zero, else `b`."""
+    """`a` where `gate` is above zero, else `b`, lane by lane."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         test, yes, no = _operands(builder, sig.return_type, args)

@@ -53,7 +53,7 @@ def nature(model: StripModel, segments: int, *, rich: bool = False) -> Array:
     inner[:, at.LOAD_Z] = inner[:, at.MASS] * gz
     inner[:, at.DESK] = -inner[:, at.LOAD_Z]
     _lump_bending(inner, mechanics, middles)
-    _yield(inner[-1], model.boundary.grip_compliance)
+    _combine_compliances(inner[-1], model.boundary.grip_compliance)
     weight = float(inner[:, at.MASS].sum()) * float(np.hypot(gx, gz))
     spans = np.diff(arc)
     rows[:, at.SPAN] = np.concatenate([spans[:1], spans, spans[-1:], spans[-1:]])
@@ -85,9 +85,9 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
     inner[:, at.REST] = mechanics.total(mechanics.rest_curvature, middles)
 
 
-def _yield(grip: Array, compliance: float) -> None:
-    """Combine the hinge at the grip with the grip's compliance in series: angles add under one
-    moment.
+def _combine_compliances(grip: Array, compliance: float) -> None:
+    """Combine the compliance of the hinge at the grip with the grip's own, in series: angles add
+    under one moment.
 
     K' = K / (1 + C K); with s = K' / K the strip's share of the angle, damping is s^2 D, and the
     cubic term s^3 of itself.
@@ -130,7 +130,7 @@ def _lump_friction(inner: Array, law: BendingLaw) -> None:
 
 
 def check(models: Sequence[StripModel]) -> None:
-    """Raise Unsupported for what a rod cannot represent."""
+    """Raise Unsupported for what a rod cannot represent of `models`."""
     for model in models:
         for part in (model.mechanics, model.mechanics.law, model.boundary):
             _check_known(part)

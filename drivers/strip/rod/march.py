@@ -18,7 +18,7 @@ from drivers.strip.rod.terms import air, predict_terms, remember
 
 @kernel
 def weights(omega: float) -> Any:
-    """Weights of the last two values in the base of a rate."""
+    """BDF2 weights of the last two values in the base of a rate; `omega` is the ratio of steps."""
     return (1.0 + omega) ** 2 / (1.0 + 2.0 * omega), -(omega**2) / (1.0 + 2.0 * omega)
 
 
@@ -77,8 +77,8 @@ def finish(block: Any, rate: float, alive: Any) -> None:
 
 @kernel
 def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
-    """Store the force of the strip on its grip: all that acts on the free nodes but the grip, less
-    what their momentum gained in the step.
+    """Store the strip's force on its grip: the forces on the free nodes, except the grip's, less
+    the gain of their momentum in the step.
 
     The last segments are so short that their own shear shows what Newton's method leaves.
     """

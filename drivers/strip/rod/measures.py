@@ -62,7 +62,7 @@ def fold_tip(x: Any, z: Any, j: int) -> Any:
 @kernel
 def gap_over(x: Any, z: Any, j: int, k: int) -> Any:
     """Height of node j above the lower layer, and the segment below it, searched from k on;
-    infinity where none is below.
+    infinity where no segment is below.
     """
     if x[j] < x[0]:
         return math.inf, k
@@ -75,7 +75,7 @@ def gap_over(x: Any, z: Any, j: int, k: int) -> Any:
 
 @kernel
 def layer_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
-    """(height, index along the nodes) of the smallest gap that is closing; height inf: none."""
+    """(height, index along the nodes) of the smallest closing layer gap; infinite if none."""
     last = len(x) - 1
     best, place = math.inf, 0.0
     if last - tip < 3 or tip < 2:
@@ -104,6 +104,6 @@ def refine_minimum(before: float, here: float, after: float, j: int) -> Any:
 
 @kernel
 def along(values: Any, index: float) -> Any:
-    """`values` at a fractional index."""
+    """Interpolate `values` at a fractional index."""
     j = min(int(index), len(values) - 2)
     return values[j] + (values[j + 1] - values[j]) * (index - j)

@@ -45,10 +45,10 @@ def simulate_all(
     `shapes` then has (k // every, nodes, 2), rounded to `precision`. A motion ends at its
     layer_touch or at the end of its path.
     """
-    paths = [_true(model, path) for model, path in zip(models, paths, strict=True)]
+    paths = [_true_path(model, path) for model, path in zip(models, paths, strict=True)]
     counts = [max(1, round((path.t[-1] - path.t[0]) / dt)) for path in paths]
     poses = np.stack([_sample(path, dt, max(counts)) for path in paths], axis=1)
-    rod.reset(models, _starts(models, paths) if any(path.hanging for path in paths) else None)
+    rod.reset(models, _start_poses(models, paths) if any(path.hanging for path in paths) else None)
     stride = every or len(poses) + 1
     piece = max(1, round(PIECE_TIME / dt) // max(every, 1)) * max(every, 1)
     memory = np.empty((piece // stride, *rod.arc().shape, 2))
@@ -67,12 +67,12 @@ def simulate_all(
     seen = [Showing._make([*(c[:, i] for c in channels), mine]) for i, mine in enumerate(kept)]
     counts = [min(count, len(channels[0])) for count in counts]
     return [
-        _motion(one, poses[:, i], path, count, rod.touch[i], dt, stride)
+        _motion_of_lane(one, poses[:, i], path, count, rod.touch[i], dt, stride)
         for i, (one, path, count) in enumerate(zip(seen, paths, counts, strict=True))
     ]
 
 
-def _true(model: StripModel, path: GripperPath) -> GripperPath:
+def _true_path(model: StripModel, path: GripperPath) -> GripperPath:
     t, poses = true_path(model.rig, path.t, path.poses, hanging=path.hanging)
     return path._replace(t=t, poses=poses)
 
@@ -83,12 +83,12 @@ def _sample(path: GripperPath, dt: float, count: int) -> Array:
     return np.stack([np.interp(times, path.t, path.poses[:, c]) for c in range(3)], axis=-1)
 
 
-def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array:
+def _start_poses(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array:
     flat = [(model.stated_length, 0.0, 0.0) for model in models]
     return np.array([w.poses[0] if w.hanging else f for w, f in zip(paths, flat, strict=True)])
 
 
-def _motion(
+def _motion_of_lane(
     seen: Showing,
     poses: Array,
     path: GripperPath,

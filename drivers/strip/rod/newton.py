@@ -44,13 +44,13 @@ def residual(block: Any, r: int, inertia: Any, reaction: Any) -> Any:
 
 @kernel
 def pair(work: Any, r: int, first: int) -> Any:
-    """Two neighbouring fields of row r."""
+    """Two neighbouring fields of row r of `work`, from field `first` on."""
     return load(work, r, first), load(work, r, first + 1)
 
 
 @kernel
 def assemble(block: Any, r: int, rate: Any) -> None:
-    """Two rows of the tangent matrix, of node row r against r - 2, r - 1 and itself.
+    """Assemble two rows of the tangent matrix: of node row r against r - 2, r - 1 and itself.
 
     The angle at row r turns with p(r-1) per x(r-1), -(p(r-1) + p(r)) per x(r), p(r) per x(r+1),
     p the normal over the length; k is d(moment)/d(angle); S a segment's own stiffness.
@@ -89,7 +89,7 @@ def assemble(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def correct(block: Any, gate: Any) -> Any:
-    """Move the free nodes by the solution where `gate`, and the tensions with them.
+    """Move the free nodes by Newton's solution where `gate`, and the tensions with them.
 
     T = EA (l / l0 - 1 + t de / l0): the tension of the linearised segment, free of the stretch
     that a turn of a straight piece feigns. Returns the mean and the largest of the squared turns

@@ -41,7 +41,7 @@ class Pace(NamedTuple):
 
 @kernel
 def grip(block: Any, lane: int, pose: Any) -> None:
-    """Set one lane's grasped edge to x, z, and its ghost one segment on along the pitch."""
+    """Set one lane's grasped edge to x, z, and its ghost node one segment on along the pitch."""
     row = block.state.shape[0] - 2
     span = pick(block.nature, row, at.SPAN, lane)
     put(block.state, row, at.X, lane, pose[0])
@@ -89,7 +89,7 @@ def copy(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
 
 @kernel
 def in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
-    """A step of the lanes `gate` as `parts` equal substeps without history; returns lanes that
+    """Step the lanes `gate` by `parts` equal substeps without history; returns the lanes that
     failed.
     """
     going = gate

@@ -24,7 +24,7 @@ def magnitude(a: Any) -> Any:
 
 @kernel
 def fade(block: Any, r: int, change: Any, rate: Any) -> Any:
-    """Strain q of the Maxwell element at row r, dq/dt = deps/dt - q / time, and dq/deps.
+    """Strain q of the Maxwell element at row r, by dq/dt = deps/dt - q / time, and dq/deps.
 
     `change` is eps - base, so deps/dt = rate change and dq/dt = rate (q - base of q).
     """
@@ -95,15 +95,14 @@ def sliding(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
 
 @kernel
 def expect(block: Any, r: int, along: Any) -> None:
-    """Update the tension that segment r has if it sticks, by a correction of `along` [1]."""
+    """Update the tension that a sticking segment r would have, by a correction of `along` [1]."""
     taut, growth = load(block.work, r, at.STUCK), load(block.work, r, at.STUCK_GROWTH)
     store(block.work, r, at.STUCK, fma(-growth, along, taut))
 
 
 @kernel
 def settling_turn(block: Any, r: int, along: Any) -> Any:
-    """Length change of segment r in a correction, where it may slide, as an equivalent squared
-    turn.
+    """Length change of a segment r that may slide, in a correction, as an equivalent squared turn.
 
     A strip that slides moves without turning, so turns by themselves would end Newton's method
     early.
@@ -134,7 +133,7 @@ def air(block: Any, r: int, rate: Any) -> Any:
 
 @kernel
 def resist(block: Any, r: int, rate: Any) -> None:
-    """D of `air` at row r, from the predicted positions, into `work`."""
+    """Write into `work` the drag coefficient at row r, from the predicted positions."""
     state, work = block.state, block.work
     tx = load(state, r + 1, at.X) - load(state, r - 1, at.X)
     tz = load(state, r + 1, at.Z) - load(state, r - 1, at.Z)

@@ -1,1 +1,1 @@
-"""Training of the critic: folds with switched rises in the rod, and regression on what came."""
+"""Training of the critic: folds with switched rises in the rod, and regression on their results."""

@@ -1,4 +1,4 @@
-"""The policy with which training folds: rises switched at random moments, and inputs kept."""
+"""The policy of training folds: its rises are switched at random moments, its inputs are kept."""
 
 import math
 
@@ -18,7 +18,7 @@ AS_IT_IS = 0.25  # share of the folds whose rise is never switched
 
 
 class Silent(Critic):
-    """A critic before any training: it foresees nothing."""
+    """A critic before any training, which predicts nothing."""
 
     def __init__(self) -> None:
         sizes = {"mean": (COUNT,), "whiten": (COUNT, 1), "recall": (1, 1), "recall_bias": (1,)}
@@ -28,7 +28,7 @@ class Silent(Critic):
 
 
 class Explorer(Adaptive):
-    """Folds with the critic, or without one with random rises, until each fold's switch.
+    """Folds with a critic, or without one with random rises, until each fold's switch.
 
     `kept` are inputs (n, COUNT) at every `INPUT_STRIDE`th decision, `rises` (n,) the rises kept
     from then on, `times` (n,) [s]; `switch` (n,) counts the kept decisions before the switch.
@@ -43,7 +43,7 @@ class Explorer(Adaptive):
         *,
         switches: bool = True,
     ) -> None:
-        """Perturbed by `perturbation` [m], deciding at `rate` [Hz]; never where not `switches`."""
+        """Perturb rises by `perturbation` [m], deciding at `rate` [Hz]; never unless `switches`."""
         super().__init__(critic or Silent())
         self._alone, self._switches = critic is None, switches
         self._perturbation, self._rng = perturbation, rng
@@ -53,7 +53,7 @@ class Explorer(Adaptive):
         self.times: list[Array] = []
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Forget; draw when and whither each rise is switched."""
+        """Clear all state; draw the time and the new rise of each fold's switch."""
         super().reset(strip, speed, count)
         rng, highest = self._rng, self._steering.highest
         self.switch = rng.integers(0, self._latest, count)
@@ -69,7 +69,7 @@ class Explorer(Adaptive):
             self._after = np.where(stays, self.rise, rng.uniform(0.0, highest, count))
 
     def decide(self, observation: Observation) -> Decision:
-        """As the critic says before the switch, with the rise kept after it."""
+        """Follow the critic before the switch, and keep the rise after it."""
         decision = super().decide(observation)
         self._count += 1
         return decision

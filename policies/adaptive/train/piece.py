@@ -1,4 +1,4 @@
-"""A piece of training: some hundred folds in the rod, and what every fold's critic could know."""
+"""A piece of training data: some hundred folds in the rod, and the critic's inputs during each."""
 
 from pathlib import Path as FilePath
 from typing import NamedTuple, Self, TypeVar
@@ -44,19 +44,19 @@ class Piece(NamedTuple):
     strip: Array
 
     def save(self, path: FilePath) -> None:
-        """Write the piece to `path` at once."""
+        """Write the piece to `path` atomically."""
         with replacing(path) as scratch, scratch.open("wb") as stream:
             np.savez(stream, **self._asdict())
 
     @classmethod
     def load(cls, path: FilePath) -> Self:
-        """The piece at `path`; OSError or ValueError where none is whole."""
+        """The piece at `path`; OSError or ValueError where the file is missing or incomplete."""
         with np.load(path, allow_pickle=False) as held:
             return cls(**{name: held[name] for name in cls._fields})
 
 
 def explore(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
-    """Piece `number` of round `turn`, folded with `critic`: a pure function of its arguments.
+    """Simulate piece `number` of round `turn`, folded with `critic`: a pure function.
 
     Strips that only the rod's further terms simulate fold together, the others without those.
     Linear algebra keeps to one thread, on whose number its rounding depends.
@@ -134,7 +134,7 @@ def _fold_strips(
 
 
 def truth(strip: StripFile) -> tuple[float, float, float]:
-    """What a belief is of: ln bending length, ln retardation time, ln(1 + yield / YIELD_UNIT)."""
+    """True values of a belief: ln bending length, ln retardation time, ln(1 + yield / unit)."""
     friction = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
     logs = np.log([strip.bending_length, strip.retardation_time, 1.0 + friction / YIELD_UNIT])
     return float(logs[0]), float(logs[1]), float(logs[2])

@@ -51,14 +51,16 @@ class Network(nn.Module):
         p = self.get_parameter
         recalled = torch.tanh(whitened @ p("recall") + p("recall_bias")) * counted
         memory = torch.cumsum(recalled, 1) / torch.cumsum(counted, 1).clamp(min=1.0)
-        known = torch.cat([_pick(whitened, picked), _pick(memory, picked)], dim=-1)
+        known = torch.cat(
+            [_select_moments(whitened, picked), _select_moments(memory, picked)], dim=-1
+        )
         hidden = torch.tanh(known @ p("first") + p("first_bias"))
         hidden = torch.tanh(hidden @ p("second") + p("second_bias"))
         return hidden @ p("last") + p("last_bias")
 
 
 def whitening(piece: Piece) -> tuple[Array, Array]:
-    """Mean (k,) and matrix (k, k) that give living inputs unit spread without correlation."""
+    """Mean (k,) and matrix (k, k) that give inputs of living folds unit spread, uncorrelated."""
     inputs = piece.inputs[piece.alive].astype(np.float64)
     mean = inputs.mean(axis=0)
     scale = np.ones(inputs.shape[1])
@@ -80,7 +82,7 @@ def input_mask(settings: CriticSettings) -> Array:
 def fit(
     piece: Piece, settings: CriticSettings, epochs: int, seed: int, start: Critic | None
 ) -> Critic:
-    """The critic after `epochs` over `piece`, begun from `start` or at random from `seed`.
+    """Fit the critic over `epochs` to `piece`, from `start` or random weights by `seed`.
 
     Deterministic: one thread, its own generator.
     """
@@ -155,13 +157,13 @@ def _loss(network: Network, batch: list[Tensor]) -> Tensor:
     expected = out[..., DISPLACEMENT] + out[..., SLOPE] * moved
     spread = out[..., SPREAD].clamp(-8.0, 4.0)
     error = displacement[:, None] - expected
-    likely = _soft(error, spread, NLL_EXPONENT)
+    likely = _gaussian_loss(error, spread, NLL_EXPONENT)
     off, sure = strip[:, None] - out[..., STRIP::2], out[..., STRIP + 1 :: 2].clamp(-8.0, 4.0)
-    belief = _soft(off, sure, 0.0).sum(dim=-1)
+    belief = _gaussian_loss(off, sure, 0.0).sum(dim=-1)
     return _mean(likely, predicted) + BELIEF * _mean(belief, alive)
 
 
-def _soft(error: Tensor, spread: Tensor, power: float) -> Tensor:
+def _gaussian_loss(error: Tensor, spread: Tensor, power: float) -> Tensor:
     """Negative log likelihood of a normal error, weighted by its spread to some `power`."""
     likelihood = 0.5 * (error * torch.exp(-spread)) ** 2 + spread
     return likelihood * torch.exp(2.0 * power * spread).detach() if power else likelihood
@@ -171,7 +173,7 @@ def _mean(values: Tensor, weight: Tensor) -> Tensor:
     return (values * weight).sum() / weight.sum().clamp(min=1.0)
 
 
-def _pick(values: Tensor, picked: Tensor) -> Tensor:
+def _select_moments(values: Tensor, picked: Tensor) -> Tensor:
     return values.gather(1, picked[..., None].expand(-1, -1, values.shape[-1]))
 
 

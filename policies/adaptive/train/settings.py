@@ -1,4 +1,4 @@
-"""What a training of the critic is made of; the same settings and seed give the same weights."""
+"""Settings of a critic's training; the same settings and seed give the same weights."""
 
 from pydantic import Field
 
@@ -32,5 +32,5 @@ class CriticSettings(Settings):
 
     @property
     def rounds(self) -> int:
-        """Rounds of folds and regression."""
+        """Number of rounds, each of folds and a regression."""
         return len(self.pieces)

@@ -20,7 +20,7 @@ SETTINGS, CHECKPOINT = "adaptive.json", "adaptive.npz"
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """`done` of `total` steps; what the last one was, in words."""
+    """Progress of a training: `done` of `total` steps, and the last one in words."""
 
     done: int
     total: int
@@ -28,7 +28,7 @@ class Progress:
 
 
 class CriticTraining:
-    """Begins in an empty folder, goes on in one that holds a training of the same settings.
+    """A training that begins in an empty folder, or continues one of the same settings.
 
     Raises ConfigurationError for a folder of other settings, or one that cannot be written.
     """
@@ -38,7 +38,7 @@ class CriticTraining:
         self.checkpoint = folder / CHECKPOINT
         self._trial: Trial | None = None
         self._critic: Critic | None = None
-        _claim(folder / SETTINGS, settings)
+        _check_settings(folder / SETTINGS, settings)
 
     @property
     def total(self) -> int:
@@ -47,20 +47,20 @@ class CriticTraining:
 
     @property
     def finished(self) -> Critic:
-        """The critic of a training that has run to its end."""
+        """The critic of a completed training."""
         if self._critic is None or self._trial is None:
             raise RuntimeError("the training has not run to its end")
         return self._critic
 
     @property
     def tried(self) -> Trial:
-        """The trial of a training that has run to its end."""
+        """The trial of a completed training."""
         if self._trial is None:
             raise RuntimeError("the training has not run to its end")
         return self._trial
 
     def run(self, executor: Executor) -> Iterator[Progress]:
-        """What is left, folded by `executor`; ends with the weights saved."""
+        """Run the remaining steps, folds by `executor`; ends with the weights saved."""
         done = 0
         for turn in range(self.settings.rounds):
             for piece in self._pieces(turn, self.settings.pieces[turn], executor):
@@ -75,7 +75,7 @@ class CriticTraining:
         self._finish()
 
     def _pieces(self, turn: int, count: int, executor: Executor) -> Iterator[int]:
-        """Fold and store the pieces of a round that are not stored yet; their numbers."""
+        """Fold and store the missing pieces of a round; returns their numbers."""
         missing = [n for n in range(count) if self._read(turn, n) is None]
         yield from sorted(set(range(count)) - set(missing))
         known = (self.settings, turn)
@@ -95,7 +95,7 @@ class CriticTraining:
         return load_critic(path)
 
     def _finish(self) -> None:
-        """Set the sigmas by the trials and save the weights."""
+        """Set the critic's sigmas by the trials and save the weights."""
         rounds = self.settings.rounds
         pieces = [self._load(rounds, n) for n in range(self.settings.trials)]
         last = load_critic(self.folder / f"critic-{rounds - 1}.npz")
@@ -125,8 +125,8 @@ class CriticTraining:
             piece.save(self._path(turn, number))
 
 
-def _claim(path: FilePath, settings: CriticSettings) -> None:
-    """Write down the settings, or hold them against those that the folder was begun with."""
+def _check_settings(path: FilePath, settings: CriticSettings) -> None:
+    """Write the settings into the folder, or refuse a folder that was begun with others."""
     asked = json.loads(settings.model_dump_json())
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

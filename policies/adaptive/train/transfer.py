@@ -1,4 +1,4 @@
-"""Fit of a critic's transfer to the folds that its policy made through images."""
+"""Fits a critic's transfer to folds that its policy made through images."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -19,8 +19,8 @@ COVERAGE = 0.68  # share of folds within one sigma
 
 
 class FoldedBatch(NamedTuple):
-    """Folds (n,): displacement as it was, displacement and sigma as the critic predicted them, the
-    belief's logarithms, and the thickness [m].
+    """Data of n folds, arrays (n,): the measured displacement, displacement and sigma as the critic
+    predicted them, the belief's logarithms, and the thickness [m].
     """
 
     displacement: Array
@@ -33,14 +33,14 @@ class FoldedBatch(NamedTuple):
 
     @classmethod
     def of(cls, rows: Sequence[Mapping[str, float]]) -> Self:
-        """The folds of `rows`, each with these fields."""
+        """The folds of `rows`, each a mapping with these fields."""
         return cls(*(np.array([row[name] for row in rows], dtype=float) for name in cls._fields))
 
 
 @dataclass(frozen=True, slots=True)
 class FitQuality:
-    """Number of `folds`, rms of what `bias` leaves of folds that were left out [m], and the share
-    of displacements `within` one sigma.
+    """Quality of a transfer: number of `folds`, rms [m] of left-out folds after correction, and the
+    share of their displacements `within` one sigma.
     """
 
     folds: int
@@ -48,12 +48,12 @@ class FitQuality:
     within: float
 
     def facts(self) -> dict[str, Any]:
-        """The settings as the checkpoint records them."""
+        """The quality as the checkpoint records it."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 def fit_transfer(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
-    """The transfer by `batch`, and how well it holds for folds that were left out, a tenth each
+    """The transfer fitted to `batch`, and its quality on folds that were left out, a tenth each
     time. Raises ValueError for fewer folds than the bias has terms.
     """
     count = len(batch.displacement)
@@ -62,17 +62,17 @@ def fit_transfer(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
     left_out = np.empty(count)
     for part in np.array_split(np.random.default_rng(0).permutation(count), min(count, 10)):
         rest = np.setdiff1d(np.arange(count), part)
-        bias = _coefficients(_chosen(batch, rest))
-        left_out[part] = _residuals(_chosen(batch, part), bias)
+        bias = _coefficients(_subset(batch, rest))
+        left_out[part] = _residuals(_subset(batch, part), bias)
     bias = _coefficients(batch)
     sigma = float(np.quantile(np.abs(left_out) / batch.sigma, COVERAGE))
     unmeasured = abs(bias[2]) * float(
         np.sqrt(np.mean((batch.thickness - REFERENCE_THICKNESS) ** 2))
     )
-    transfer = Transfer(Bias(*(_short(value) for value in (*bias, sigma, unmeasured))))
+    transfer = Transfer(Bias(*(_round(value) for value in (*bias, sigma, unmeasured))))
     quality = FitQuality(
         count,
-        _short(np.sqrt(np.mean(left_out**2))),
+        _round(np.sqrt(np.mean(left_out**2))),
         round(float(np.mean(np.abs(left_out) < sigma * batch.sigma)), 3),
     )
     return transfer, quality
@@ -100,9 +100,9 @@ def _bias_terms(batch: FoldedBatch) -> Array:
     return bias_terms(batch.log_length, batch.thickness - REFERENCE_THICKNESS)
 
 
-def _chosen(batch: FoldedBatch, rows: NDArray[np.intp]) -> FoldedBatch:
+def _subset(batch: FoldedBatch, rows: NDArray[np.intp]) -> FoldedBatch:
     return FoldedBatch(*(column[rows] for column in batch))
 
 
-def _short(value: float) -> float:
+def _round(value: float) -> float:
     return float(f"{value:.4g}")

@@ -1,4 +1,4 @@
-"""Folds of a finished critic: how good it is, and how large its sigmas must be."""
+"""Trial folds of a finished critic: its errors, and the factors that calibrate its sigmas."""
 
 from dataclasses import dataclass
 
@@ -15,8 +15,8 @@ COVERAGES = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """|d| over folds in the rod [m], and the share of outcomes within one and 1.96 sigma of what
-    was predicted at the touch.
+    """Result of a trial: |d| over folds in the rod [m], and the share of outcomes within one and
+    1.96 sigma of the prediction at the touch.
     """
 
     folds: int
@@ -27,12 +27,12 @@ class Trial:
     within: tuple[float, float]
 
     def facts(self) -> dict[str, object]:
-        """The trial's errors as the checkpoint records them."""
+        """The errors of the trial as the checkpoint records them."""
         return {name: getattr(self, name) for name in self.__slots__}
 
 
 def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
-    """`critic` with sigmas that hold their share of the outcomes of `piece`, and the trial."""
+    """`critic` with sigmas that cover their share of outcomes of `piece`, and the trial."""
     ratios = off_over_sigma(critic, piece)
     critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
     at_touch = off_over_sigma(critic, piece, last=1)[0]
@@ -76,6 +76,6 @@ def _ratios(judged: Judgement, piece: Piece) -> list[Array]:
 
 
 def _stretch(ratios: Array) -> float:
-    """The factor on sigma by which both shares of outcomes are held as nearly as can be."""
+    """Factor on sigma with which the shares within 1 and 1.96 sigma are nearest to normal."""
     needed = [np.quantile(ratios, share) / sigmas for share, sigmas in COVERAGES]
     return float(np.sqrt(np.prod(needed)))

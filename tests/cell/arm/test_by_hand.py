@@ -40,6 +40,11 @@ def test_jog_does_not_drive_the_hand_into_the_desk(desk, x, z, name) -> None:
     assert outcome.exit_code == (0 if name == "moved" else 4)
 
 
+def test_small_negative_pitch_is_stated_as_zero() -> None:
+    outcome = by_hand(SETTINGS, DeviceSelection(arm="twin"), jog(0.0, 0.001, -1e-3))
+    assert outcome.reason.endswith("pitch 0 deg")
+
+
 @pytest.mark.parametrize("last", [Pose(0.3, 0.05, 1.57), Pose(0.3, 0.02, 0.0)])
 def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(last) -> None:
     lens = twin_calibration(SETTINGS.twin.camera).lens

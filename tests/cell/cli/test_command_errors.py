@@ -171,6 +171,7 @@ def test_help_imports_nothing_heavy() -> None:
         (("jog", "--arm", "fcii"), "invalid value for '--arm': 'fcii' is not one of 'twin', 'fci'"),
         (("note",), "missing argument 'RUN...'; `cell note --help` lists what goes"),
         (("runs", "one", "two"), "got unexpected extra argument(s) (one two); `cell runs --help`"),
+        (("runs", "place"), "lists what goes; a folder of runs goes after `--runs`"),
         (("gap", "fti"), "no such command 'fti'"),
         (("calibrate", "camera", "--resume", "file"), "--resume: file holds no session"),
         (("calibrate", "homography", "--resume", "gone"), "--resume: gone holds no session"),
@@ -221,6 +222,8 @@ def test_packaged_configuration_is_not_changed_and_no_arm_moves_for_it(
     monkeypatch, capsys, configs
 ) -> None:
     monkeypatch.setattr("cell.config.places.PACKAGED", configs)
-    monkeypatch.setattr("cell.cli.calibrate._open", lambda *_: pytest.fail("a device was opened"))
+    monkeypatch.setattr(
+        "cell.cli.calibrate._open_devices", lambda *_: pytest.fail("a device was opened")
+    )
     words = ("calibrate", "homography", "--use", "--configs", configs)
     assert refused(monkeypatch, capsys, *words).startswith("--use: copy the configs folder")

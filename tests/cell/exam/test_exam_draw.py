@@ -47,7 +47,7 @@ def test_half_of_the_plants_from_the_state_are_not_the_model(
     plants = [case.plant for case in cases("state", 2, 5, "nothing")]
     assert plants == ["another engine", "the model itself"]
     values = {"coefficient": 1.0, "yield_curvature": 9.0, "slope": 0.5, "cubic": 1e-5}
-    monkeypatch.setattr(draw, "_showing", lambda case, *_: (case.strip, values))
+    monkeypatch.setattr(draw, "_visible_effect", lambda case, *_: (case.strip, values))
     lawful = Draw("state", "single", 0, 3, 5).case()
     assert lawful.plant == "another law"
     assert set(lawful.causes) == {"oblique_drag"}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cell.__main__ import main
-from cell.cli.gap import _summary
+from cell.cli.gap import _verdict_lines
 from cell.gap.diagnosis.detection_limit import detectable
 from cell.gap.fitting import normal_equations
 from cell.gap.selection.likelihood import LikelihoodScale
@@ -59,8 +59,8 @@ def test_a_run_that_died_is_told_in_the_summary() -> None:
     facts |= {"detectable": {}, "held_out": [], "runtime": 1.0, "simulations": 1}
     whole = Verdict.model_validate(facts)
     died = whole.model_copy(update={"notes": ["03: died after 2.1 s"]})
-    assert list(_summary(whole)) == ["no gap"]
-    assert list(_summary(died)) == ["no gap", "  note: 03: died after 2.1 s"]
+    assert list(_verdict_lines(whole)) == ["no gap"]
+    assert list(_verdict_lines(died)) == ["no gap", "  note: 03: died after 2.1 s"]
 
 
 class Straight:

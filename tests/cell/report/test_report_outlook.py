@@ -50,6 +50,8 @@ def test_page_states_and_draws_what_was_predicted(predicting) -> None:
         assert claim in text, claim
     assert "This strip does not behave like the model" in text
     assert "do not agree, 3.1 mm apart" in text
+    assert "predicted 60 times" in text
+    assert "foretold" not in text
     assert page.count("<svg") == 4
 
 

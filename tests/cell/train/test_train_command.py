@@ -15,6 +15,7 @@ import pytest
 from cell.__main__ import main
 from cell.parallel import workers
 from cell.train.evaluation import Engine, Evaluation, evaluate, fold_row
+from cell.train.run import alone_in
 from drivers.errors import WorkersLost
 from policies.adaptive.train.transfer import FitQuality
 from policies.adaptive.transfer import Transfer
@@ -181,3 +182,8 @@ def test_cluster_without_the_extra_says_what_to_install(monkeypatch, capsys, tmp
     monkeypatch.setitem(sys.modules, "distributed", None)
     said = refused(monkeypatch, capsys, "--out", tmp_path, "--cluster", "tcp://127.0.0.1:1")
     assert "-m pip install 'distributed" in said
+
+
+def test_other_blocked_writes_are_not_taken_for_another_training(tmp_path) -> None:
+    with pytest.raises(BlockingIOError), alone_in(tmp_path):
+        raise BlockingIOError(11, "a pipe is full")

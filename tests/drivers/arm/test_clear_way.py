@@ -7,7 +7,14 @@ import pytest
 
 from cell.arm.by_hand import PARKED, home_joints
 from cell.config.places import find_configs
-from drivers.arm.clear_way import ARM_CLEARANCE, UPRIGHT, _keeps_clear, _rise, clear_way, solids_of
+from drivers.arm.clear_way import (
+    ARM_CLEARANCE,
+    UPRIGHT,
+    _joints_above,
+    _keeps_clear,
+    clear_way,
+    solids_of,
+)
 from drivers.arm.failure import Failed
 from drivers.franka.body import Box, Solids, apart
 from drivers.franka.kinematics import forward
@@ -67,6 +74,6 @@ def test_arm_that_begins_too_near_may_leave_but_not_dive() -> None:
 
 
 def test_points_above_are_straight_above() -> None:
-    places = np.array([forward(q)[:3, 3] for q in (HOME, *_rise(HOME, UP, 0.1))])
+    places = np.array([forward(q)[:3, 3] for q in (HOME, *_joints_above(HOME, UP, 0.1))])
     assert places[-1] - places[0] == pytest.approx([0, 0, 0.1], abs=1e-3)
     assert len(places) == 3

@@ -9,8 +9,8 @@ from drivers.arm.hand import FciHand
 from drivers.arm.settings import HandLimits
 from drivers.clock import WallClock
 from drivers.errors import Fault
-from drivers.fci_server.hand_wire import HandCommand
 from drivers.fci_server.server import RobotServer
+from drivers.franka.hand_protocol import HandCommand
 from drivers.types import HandState
 
 DENIM = HandLimits().around(0.0008, 0.001)

@@ -29,9 +29,9 @@ from drivers.arm.way import follow_joints
 from drivers.clock import WallClock
 from drivers.errors import Fault
 from drivers.fci_server.faults import ContactFault
-from drivers.fci_server.hand_wire import HandCommand
 from drivers.fci_server.server import RobotServer
 from drivers.fci_server.wire import Mode
+from drivers.franka.hand_protocol import HandCommand
 from drivers.geometry import CellInRobot
 from drivers.installation import Installation
 from drivers.limits import AxisLimits, MotionLimits
@@ -114,7 +114,7 @@ def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rat
     monkeypatch.setattr(errands, "Ending", NeverEnding)
     errand = {"joints": near(0.04), "share": 1.0, "recover": False, "reset_tool": False}
     given = SimpleNamespace(address="", settings=FciSettings(), installation=INSTALLATION)
-    errands._do_task(given, errand, SimpleNamespace(poll=lambda: False))
+    errands._execute(given, errand, SimpleNamespace(poll=lambda: False))
     assert taken == pytest.approx([JOINTS[0], JOINTS[0], near(0.02)[0]][:tares], abs=1e-4)
 
 

@@ -12,6 +12,7 @@ from drivers.fci_server.reflex import Reflex
 from drivers.fci_server.robot import resting_robot
 from drivers.fci_server.state_packet import PACKET_SIZE, StatePacket
 from drivers.fci_server.wire import Malformed
+from drivers.franka.hand_protocol import STATE_PACKET
 from tests.support.fci_wire import State, move_request, robot_command
 
 # Command id, bytes of payload.
@@ -138,10 +139,10 @@ def test_hand_takes_requests_under_a_header_of_ten_bytes(number: int, size: int)
 
 
 def test_hand_state_is_23_bytes_and_replies_12() -> None:
-    assert hand_wire.STATE_PACKET.pack(1, 0.04, 0.08, True, 30) == (
+    assert STATE_PACKET.pack(1, 0.04, 0.08, True, 30) == (
         struct.pack("<I", 1) + struct.pack("<dd", 0.04, 0.08) + b"\x01" + struct.pack("<H", 30)
     )
-    assert hand_wire.STATE_PACKET.size == 23
+    assert STATE_PACKET.size == 23
     hand = Hand(lambda: None)
     stop = bytearray(struct.pack("<HII", 4, 3, 10))
     request = hand_wire.take_request(stop)

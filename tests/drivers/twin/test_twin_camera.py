@@ -1,5 +1,7 @@
 """The twin's camera keeps the camera's times and shows the world at them."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -83,6 +85,22 @@ def test_only_the_newest_frame_later_than_asked_is_given(world, clock) -> None:
     assert camera.read(newest.stamp, 0.0) is None
     clock.time += 1 / 60
     assert camera.read(newest.stamp, 0.0).sequence == 29
+
+
+def test_half_of_the_frames_never_arrive_and_those_that_do_are_whole(world, clock) -> None:
+    settings = SETTINGS.model_copy(update={"lost": 0.5})
+    poor = TwinCamera(world, clock, settings, LOOK, 1)
+    poor.connect()
+    got = []
+    for turn in range(60):
+        clock.time = 0.03 + turn / SETTINGS.rate
+        frame = poor.read(got[-1].stamp if got else ALWAYS, 0.0)
+        got += [] if frame is None else [frame]
+    assert 20 <= len(got) <= 40
+    assert all(now.sequence > before.sequence for before, now in pairwise(got))
+    clock.time = got[-1].arrival
+    whole = connected(world, clock).read(ALWAYS, 0.0)
+    assert np.array_equal(whole.image, got[-1].image)
 
 
 def test_frames_that_nobody_reads_are_not_rendered(world, clock) -> None:

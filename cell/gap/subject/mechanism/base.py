@@ -1,4 +1,4 @@
-"""Numbers of a model that are uncertain: the base parameters of the fit."""
+"""Base parameters of a mechanism's fit: its uncertain numbers."""
 
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -34,9 +34,9 @@ class Base:
 
 
 def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Base, ...]:
-    """Base parameters that `uncertain` lists; ConfigurationError for names that are not there."""
+    """Base parameters that `uncertain` lists; ConfigurationError for unknown names."""
     found = [b for i, u in enumerate(file.uncertain)
-             for b in _each(u, mechanism, f"{origin}: uncertain.{i}")]  # fmt: skip
+             for b in _expand(u, mechanism, f"{origin}: uncertain.{i}")]  # fmt: skip
     names = [b.parameter.name for b in found]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
@@ -45,7 +45,7 @@ def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Bas
 
 
 def stated_fields(base: Sequence[Base], mechanism: Mechanism) -> Collection[str]:
-    """Fields that the `base` holds of all joints, of all actuators, or of the last body."""
+    """Fields of which the `base` holds all joints, all actuators, or the last body."""
     last = mechanism.model.body(int(np.max(mechanism.model.jnt_bodyid))).name
     owners = {"com": {last}, "armature": {j.name for j in mechanism.joints},
               "gain": set(mechanism.actuators)}  # fmt: skip
@@ -53,7 +53,7 @@ def stated_fields(base: Sequence[Base], mechanism: Mechanism) -> Collection[str]
             if names <= {b.owner for b in base if b.field == field}}  # fmt: skip
 
 
-def _each(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[Base]:
+def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[Base]:
     model = mechanism.model
     kind = "body" if spec.body else "joint" if spec.joint else "actuator"
     names: Sequence[str]
@@ -69,11 +69,11 @@ def _each(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[Ba
     for name in names:
         number = getattr(model, kind)(name).id
         for axis in _free_axes(model, number) if spec.field == "com" else ("",):
-            yield _one(spec, mechanism, number, name, axis)
+            yield _base_parameter(spec, mechanism, number, name, axis)
 
 
 def _free_axes(model: Any, body: int) -> Iterator[str]:
-    """Axes of a body along which its centre of mass matters: not that of all joints, where they
+    """Axes of a body along which its centre of mass matters: not that of all joints, where these
     are parallel hinges.
     """
     data = mujoco.MjData(model)
@@ -86,19 +86,21 @@ def _free_axes(model: Any, body: int) -> Iterator[str]:
             yield axis
 
 
-def _one(spec: UncertainSpec, mechanism: Mechanism, number: int, name: str, axis: str) -> Base:
+def _base_parameter(
+    spec: UncertainSpec, mechanism: Mechanism, number: int, name: str, axis: str
+) -> Base:
     start, put, size = _access(spec.field, mechanism, number, axis)
-    width = _width(spec.spread, size)
+    width = _spread_width(spec.spread, size)
     free = spec.field == "com"
     low = -np.inf if free else (0.2 * start if spec.field in ("mass", "inertia", "gain") else 0.0)
     high = np.inf if free else max(5.0 * start, start + 20.0 * width)
     key = f"com_{axis}" if free else spec.field
     parameter = Parameter(f"{key}_{name}", UNITS[spec.field], start, low, high, 1e-3 * width, width)
-    by_run = None if spec.by_run is None else _width(spec.by_run, size)
+    by_run = None if spec.by_run is None else _spread_width(spec.by_run, size)
     return Base(parameter, put, spec.field, name, by_run)
 
 
-def _width(spread: float | str, size: float) -> float:
+def _spread_width(spread: float | str, size: float) -> float:
     if not isinstance(spread, str):
         return float(spread)
     return float(re.sub("%", "", spread)) / 100.0 * max(abs(size), ENOUGH)
@@ -107,7 +109,7 @@ def _width(spread: float | str, size: float) -> float:
 def _access(
     field: str, mechanism: Mechanism, i: int, axis: str
 ) -> tuple[float, Callable[[Fields, float], None], float]:
-    """Start value, how to put another one, and the size that a share is of."""
+    """Start value of a field, its setter, and the size to which a share refers."""
     model: Any = mechanism.model
     if field == "mass":
         start = float(model.body_mass[i])
@@ -115,7 +117,7 @@ def _access(
     if field == "com":
         k, place = "xyz".index(axis), model.body_ipos[i]
         size = float(np.linalg.norm(place))
-        return float(place[k]), lambda f, v: _set(f["body_ipos"][i], k, v), size
+        return float(place[k]), lambda f, v: _set_value(f["body_ipos"][i], k, v), size
     if field == "inertia":
         start = float(model.body_inertia[i].max())
         return start, lambda f, v: _scale(f["body_inertia"][i], v / start), start
@@ -128,15 +130,15 @@ def _access(
         "armature": ("dof_armature", joint.dof, joint.inertia),
     }[field]
     start = float(getattr(model, name)[at])
-    return start, lambda f, v: _set(f[name], at, v), start or size
+    return start, lambda f, v: _set_value(f[name], at, v), start or size
 
 
-def _set(array: Any, i: int, value: float) -> None:
+def _set_value(array: Any, i: int, value: float) -> None:
     array[i] = value
 
 
 def _mass(fields: Fields, i: int, value: float) -> None:
-    """A mass, and the inertia that goes with it."""
+    """Set a mass, and scale its inertia with it."""
     _scale(fields["body_inertia"][i], value / float(fields["body_mass"][i]))
     fields["body_mass"][i] = value
 

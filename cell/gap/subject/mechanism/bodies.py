@@ -1,4 +1,4 @@
-"""Mass properties of bodies, edited."""
+"""Edits mass properties of bodies."""
 
 import mujoco
 import numpy as np
@@ -9,7 +9,7 @@ from drivers.types import Array
 
 
 def tip(mechanism: Mechanism, body: int) -> Array:
-    """The farthest site, or else twice the centre of mass, of a body in its frame (3,) [m]."""
+    """Position (3,) [m] of a body's farthest site in its frame, else twice its centre of mass."""
     model = mechanism.model
     places = [model.site_pos[i] for i in range(model.nsite) if model.site_bodyid[i] == body]
     places.append(2.0 * model.body_ipos[body])

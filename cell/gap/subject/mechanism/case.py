@@ -1,4 +1,4 @@
-"""One simulation of a run: which numbers of the model, which readings, from where."""
+"""One simulation of a run: edited numbers of the model, readings, and the start."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """What a simulation needs of a run: its readings, its stated `load`, and its `motion` or its
+    """Data of a run for its simulation: its readings, its stated `load`, and its `motion` or its
     `commands`.
     """
 
@@ -47,7 +47,7 @@ class ModelFields:
         self._numbers: dict[str, Array] = {}
 
     def __getitem__(self, name: str) -> Array:
-        """The field's own array."""
+        """Array of the field called `name`, to be edited in place."""
         if not name.startswith("opt."):
             found: Array = getattr(self.model, name)
             return found
@@ -69,6 +69,6 @@ class BatchFields:
         self._expand, self._i = expand, i
 
     def __getitem__(self, name: str) -> Array:
-        """The simulation's own array."""
+        """Array of the field called `name` for this simulation."""
         found: Array = self._expand(name)[self._i, ...]
         return found

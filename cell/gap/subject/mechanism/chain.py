@@ -29,7 +29,7 @@ and inertia); each with the chain as its first axis.
 
 
 def fields_of(model: Any, count: int) -> ChainFields:
-    """The fields of a model, for `count` chains alike."""
+    """Fields of a model, for `count` equal chains."""
     stated = {name: getattr(model, name) for name in OF_MODEL} | {"opt.gravity": model.opt.gravity}
     fields = {name: np.repeat(value[None], count, axis=0) for name, value in stated.items()}
     end = -model.site_pos[0, 2] if model.nsite else np.nan
@@ -56,7 +56,7 @@ def levers(fields: ChainFields) -> tuple[Array, Array, Array]:
 
 
 def fastest(model: Any) -> float:
-    """Angular frequency of the fastest small swing about hanging [rad/s]."""
+    """Angular frequency [rad/s] of the fastest small oscillation about hanging straight."""
     lever, moment, _ = levers(fields_of(model, 1))
     stiffness = np.diag(moment[0] * np.linalg.norm(model.opt.gravity))
     values = np.linalg.eigvals(np.linalg.solve(lever[0], stiffness))
@@ -64,7 +64,7 @@ def fastest(model: Any) -> float:
 
 
 class PlanarChain(Forward):
-    """Predicts the angles of a chain by its own equations; each moves to the bit as if alone."""
+    """Predicts the angles of planar chains by their own equations, each to the bit as if alone."""
 
     def __init__(self, opened: Opened, jobs: int, laws: frozenset[str]) -> None:
         super().__init__(opened, jobs, laws)
@@ -73,7 +73,7 @@ class PlanarChain(Forward):
             self._simulate([])
 
     def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, Any]:
-        """States (n, steps + 1, 2, joints), no commands, no models."""
+        """States (n, steps + 1, 2, joints) of these cases; no commands, no models."""
         fields = fields_of(self._mechanism.model, len(cases))
         for i, case in enumerate(cases):
             case.edit(BatchFields(fields.__getitem__, i))

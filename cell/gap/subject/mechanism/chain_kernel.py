@@ -71,7 +71,7 @@ def _solve(a: Array, x: Array) -> None:
 
 @kernel
 def _rigid(chain: tuple, y: Array, push: float, out: Array) -> None:  # type: ignore[type-arg]
-    """Rate of change `out` (2, n) of a state; `push` [m/s^2] is the pivot's acceleration in x."""
+    """Write the rate of a state (2, n) into `out`; `push` [m/s^2] accelerates the pivot in x."""
     law, lever, moment, gravity, length, damping, user, drag, (s, c, inertia) = chain
     n = len(moment)
     force = out[1]
@@ -121,7 +121,7 @@ def _pivot(chain: tuple, compliance: float, y: Array) -> float:  # type: ignore[
 
 @kernel
 def _advance_state(y: Array, h: float, rate: Array, out: Array) -> None:
-    """`out` (2, n): the state `y` moved on by `h` [s] at `rate`."""
+    """Write into `out` (2, n) the state `y` advanced by `h` [s] at `rate`."""
     for i in range(y.shape[1]):
         out[0, i] = y[0, i] + h * rate[0, i]
         out[1, i] = y[1, i] + h * rate[1, i]

@@ -19,12 +19,12 @@ class Fields(Protocol):
     """Fields of a model by MuJoCo's names (`dof_damping`, `opt.gravity`), each to be edited."""
 
     def __getitem__(self, name: str) -> Array:
-        """The field's own array."""
+        """Array of the field called `name`, to be edited in place."""
 
 
 @dataclass(slots=True)
 class Readings:
-    """What lies between world and record, by signal or input: (1 + scale) x(t - delay) + bias.
+    """Errors of sensors and commands, by signal or input: (1 + scale) x(t - delay) + bias.
 
     `command` [s] delays every command; `elastic` (joints,) [rad/(N m)] and `gap` (joints,) [rad]
     lie between a joint's encoder and its link.
@@ -40,7 +40,7 @@ class Readings:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """An entry of the library; every hook does nothing at the parameters' starts.
+    """An effect in the library of mechanisms; every hook does nothing at the parameters' starts.
 
     `parameters` lists all values of one key, joint by joint, then the next key; `shape` are shapes
     of the law. `law` is a compiled torque `(q, v, load, p, at) -> N m` of one joint with its own
@@ -71,17 +71,17 @@ class Effect:
     holds: Callable[..., Array] | None = None
 
     def applies(self, mechanism: Mechanism) -> bool:
-        """Whether this mechanism, simulated this way, can have it."""
+        """Whether this mechanism, simulated this way, can have the effect."""
         return mechanism.mode in self.modes and bool(self.parameters(mechanism))
 
     def edits(self, mechanism: Mechanism) -> bool:
-        """Whether fields of the model are all of it here."""
+        """Whether the effect is nothing but edits of the model's fields here."""
         if self.edit is None or self.read is not None:
             return False
         return self.law is None or (mechanism.mode == "forward" and self.native(mechanism))
 
     def candidate(self, mechanism: Mechanism) -> Candidate:
-        """The effect as the engine tries it: probed one parameter at a time, small to large."""
+        """The effect as a candidate, probed one parameter at a time, small to large."""
         own = self.parameters(mechanism)
         width = np.array([p.spread / 25.0 for p in own])
         groups = tuple(
@@ -98,7 +98,7 @@ class Effect:
                          shape_parameters=shape)  # fmt: skip
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
-        """Its parameters, those of its shape behind them."""
+        """The effect's parameters, followed by those of its shape."""
         return (*self.parameters(mechanism), *self.shape(mechanism))
 
     def table(self, mechanism: Mechanism, values: Array) -> Array:
@@ -134,7 +134,7 @@ def single(
 
 
 def per_encoder(mechanism: Mechanism, key: str, unit: str, spread: float) -> tuple[Parameter, ...]:
-    """A parameter an encoder, `key_ENCODER`, of what it reads wrongly."""
+    """One parameter an encoder, `key_ENCODER`, for an error of its readings."""
     return tuple(
         Parameter(f"{key}_{name}", unit, 0.0, -0.2, 0.2, 1e-5, spread)
         for name in mechanism.encoders
@@ -142,7 +142,7 @@ def per_encoder(mechanism: Mechanism, key: str, unit: str, spread: float) -> tup
 
 
 def put_by_encoder(key: str) -> Callable[[Mechanism, Array, Readings], None]:
-    """A reading's change that states the values of encoders under `key` of the readings."""
+    """A setter that writes the values of encoders into the readings under `key`."""
 
     def read(mechanism: Mechanism, values: Array, readings: Readings) -> None:
         getattr(readings, key).update(zip(mechanism.encoders, map(float, values), strict=True))
@@ -156,7 +156,7 @@ def driven_joints(mechanism: Mechanism) -> list[Joint]:
 
 
 def has_gears(mechanism: Mechanism) -> bool:
-    """Whether each driven joint can be split into motor and link, or need not be."""
+    """Whether each driven joint can be split into motor and link, or is rigid."""
     one_each = int(mechanism.model.body_jntnum.max()) == 1
     return mechanism.mode == "prescribed" or bool(mechanism.actuators and one_each)
 
@@ -173,14 +173,14 @@ def add_to(field: str) -> Callable[[Mechanism, Array, Fields], None]:
 
 
 def scale_gain(fields: Fields, actuator: int, factor: float) -> None:
-    """Multiply what an actuator gives for its command and its state by a `factor`."""
+    """Multiply an actuator's gain and bias by a `factor`."""
     if factor != 1.0:
         fields["actuator_gainprm"][actuator, :3] *= factor
         fields["actuator_biasprm"][actuator, :3] *= factor
 
 
 def readings_of(known: Sequence[tuple[Effect, Array]], mechanism: Mechanism) -> Readings:
-    """What effects with their values (parameters,) change between the world and its record."""
+    """Errors of sensors and commands by effects with their values (parameters,)."""
     readings = Readings()
     for effect, values in known:
         if effect.read is not None:

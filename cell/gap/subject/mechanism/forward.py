@@ -1,4 +1,4 @@
-"""Simulation of runs, many at once, and what the sensors would have read."""
+"""Simulation of runs, many at once, and the sensor readings in them."""
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ CONST = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature",
 
 @dataclass(frozen=True, slots=True)
 class Commands:
-    """Commands of a run, held from each time of `t` (m,) [s] to the next: `u` (m, actuators)."""
+    """Commands of a run, each held from its time in `t` (m,) [s] on: `u` (m, actuators)."""
 
     t: Array
     u: Array
@@ -58,7 +58,7 @@ def commands_of(recording: Recording, inputs: Sequence[str], actuators: Sequence
 
 
 class Forward:
-    """Predicts the signals of what was `opened` by simulation; MuJoCo's forces and `laws` act."""
+    """Predicts a mechanism's signals by simulation, with MuJoCo's forces and `laws`."""
 
     def __init__(self, opened: Opened, jobs: int, laws: frozenset[str]) -> None:
         self._mechanism, self._signals, self._mix = opened.mechanism, opened.signals, opened.mix
@@ -132,7 +132,7 @@ class Forward:
         return states[:, self._settle :]
 
     def _vary(self, cases: Sequence[Case], control: Array, states: Array) -> None:
-        """Add what gears that twist or have play change: that model less its rigid twin."""
+        """Add the changes by gears that twist or have play: that model less its rigid twin."""
         rows = [i for i, c in enumerate(cases) if _varies_by_case(c)]
         some, u = [cases[i] for i in rows], control[rows]
         if self._variant is None:
@@ -148,7 +148,7 @@ class Forward:
 
     def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, batch: Batch,
               i: int) -> Array:  # fmt: skip
-        """What sensors read (signals, k) at times t (k,) [s], of states q, v (joints, k) there."""
+        """Sensor readings (signals, k) at times t (k,) [s], from states q, v (joints, k) there."""
         readings = case.readings
         rows = np.empty((len(self._signals), len(t)))
         other: dict[str, Array] = {}
@@ -170,7 +170,7 @@ class Forward:
 
     def _torque(self, joint: int, batch: Batch, i: int, q: Array, v: Array, control: Array,
                 t: Array) -> Array:  # fmt: skip
-        """Force of the joint's motor at the readings, of the states there: an engine's own record
+        """Motor torque of a joint at the readings, from the states there: an engine's own record
         belongs to a stage of its integrator.
         """
         a = self._mechanism.joints[joint].actuator
@@ -190,7 +190,7 @@ class Forward:
         return np.asarray(np.clip(force, low, high))
 
     def _read_sensors(self, model: Any, q: Array, v: Array) -> dict[str, Array]:
-        """Sites and sensors at states (joints, k), by signal."""
+        """Readings of sites and sensors at states (joints, k), by signal."""
         data, rows = mujoco.MjData(model), []
         for a, b in zip(q.T, v.T, strict=True):
             data.qpos[:], data.qvel[:] = a, b

@@ -1,4 +1,4 @@
-"""What effects in the cell's own arm do to the path of its gripper, and where they may be put."""
+"""Effects of the cell's own arm on the path of its gripper, and the cell file's keys for them."""
 
 from collections.abc import Mapping
 
@@ -30,7 +30,7 @@ def shift(opened: Opened, q: Array, predicted: tuple[Array, Array], readings: Re
 
 
 def _tips(opened: Opened, q: Array) -> Array:
-    """Places (k, 3) [m] of the tip for joints (k, 7) [rad]."""
+    """Positions (k, 3) [m] of the tip for joints (k, 7) [rad]."""
     model = opened.mechanism.model
     data, number = mujoco.MjData(model), model.site("tip").id
     found = np.empty((len(q), 3))
@@ -42,7 +42,7 @@ def _tips(opened: Opened, q: Array) -> Array:
 
 
 def sentences(name: str, shifts: Array) -> list[str]:
-    """What an operator must know of the effect `name` that moves the tip by `shifts` (k,) [m]."""
+    """Sentences for the operator on the effect `name` that moves the tip by `shifts` (k,) [m]."""
     rms = float(np.sqrt(np.mean(shifts**2)))
     moves = f"{name}: the gripper stands up to {1e3 * shifts.max():.2f} mm (rms {1e3 * rms:.2f})"
     if name in FIELDS:
@@ -55,7 +55,7 @@ def sentences(name: str, shifts: Array) -> list[str]:
 def cell_patch(
     opened: Opened, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
 ) -> dict[str, object] | None:
-    """What of the effects belongs into cell.yaml: the tool with its load, the arm's delay."""
+    """Patch of cell.yaml for the accepted effects: the tool with its load, the arm's delay."""
     found: dict[str, object] = {}
     delay = effects.get("control_delay", {}).get("time", base.get("control_delay.time"))
     if delay is not None:

@@ -1,4 +1,4 @@
-"""Tables of other programs, written as runs of a mechanism by a mapping of their columns."""
+"""Writes tables of other programs as runs of a mechanism, by a mapping of their columns."""
 
 from collections.abc import Mapping
 from pathlib import Path

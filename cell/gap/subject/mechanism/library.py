@@ -1,4 +1,4 @@
-"""What a mechanism may lack: candidates, terms, and the check of effects that its file accepts."""
+"""Library of a mechanism: candidates, terms, and the check of effects that its file accepts."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
@@ -27,7 +27,7 @@ def candidates(
 
 
 def describing_terms(mechanism: Mechanism) -> tuple[Candidate, ...]:
-    """Terms that describe what stays unexplained."""
+    """Generic terms that describe an unexplained rest."""
     return tuple(t.candidate(mechanism) for t in TERMS if t.applies(mechanism))
 
 
@@ -38,7 +38,7 @@ def effect_of(name: str) -> Effect:
 
 
 def accepted_parameters(mechanism: Mechanism, accepted: Accepted) -> Iterator[Parameter]:
-    """Base parameters `effect.parameter` of the accepted effects, shapes at what was stated."""
+    """Base parameters `effect.parameter` of accepted effects, shapes as stated."""
     for name, values in accepted.items():
         for p in effect_of(name).with_shape(mechanism):
             value = _inside(p, values.get(p.name))
@@ -87,5 +87,5 @@ def group_by_effect(names: Sequence[str], values: Array) -> dict[str, Array]:
 
 
 def ordered_values(effect: Effect, mechanism: Mechanism, values: Mapping[str, float]) -> Array:
-    """Values of an effect's parameters (k,) in its own order, what was not given at its start."""
+    """Values (k,) of an effect's parameters in its own order, at their start if not given."""
     return np.array([_inside(p, values.get(p.name)) for p in effect.with_shape(mechanism)])

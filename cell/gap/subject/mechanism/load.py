@@ -1,4 +1,4 @@
-"""A mechanism's file, model and runs, opened and checked together."""
+"""Opens a mechanism's file, model and runs, and checks them together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -111,7 +111,7 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
                   [read_yaml(f.path / HEADER_FILE).get("index") for f in folders])  # fmt: skip
     in_order = sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
     signals = tuple(_signal(n, s, model, recordings, str(path))
-                    for n, s in in_order if not _is_given(s, file))  # fmt: skip
+                    for n, s in in_order if not _is_given_motion(s, file))  # fmt: skip
     columns = [n for n, k in file.inputs.items() if k == "position"]
     columns += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
     mechanism = _mechanism(file, xml, model, recordings, signals)
@@ -133,8 +133,8 @@ def _check_load(recording: Recording, model: Any) -> None:
     number_of(model, "body", str(recording.load.get("body")), origin, "body")
 
 
-def _is_given(spec: SignalSpec, file: MechanismFile) -> bool:
-    """Whether a signal is part of the given motion, and nothing to compare with."""
+def _is_given_motion(spec: SignalSpec, file: MechanismFile) -> bool:
+    """Whether a signal is part of the given motion, and is not compared."""
     return file.mode == "prescribed" and spec.is_ not in ("torque", "tracking")
 
 
@@ -162,12 +162,12 @@ def _signal(name: str, spec: SignalSpec, model: Any,
 
 
 def zone_of(joint: int, count: int) -> str:
-    """Where a joint lies among `count` in a chain."""
+    """Zone of a joint among `count` in a chain: its position from base to end."""
     return "fixed" if joint == 0 else "grasped" if joint == count - 1 else "middle"
 
 
 def _joint_weights(signal: Signal, spec: SignalSpec, model: Any) -> Array:
-    """The sum of joint positions (joints,) that a signal is; nothing where it is none."""
+    """Weights (joints,) of the joint positions whose sum the signal is, if it is one."""
     if spec.sensor is not None:
         return _sum_of_joints(model, spec.sensor)
     row = np.zeros(model.njnt)

@@ -1,4 +1,4 @@
-"""A MuJoCo model read with care, and what the workflow needs to know of it."""
+"""A MuJoCo model, read without foreign code, and its joints with typical sizes."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
@@ -135,7 +135,7 @@ def compile_model(
 
 
 def check_joints(model: Any, origin: str) -> None:
-    """Refuse what has no name or is neither hinge nor slide."""
+    """Refuse joints without a name or of a kind other than hinge and slide."""
     for i in range(model.njnt):
         name, kind = model.joint(i).name, int(model.jnt_type[i])
         body = model.body(int(model.jnt_bodyid[i])).name or int(model.jnt_bodyid[i])
@@ -151,7 +151,7 @@ def check_joints(model: Any, origin: str) -> None:
 
 def joints_of(model: Any, rms: dict[str, tuple[float, float]], driven: dict[str, float]
               ) -> tuple[Joint, ...]:  # fmt: skip
-    """The joints of a model with typical sizes.
+    """The joints of a model, with their typical torques, rates and inertias.
 
     `rms` holds measured rates and accelerations by joint, `driven` measured torques; where nothing
     was measured, gravity and inertia in poses drawn at random say what is typical.

@@ -1,4 +1,4 @@
-"""Torques of joints that MuJoCo has no field for, compiled and called by its engine.
+"""Joint torques for which MuJoCo has no field, compiled and called by its engine.
 
 All laws of the library are one compiled function of a joint; their parameters travel in
 `jnt_user`, so that each simulation of a batch has its own. The same laws serve columns of measured
@@ -30,7 +30,7 @@ TINY_MODEL = (
 def chain_laws(laws: Sequence[tuple[Callable[..., Array], int]]) -> Any:
     """One compiled `(q, v, load, p) -> torque` of all `laws`, each with its first place in `p`."""
     if not laws:
-        return numba.njit(_nothing)
+        return numba.njit(_zero_torque)
     law, at = laws[0]
     rest = chain_laws(laws[1:])
     own = numba.njit(error_model="numpy")(law)
@@ -44,7 +44,7 @@ def chain_laws(laws: Sequence[tuple[Callable[..., Array], int]]) -> Any:
     return numba.njit(error_model="numpy")(both)
 
 
-def _nothing(q, v, load, p):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def _zero_torque(q, v, load, p):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return 0.0
 
 
@@ -63,7 +63,7 @@ class Torques:
         self._functions: dict[frozenset[str], Any] = {}
 
     def along(self, q: Array, v: Array, load: Array, user: Array) -> Array:
-        """Torques (m, joints) along a motion (m, joints), with user numbers (joints, slots)."""
+        """Torques (m, joints) along a motion (m, joints), parameters `user` (joints, slots)."""
         found = np.zeros_like(q)
         for j, p in enumerate(user):
             for law, at, keys in self._laws.values():
@@ -72,7 +72,7 @@ class Torques:
         return found
 
     def function(self, names: frozenset[str]) -> Any:
-        """One function `(q, v, load, p) -> torque` of these laws, for compiled simulations."""
+        """Function `(q, v, load, p) -> torque` of the laws `names`, to be compiled."""
         if names not in self._functions:
             law = self._chain(names).py_func
             self._functions[names] = numba.cfunc(LAW, error_model="numpy")(law)
@@ -83,7 +83,7 @@ class Torques:
 
     @contextmanager
     def install(self, names: frozenset[str]) -> Iterator[None]:
-        """Let MuJoCo add these torques within the block; its hook is global: one at a time."""
+        """Have MuJoCo add the torques `names` within the block, one block at a time."""
         with _LOCK:
             if names not in self._callbacks:
                 law = self._chain(names)
@@ -116,7 +116,7 @@ def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: in
 
 @contextmanager
 def without_clock() -> Iterator[None]:
-    """Let MuJoCo read no clock, as it does a dozen times a step for its own statistics."""
+    """Within the block, replace the clock that MuJoCo reads a dozen times a step."""
     mujoco.set_mjcb_time(_zero().ctypes)
     try:
         yield
@@ -131,7 +131,7 @@ def _zero() -> Any:
 
 @cache
 def _offsets() -> tuple[int, int, int, int]:
-    """Places of jnt_user in mjModel and of qpos, qvel, qfrc_passive in mjData [pointers].
+    """Offsets of jnt_user in mjModel and of qpos, qvel, qfrc_passive in mjData [pointers].
 
     Found by the address that each array has, for the layout changes with MuJoCo's version.
     """

@@ -1,4 +1,4 @@
-"""A mechanism after acceptance: an MJCF with all that MJCF can say, and its file with the rest."""
+"""Writes an accepted mechanism: an MJCF with all that MJCF can express, its file with the rest."""
 
 import copy
 import math
@@ -88,7 +88,7 @@ def accepted_xml(opened: Opened, base: Mapping[str, float], effects: Accepted) -
         if effect.edits(m) and effect.edit is not None:
             effect.edit(m, ordered_values(effect, m, values), fields)
     fields.finish()
-    root = _root(m.xml)
+    root = _mjcf_root(m.xml)
     _write_bodies(root, m, edited)
     _write_joints(root, m, edited)
     _write_actuators(root, m, edited)
@@ -98,8 +98,8 @@ def accepted_xml(opened: Opened, base: Mapping[str, float], effects: Accepted) -
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _root(xml: str) -> ET.Element:
-    """Root of the model as MJCF: as its owner wrote it, or made of URDF."""
+def _mjcf_root(xml: str) -> ET.Element:
+    """Root element of the model as MJCF: as its owner wrote it, or converted from URDF."""
     root = ET.fromstring(xml)  # noqa: S314  checked when it was read
     if root.tag == "mujoco":
         return root
@@ -110,7 +110,7 @@ def _text(values: Sequence[float] | Array) -> str:
     return " ".join(repr(float(v)) for v in np.atleast_1d(np.asarray(values, dtype=np.float64)))
 
 
-def _differ(mechanism: Mechanism, edited: Any, i: int, names: Sequence[str]) -> bool:
+def _has_changed(mechanism: Mechanism, edited: Any, i: int, names: Sequence[str]) -> bool:
     return any(not np.array_equal(getattr(edited, n)[i], getattr(mechanism.model, n)[i])
                for n in names)  # fmt: skip
 
@@ -119,7 +119,7 @@ def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
     by_name = {e.get("name"): e for e in root.iter("body")}
     by_joint = {j.get("name"): e for e in root.iter("body") for j in e.findall("joint")}
     for i in range(1, edited.nbody):
-        if not _differ(m, edited, i, ("body_mass", "body_ipos", "body_iquat", "body_inertia")):
+        if not _has_changed(m, edited, i, ("body_mass", "body_ipos", "body_iquat", "body_inertia")):
             continue
         body = by_name.get(m.model.body(i).name or "")
         if body is None:
@@ -139,14 +139,14 @@ def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
     elements = {e.get("name"): e for e in root.iter("joint") if e.get("name")}
     for joint in m.joints:
         element, i, dof = elements[joint.name], edited.joint(joint.name).id, joint.dof
-        if _differ(m, edited, dof, ("dof_damping", "dof_dampingpoly")):
+        if _has_changed(m, edited, dof, ("dof_damping", "dof_dampingpoly")):
             whole = [edited.dof_damping[dof], *edited.dof_dampingpoly[dof]]
             element.set("damping", _text(whole))
         for key, name, at in (("armature", "dof_armature", dof), ("stiffness", "jnt_stiffness", i),
                               ("frictionloss", "dof_frictionloss", dof)):  # fmt: skip
-            if _differ(m, edited, at, (name,)):
+            if _has_changed(m, edited, at, (name,)):
                 element.set(key, _text([getattr(edited, name)[at]]))
-        if _differ(m, edited, joint.qpos, ("qpos_spring",)):
+        if _has_changed(m, edited, joint.qpos, ("qpos_spring",)):
             rest = float(edited.qpos_spring[joint.qpos])
             turn = 1.0 if radian or not joint.hinge else 180.0 / math.pi
             element.set("springref", _text([rest * turn]))
@@ -155,7 +155,7 @@ def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
 def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
     every = [e for group in root.findall("actuator") for e in group]
     for i, element in enumerate(every):
-        if _differ(m, edited, i, ("actuator_gainprm", "actuator_biasprm")):
+        if _has_changed(m, edited, i, ("actuator_gainprm", "actuator_biasprm")):
             element.tag = "general"
             for key in set(element.attrib) - set(KEPT_OF_ACTUATOR):
                 del element.attrib[key]
@@ -188,5 +188,5 @@ def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
 
 def _write_pairs(root: ET.Element, m: Mechanism, edited: Any) -> None:
     for i, element in enumerate(root.findall("contact/pair")):
-        if _differ(m, edited, i, ("pair_friction",)):
+        if _has_changed(m, edited, i, ("pair_friction",)):
             element.set("friction", _text(edited.pair_friction[i]))

@@ -1,4 +1,4 @@
-"""A pendulum's file and its measured swings, read as a planar chain of hinges."""
+"""Reads a pendulum's file and its measured swings as a planar chain of hinges."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -78,7 +78,7 @@ def open_recordings(
 
 
 def mechanism_of(pendulum: PendulumFile, origin: str) -> Mechanism:
-    """The chain that hangs at zero; its torques are those of its weight held level."""
+    """The pendulum's chain, hanging at zero; typical torques are those of its level weight."""
     xml = pendulum.xml()
     model = compile_model(xml, origin, torques().slots, 0.01)
     model.jnt_user[:, 3] = SMOOTH
@@ -93,13 +93,13 @@ def mechanism_of(pendulum: PendulumFile, origin: str) -> Mechanism:
 
 
 def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
-    """Damping, centre of mass and inertia of each link, length of all but the last."""
+    """Base parameters: each link's damping, centre of mass, inertia; length of all but the last."""
     found = []
     for i, (link, joint) in enumerate(zip(pendulum.links, mechanism.joints, strict=True)):
         most = joint.torque / joint.rate  # its links would hardly swing
         parameter = Parameter(f"damping_{i + 1}", "N m s", link.damping, 0.0, most, 1e-5 * most,
                               0.1 * most)  # fmt: skip
-        found.append(_number(parameter, "dof_damping", (i,), 1.0))
+        found.append(_field_access(parameter, "dof_damping", (i,), 1.0))
     places = {"com": ("body_ipos", 1, 2, -1.0), "inertia": ("body_inertia", 1, slice(None), 1.0),
               "length": ("body_pos", 2, 2, -1.0)}  # fmt: skip
     for key, unit, spread in SPREADS:
@@ -108,12 +108,12 @@ def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
             v = float(getattr(link, key))
             parameter = Parameter(f"{key}_{i + 1}", unit, v, 0.2 * v, 5.0 * v, 1e-3 * spread * v,
                                   spread * v)  # fmt: skip
-            found.append(_number(parameter, field, (i + first, at), sign))
+            found.append(_field_access(parameter, field, (i + first, at), sign))
     return found
 
 
-def _number(parameter: Parameter, field: str, at: tuple[Any, ...], sign: float) -> Base:
-    """A number of the model that stands `at` a place of a field."""
+def _field_access(parameter: Parameter, field: str, at: tuple[Any, ...], sign: float) -> Base:
+    """Access to a number of the model that stands `at` a place of a field."""
 
     def put(fields: Fields, value: float) -> None:
         fields[field][at] = sign * value

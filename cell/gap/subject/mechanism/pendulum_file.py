@@ -14,8 +14,8 @@ Damping = Annotated[float, Unit("N m s"), Field(ge=0.0, le=1e6)]
 
 
 class Link(Settings):
-    """One link: mass [kg], length to the next joint [m], com from its joint [m], inertia about
-    the centre of mass [kg m^2], viscous damping of its joint [N m s].
+    """One link of a pendulum: mass [kg], length to the next joint [m], com from its joint [m],
+    inertia about the centre of mass [kg m^2], viscous damping of its joint [N m s].
     """
 
     mass: Mass

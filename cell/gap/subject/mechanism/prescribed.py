@@ -1,4 +1,4 @@
-"""Inverse dynamics on the measured motion: the torques that it takes, beside those measured."""
+"""Inverse dynamics on the measured motion: required torques, compared with measured ones."""
 
 import copy
 import ctypes
@@ -114,7 +114,7 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
     cutoff = min(cutoff, wide)
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
     gaps = absent | np.any(lost, axis=0, keepdims=True)
-    known = np.array([~_near(row, reach) for row in gaps])
+    known = np.array([~_near_gaps(row, reach) for row in gaps])
     filtered = _low_pass(raw, dt, wide)
     white = (raw - filtered).std(axis=1) / np.sqrt(1.0 - wide * dt / np.pi)
     shake = np.outer(_noise_gain(dt, cutoff, width), white)
@@ -126,7 +126,7 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
 
 
 def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
-    """Rows of x (n, m) without what is faster than `cutoff` [rad/s]."""
+    """Rows of x (n, m) filtered by a low pass at `cutoff` [rad/s]."""
     found: Array = filtfilt(*butter(ORDER, cutoff * dt / np.pi), x, axis=-1)
     return found
 
@@ -149,14 +149,14 @@ def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
     return np.array([np.linalg.norm(x) for x in made[1:]])
 
 
-def _near(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """Where a gap, or an end, is nearer than `reach` readings."""
+def _near_gaps(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Mask of readings nearer than `reach` to a gap, or to an end."""
     around = np.pad(gaps.astype(float), reach, constant_values=1.0)
     return np.convolve(around, np.ones(2 * reach + 1), "valid") > 0.5
 
 
 class Prescribed:
-    """Predicts the torques of actuators along measured motion."""
+    """Predicts the torques of actuators along the measured motion."""
 
     def __init__(self, mechanism: Mechanism, jobs: int) -> None:
         self._mechanism = mechanism
@@ -171,7 +171,7 @@ class Prescribed:
             return list(pool.map(self._torque, cases))
 
     def encoder_error(self, motion: Motion, t: Array) -> Array:
-        """Errors (torques, k) at times t (k,) that noise of the encoders makes in torques."""
+        """Errors (torques, k) of predictions at times t (k,) by encoder noise."""
         model, (q, v, a) = self._model, (motion.q, motion.v, motion.a)
         plain = self._inverse(motion, model, q, v, a, None)
         squares = np.zeros_like(plain)
@@ -193,12 +193,14 @@ class Prescribed:
         gears = (("elastic", case.readings.elastic), ("gap", case.readings.gap))
         turned = [(kind, values) for kind, values in gears if values is not None and np.any(values)]
         if self._mechanism.trackings:
-            turns = sum((_turn(inverse, v, kind) for kind, v in turned), np.zeros_like(q))
+            turns = sum(
+                (_gear_deflection(inverse, v, kind) for kind, v in turned), np.zeros_like(q)
+            )
             rows = [self._joint_torques(model, case, q, v, inverse),
                     self._tracking(motion, case, turns)]  # fmt: skip
             return motion.below_cutoff(np.vstack(rows), case.content.cut.t)
         for kind, values in turned:
-            q, v, a = _behind(motion, inverse, (q, v, a), values, kind)
+            q, v, a = _link_motion(motion, inverse, (q, v, a), values, kind)
             inverse = self._inverse(motion, model, q, v, a, None)
         needed = self._joint_torques(model, case, q, v, inverse)
         return motion.below_cutoff(needed, case.content.cut.t)
@@ -215,7 +217,7 @@ class Prescribed:
 
     def _hold(self, given: Array, model: Any, motion: Motion, q: Array, v: Array, inverse: Array,
               user: Array) -> None:  # fmt: skip
-        """Put what friction holds where a joint stands into the torques `given` (m, joints).
+        """Replace the torques `given` (m, joints) by static friction where a joint stands.
 
         There it balances whatever the motor gives, up to its limit, and no law of the rate says
         how much that is (Karnopp 1985, J. Dyn. Sys. Meas. Control 107).
@@ -223,24 +225,24 @@ class Prescribed:
         for (_, j), row in zip(self._mechanism.torques, motion.torques, strict=False):
             p, along = user[j], (q[:, j], v[:, j], inverse[:, j])
             stands = np.exp(-((along[1] / (STANDS * self._mechanism.joints[j].rate)) ** 2))
-            for effect in _holding():
+            for effect in _friction_effects():
                 at = torques().at[effect.name]
                 if effect.law is None or effect.holds is None or not p[at : at + effect.keys].any():
                     continue
                 slides, most = (f(*along, p, at) for f in (effect.law, effect.holds))
                 others = inverse[:, j] - given[:, j] + slides
-                held = np.clip(others - self._scale(model, j) * row, -most, most)
+                held = np.clip(others - self._torque_per_reading(model, j) * row, -most, most)
                 given[:, j] += stands * (held - slides)
 
-    def _scale(self, model: Any, joint: int) -> float:
-        """Torque of a joint [N m] for what its motor's sensor reads."""
+    def _torque_per_reading(self, model: Any, joint: int) -> float:
+        """Torque of a joint [N m] per reading of its motor's sensor."""
         number, base = self._mechanism.joints[joint].actuator, self._mechanism.model
         gain = model.actuator_gainprm[number, 0] / base.actuator_gainprm[number, 0]
         return float(model.actuator_gear[number, 0] * gain)
 
     def _tracking(self, motion: Motion, case: Case, turns: Array) -> Array:
         """Measured minus commanded positions of joints whose links stand `turns` (m, joints) behind
-        their motors, which follow commands late.
+        their motors; commands take effect late.
         """
         ahead, rows = case.readings.command, []
         soon = motion.q + ahead * motion.v + 0.5 * ahead**2 * motion.a  # as motors stood already
@@ -250,12 +252,14 @@ class Prescribed:
         return np.array(rows)
 
     def _sensor_readings(self, needed: Array, model: Any) -> Array:
-        """What sensors of torque read (signals, m) of the torques (m, joints) that are needed."""
-        return np.array([needed[:, j] / self._scale(model, j) for _, j in self._mechanism.torques])
+        """Readings (signals, m) of torque sensors for the required torques (m, joints)."""
+        return np.array(
+            [needed[:, j] / self._torque_per_reading(model, j) for _, j in self._mechanism.torques]
+        )
 
     def _inverse(self, motion: Motion, model: Any, q: Array, v: Array, a: Array,
                  case: Case | None) -> Array:  # fmt: skip
-        """Torques (m, joints) of rigid bodies, springs, damping and air; remembered."""
+        """Torques (m, joints) of rigid bodies, springs, damping and air; cached."""
         key = None
         if case is not None:
             seen = [model.body_mass, model.body_inertia, model.body_ipos, model.body_iquat,
@@ -282,7 +286,7 @@ class Prescribed:
 
 
 def _undo_encoders(motion: Motion, case: Case, mechanism: Mechanism) -> tuple[Array, Array, Array]:
-    """The true motion behind what encoders read."""
+    """The true motion, from readings with the errors of their encoders."""
     r, (q, v, a) = case.readings, (motion.q, motion.v, motion.a)
     if r.delay != 0.0:
         late = motion.t + r.delay
@@ -294,27 +298,27 @@ def _undo_encoders(motion: Motion, case: Case, mechanism: Mechanism) -> tuple[Ar
     return (q - bias) / scale, v / scale, a / scale
 
 
-def _behind(
+def _link_motion(
     motion: Motion, torque: Array, moved: tuple[Array, Array, Array], values: Array, kind: str
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Motion of the links behind gears that twist or have play, under `torque` (m, joints)."""
+    """Motion of the links behind gears with elasticity or play, under `torque` (m, joints)."""
     q, v, a = moved
-    links = q - _turn(torque, values, kind)
+    links = q - _gear_deflection(torque, values, kind)
     smooth = _low_pass((links - q).T, motion.t[1] - motion.t[0], motion.cutoff)
     bent, turn, jerk = _derivatives(motion.t, smooth.T)
     return q + bent, v + turn, a + jerk
 
 
-def _turn(torque: Array, values: Array, kind: str) -> Array:
-    """By how much links stand behind their motors (m, joints) under `torque` (m, joints)."""
+def _gear_deflection(torque: Array, values: Array, kind: str) -> Array:
+    """Angles (m, joints) by which links stand behind their motors under `torque` (m, joints)."""
     if kind == "elastic":
         return np.asarray(values * torque)
     return np.asarray(0.5 * values * np.tanh(torque / (0.05 * torque.std(axis=0) + 1e-12)))
 
 
 @cache
-def _holding() -> tuple[Effect, ...]:
-    """Effects that hold a joint that stands."""
+def _friction_effects() -> tuple[Effect, ...]:
+    """Effects whose torque holds a standing joint."""
     return tuple(e for e in registry().values() if e.holds is not None)
 
 

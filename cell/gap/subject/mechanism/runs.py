@@ -1,4 +1,4 @@
-"""Measured runs of a mechanism: read, checked, and cut into the samples that are compared."""
+"""Measured runs of a mechanism: read, checked, and averaged into the samples that are compared."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ FAST, FAR = 200.0, 100.0  # rad/s and rad that no joint of an arm reaches
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Columns (m,) of a run by name over `t` (m,) from 0 [s], NaN where absent.
+    """Measured columns (m,) of a run by name over `t` (m,) from 0 [s], NaN where absent.
 
     `sigma` is the noise of its readings, `rates` are those of the compared positions at its start,
     where the run states them itself.
@@ -66,12 +66,12 @@ class Signal:
 
     @property
     def channel(self) -> str:
-        """The name by which it is shown."""
+        """Name by which the signal is shown."""
         return self.group or self.name
 
     @property
     def label(self) -> str:
-        """Its name where signals are drawn."""
+        """Name of the signal where it is drawn."""
         return f"{self.group} {self.name}".strip()
 
 
@@ -187,7 +187,7 @@ def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
 
 
 def pace(found: Sequence[Recording], columns: Sequence[str]) -> float:
-    """Typical angular frequency of the fastest of the columns [rad/s]: rms rate over rms value."""
+    """Typical angular frequency [rad/s] of the fastest of the columns: rms rate over rms value."""
     fast = []
     for name in columns:
         pairs = [_rms(r.t, r.columns[name]) for r in found]
@@ -212,7 +212,7 @@ def width_of(recording: Recording, least: float) -> float:
 
 
 def cut(recording: Recording, columns: Sequence[str], width: float) -> Cut:
-    """Readings in samples of `width` [s]; those in which any column is absent are left out."""
+    """Average readings into samples of `width` [s]; those with an absent column are left out."""
     whole = np.array([recording.columns[c] for c in columns])
     good = np.flatnonzero(np.isfinite(whole).all(axis=0))
     edges, inside = blocks(recording.t[good], width)
@@ -226,12 +226,12 @@ def phases(speed: Array) -> Words:
 
 
 def falls(height: Array, edges: NDArray[np.int64]) -> Words:
-    """`fall` where a motion loses `height` (k,) within a sample, else `return` (b,)."""
+    """Phase of each sample (b,): `fall` where a motion loses `height` (k,) in it, else `return`."""
     return np.where(height[edges[1:] - 1] < height[edges[:-1]], "fall", "return")
 
 
 def samples(signals: Sequence[Signal], made: Cut, phase: Words) -> Samples:
-    """Samples of all signals, signal by signal; `phase` (b,) names the motion's by sample."""
+    """Samples of all signals, signal by signal; `phase` (b,) is the motion's phase in each."""
     k, n = len(made.edges) - 1, len(signals)
     counts = np.diff(made.edges)
     channel = np.repeat(np.array([s.channel for s in signals]), k)

@@ -11,7 +11,7 @@ LEAST = 8  # readings of which the rate at the start is taken
 
 
 def start_of(opened: Opened, recording: Recording) -> tuple[Array, Array]:
-    """Positions and rates (joints,) in which the run begins."""
+    """Positions and rates (joints,) at the start of the run."""
     spec, n = opened.file.start, len(opened.mechanism.joints)
     at = [k for k, s in enumerate(opened.signals) if s.kind == "position"]
     inverse = np.linalg.pinv(opened.mix[at]) if at else np.zeros((n, 0))
@@ -30,7 +30,7 @@ def start_of(opened: Opened, recording: Recording) -> tuple[Array, Array]:
 
 
 def initial_state(opened: Opened, start: tuple[Array, Array]) -> tuple[Parameter, ...]:
-    """Unknowns of a run that begins at positions and rates (joints,); none where the file takes
+    """Unknowns of a run that starts at positions and rates (joints,); none where the file states
     them as exact.
     """
     spec, pace = opened.file.start, opened.pace

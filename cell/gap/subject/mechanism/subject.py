@@ -72,6 +72,7 @@ TOLERANCE = {
 }
 KEYS = {"position": ("mrad", 1e3), "tracking": ("mrad", 1e3), "velocity": ("mrads", 1e3),
         "torque": ("Nm", 1.0), "site": ("mm", 1e3), "sensor": ("si", 1.0)}  # fmt: skip
+UNITS = {"Nm": "N m", "mrads": "mrad/s"}  # of keys that write them without space or slash
 SET_UP = 1.0  # minutes to set a pendulum up and let it go
 THIRD = 1.0 / 3.0  # of its noise, by which half the step may move a signal
 
@@ -97,7 +98,7 @@ class MechanismSubject:
 
     @property
     def notes(self) -> Sequence[str]:
-        """What the operator must know of how runs are compared."""
+        """Remarks for the operator on how runs are compared."""
         if self._mechanism.mode != "prescribed":
             return ()
         return ("torques of the measured motion are compared; the motion itself is not simulated",)
@@ -135,7 +136,7 @@ class MechanismSubject:
         if kind == "torque":
             spread = [np.nanstd(r.columns[channel]) for r in self.opened.recordings]
             tolerance *= float(np.sqrt(np.mean(np.square(spread))))
-        return Quantity(f"{channel}_{key}", factor, key.replace("Nm", "N m"), tolerance)
+        return Quantity(f"{channel}_{key}", factor, UNITS.get(key, key), tolerance)
 
     def _run(self, recording: Recording) -> Run:
         o, m = self.opened, self._mechanism
@@ -147,7 +148,7 @@ class MechanismSubject:
             motion = motion_of(recording, joints, names, self._cutoff, width)
             filtered = motion.below_cutoff(motion.torques, made.t)
             good = np.all([np.interp(made.t, motion.t, k) == 1.0 for k in motion.known], axis=0)
-            made = _only(replace(made, values=filtered), good)
+            made = _keep_readings(replace(made, values=filtered), good)
             speed = np.interp(made.t, motion.t, motion.v @ (1.0 / m.rate))
             content = Content(made, recording.load, motion=motion)
         else:
@@ -165,7 +166,9 @@ class MechanismSubject:
             signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
         known = samples(signals, made, phase)
         if isinstance(self._engine, Prescribed):
-            known = _with_shake(known, self._engine.encoder_error(content.motion, made.t), made)
+            known = _with_motion_noise(
+                known, self._engine.encoder_error(content.motion, made.t), made
+            )
         local += tuple(
             Parameter(name, o.base[i].parameter.unit, 0.0, -np.inf, np.inf,
                       o.base[i].parameter.step, o.base[i].by_run or 0.0, random=True, common=True)
@@ -178,14 +181,14 @@ class MechanismSubject:
         found = self._engine.predict([self._case(r) for r in requests])
         residuals = []
         for request, predicted in zip(requests, found, strict=True):
-            made = _content(request.run).cut
+            made = _content_of(request.run).cut
             difference = made.values - (np.nan if predicted is None else predicted)
             residuals.append(Residuals(*average(difference, made.edges)))
         return residuals
 
     def _case(self, request: Request) -> Case:
-        """The simulation that a request asks for."""
-        o, content = self.opened, _content(request.run)
+        """The simulation for a request."""
+        o, content = self.opened, _content_of(request.run)
         joints, count = len(self._mechanism.joints), len(o.base)
         names = [p.name for p in self.scope.base[count:]]
         effects = {**group_by_effect(names, request.base[count:]), **request.effects}
@@ -208,7 +211,7 @@ class MechanismSubject:
                 body = self._mechanism.model.body(str(load["body"])).id
                 add_point(fields, body, float(load["mass"]), np.array(load.get("com", [0, 0, 0])))
             for effect, v in known:
-                self._put(effect, v, fields)
+                self._apply_effect(effect, v, fields)
 
         moving = [(e.name, v.tobytes()) for e, v in known if e.read is None and v.any()]
         numbers = [x if x is None else x.tobytes()
@@ -216,7 +219,7 @@ class MechanismSubject:
         motion = (request.run.name, readings.command, *moving, *numbers)
         return Case(content, edit, readings, paths, start, motion)
 
-    def _put(self, effect: Effect, values: Array, fields: Fields) -> None:
+    def _apply_effect(self, effect: Effect, values: Array, fields: Fields) -> None:
         m = self._mechanism
         if effect.edit is not None and (effect.law is None or effect.edits(m)):
             effect.edit(m, values, fields)
@@ -225,28 +228,28 @@ class MechanismSubject:
             fields["jnt_user"][: table.shape[1], at : at + len(table)] = table.T
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """The runs as they are: steps were checked when the subject was opened."""
+        """The runs unchanged: time steps were checked when the subject was opened."""
         return [request.run for request in requests]
 
     def experiments(self) -> Sequence[Experiment]:
-        """Swings of a pendulum; what another mechanism may do next is its owner's to plan."""
+        """Planned swings of a pendulum; none for another mechanism, which its owner plans."""
         if self.opened.pendulum is None:
             return ()
         return [Experiment(name, instruction, SET_UP + planned.t[-1] / 60.0, self._run(planned))
                 for name, instruction, planned in plans(self.opened)]  # fmt: skip
 
     def draw_measured(self, run: Run) -> Scene:
-        """The signals as they were measured."""
-        made = _content(run).cut
+        """Drawing of the measured signals."""
+        made = _content_of(run).cut
         rows = zip(self.opened.signals, made.values, strict=True)
         return Scene(tuple(Drawn(s.label, made.t, row) for s, row in rows))
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
-        """The signals as simulated, and by how much those that were measured are larger."""
+        """Drawing of the simulated signals, and of the measured ones' excess over them."""
         found: list[Scene | None] = []
         for request, rows in zip(requests, self._engine.predict([self._case(r) for r in requests]),
                                  strict=True):  # fmt: skip
-            made = _content(request.run).cut
+            made = _content_of(request.run).cut
             if rows is None:
                 found.append(None)
                 continue
@@ -271,7 +274,7 @@ class MechanismSubject:
     def consequences(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
     ) -> Sequence[str]:
-        """What named effects do to the cell's gripper, and where they can be accepted."""
+        """Sentences on how named effects move the cell's gripper, and where to accept them."""
         if not self.opened.file.cell:
             return ()
         words = list[str]()
@@ -287,7 +290,7 @@ class MechanismSubject:
         own = np.array([p.start for p in run.local])
         cases = [self._case(Request(run, about, e, own)) for e in ({name: values}, {})]
         having, lacking = self._engine.predict(cases)
-        content = _content(run)
+        content = _content_of(run)
         if having is None or lacking is None:
             return np.zeros(0)
         q = np.array([np.interp(content.cut.t, content.motion.t, x) for x in content.motion.q.T])
@@ -304,21 +307,21 @@ class MechanismSubject:
         return accepted_xml(self.opened, base, effects)
 
 
-def _only(made: Cut, good: NDArray[np.bool_]) -> Cut:
-    """The readings that are `good` (k,), samples without any left out."""
+def _keep_readings(made: Cut, good: NDArray[np.bool_]) -> Cut:
+    """The samples with only those readings that are `good` (k,); empty ones are left out."""
     block = np.repeat(np.arange(len(made.edges) - 1), np.diff(made.edges))[good]
     edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
     return replace(made, t=made.t[good], values=made.values[:, good], edges=edges)
 
 
-def _with_shake(known: Samples, error: Array, made: Cut) -> Samples:
-    """Samples whose torques are as uncertain as the motion makes them: by `error` (torques, k)."""
+def _with_motion_noise(known: Samples, error: Array, made: Cut) -> Samples:
+    """Samples whose torque noise includes the motion's, `error` (torques, k)."""
     _, squares = average(error, made.edges)  # torques come first
     more = np.sqrt(np.concatenate([squares, np.zeros(len(known) - len(squares))]))
     return replace(known, noise=np.hypot(known.noise, more), reading=np.hypot(known.reading, more))
 
 
-def _content(run: Run) -> Content:
+def _content_of(run: Run) -> Content:
     return cast(Content, run.content)
 
 

@@ -1,4 +1,4 @@
-"""Mechanisms with one cause hidden in them, made by another integrator at a fifth of the step.
+"""Simulated mechanisms with one hidden cause, made by another integrator at a fifth of the step.
 
 Chains of motors on hinges, or a pendulum on a cart; damping and the last mass differ from run to
 run. Torques are read with noise; what is measured is written as runs beside the mechanism's file.
@@ -25,8 +25,8 @@ Columns = dict[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """A mechanism of `joints`, on a `cart` where it has one; `weight` (joints,) [N m or N] is what
-    gravity may ask of each, and its motor's gain is `gain` times that.
+    """A mechanism of `joints`, on a `cart` where it has one; `weight` (joints,) [N m or N] is
+    gravity's typical demand on each, and its motor's gain is `gain` times that.
     """
 
     joints: int
@@ -36,7 +36,7 @@ class Chain:
 
     @classmethod
     def of(cls, joints: int, *, cart: bool, gain: float = 12.0) -> "Chain":
-        """A chain of equal links of 0.3 m, each lighter than the one before."""
+        """Chain of equal links of 0.3 m, each lighter than the one before."""
         masses = 1.0 * 0.7 ** np.arange(joints)
         places = 0.3 * np.arange(joints) + 0.15
         bears = [9.81 * float(masses[i:] @ (places[i:] - 0.3 * i)) for i in range(joints)]
@@ -45,7 +45,7 @@ class Chain:
         return cls(joints, cart, gain, np.array(bears))
 
     def xml(self) -> str:
-        """Its MJCF, as its owner states it."""
+        """MJCF of the chain, as its owner states it."""
         bodies, motors = "", ""
         for i in range(self.joints):
             slide = self.cart and i == 0
@@ -69,7 +69,7 @@ class Chain:
         )
 
     def file(self, *, tracking: bool) -> dict[str, Any]:
-        """Content of its file; `tracking` where motors follow their commands."""
+        """Content of the chain's mechanism file; `tracking` where motors follow their commands."""
         names = range(1, self.joints + 1)
         signals: dict[str, Any] = {
             f"t{i}": {"actuator": f"a{i}", "is": "torque",
@@ -100,7 +100,7 @@ def _payload(m: Any, _c: Chain, s: float) -> None:
 
 
 def _bend_link(m: Any, _c: Chain, s: float) -> None:
-    """A link that is bent and twisted: the last joint's axis stands askew on it.
+    """Foreign cause: a link that is bent and twisted, so that the last joint's axis is skewed.
 
     Across the axis: a bend about it is what an encoder reads that is off.
     """
@@ -111,34 +111,34 @@ def _bend_link(m: Any, _c: Chain, s: float) -> None:
 
 
 def _constant(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
-    """Motors that give more for their current than it is taken for: known to 10 to 20 %."""
+    """Foreign cause: motor constants that are larger than stated, known to 10 to 20 %."""
     for i in range(c.joints):
         columns[f"t{i + 1}"] /= 1.0 + 0.15 * s
 
 
-def _bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+def _torque_bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
     for i in range(c.joints):
         columns[f"t{i + 1}"] += (-1) ** i * 0.06 * s * c.weight[i]
 
 
-def _encoder(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+def _encoder_bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
     columns[f"j{c.joints}"] += 0.05 * s
 
 
 def _bolt(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
-    """A loose bolt: a gap that opens where the load passes what still holds it."""
+    """Foreign cause: a loose bolt, a gap that opens where the load exceeds what still holds it."""
     load = columns[f"t{c.joints}"] / c.weight[-1]
     columns[f"j{c.joints}"] += 0.06 * s * np.sign(load) * (np.abs(load) > 0.25)
 
 
-def _catch(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
-    """A cable that catches at one angle of the last joint, and pulls there alone."""
+def _cable(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+    """Foreign cause: a cable that catches at one angle of the last joint, and pulls only there."""
     angle = columns[f"j{c.joints}"]
     columns[f"t{c.joints}"] += 0.3 * s * c.weight[-1] * np.exp(-(((angle - 0.2) / 0.08) ** 2))
 
 
 def _supply(columns: Columns, c: Chain, s: float, rng: np.random.Generator) -> None:
-    """A supply whose voltage wanders: what currents say of torques wanders with it."""
+    """Foreign cause: a supply voltage that wanders, and torques estimated from currents with it."""
     steps = rng.standard_normal(8)
     t = columns["t"]
     slow = np.interp(t, np.linspace(0.0, t[-1], 8), steps)
@@ -154,15 +154,15 @@ FIELDS = {  # of MuJoCo, parameter of the library, and how much of a joint's wei
     "armature": ("dof_armature", "inertia", 0.01),
 }
 READINGS: Mapping[str, Reading] = {
-    "torque_bias": _bias, "torque_constant": _constant, "encoder_bias": _encoder,
-    "loose_bolt": _bolt, "catching_cable": _catch, "wandering_supply": _supply,
+    "torque_bias": _torque_bias, "torque_constant": _constant, "encoder_bias": _encoder_bias,
+    "loose_bolt": _bolt, "catching_cable": _cable, "wandering_supply": _supply,
 }  # fmt: skip
 TRACKED = ("control_delay", "joint_elasticity")
 OUTSIDE = ("loose_bolt", "catching_cable", "wandering_supply", "bent_link")
 
 
 def amounts(hidden: str, joints: int, size: float, *, cart: bool = False) -> dict[str, float]:
-    """What `hidden` by `size` is in the library's parameters; nothing for causes outside of it."""
+    """Values of `hidden` by `size` in the library's parameters; none for foreign causes."""
     weight = Chain.of(joints, cart=cart).weight
     names = [f"j{i + 1}" for i in range(joints)]
     each = {name: (key, share * weight) for name, (_, key, share) in FIELDS.items()}
@@ -180,7 +180,7 @@ def amounts(hidden: str, joints: int, size: float, *, cart: bool = False) -> dic
 def make_runs(
     folder: Path, hidden: str, joints: int, size: float, seed: int, *, cart: bool = False
 ) -> Path:
-    """Runs of a mechanism with `hidden` in it by `size`, in `folder`/runs; the mechanism's file."""
+    """Write runs with `hidden` by `size` into `folder`/runs; returns the mechanism's file."""
     rng, tracked = np.random.default_rng(seed), hidden in TRACKED
     chain = Chain.of(joints, cart=cart, gain=STIFF if tracked else 12.0)
     folder.mkdir(parents=True, exist_ok=True)
@@ -198,7 +198,7 @@ def make_runs(
         if hidden in EDITS:
             EDITS[hidden](model, chain, size)
         model.dof_damping[:] *= 1.0 + 0.02 * rng.standard_normal(joints)
-        columns = _move(model, chain, hidden, size, float(rng.uniform(0.5, 1.5)), rng)
+        columns = _simulate_motion(model, chain, hidden, size, float(rng.uniform(0.5, 1.5)), rng)
         if hidden in READINGS:
             READINGS[hidden](columns, chain, size, rng)
         for i in range(joints):
@@ -210,7 +210,7 @@ def make_runs(
     return file
 
 
-def _move(
+def _simulate_motion(
     model: Any, chain: Chain, hidden: str, size: float, pace: float, rng: np.random.Generator
 ) -> Columns:
     """Columns (m,) of a motion there and back: joints, torques, and commands `c1` on.

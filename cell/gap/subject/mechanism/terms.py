@@ -1,4 +1,4 @@
-"""Torques that describe, and never name, what an explanation leaves."""
+"""Generic torques that describe the unexplained rest of a mechanism, and are never named."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""A mechanism whose gears twist or have play: each driven joint split into motor and link."""
+"""A mechanism with elastic gears or play: each driven joint split into motor and link."""
 
 import copy
 import xml.etree.ElementTree as ET

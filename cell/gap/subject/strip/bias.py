@@ -1,4 +1,4 @@
-"""What is wrong alike in every run that a camera saw: errors of perception and of the model."""
+"""Common errors of all runs that a camera recorded: of perception and of the model."""
 
 from functools import cache
 from pathlib import Path
@@ -55,12 +55,12 @@ def bias() -> Bias:
 
 @cache
 def model_error() -> ModelError:
-    """The error of this version's model."""
+    """Error of this version's strip model."""
     return load(DAMPING_FILE, ModelError)
 
 
 def half(x: float, length: float) -> str:
-    """Whether a gripper at `x` [m] is `before` or `past` the middle of the strip."""
+    """Half of the strip over which a gripper at `x` [m] is: `before` or `past` the middle."""
     return PATH_HALVES[int(x < length / 2)]
 
 
@@ -74,7 +74,7 @@ def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
     found = {"near edge": frozen(sizes.edge * profile * np.where(halves == "past", 1.0, -1.0))}
     for quantity in ("profile", "contact_x", "touch_time", "touch_x", "displacement"):
         of = samples.quantity == quantity
-        parts = _parts(quantity, samples, halves)
+        parts = _error_groups(quantity, samples, halves)
         for part in dict.fromkeys(map(str, parts[of])):
             here = of & (parts == part)
             found[f"{quantity} {part}".strip()] = frozen(
@@ -83,8 +83,8 @@ def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
     return found
 
 
-def _parts(quantity: str, samples: Samples, halves: Words) -> Words:
-    """What errs by itself (n,): the profile by zone and half, the contact by half, the touch."""
+def _error_groups(quantity: str, samples: Samples, halves: Words) -> Words:
+    """Groups (n,) of samples with one common error: profile by zone and half, contact, touch."""
     if quantity == "profile":
         return np.array([f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)])
     return halves if quantity == "contact_x" else np.full(len(halves), "")

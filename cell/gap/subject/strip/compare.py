@@ -1,4 +1,4 @@
-"""Measured minus simulated, sample by sample, by way of how the model says the rig measures."""
+"""Residuals of a fold: measured minus simulated, by sample, with the rig's measurement errors."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ CONTACT_LIMIT = 1.0  # bending lengths between contacts beyond which the strip l
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A run with its samples, a strip of `length` [m] and the stated `bending_length` [m]."""
+    """Compares a run's samples with simulations; `length` and stated `bending_length` in [m]."""
 
     run: Measured
     layout: Layout
@@ -34,13 +34,13 @@ class Comparison:
     bending_length: float
 
     def __call__(self, model: StripModel, shown: SimulatedMotion | None) -> Residuals:
-        """Residuals of `shown`, which `model` measures; all NaN where nothing is shown."""
+        """Residuals of the motion `shown`, as `model` measures it; NaN without a motion."""
         if shown is None:
             lost = np.full(len(self.layout.samples), np.nan)
             return Residuals(lost, lost.copy())
         channels = [
             average(self._profile(model, shown), self.layout.profile),
-            self._here(*average(self._contact(model, shown), self.layout.contact)),
+            self._same_contact(*average(self._contact(model, shown), self.layout.contact)),
             *(average(self._force(model, shown, axis), self.layout.force[axis]) for axis in (0, 1)),
             self._touch(model, shown),
         ]
@@ -48,7 +48,7 @@ class Comparison:
         return Residuals(mean, square)
 
     def _profile(self, model: StripModel, shown: SimulatedMotion) -> Array:
-        """Signed distances of the points (n,) that are compared, in the order of the samples."""
+        """Signed distances (n,) of the compared points, in the order of the samples."""
         images, order = self.run.images, self.layout.profile.order
         found = np.empty(len(order))
         if len(order):
@@ -71,8 +71,8 @@ class Comparison:
         simulated = np.interp(time, shown.t, shown.contact_x)
         return np.asarray(self.run.contact_x[order] - seen_contact(model.observation, simulated))
 
-    def _here(self, mean: Array, square: Array) -> tuple[Array, Array]:
-        """Samples whose contacts are the same place in measurement and model; others are lost."""
+    def _same_contact(self, mean: Array, square: Array) -> tuple[Array, Array]:
+        """Mask of samples with measured and simulated contact at the same place."""
         here = np.abs(mean) < CONTACT_LIMIT * self.bending_length
         return np.where(here, mean, np.nan), np.where(here, square, np.nan)
 
@@ -94,17 +94,17 @@ class Comparison:
         stamp = seen_time(model.observation, shown.touch.time)
         reported = np.array([np.interp(stamp, self.run.t, c) for c in self.run.poses.T])
         seen = seen_touch(model, shown.touch, grip, reported)
-        mean = _event(self.run.touch) - _event(seen)
+        mean = _touch_values(self.run.touch) - _touch_values(seen)
         return mean, mean**2
 
 
-def _event(touch: Touch) -> Array:
+def _touch_values(touch: Touch) -> Array:
     middle = 0.5 * (touch.to_grasped + touch.to_fixed)
     return np.array([touch.time, middle, touch.displacement])
 
 
 def average(values: Array, part: Part) -> tuple[Array, Array]:
-    """Mean and mean square (k,) of each sample's readings, wild ones clipped."""
+    """Mean and mean square (k,) of each sample's readings, outliers clipped."""
     mean, square = np.empty(len(part)), np.empty(len(part))
     if len(part):
         group_means(np.ascontiguousarray(values), part.edges, part.sigma, mean, square)

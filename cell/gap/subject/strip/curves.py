@@ -1,4 +1,4 @@
-"""Images of the visible midline as unlabelled points, wild ones left out, thinned."""
+"""Images of the visible midline as unlabelled points, outliers removed, thinned."""
 
 from dataclasses import dataclass
 
@@ -69,7 +69,7 @@ def believable(curve: Array, sigma: float) -> NDArray[np.bool_]:
 
 
 def running_median(curve: Array) -> Array:
-    """Medians (n, 2) of MEDIAN_WINDOW points about each point, carried on straight to both ends."""
+    """Medians (n, 2) over a window of MEDIAN_WINDOW points, extrapolated linearly at both ends."""
     half = MEDIAN_WINDOW // 2
     inner = np.median(sliding_window_view(curve, MEDIAN_WINDOW, axis=0), axis=-1)
     reach = min(half, len(inner) - 1)
@@ -80,6 +80,6 @@ def running_median(curve: Array) -> Array:
 
 
 def _to_grip(curve: Array, gripper: Array) -> Array:
-    """Way along the curve (n, 2) from each of its points to the gripper (n,) [m]."""
+    """Arc lengths [m] from each point of the curve (n, 2) to the gripper (n,)."""
     steps = np.hypot(*np.diff(np.concatenate([curve, gripper[None]]), axis=0).T)
     return np.asarray(np.cumsum(steps[::-1])[::-1])

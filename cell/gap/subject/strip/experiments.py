@@ -1,4 +1,4 @@
-"""Folds that could be measured next: the standard motions, as the stated strip would make them."""
+"""Folds that could be measured next: the standard motions, simulated for the stated strip."""
 
 from collections.abc import Sequence
 
@@ -9,6 +9,7 @@ from cell.gap.subject.strip.runs import Measured, MeasuredRun
 from cell.gap.subject.strip.synthetic import Fold, rod_folds
 from cell.gap.subject.strip.ways import way_of
 from cell.record.header import Sigma
+from drivers.geometry import arc_lengths
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.observation import mean_force, reported_force
@@ -25,7 +26,7 @@ SEGMENTS, STEP = 100, 0.005  # of the rod: a plan need not be finer
 
 
 def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
-    """What each standard motion would measure, without noise, as run number `index`."""
+    """Noise-free measurement of each standard motion, as run number `index`."""
     ways = [way_of(standard.of(strip.length)) for standard in STANDARD.values()]
     return [
         MeasuredRun(name, MOTION + name, measured, ())
@@ -36,9 +37,9 @@ def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun
 def measured_along(
     ways: Sequence[GripperPath], strip: StripFile, sigma: Sigma, index: int
 ) -> list[Measured]:
-    """What `strip` would show along each of `ways`, without noise, as run number `index`."""
+    """Noise-free measurement of `strip` along each of `ways`, as run number `index`."""
     folds = rod_folds([describe(strip, index=index)] * len(ways), ways, SEGMENTS, STEP)
-    return [_observe(fold, sigma, index) for fold in folds]
+    return [_measure(fold, sigma, index) for fold in folds]
 
 
 def minutes(run: MeasuredRun) -> float:
@@ -46,10 +47,10 @@ def minutes(run: MeasuredRun) -> float:
     return SET_UP + run.measured.end / 60.0
 
 
-def _observe(fold: Fold, sigma: Sigma, index: int) -> Measured:
+def _measure(fold: Fold, sigma: Sigma, index: int) -> Measured:
     way, touch = fold.way, fold.motion.touch
     end = float(way.t[-1]) if touch is None else touch.time
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way.poses[:, :2], axis=0).T))])
+    travel = arc_lengths(way.poses[:, :2])
     height = fold.model.observation.contact_height
     chosen = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGE_PERIOD))
     chosen = np.unique(np.minimum(chosen, len(fold.shape_t) - 1))
@@ -85,7 +86,7 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
 
 
 def instruction(run: MeasuredRun) -> str:
-    """How the run is made, and what it shows."""
+    """Instruction for making the run, and what it reveals."""
     standard = STANDARD[run.name]
     return f"fold once more with --policy {run.condition}; it shows {standard.reveals}"
 

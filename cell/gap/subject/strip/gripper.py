@@ -1,4 +1,4 @@
-"""The measured gripper path as the model is driven by it: even in time, its noise smoothed out."""
+"""The measured gripper path resampled at even times and smoothed, to drive the model."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -21,14 +21,14 @@ def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
     rough = np.stack([np.interp(even, t, poses[:, c]) for c in range(3)], axis=1)
     half = int(np.clip(NARROWEST_HALF * (sigma / QUIET_NOISE) ** 0.4, NARROWEST_HALF, WIDEST_HALF))
     half = min(half, (len(even) - 1) // 2)
-    smooth = _by_parabolas(rough, half) if half > 1 else rough
+    smooth = _parabolic_smoothing(rough, half) if half > 1 else rough
     fine = np.arange(even[0], even[-1] + 0.5 * DRIVING_STEP, DRIVING_STEP)
     return frozen(fine), frozen(CubicSpline(even, smooth)(fine))
 
 
-def _by_parabolas(values: Array, half: int) -> Array:
-    """Values (k, c) of the parabolas through `half` neighbours on each side; the ends lie on the
-    first and the last of them. scipy.signal has the same filter, and takes a second to import.
+def _parabolic_smoothing(values: Array, half: int) -> Array:
+    """Values (k, c) smoothed by a local parabola through `half` neighbours on each side, the first
+    and the last one also at the ends (Savitzky-Golay; scipy.signal takes a second to import).
     """
     powers = np.vander(np.arange(-half, half + 1.0), 3, increasing=True)
     through = np.linalg.pinv(powers)

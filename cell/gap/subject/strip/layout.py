@@ -1,4 +1,4 @@
-"""Which readings of a run are averaged into which sample."""
+"""Layout of a run's samples: which readings are averaged into which."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ EVENT = ("touch_time", "touch_x", "displacement")
 
 @dataclass(frozen=True, slots=True)
 class Floors:
-    """What no model of a strip gets right, root mean square of one sample: [m], [s], [N].
+    """Errors of every model of a strip, root mean square of one sample: [m], [s], [N].
 
     Of the `force`, rod and chain differ by a tenth of a millinewton; the coarse rod errs by more
     where a gripper jerks.
@@ -72,19 +72,19 @@ def layout(run: Measured, length: float, floors: Floors) -> Layout:
     )
     apart = _is_buckled(run, length)
     contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, apart)
-    force = _force(run, length, 0), _force(run, length, 1)
+    force = _force_part(run, length, 0), _force_part(run, length, 1)
     columns = [
         *_columns(profile, "profile", floors.profile, by_zone=True),
         *_columns(contact, "contact_x", floors.contact_x),
         *_columns(force[0], "force", floors.force),
         *_columns(force[1], "force", floors.force),
-        *_event(run, floors),
+        *_touch_column(run, floors),
     ]
     return Layout(profile, contact, force, _samples(columns))
 
 
-def _force(run: Measured, length: float, axis: int) -> Part:
-    """The force along one axis; none where the run states no noise of it."""
+def _force_part(run: Measured, length: float, axis: int) -> Part:
+    """Part of the force along one axis; none where the run states no noise for it."""
     reported = run.force_t if run.has_force else np.empty(0)
     unknown = np.isnan(run.force[: len(reported), axis])
     grasped = zones(np.full(len(reported), length), length)
@@ -92,7 +92,7 @@ def _force(run: Measured, length: float, axis: int) -> Part:
 
 
 def _is_buckled(run: Measured, length: float) -> NDArray[np.bool_]:
-    """Which contacts (k,) lie beside the fixed edge while the other end is still being lifted.
+    """Mask of contacts (k,) beside the fixed edge while the other end is still being lifted.
 
     A soft strip that is pushed along the desk buckles there or not, by chance.
     """
@@ -131,7 +131,7 @@ def _part(
 
 
 def _is_compared(run: Measured, t: Array) -> NDArray[np.bool_]:
-    """Which times (n,) count: not the first of the lift, not the snap, nothing after the touch."""
+    """Mask of times (n,) that are compared: after the lift's start, before snap and touch."""
     lifted = run.hanging | (np.interp(t, run.t, run.travel) >= GRIP_TRAVEL)
     end = run.end - (SNAP if run.touch is not None else 0.0)
     return np.asarray(lifted & (t >= run.t[0]) & (t < end))
@@ -139,7 +139,7 @@ def _is_compared(run: Measured, t: Array) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """Rows of one series."""
+    """Readings of one series, sample by sample."""
 
     channel: str
     quantity: str
@@ -152,7 +152,7 @@ class _Column:
 
 
 def _columns(part: Part, channel: str, floor: float, *, by_zone: bool = False) -> list[_Column]:
-    """One series of `part`, or one a zone."""
+    """The series of `part`: one, or one a zone."""
     noise = part.sigma / np.sqrt(np.maximum(np.diff(part.edges), 1))
     found = []
     for rows in [part.zone == z for z in ZONES] if by_zone else [np.ones(len(part), dtype=bool)]:
@@ -161,8 +161,8 @@ def _columns(part: Part, channel: str, floor: float, *, by_zone: bool = False) -
     return found
 
 
-def _event(run: Measured, floors: Floors) -> list[_Column]:
-    """When the layers touched, at what mean distance from both edges, at what displacement.
+def _touch_column(run: Measured, floors: Floors) -> list[_Column]:
+    """The touch as a series: its time, mean distance from both edges, and displacement.
 
     l1 and l2 are measured alike, so that their difference and their mean err independently.
     """
@@ -183,6 +183,7 @@ def _event(run: Measured, floors: Floors) -> list[_Column]:
 
 
 def _samples(columns: Sequence[_Column]) -> Samples:
+    """Samples of the series `columns`, one after the other."""
     sizes = [len(c.t) for c in columns]
 
     def words(name: str) -> Words:

@@ -1,4 +1,4 @@
-"""The strip file, and the cell's effects, after acceptance."""
+"""Content of the strip file, and the cell's effects, after acceptance."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -50,7 +50,7 @@ def patch_file(
 
 
 def round_off(value: float) -> float:
-    """`value` with as many digits as a fit can mean."""
+    """Round `value` to the digits that a fit can determine."""
     return float(f"{value:.{DIGITS}g}")
 
 

@@ -1,4 +1,4 @@
-"""What a gripper was doing when: the words for the stages of a fold."""
+"""Phases of a gripper's motion over time, named by the stages of a fold."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,9 @@ ZONES = ("fixed", "middle", "grasped")
 
 def phases(run: Measured, t: Array) -> Words:
     """Phase (n,) at each of the times `t` (n,) [s]; the touch itself is no stretch of time."""
-    speed, back = _motion(run, t)
-    usual = max(float(np.median(_speed(run))), 1e-3)
-    lifted = run.t[np.argmax(run.poses[:, 1] >= TAKEOVER_HEIGHT)] if _rises(run) else run.end
+    speed, back = _averaged_motion(run, t)
+    usual = max(float(np.median(_moving_speed(run))), 1e-3)
+    lifted = run.t[np.argmax(run.poses[:, 1] >= TAKEOVER_HEIGHT)] if _is_rising(run) else run.end
     words = np.full(len(t), "carry", dtype="U8")
     words[back > RETURN_SPEED * usual] = "return"
     words[speed < HOLD_SPEED * usual] = "hold"
@@ -30,17 +30,17 @@ def phases(run: Measured, t: Array) -> Words:
 
 
 def zones(s: Array, length: float) -> Words:
-    """Third of the strip (n,) in which the places `s` (n,) [m] lie."""
+    """Thirds of the strip (n,) that contain the arc lengths `s` (n,) [m]."""
     third = np.clip((3.0 * s / length).astype(np.int64), 0, 2)
     return np.array(ZONES)[third]
 
 
-def _rises(run: Measured) -> bool:
+def _is_rising(run: Measured) -> bool:
     return bool((run.poses[:, 1] >= TAKEOVER_HEIGHT).any()) and not run.hanging
 
 
-def _motion(run: Measured, t: Array) -> tuple[Array, Array]:
-    """Speed of the averaged motion, and its part that leads back (n,) [m/s]."""
+def _averaged_motion(run: Measured, t: Array) -> tuple[Array, Array]:
+    """Speed of the averaged motion, and its backward component (n,) [m/s]."""
     ends = [np.clip(t + side * AVERAGING_TIME / 2, run.t[0], run.t[-1]) for side in (-1, 1)]
     there, here = (
         np.stack([np.interp(e, run.t, run.poses[:, c]) for c in range(2)], axis=1)
@@ -50,8 +50,8 @@ def _motion(run: Measured, t: Array) -> tuple[Array, Array]:
     return np.hypot(*rate.T), rate[:, 0]
 
 
-def _speed(run: Measured) -> Array:
+def _moving_speed(run: Measured) -> Array:
     """Speed of the averaged motion at even times while it moves (k,) [m/s]."""
-    every = _motion(run, np.arange(run.t[0], run.end, 0.1))[0]
+    every = _averaged_motion(run, np.arange(run.t[0], run.end, 0.1))[0]
     moving: NDArray[np.bool_] = every > 0.01
     return every[moving] if moving.any() else np.array([0.1])

@@ -1,4 +1,4 @@
-"""What no measurement of a fold can be, however good the file around it looks."""
+"""Refuses measurements that no fold can have, in files that are well formed."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Measured folds made ready for the engine: their samples, and what a finer rod shows otherwise."""
+"""Prepares measured folds for the engine: their samples, and corrections from a finer rod."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -52,13 +52,13 @@ class Fold:
     slopes: Mapping[str, Array]
 
     def drive(self, hashed: HashedModel) -> Job:
-        """What is simulated of this fold with a model."""
+        """The model and path to simulate for this fold."""
         rubs = hashed.model.mechanics.law.yield_curvature > 0.0
         way = self.lifted_path if rubs else self.way
         return Job.of(hashed, way, self.comparison.run.contact_height)
 
     def correct(self, found: Residuals, run: Run, local: Array) -> Residuals:
-        """Residuals as a fine rod would have them, in a run with the unknowns `local` (k,)."""
+        """Residuals corrected to those of a fine rod, in a run with the unknowns `local` (k,)."""
         mean = found.mean - self.finer
         for p, value in zip(run.local, local, strict=True):
             mean = mean + value * self.slopes[p.name]
@@ -73,7 +73,7 @@ def prepare(
     jobs: int,
     scatter: Sequence[RunEffect] = RUN_EFFECTS,
 ) -> list[Run]:
-    """The runs as the engine takes them; those without a sample are left out.
+    """Convert the runs for the engine; runs without a sample are left out.
 
     `scatter` are the quantities that may differ from run to run.
     """
@@ -82,7 +82,7 @@ def prepare(
     about = surroundings(folds, nominal, coarse, jobs, scatter)
     local = tuple(e.parameter for e in scatter)
     return [
-        _run(run, fold, here, local)
+        _engine_run(run, fold, here, local)
         for run, fold, here in zip(runs, folds, about, strict=True)
         if len(fold.comparison.layout.samples)
     ]
@@ -90,8 +90,8 @@ def prepare(
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """Of one run, per sample (n,): what a `finer` rod shows otherwise of a model, and the `slopes`
-    about it by quantity; `length` [m] of the strip.
+    """Linearisation of one run about a model, per sample (n,): the change by a `finer` rod, and the
+    `slopes` by quantity; `length` [m] of the strip.
     """
 
     finer: Array
@@ -106,29 +106,29 @@ def surroundings(
     jobs: int,
     scatter: Sequence[RunEffect],
 ) -> list[Surroundings]:
-    """The surroundings of each of `drives`, the models of which go through `folds`."""
+    """Linearisations about each of `drives`, the models of `folds`."""
     moved = [f.drive(HashedModel.of(e.apply(job.model, e.step)))
              for f, job in zip(folds, drives, strict=True) for e in scatter]  # fmt: skip
     shown = coarse([*drives, *moved])
     about = zip(folds, drives, shown[: len(folds)], strict=True)
     rough = [fold.comparison(job.model, motion).mean for fold, job, motion in about]
-    grains = _grains(folds, drives, rough, jobs)
+    grains = _grid_errors(folds, drives, rough, jobs)
     found = []
     for i, (fold, job) in enumerate(zip(folds, drives, strict=True)):
         limit = LARGEST_CHANGE * fold.comparison.layout.samples.floor
-        finer = _within(grains[i], limit)
+        finer = _drop_large(grains[i], limit)
         slopes = {}
         for k, e in enumerate(scatter, start=i * len(scatter)):
             there = fold.comparison(moved[k].model, shown[len(folds) + k]).mean
-            slopes[e.name] = frozen(_within(there - rough[i], limit) / e.step)
+            slopes[e.name] = frozen(_drop_large(there - rough[i], limit) / e.step)
         found.append(Surroundings(frozen(finer), slopes, job.model.mechanics.length))
     return found
 
 
-def _grains(
+def _grid_errors(
     folds: Sequence[Fold], drives: Sequence[Job], rough: Sequence[Array], jobs: int
 ) -> list[Array]:
-    """What the coarse rod shows, `rough`, less what a fine one does, per sample (n,) of a fold.
+    """Residuals of the coarse rod, `rough`, less those of a fine one, per sample (n,) of a fold.
 
     Where that is much, steps half as long decide: an end that slips, or a strip that is pushed,
     may take another way in a single grain.
@@ -145,21 +145,23 @@ def _grains(
 
 
 def _rms(values: Array) -> float:
-    """Root mean square of what is not lost; 0 of a run that broke off before its first sample."""
+    """Root mean square of finite values; 0 of a run without samples."""
     return float(np.linalg.norm(np.nan_to_num(values)) / np.sqrt(max(len(values), 1)))
 
 
-def _run(run: MeasuredRun, fold: Fold, about: Surroundings, local: tuple[Parameter, ...]) -> Run:
-    """A run as the engine takes it, with its surroundings at the stated strip."""
+def _engine_run(
+    run: MeasuredRun, fold: Fold, about: Surroundings, local: tuple[Parameter, ...]
+) -> Run:
+    """The run for the engine, linearised about the stated strip."""
     samples = fold.comparison.layout.samples
     samples = replace(samples, floor=np.hypot(samples.floor, TRUSTED * about.finer))
     content = replace(fold, finer=about.finer, slopes=about.slopes)
-    common = _common(run.measured, samples, about)
+    common = _common_errors(run.measured, samples, about)
     return Run(run.name, run.condition, samples, local, content, fold.index, common)
 
 
-def _common(run: Measured, samples: Samples, about: Surroundings) -> dict[str, Array]:
-    """What is wrong alike in all runs, in units of one sigma: of runs that a camera saw."""
+def _common_errors(run: Measured, samples: Samples, about: Surroundings) -> dict[str, Array]:
+    """Common errors of all runs that a camera recorded, in units of one sigma."""
     if not run.seen:
         return {}
     x = np.interp(samples.t, run.t, run.poses[:, 0])
@@ -171,18 +173,18 @@ def _common(run: Measured, samples: Samples, about: Surroundings) -> dict[str, A
 
 
 def correct(run: Run, fold: Fold, about: Surroundings) -> Run:
-    """The run in other surroundings, and with a floor that allows for what a finer rod shows: a
-    strip that is less damped than stated swings on, where grains differ.
+    """The run linearised about another model, with a floor for the difference of a finer rod: a
+    strip with less damping than stated keeps swinging, where grids differ.
     """
     bare = fold.comparison.layout.samples.floor
     floor = np.maximum(run.samples.floor, np.hypot(bare, TRUSTED * about.finer))
     samples = replace(run.samples, floor=floor)
     content = replace(fold, finer=about.finer, slopes=about.slopes)
-    common = _common(fold.comparison.run, samples, about)
+    common = _common_errors(fold.comparison.run, samples, about)
     return replace(run, samples=samples, content=content, common=common)
 
 
-def _within(change: Array, limit: Array) -> Array:
+def _drop_large(change: Array, limit: Array) -> Array:
     """`change` (n,), 0 where it is lost or beyond `limit`."""
     known = np.nan_to_num(change)
     return np.where(np.abs(known) < limit, known, 0.0)
@@ -200,14 +202,14 @@ def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
 
 
 def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:
-    """The way, but first up and then in, so that the strip is never pushed while it lies.
+    """The measured path, changed to go up before in: the lying strip is never pushed.
 
     Lifted by z it draws the grip in by about z^2: so does this way, until it joins the measured.
     """
     travel = run.travel[: len(way.t)]
     share = travel / LEAVING_TRAVEL
     early = share < 1.0
-    if way.hanging or early.all() or not _pushes(way, travel):
+    if way.hanging or early.all() or not _pushes_strip(way, travel):
         return way
     poses, begin = way.poses.copy(), way.poses[0, 0]
     drawn = share**2 + (1.0 - share) * share**8  # with the measured direction in the end
@@ -215,7 +217,7 @@ def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:
     return GripperPath(way.t, poses)
 
 
-def _pushes(way: GripperPath, travel: Array) -> bool:
-    """Whether the grip is drawn in before the strip has left the desk."""
+def _pushes_strip(way: GripperPath, travel: Array) -> bool:
+    """Whether the grip moves inwards before the strip has left the desk."""
     moved = [np.interp(LEAVING_TRAVEL, travel, column) - column[0] for column in way.poses.T[:2]]
     return bool(-moved[0] > STEEP * moved[1])

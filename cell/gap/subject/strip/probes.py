@@ -1,4 +1,4 @@
-"""Places along the strip at which effects of one place are screened."""
+"""Positions along the strip at which localised effects are screened."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ PLACE_SPACING = 0.9  # bending lengths between the places at which an effect of 
 
 
 def places(strip: StripFile, lifted: float) -> tuple[float, ...]:
-    """Positions along the strip [m] to try, from where it leaves the desk, `lifted` [m], on.
+    """Positions [m] along the strip to screen, from `lifted` [m] on, where it leaves the desk.
 
     A bend shows an effect of one place while it passes, so that probes farther apart than about
     a bending length miss what lies between them.

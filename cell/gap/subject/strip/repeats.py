@@ -1,4 +1,4 @@
-"""Folds of one command are one specimen; folds made twice from one seed are one fold."""
+"""Detects repeated folds of the twin: one command is one specimen, one seed is one fold."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ from cell.record.header import Header
 
 
 def sort_out(folders: Sequence[Path], headers: Sequence[Header | None]) -> Mapping[Path, Path]:
-    """The folders that repeat a fold of the twin -> the first of the same.
+    """The repeated folders of a fold of the twin, each with the first of the same.
 
     The twin gives the same fold for the same seed: it says nothing new, and counted twice it
     would say it too surely. `cell fold --repeat` and `cell gap plan` number the folds of one
@@ -23,13 +23,13 @@ def sort_out(folders: Sequence[Path], headers: Sequence[Header | None]) -> Mappi
     for folder, header in zip(folders, headers, strict=True):
         if header is None:
             continue
-        known = _fold(header)
+        known = _fold_key(header)
         if known is not None and known in first:
             same[folder] = first[known]
             continue
         if known is not None:
             first[known] = folder
-        batches.setdefault(_batch(header), []).append((folder, header.index))
+        batches.setdefault(_batch_key(header), []).append((folder, header.index))
     for batch in batches.values():
         check_indices([folder for folder, _ in batch], [index for _, index in batch])
     return same
@@ -40,16 +40,16 @@ def _on_twin(header: Header) -> bool:
     return drivers is not None and drivers.arm == "twin" and header.seed is not None
 
 
-def _fold(header: Header) -> str | None:
-    """All that decides a fold of the twin, as text; None for any other run."""
+def _fold_key(header: Header) -> str | None:
+    """Text of all that determines a fold of the twin; None for any other run."""
     if not _on_twin(header):
         return None
     keys = {"seed", "index", "plant_sha256", "condition", "strip_file", "config", "versions"}
     return json.dumps(header.model_dump(mode="json", include=keys), sort_keys=True)
 
 
-def _batch(header: Header) -> str:
-    """The command that a fold of the twin belongs to; one for all runs of elsewhere."""
+def _batch_key(header: Header) -> str:
+    """Command to which a fold of the twin belongs; one common value for runs from elsewhere."""
     if not _on_twin(header) or header.seed is None:
         return ""
     return f"{header.plant_sha256} {header.seed - (header.index or 0)}"

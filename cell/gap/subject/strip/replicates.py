@@ -1,4 +1,4 @@
-"""Runs that replicate another: their grippers take one path within what an arm repeats."""
+"""Finds replicated runs, whose gripper paths agree within an arm's repeatability."""
 
 from collections.abc import Mapping, Sequence
 from typing import cast
@@ -16,7 +16,7 @@ SAME_START = 1e-3  # s between the beginnings of two paths
 
 
 def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
-    """By the digest of a fold's path, the fold along whose path its rough responses are simulated.
+    """For each fold's path, by digest, the fold whose simulated path approximates it.
 
     What an effect changes in one of them it changes in all, to far less than a rough step errs.
     """
@@ -24,24 +24,24 @@ def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
     found = {}
     folds = [cast(Fold, run.content) for run in runs]
     for fold in sorted(folds, key=lambda f: -f.way.path.t[-1]):
-        leader = next((f for f in leaders if _same(f, fold)), fold)
+        leader = next((f for f in leaders if _is_replicate(f, fold)), fold)
         if leader is fold:
             leaders.append(fold)
         found[fold.way.digest] = leader
     return found
 
 
-def _same(longer: Fold, fold: Fold) -> bool:
-    """Whether `longer` could stand in for `fold`, which ends no later."""
+def _is_replicate(longer: Fold, fold: Fold) -> bool:
+    """Whether the path of `longer` can be simulated in place of `fold`, which ends no later."""
     if longer.comparison.run.contact_height != fold.comparison.run.contact_height:
         return False
     first, second = longer.way.path, fold.way.path
     if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > SAME_START:
         return False
-    return _near(first, second) and _near(longer.lifted_path.path, fold.lifted_path.path)
+    return _is_near(first, second) and _is_near(longer.lifted_path.path, fold.lifted_path.path)
 
 
-def _near(longer: GripperPath, path: GripperPath) -> bool:
-    """Whether the poses of `path` are within PATH_TOLERANCE of those of `longer` at its times."""
+def _is_near(longer: GripperPath, path: GripperPath) -> bool:
+    """Whether the poses of `path` lie within PATH_TOLERANCE of those of `longer` at equal times."""
     other = np.stack([np.interp(path.t, longer.t, c) for c in longer.poses.T], axis=1)
     return bool((np.abs(path.poses - other) < PATH_TOLERANCE).all())

@@ -1,4 +1,4 @@
-"""Measured folds: read, checked, and reduced to what the model is compared with."""
+"""Reads measured folds, checks them, and reduces them to the compared quantities."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +18,7 @@ from cell.record.outcomes import NOT_FOLDED
 from cell.record.run import Run as Recorded
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
+from drivers.geometry import arc_lengths
 from drivers.settings import read_yaml
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Touch
@@ -33,7 +34,7 @@ IMAGE_TIME_MARGIN = 1.0  # s, no image is so long before the first or after the 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What a fold measured, in SI units.
+    """Measurements of a fold, in SI units.
 
     `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it. `contact_t`,
     `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the gripper along x and z, NaN
@@ -59,7 +60,7 @@ class Measured:
 
     @property
     def has_force(self) -> bool:
-        """Whether the force of the strip was measured, and how well is known."""
+        """Whether the force of the strip was measured, with a known noise."""
         return self.sigma.force is not None and len(self.force_t) > 0
 
 
@@ -74,12 +75,12 @@ class MeasuredRun:
 
     @property
     def usable(self) -> bool:
-        """Whether it went on long enough to be compared."""
+        """Whether the run is long enough to be compared."""
         return len(self.measured.t) > 0
 
     @property
     def shows_strip(self) -> bool:
-        """Whether anything but the gripper's path was measured, which says nothing of the strip."""
+        """Whether any measurement of the strip exists besides the gripper's path."""
         m = self.measured
         seen = len(m.contact_x) + len(m.force_t) + len(m.images.stamps)
         return self.usable and (seen > 0 or m.touch is not None)
@@ -98,7 +99,7 @@ def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRu
     same = sort_out([folder.path for folder in folders], heads)
     known = {folder.path: folder.name for folder in folders}
     read = [
-        _left_out(run, known[same[folder.path]]) if folder.path in same else run
+        _leave_out(run, known[same[folder.path]]) if folder.path in same else run
         for folder, run in zip(folders, read, strict=True)
     ]
     usable = sum(run.usable for run in read)
@@ -132,7 +133,7 @@ def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRu
     usable = len(recorded.ticks.t) >= LEAST
     if usable:
         _check_start(folder, recorded, strip)
-    measured = _measured_run(recorded, touch, strip) if usable else _nothing(recorded)
+    measured = _measured_run(recorded, touch, strip) if usable else _empty_measurement(recorded)
     notes = _notes(name, recorded, usable=usable)
     condition = recorded.header.condition or name
     return recorded.header, MeasuredRun(name, condition, measured, notes)
@@ -145,13 +146,13 @@ def _with_pitch(run: Recorded) -> Recorded:
     ticks = run.ticks
     if not len(ticks.t) or np.isfinite(ticks.pitch).any():
         return run
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(ticks.x), np.diff(ticks.z)))])
+    travel = arc_lengths(np.column_stack([ticks.x, ticks.z]))
     flat = run.header.start == "flat"
     pitch = lift_pitch(travel) if flat else np.full(len(ticks.t), np.pi / 2)
     return replace(run, ticks=replace(ticks, pitch=frozen(pitch)))
 
 
-def _left_out(run: MeasuredRun, first: str) -> MeasuredRun:
+def _leave_out(run: MeasuredRun, first: str) -> MeasuredRun:
     note = f"{run.name}: is the same fold of the twin as {first}, by the same seed, and is left out"
     nothing = replace(run.measured, t=frozen([]))
     return replace(run, measured=nothing, notes=(note,))
@@ -170,7 +171,6 @@ def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> Measu
     ticks, header = run.ticks, run.header
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)
-    steps = np.hypot(*np.diff(smooth[:, :2], axis=0).T)
     seen = np.isfinite(ticks.contact_x)
     stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)
     force = np.stack([ticks.f_x, ticks.f_z], axis=1)
@@ -179,7 +179,7 @@ def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> Measu
     return Measured(
         t=t,
         poses=smooth,
-        travel=frozen(np.concatenate([[0.0], np.cumsum(steps)])),
+        travel=frozen(arc_lengths(smooth[:, :2])),
         hanging=header.start == "hanging",
         index=header.index or 0,
         contact_height=header.contact_height,
@@ -195,7 +195,7 @@ def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> Measu
     )
 
 
-def _nothing(run: Recorded) -> Measured:
+def _empty_measurement(run: Recorded) -> Measured:
     none = frozen([])
     images = images_of(run.profile, np.empty((0, 2)), 1.0, 1.0, empty=True)
     return Measured(
@@ -257,7 +257,7 @@ def _check_profile(folder: Path, run: Recorded) -> None:
 
 
 def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
-    """Refuse a run that does not begin where its `start` says."""
+    """Refuse a run whose first rows contradict its stated `start`."""
     origin = folder / "ticks.parquet"
     x, z, pitch = (float(c[0]) for c in (run.ticks.x, run.ticks.z, run.ticks.pitch))
     if run.header.start == "hanging":
@@ -274,7 +274,7 @@ def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
 
 
 def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
-    """The layer_touch that was seen, checked against itself and the strip."""
+    """The measured layer_touch, checked for consistency with itself and the strip."""
     result = run.result
     if result is None or result.outcome not in TOUCHED:
         return None

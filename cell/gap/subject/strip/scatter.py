@@ -1,4 +1,4 @@
-"""What differs from run to run in a laboratory for no reason that matters."""
+"""Quantities that differ from run to run in a laboratory, as unknowns of each run."""
 
 from dataclasses import dataclass, replace
 
@@ -29,13 +29,13 @@ class RunEffect:
 
     @property
     def parameter(self) -> Parameter:
-        """The unknown of one run, with its usual spread."""
+        """The unknown of one run, with its typical spread."""
         most = FARTHEST * self.usual
         spread = (0.0, -most, most, self.step, self.usual)
         return Parameter(self.name, self.unit, *spread, random=True, common=self.common)
 
     def apply(self, model: StripModel, value: float) -> StripModel:
-        """The model of a run in which the quantity is `value`."""
+        """The model of a run with the quantity at `value`."""
         part, _, field = self.place.partition(".")
         before = getattr(model, part)
         known = getattr(before, field)

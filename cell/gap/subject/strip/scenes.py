@@ -1,4 +1,4 @@
-"""A fold as it was measured, and as the rod has it, at the stamps of the images."""
+"""Draws a fold as measured and as simulated by the rod, at the stamps of the images."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ CONTACT_SIGNAL, DISTANCE_SIGNAL = "contact [mm]", "distance from the measured mi
 
 
 def measured_scene(run: Measured) -> Scene:
-    """What was measured of a fold until its layers touched, or its last row."""
+    """Drawing of a measured fold until its layers touched, or its last row."""
     images, t = run.images, run.t[run.t <= run.end][::10]
     grip = np.stack([np.interp(t, run.t, run.poses[:, c]) for c in range(2)], axis=1)
     shown, seen = _images_before_end(run), run.contact_t <= run.end
@@ -34,13 +34,13 @@ def measured_scene(run: Measured) -> Scene:
     return Scene(
         signals=(Signal(CONTACT_SIGNAL, contact_t, 1e3 * contact),),
         curve=Curve(images.stamps[shown], points),
-        tracks={"contact": _on_desk(contact_t, contact), "gripper": Track(t, grip)},
+        tracks={"contact": _desk_track(contact_t, contact), "gripper": Track(t, grip)},
         events=_touch_event(run.touch),
     )
 
 
 def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, length: float) -> Scene:
-    """The same fold of a strip of `length` [m] as `model` has it, seen by the rig's camera.
+    """Drawing of the same fold, of a strip of `length` [m], as `model` simulates it.
 
     Distances are of the images that are compared: not of the first of the lift, nor of the snap.
     """
@@ -49,7 +49,7 @@ def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, lengt
     true = np.interp(shown_time(model.observation, contact_t), shown.t, shown.contact_x)
     contact = np.asarray(seen_contact(model.observation, true))
     images = _images_before_end(run)
-    shapes = _shapes(_places(run, model, shown)[images], shown)
+    shapes = _interpolate_shapes(_shape_indices(run, model, shown)[images], shown)
     compared, distance = _distances(fold, model, shown, length)
     return Scene(
         signals=(
@@ -57,24 +57,24 @@ def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, lengt
             Signal(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance),
         ),
         curve=Curve(run.images.stamps[images], tuple(seen_points(model, shapes))),
-        tracks={"contact": _on_desk(contact_t, contact)},
+        tracks={"contact": _desk_track(contact_t, contact)},
         events=_touch_event(_touch(run, model, shown)),
     )
 
 
 def _images_before_end(run: Measured) -> Index:
-    """Numbers of the images before the end."""
+    """Numbers of the images before the end of the run."""
     return np.flatnonzero(run.images.stamps <= run.end)
 
 
-def _places(run: Measured, model: StripModel, shown: SimulatedMotion) -> Array:
-    """Of each image (m,), where in the row of shapes its moment lies; the last one is held."""
+def _shape_indices(run: Measured, model: StripModel, shown: SimulatedMotion) -> Array:
+    """Fractional indices (m,) into the row of shapes for the images; the last shape is held."""
     true = np.asarray(shown_time(model.observation, run.images.stamps))
     return np.clip((true - shown.begin) / SHAPE_PERIOD, 0.0, len(shown.shapes) - 1.0)
 
 
-def _shapes(places: Array, shown: SimulatedMotion) -> Array:
-    """Shapes (m, nodes, 2) between those that were kept."""
+def _interpolate_shapes(places: Array, shown: SimulatedMotion) -> Array:
+    """Shapes (m, nodes, 2) interpolated between the stored ones."""
     first = places.astype(np.int64)
     after = np.minimum(first + 1, len(shown.shapes) - 1)
     share = (places - first)[:, None, None]
@@ -84,7 +84,7 @@ def _shapes(places: Array, shown: SimulatedMotion) -> Array:
 def _distances(
     fold: Fold, model: StripModel, shown: SimulatedMotion, length: float
 ) -> tuple[Index, Array]:
-    """Images that are compared, and root mean square distances (k,) [m] of their points."""
+    """Indices of compared images, and rms distances (k,) [m] of their points from the model."""
     run = fold.comparison.run
     images, order = run.images, np.sort(fold.comparison.layout.profile.order)
     found = np.empty(len(order))
@@ -92,13 +92,13 @@ def _distances(
         points = true_points(model, images.points[order])
         signed_distances(
             np.ascontiguousarray(points), images.image[order], images.s[order],
-            _places(run, model, shown), shown.shapes, shown.arc * length, found,
+            _shape_indices(run, model, shown), shown.shapes, shown.arc * length, found,
         )  # fmt: skip
     compared, image = np.unique(images.image[order], return_inverse=True)
     return compared, np.sqrt(np.bincount(image, found**2) / np.bincount(image))
 
 
-def _on_desk(t: Array, x: Array) -> Track:
+def _desk_track(t: Array, x: Array) -> Track:
     return Track(t, np.stack([x, np.zeros_like(x)], axis=1))
 
 

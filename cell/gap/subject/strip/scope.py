@@ -1,4 +1,4 @@
-"""What a strip's model is fitted by, and what it may lack: the effects as candidates."""
+"""Base parameters and candidate effects of a strip's model."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -39,7 +39,7 @@ def scope(
     *,
     has_force: bool = False,
 ) -> Scope:
-    """Base parameters, candidates and quantities of `strip`; its own effects are base.
+    """Base parameters, candidates and quantities of `strip`; its own effects belong to the base.
 
     The strip is lifted off the desk from `lifted` [m] on; what lies before does not move.
     Effects `without` are withheld from the candidates. Where force is measured (`has_force`), it
@@ -47,7 +47,11 @@ def scope(
     """
     fresh = [e for e in registry().values() if e.name not in {*strip.effects, *without}]
     return Scope(
-        base=(*_base(strip), *(_weight(strip) if has_force else ()), *_accepted_parameters(strip)),
+        base=(
+            *_base(strip),
+            *(_density_parameter(strip) if has_force else ()),
+            *_accepted_parameters(strip),
+        ),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if can_simulate(e, strip)),
         terms=candidates(),
         left=LEFT,
@@ -74,7 +78,7 @@ def can_simulate(effect: Effect, strip: StripFile) -> bool:
 
 
 def _base(strip: StripFile) -> list[Parameter]:
-    """Bending length and retardation time: laboratories know them within a factor."""
+    """Base parameters bending length and retardation time, known within a factor."""
     c, b = strip.bending_length, max(strip.retardation_time, 0.005)
     near = ((1 - SPECIMEN_SPREAD) * c, (1 + SPECIMEN_SPREAD) * c)
     return [
@@ -85,8 +89,8 @@ def _base(strip: StripFile) -> list[Parameter]:
     ]  # fmt: skip
 
 
-def _weight(strip: StripFile) -> list[Parameter]:
-    """Areal density: at one bending length it moves nothing but the force, and the air's drag."""
+def _density_parameter(strip: StripFile) -> list[Parameter]:
+    """Base parameter areal density, which moves only force and air drag at one bending length."""
     m = strip.areal_density
     return [
         Parameter("areal_density", "kg/m^2", m, m / 3, 3 * m, 0.02 * m, WEIGHED * m,
@@ -95,13 +99,13 @@ def _weight(strip: StripFile) -> list[Parameter]:
 
 
 def _accepted_parameters(strip: StripFile) -> list[Parameter]:
-    """Parameters of the effects that the strip file has: known, and refitted with the base."""
+    """Parameters of the effects in the strip file: known, and refitted with the base."""
     found = []
     for name, values in strip.effects.items():
         effect = registry()[name]
         given = [p for p in effect.parameters if p.name in values]
         for number, p in zip(given, _parameters(effect, strip, given), strict=True):
-            start = _inside(number, values[number.name]) if p.inverse else values[number.name]
+            start = _to_engine(number, values[number.name]) if p.inverse else values[number.name]
             spread = 0.5 * abs(start) + p.step
             label = f"{name}.{p.name}"
             found.append(replace(p, name=label, start=start, spread=spread))
@@ -109,7 +113,7 @@ def _accepted_parameters(strip: StripFile) -> list[Parameter]:
 
 
 def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
-    """The effect as the engine tries it."""
+    """The effect as a candidate of the engine."""
     return Candidate(
         name=effect.name,
         sentence=effect.sentence,
@@ -118,35 +122,39 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
         probes=_probes(effect, strip, lifted),
         revealed_by=effect.revealed_by,
         model_error=UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR,
-        shape_parameters=tuple(_shape(p, strip) for p in effect.parameters if p.role == "shape"),
+        shape_parameters=tuple(
+            _shape_parameter(p, strip) for p in effect.parameters if p.role == "shape"
+        ),
     )
 
 
 def coarse(effect: Effect) -> list[Number]:
-    """The effect's numbers without the finer ones."""
+    """Parameters of the effect, without the finer ones of its shape."""
     return [p for p in effect.parameters if p.role != "shape"]
 
 
 def _parameters(effect: Effect, strip: StripFile, numbers: Sequence[Number]) -> list[Parameter]:
-    tried = [_inside(effect.parameters[0], v) for v in effect.sizes(strip)]
+    tried = [_to_engine(effect.parameters[0], v) for v in effect.sizes(strip)]
     null = _null(effect.parameters[0])
     least, most = (pick(abs(v - null) for v in tried) for pick in (min, max))
     return [
-        _amount(p, SECANT * least, FARTHEST * most) if is_amount(effect, p) else _shape(p, strip)
+        _amount_parameter(p, SECANT * least, FARTHEST * most)
+        if is_amount(effect, p)
+        else _shape_parameter(p, strip)
         for p in numbers
     ]
 
 
-def _amount(p: Number, step: float, spread: float) -> Parameter:
-    """How much of an effect there is; absence, at infinity, is zero of the reciprocal."""
+def _amount_parameter(p: Number, step: float, spread: float) -> Parameter:
+    """Parameter for the amount of an effect; for one that vanishes at infinity, its reciprocal."""
     if p.null is None:
         return Parameter(p.name, p.unit, 0.0, 0.0, 1.0 / p.low, step, spread, inverse=True)
     low, high = min(p.low, p.null), max(p.high, p.null)
     return Parameter(p.name, p.unit, p.null, low, high, step, spread)
 
 
-def _shape(p: Number, strip: StripFile) -> Parameter:
-    """A number that says where or how an effect is, not how much."""
+def _shape_parameter(p: Number, strip: StripFile) -> Parameter:
+    """Parameter for the place or shape of an effect."""
     if p.role == "place":
         low, high = max(p.low, 0.0), min(p.high, strip.length)
         middle = 0.5 * (low + high)
@@ -163,7 +171,7 @@ def _shape(p: Number, strip: StripFile) -> Parameter:
 def _probes(
     effect: Effect, strip: StripFile, lifted: float
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
-    """Groups of vectors, one a size and a shape; a group has one vector for each amount."""
+    """Groups of vectors to screen, a group for each size and shape, a vector for each amount."""
     switch, numbers = effect.parameters[0], coarse(effect)
     start = [p.start for p in _parameters(effect, strip, numbers)]
     amounts = [i for i, p in enumerate(numbers) if is_amount(effect, p)]
@@ -171,32 +179,32 @@ def _probes(
     tried = [_screened_values(p, v, spots) for p, v in zip(numbers, start, strict=True)]
     shapes = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
     groups = []
-    for size, shape in product(_one_of_mirrored(effect.sizes(strip)), product(*shapes)):
-        inside = _inside(switch, size)
+    for size, shape in product(_without_mirrored(effect.sizes(strip)), product(*shapes)):
+        inside = _to_engine(switch, size)
         group = [[*shape[:i], inside, *shape[i + 1 :]] for i in amounts]
         groups.append(tuple(tuple(map(float, vector)) for vector in group))
     return tuple(groups)
 
 
-def _one_of_mirrored(sizes: Sequence[float]) -> list[float]:
-    """The sizes without those whose mirror image comes before: it is screened with both signs."""
+def _without_mirrored(sizes: Sequence[float]) -> list[float]:
+    """Sizes without those whose mirror image comes before: each is screened with both signs."""
     return [size for i, size in enumerate(sizes) if -size not in sizes[:i]]
 
 
 def _screened_values(p: Number, start: float, spots: tuple[float, ...]) -> tuple[float, ...]:
-    """Values of a number at which an effect is screened."""
+    """Values of a parameter at which an effect is screened."""
     if p.role == "place":
         return spots
     return TRIED_TIMES if p.role == "time" else (start,)
 
 
 def is_amount(effect: Effect, p: Number) -> bool:
-    """Whether the number is an amount of the effect: its switch, or another that has a null."""
+    """Whether the parameter is an amount of the effect: its switch, or another one with a null."""
     return p is effect.parameters[0] or p.null is not None
 
 
-def _inside(switch: Number, value: float) -> float:
-    """A file's value as the engine has it."""
+def _to_engine(switch: Number, value: float) -> float:
+    """A file's value converted to the engine's."""
     return value if switch.null is not None else 1.0 / value
 
 
@@ -205,7 +213,7 @@ def _null(p: Number) -> float:
 
 
 def file_values(effect: Effect, values: Sequence[float]) -> dict[str, float] | None:
-    """The effect's parameters as files state them; None where absence switches it off.
+    """The effect's parameters as files state them; None where the effect is absent.
 
     Finer ones may be missing: they come last.
     """

@@ -1,4 +1,4 @@
-"""Simulated motions for many runs and models at once, each simulated once and remembered."""
+"""Simulates motions for many runs and models at once, each only once, with a cache."""
 
 import hashlib
 import pickle
@@ -31,8 +31,8 @@ SELDOM = 16 * 2**20  # the same, where hardly any is asked for twice
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """How finely the rod is cut: `segments`, its step `dt` [s], and to which `tolerance` [rad] a
-    step is solved.
+    """Resolution of the rod: `segments`, its step `dt` [s], and the `tolerance` [rad] of a step's
+    solution.
     """
 
     segments: int
@@ -65,7 +65,7 @@ class HashedPath:
 
 @dataclass(frozen=True, slots=True)
 class HashedModel:
-    """A description with the `digest` of all but how it is looked at, for the many jobs of it."""
+    """A description with the `digest` of all but its observation, for its many jobs."""
 
     model: StripModel
     digest: bytes
@@ -88,7 +88,7 @@ class Job:
 
     @classmethod
     def of(cls, hashed: HashedModel, way: HashedPath, contact_height: float) -> Self:
-        """With a hash of all that the true motion depends on; contact is seen at a height [m]."""
+        """A job with the hash of what its true motion depends on; contact is at a height [m]."""
         seen = replace(hashed.model.observation, contact_height=contact_height)
         key = hashed.digest + way.digest + struct.pack("<d", contact_height)
         return cls(replace(hashed.model, observation=seen), way.path, key)
@@ -96,8 +96,8 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedMotion:
-    """What truly happens along a drive: at times `t` (k,) [s] `contact_x` (k,), `force` (k, 2) on
-    the gripper and `poses` (k, 3); `shapes` (m, nodes, 2), in single precision, from `begin` [s] on
+    """True motion along a drive: at times `t` (k,) [s] `contact_x` (k,), `force` (k, 2) on the
+    gripper and `poses` (k, 3); `shapes` (m, nodes, 2), in single precision, from `begin` [s] on
     every SHAPE_PERIOD seconds, nodes at the shares `arc` (nodes,) of the length; the touch, if any.
     """
 
@@ -112,12 +112,12 @@ class SimulatedMotion:
 
     @property
     def size(self) -> int:
-        """Memory of the motion [bytes]."""
+        """Memory use of the motion [bytes]."""
         return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
 
 class Simulation:
-    """The rod of one grain, on `jobs` threads, with a memory of what it has simulated.
+    """Simulates with the rod at one resolution, on `jobs` threads, and caches its results.
 
     A motion does not depend on what is simulated beside it, nor on how many threads there are.
     """
@@ -132,7 +132,7 @@ class Simulation:
         self._size = 0
 
     def __call__(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """What each of `drives` shows; None where the rod found no shape."""
+        """Simulated motion of each of `drives`; None where the rod did not converge."""
         wanted = {d.key: d for d in drives if d.key not in self._known}
         found = {d.key: self._known[d.key] for d in drives if d.key in self._known}
         found |= self._simulate_batches(wanted)
@@ -141,7 +141,7 @@ class Simulation:
         return [found[d.key] for d in drives]
 
     def _simulate_batches(self, wanted: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
-        """Long motions together, so that lanes end together, and like models, as they are asked.
+        """Simulate in batches of equal length, so that lanes end together, and of equal models.
 
         A lane that finds its shapes with effort makes the others of its vector wait.
         """
@@ -149,7 +149,9 @@ class Simulation:
         fair = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._jobs))
         size = max(LANE_COUNT, min(AT_ONCE, fair))
         batches = [
-            like[i : i + size] for like in _apart(order, wanted) for i in range(0, len(like), size)
+            like[i : i + size]
+            for like in _split_by_terms(order, wanted)
+            for i in range(0, len(like), size)
         ]
         asked = [[wanted[k] for k in batch] for batch in batches]
         found: dict[bytes, SimulatedMotion | None] = {}
@@ -200,9 +202,9 @@ class Simulation:
             self._size -= gone.size if gone else 0
 
 
-def _apart(order: Sequence[bytes], wanted: Mapping[bytes, Job]) -> list[list[bytes]]:
-    """The motions that need the rod's further terms and those that do not, in `order`; all
-    together where either are few.
+def _split_by_terms(order: Sequence[bytes], wanted: Mapping[bytes, Job]) -> list[list[bytes]]:
+    """Motions with and without the rod's further terms, in `order`; all together where either are
+    few.
 
     A batch in which one strip needs those terms computes them for every strip.
     """

@@ -68,7 +68,7 @@ class Strip:
         self._floors = floors or Floors()
         has_force = any(run.measured.has_force for run in self._measured)
         scatter = (*scatter, *FORCE_EFFECTS) if has_force else scatter
-        lifted = _lifted_from(self._measured)
+        lifted = _lift_off_position(self._measured)
         self._scope = scope(strip, self._floors, lifted, without, has_force=has_force)
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
         self._jobs, self._scatter = jobs, tuple(scatter)
@@ -91,11 +91,11 @@ class Strip:
 
     @property
     def scope(self) -> Scope:
-        """What it is fitted by and what it may lack."""
+        """Base parameters, candidates, quantities and terms of the strip."""
         return self._scope
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
-        """Measured minus simulated; each motion is simulated once, however often it is asked."""
+        """Residuals, measured minus simulated; each motion is simulated once."""
         folds, drives = self._drive(requests)
         looks = [
             (request.run.name, drive.key, request.rough, drive.model.observation)
@@ -108,8 +108,8 @@ class Strip:
         ]
 
     def _compare(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
-        """Each motion against its run, once, a portion at a time: motions are large, and forgotten;
-        residuals are small, and kept.
+        """Residuals of each motion against its run, a portion at a time: motions are large and not
+        kept; residuals are small and cached.
 
         Motions of one length together, in the order in which they are asked, as they are simulated.
         """
@@ -133,16 +133,16 @@ class Strip:
                 while portion := list(islice(looks, PORTION)):
                     folds, drives = zip(*(asked[look] for look in portion), strict=True)
                     shown = simulated(drives)
-                    found = pool.map(_held_against, folds, drives, shown)
+                    found = pool.map(_residuals, folds, drives, shown)
                     seen.update(zip(portion, found, strict=True))
         return seen
 
     def draw_measured(self, run: Run) -> Scene:
-        """The fold as it was measured."""
+        """Drawing of the measured fold."""
         return measured_scene(cast(Fold, run.content).comparison.run)
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
-        """The folds as simulated, beside their images."""
+        """Drawings of the simulated folds, beside their images."""
         folds, drives = self._drive(requests)
         length = self.file.length
         return [
@@ -151,7 +151,7 @@ class Strip:
         ]
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """The runs, with what a finer rod shows otherwise at these values, and slopes there."""
+        """The runs with corrections from a finer rod at these values, and slopes there."""
         folds, drives = self._drive(requests)
         about = surroundings(folds, drives, self._simulation, self._jobs, self._scatter)
         return [
@@ -160,7 +160,7 @@ class Strip:
         ]
 
     def experiments(self) -> Sequence[Experiment]:
-        """The standard folds, as they would come out for the strip as stated."""
+        """The standard folds as planned runs, simulated for the stated strip."""
         runs = planned_runs(self.file, self._measured[0].measured.sigma, next_index(self._measured))
         ready = prepare(runs, self.file, self._floors, self._simulation, self._jobs)
         asked = {run.name: run for run in runs}
@@ -177,12 +177,13 @@ class Strip:
     def _drive(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
         folds = [cast(Fold, request.run.content) for request in requests]
         drives = [
-            self._along(r, f).drive(self._model(r, f)) for r, f in zip(requests, folds, strict=True)
+            self._simulated_fold(r, f).drive(self._model(r, f))
+            for r, f in zip(requests, folds, strict=True)
         ]
         return folds, drives
 
-    def _along(self, request: Request, fold: Fold) -> Fold:
-        """The fold whose path is simulated: for a rough response the first of its replicates."""
+    def _simulated_fold(self, request: Request, fold: Fold) -> Fold:
+        """The fold whose path is simulated: approximately, the first of its replicates."""
         return self._replicates.get(fold.way.digest, fold) if request.rough else fold
 
     def _model(self, request: Request, fold: Fold) -> HashedModel:
@@ -215,13 +216,13 @@ def _describe(
     return HashedModel.of(with_law(model, {name: values[0] for name, values in effects}))
 
 
-def _held_against(fold: Fold, drive: Job, shown: SimulatedMotion | None) -> Residuals:
-    """Residuals of a motion against the run of `fold`."""
+def _residuals(fold: Fold, drive: Job, shown: SimulatedMotion | None) -> Residuals:
+    """Residuals of a simulated motion against the run of `fold`."""
     return fold.comparison(drive.model, shown)
 
 
-def _lifted_from(runs: Sequence[MeasuredRun]) -> float:
-    """From where on the strip leaves the desk [m], wild readings aside; 0 where nobody saw it."""
+def _lift_off_position(runs: Sequence[MeasuredRun]) -> float:
+    """Arc length [m] from which on the strip leaves the desk; 0 where no image shows it."""
     seen = [run.measured.contact_x for run in runs if len(run.measured.contact_x)]
     return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)
 

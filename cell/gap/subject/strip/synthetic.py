@@ -1,4 +1,4 @@
-"""Measured folds made from simulated ones: run folders with noise, wild points, lost images."""
+"""Makes measured folds from simulated ones: run folders with noise, outliers, lost images."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,9 +35,9 @@ HIDDEN_LENGTH = 0.004  # m of the strip before the grip that the fingers hide
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """How a cell measures: one-sigma noise [m, s], images at `rate` [Hz] with points `spacing`
-    [m] apart, shares of points that are `wild` (by up to `astray` [m]) and of images `lost`;
-    `force` [N] of an arm that reports it.
+    """Measurement errors of a cell: one-sigma noise [m, s], images at `rate` [Hz] with points
+    `spacing` [m] apart, shares of points that are `wild` (by up to `astray` [m]) and of images
+    `lost`; `force` [N] of an arm that reports it.
     """
 
     contact_x: float = 0.0015
@@ -61,7 +61,7 @@ class Instruments:
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """A fold that was simulated: its reported `way`, the `model` of plant and rig, what happened.
+    """A simulated fold: its reported `way`, the `model` of plant and rig, and the true motion.
 
     `shape_t` (m,) [s] are the times of the motion's shapes, `arc` (nodes,) [m] their places.
     """
@@ -81,7 +81,7 @@ def rod_folds(
     segments: int = 200,
     dt: float = 0.0025,
 ) -> list[Fold]:
-    """Folds in the rod, each of `models` along its own reported way."""
+    """Simulate folds in the rod, each of `models` along its own reported way."""
     every = max(1, round(0.005 / dt))
     motions = simulate_all(Rod(segments), models, ways, dt=dt, every=every)
     return [

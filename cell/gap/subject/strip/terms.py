@@ -1,4 +1,4 @@
-"""Laws of a strip as the engine tries them: they describe, and never name, what is left."""
+"""Generic laws of a strip as terms: they describe an unexplained rest, and are never named."""
 
 import numpy as np
 

@@ -1,7 +1,8 @@
-"""How an arm really makes a planned motion: corners rounded, the pitch of a flat start."""
+"""The path that an arm makes of a planned motion: corners rounded, the pitch of a flat start."""
 
 import numpy as np
 
+from drivers.geometry import arc_lengths
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
 from policies.experiments.motion import Motion
@@ -20,7 +21,7 @@ def way_of(motion: Motion) -> GripperPath:
     window = np.hanning(2 * half + 3)[1:-1]
     points = motion.at(np.clip(t - CORNER_TIME, 0.0, motion.duration))
     places = np.stack([_smooth(points[:, c], window / window.sum()) for c in range(2)], axis=1)
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    travel = arc_lengths(places)
     poses = np.column_stack([places, lift_pitch(travel)])
     return GripperPath(frozen(t[::ROW_STRIDE]), frozen(poses[::ROW_STRIDE]))
 

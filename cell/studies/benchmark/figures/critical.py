@@ -14,24 +14,24 @@ HEIGHT_COLOURS = ["#3f8fc4", "#6a4fb3", "#b0428f", "#cf6a1f"]
 
 
 def critical_figure(results: Results) -> str:
-    """One panel for each speed; areas span the damping, colours the gripper's height; SVG."""
+    """Figure (SVG), a panel a speed; areas span the damping, colours the gripper's height."""
     found = [r for r in results.results if isinstance(r, CriticalPoints)]
     if not found:
         return ""
     with canvas(PAGE_WIDTH, 3.6) as figure:
         panels = figure.subplots(1, len(found), sharey=True, squeeze=False)[0]
         for axes, points in zip(panels, found, strict=True):
-            _panel(axes, points)
+            _draw_panel(axes, points)
         panels[0].set_ylabel("gripper x at the first touch  [mm]")
         return as_svg(figure)
 
 
 def table(points: CriticalPoints) -> Array:
-    """x (heights, stiffnesses, dampings) [m], NaN without a touch."""
+    """Gripper x (heights, stiffnesses, dampings) [m] at the first touch, NaN without one."""
     return np.array(points.x, dtype=np.float64)
 
 
-def _panel(axes: Any, points: CriticalPoints) -> None:
+def _draw_panel(axes: Any, points: CriticalPoints) -> None:
     from matplotlib.colors import LinearSegmentedColormap
 
     scale = LinearSegmentedColormap.from_list("height", HEIGHT_COLOURS)

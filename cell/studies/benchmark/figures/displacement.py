@@ -25,17 +25,17 @@ FEEDBACK_LIMIT = 1e3 * paper.WORST["feedback"]
 
 
 def strips_figure(results: Results) -> str:
-    """d of every policy on every strip, with the paper's means and its band of 20 mm; SVG."""
+    """Figure (SVG) of d of every policy on every strip, with the paper's means and band."""
     with canvas(PAGE_WIDTH, _height(results)) as figure:
-        _strips(figure.add_subplot(), results)
+        _draw_strips(figure.add_subplot(), results)
         return as_svg(figure)
 
 
 def main_picture(results: Results) -> Any:
-    """The same figure for matplotlib, with a title of its own."""
+    """Figure of d on every strip, for matplotlib, with a title of its own."""
     with canvas(PAGE_WIDTH, _height(results) + 0.2) as figure:
         axes = figure.add_subplot()
-        _strips(axes, results)
+        _draw_strips(axes, results)
         axes.set_title(
             "Misalignment of the layers, as the camera saw it on the twin",
             loc="left",
@@ -47,7 +47,7 @@ def main_picture(results: Results) -> Any:
 
 
 def repeats_figure(results: Results) -> str:
-    """Folds of one strip with new noise, about their mean, with the paper's 1 mm; SVG."""
+    """Figure (SVG) of repeated folds of one strip, about their mean, with the paper's 1 mm."""
     policies = results.asked.policies
     half = 0.5e3 * paper.REPEATABILITY
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.75) as figure:
@@ -56,7 +56,7 @@ def repeats_figure(results: Results) -> str:
         zero(axes)
         widest = 2 * half
         for row, policy in enumerate(policies):
-            d = _d(results.repeats(policy))
+            d = _displacements(results.repeats(policy))
             d = d[np.isfinite(d)]
             away = d - d.mean() if d.size else d
             widest = max(widest, float(np.max(np.abs(away), initial=0.0)))
@@ -73,14 +73,14 @@ def repeats_figure(results: Results) -> str:
 
 
 def range_figure(results: Results) -> str:
-    """Displacement over the simulated range of strips, and that of folds through images; SVG."""
+    """Figure (SVG) of d over the simulated range of strips, and of folds through images."""
     policies = results.asked.policies
     with canvas(PAGE_WIDTH, 0.42 * len(policies) + 1.1) as figure:
         axes = figure.add_subplot()
-        _paper_lines(axes)
+        _draw_paper_numbers(axes)
         zero(axes)
         for row, policy in enumerate(policies):
-            _range_row(axes, results, policy, row)
+            _draw_policy_range(axes, results, policy, row)
         axes.use_sticky_edges = False
         axes.margins(x=0.03)
         policy_rows(axes, policies, foot=0.5)
@@ -90,7 +90,7 @@ def range_figure(results: Results) -> str:
 
 def outside(results: Results, policy: str) -> tuple[int, int]:
     """Number of strips outside the simulated range of `policy`, and of all strips."""
-    folds, over = _d(results.folds(policy)), results.over_range(policy, "rod")
+    folds, over = _displacements(results.folds(policy)), results.over_range(policy, "rod")
     folds = folds[np.isfinite(folds)]
     if over is None or folds.size == 0 or not np.isfinite(over.d).any():
         return 0, 0
@@ -98,15 +98,15 @@ def outside(results: Results, policy: str) -> tuple[int, int]:
     return int(np.sum((folds < low) | (folds > high))), folds.size
 
 
-def _strips(axes: Any, results: Results) -> None:
+def _draw_strips(axes: Any, results: Results) -> None:
     strips = _soft_to_stiff(results)
-    _paper_lines(axes)
+    _draw_paper_numbers(axes)
     zero(axes)
     for row in range(len(strips)):
         axes.axhline(row, color=RULE, lw=0.6, zorder=0)
     for policy in results.asked.policies:
         folds = {fold.strip: fold for fold in results.folds(policy)}
-        d = _d(tuple(folds[s] for s in strips if s in folds))
+        d = _displacements(tuple(folds[s] for s in strips if s in folds))
         places = [row for row, strip in enumerate(strips) if strip in folds]
         mark = dot(policy)
         axes.plot(d, places, **mark, label=policy, zorder=6 - 0.2 * mark["ms"], clip_on=False)
@@ -128,8 +128,8 @@ def _strips(axes: Any, results: Results) -> None:
     )
 
 
-def _paper_lines(axes: Any) -> None:
-    """The numbers that the paper's text states, at the foot of the plot."""
+def _draw_paper_numbers(axes: Any) -> None:
+    """Draw the numbers in the paper's text at the foot of the plot."""
     foot = axes.get_xaxis_transform()
     axes.axvspan(-FEEDBACK_LIMIT, FEEDBACK_LIMIT, color=BAND, alpha=0.16, lw=0, zorder=0)
     style = {"transform": foot, "ha": "center", "va": "bottom", "fontsize": NOTE}
@@ -144,7 +144,7 @@ def _paper_lines(axes: Any) -> None:
         axes.text(place, 0.012, text, color=colour(policy), bbox=box, zorder=3, **style)
 
 
-def _range_row(axes: Any, results: Results, policy: str, row: int) -> None:
+def _draw_policy_range(axes: Any, results: Results, policy: str, row: int) -> None:
     over = results.over_range(policy, "rod")
     if over is not None and np.isfinite(over.d).any():
         d = 1e3 * over.d[np.isfinite(over.d)]
@@ -153,7 +153,7 @@ def _range_row(axes: Any, results: Results, policy: str, row: int) -> None:
         axes.barh(row, np.ptp(d), left=d.min(), height=0.56, alpha=0.20, **shade)
         axes.barh(row, high - low, left=low, height=0.56, alpha=0.22, **shade)
         axes.plot([np.median(d)] * 2, [row - 0.28, row + 0.28], color=colour(policy), lw=1.6)
-    seen = _d(results.folds(policy))
+    seen = _displacements(results.folds(policy))
     mark = {"ms": 4.4, "mfc": PAPER, "mec": INK, "mew": 0.9, "zorder": 4}
     axes.plot(seen, np.full(seen.size, row), "s", gid="through images", **mark)
 
@@ -167,8 +167,8 @@ def _soft_to_stiff(results: Results) -> list[str]:
     return sorted(lengths, key=lambda strip: (lengths[strip], strip))
 
 
-def _d(folds: tuple[ImageFold, ...]) -> Array:
-    """Displacements as seen (n,) [mm], NaN without a touch."""
+def _displacements(folds: tuple[ImageFold, ...]) -> Array:
+    """Measured displacements (n,) [mm], NaN without a touch."""
     return 1e3 * np.array([fold.displacement for fold in folds], dtype=np.float64)
 
 

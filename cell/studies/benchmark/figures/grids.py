@@ -1,4 +1,4 @@
-"""The paper's range as maps: displacement and holding force of each policy."""
+"""Maps of the paper's range: displacement and holding force of each policy."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ FEWEST_COLUMNS = 3  # columns that a map's width is meant for
 
 
 def maps_figure(results: Results) -> str:
-    """d over stiffness and damping, a map a policy; SVG, or nothing where none was measured."""
+    """Figure (SVG) of d over stiffness and damping, a map a policy; empty without data."""
     found = [results.over_range(policy, "rod") for policy in results.asked.policies]
     measured = [folds for folds in found if folds is not None]
     if not measured:
@@ -29,7 +29,7 @@ def maps_figure(results: Results) -> str:
         ]
         shown = None
         for axes, folds in zip(panels, measured, strict=False):
-            shown = _map(axes, folds)
+            shown = _draw_map(axes, folds)
         for axes in panels[len(measured) :]:
             axes.set_axis_off()
         panels[0].set_ylabel("damping over the least")
@@ -42,7 +42,7 @@ def maps_figure(results: Results) -> str:
 
 
 def force_figure(results: Results) -> str:
-    """The force that holds the fixed edge, over the paper's range; SVG."""
+    """Figure (SVG) of the force on the fixed edge, over the paper's range."""
     policies = results.asked.policies
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.7) as figure:
         axes = figure.add_subplot()
@@ -70,13 +70,13 @@ def force_figure(results: Results) -> str:
         return as_svg(figure)
 
 
-def _map(axes: Any, folds: RangeFolds) -> Any:
+def _draw_map(axes: Any, folds: RangeFolds) -> Any:
     from matplotlib.colors import AsinhNorm
 
     norm = AsinhNorm(LINEAR, vmin=-COLOUR_RANGE, vmax=COLOUR_RANGE)
     side = folds.side
-    k = _edges(STIFFNESS_RANGE[0], STIFFNESS_RANGE[1], side)
-    b = _edges(1.0, DAMPING_RATIO, side)
+    k = _cell_borders(STIFFNESS_RANGE[0], STIFFNESS_RANGE[1], side)
+    b = _cell_borders(1.0, DAMPING_RATIO, side)
     d = 1e3 * folds.d.T
     shown = axes.pcolormesh(k, b, d, cmap="RdBu_r", norm=norm, lw=0)
     axes.set(xscale="log", yscale="log", xlim=(k[0], k[-1]), ylim=(b[0], b[-1]))
@@ -95,7 +95,7 @@ def _map(axes: Any, folds: RangeFolds) -> Any:
     return shown
 
 
-def _edges(low: float, high: float, side: int) -> Any:
+def _cell_borders(low: float, high: float, side: int) -> Any:
     """Borders of the cells around `side` places from `low` to `high`, logarithmic."""
     step = (high / low) ** (1 / (side - 1))
     return low * step ** (np.arange(side + 1) - 0.5)

@@ -15,6 +15,7 @@ from cell.studies.benchmark.figures.style import (
 )
 from cell.studies.benchmark.parts.evolution import LEVEL_MOTION
 from cell.studies.benchmark.results import Adaptation, Curve, Evolution, Results
+from drivers.geometry import arc_lengths
 from drivers.types import Array
 from policies.path import circular, triangular
 
@@ -23,31 +24,33 @@ ARROW = 0.09  # m
 
 
 def level_figure(results: Results) -> str:
-    """The strip as the gripper moves horizontally, the first state with a touch bold; SVG."""
+    """Figure (SVG) of the strip as the gripper moves level, the first touch bold."""
     found = evolution(results, LEVEL_MOTION)
     if found is None:
         return ""
     with canvas(PAGE_WIDTH, 2.7) as figure:
         axes = figure.add_subplot()
         desk(axes)
-        _shapes(axes, found, INK)
+        _draw_shapes(axes, found, INK)
         start, end = _mm(found.shapes[0])[-1], _mm(found.path)[-1]
-        axes.annotate("", _off(start, -110, 16), _off(start, 0, 16), arrowprops=_arrow(BLUE))
+        axes.annotate(
+            "", _offset_point(start, -110, 16), _offset_point(start, 0, 16), arrowprops=_arrow(BLUE)
+        )
         axes.plot(*end, "o", color=BLUE, ms=5)
         _labels(axes, top=end[1] + 32)
         return as_svg(figure)
 
 
 def policy_figure(results: Results) -> str:
-    """The strip under the learned policy, beside triangle and circle; SVG."""
+    """Figure (SVG) of the strip under the learned policy, beside triangle and circle."""
     found = evolution(results, "feedback")
     if found is None:
         return ""
     with canvas(PAGE_WIDTH, 4.4) as figure:
         axes = figure.add_subplot()
         desk(axes)
-        _references(axes)
-        _shapes(axes, found, INK)
+        _draw_references(axes)
+        _draw_shapes(axes, found, INK)
         axes.plot(*_mm(found.path).T, color=GREEN, lw=2.2, gid="gripper")
         axes.plot(*_mm(found.path)[-1], "o", color=GREEN, ms=5)
         _labels(axes)
@@ -55,14 +58,14 @@ def policy_figure(results: Results) -> str:
 
 
 def adaptation_figure(results: Results) -> str:
-    """The paths of the learned policy for strips of rising stiffness; SVG."""
+    """Figure (SVG) of the learned policy's paths for strips of rising stiffness."""
     found = next((r for r in results.results if isinstance(r, Adaptation)), None)
     if found is None:
         return ""
     with canvas(PAGE_WIDTH, 3.6) as figure:
         axes = figure.add_subplot()
         desk(axes)
-        _references(axes)
+        _draw_references(axes)
         shades = stiffness_colours(len(found.paths))
         for path, c, shade in zip(found.paths, found.bending_lengths, shades, strict=True):
             name = f"{1e3 * c:.1f}"
@@ -80,25 +83,25 @@ def adaptation_figure(results: Results) -> str:
 
 
 def measures_figure(results: Results) -> str:
-    """State and action in mid fold, and the lengths l1 and l2 at the touch; SVG."""
+    """Figure (SVG) of state and action in mid fold, and the lengths l1 and l2 at the touch."""
     found = evolution(results, "feedback")
     if found is None or found.touch_x is None or found.displacement is None:
         return ""
     with canvas(PAGE_WIDTH, 3.2) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
-        _state(left, found)
-        _lengths(right, found, found.touch_x, found.displacement)
+        _draw_state(left, found)
+        _draw_lengths(right, found, found.touch_x, found.displacement)
         right.set_ylabel("")
         return as_svg(figure)
 
 
 def evolution(results: Results, policy: str) -> Evolution | None:
-    """The evolution by `policy`, where it was measured."""
+    """The strip's measured evolution by `policy`; None where it is missing."""
     found = [r for r in results.results if isinstance(r, Evolution)]
     return next((r for r in found if r.policy == policy), None)
 
 
-def _shapes(axes: Any, found: Evolution, ink: str) -> None:
+def _draw_shapes(axes: Any, found: Evolution, ink: str) -> None:
     for shape in found.shapes[:-1]:
         axes.plot(*_mm(shape).T, color=MUTED, lw=0.8, alpha=0.75, gid="strip")
     axes.plot(*smooth(_mm(found.shapes[-1])).T, color=ink, lw=2.2, gid="strip, first touch")
@@ -115,7 +118,7 @@ def _shapes(axes: Any, found: Evolution, ink: str) -> None:
         )
 
 
-def _references(axes: Any) -> None:
+def _draw_references(axes: Any) -> None:
     for name, path in (
         ("triangular", triangular(STRIP_LENGTH)),
         ("circular", circular(STRIP_LENGTH)),
@@ -126,7 +129,7 @@ def _references(axes: Any) -> None:
                       color=colour(name), fontsize=8.5)  # fmt: skip
 
 
-def _state(axes: Any, found: Evolution) -> None:
+def _draw_state(axes: Any, found: Evolution) -> None:
     middle = len(found.shapes) // 3
     shape, phi = _mm(found.shapes[middle]), found.headings[middle]
     desk(axes)
@@ -149,9 +152,9 @@ def _state(axes: Any, found: Evolution) -> None:
     axes.set_title("state and action", fontsize=9, color=MUTED, loc="left")
 
 
-def _lengths(axes: Any, found: Evolution, touch_x: float, d: float) -> None:
+def _draw_lengths(axes: Any, found: Evolution, touch_x: float, d: float) -> None:
     shape = smooth(np.array(found.shapes[-1]))
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(shape, axis=0).T))])
+    s = arc_lengths(shape)
     upper = s[-1] - (d + touch_x)  # l1 = d + l2, and l2 is x where the lower layer lies flat
     desk(axes)
     axes.plot(*(1e3 * shape[s <= touch_x]).T, color=ORANGE, lw=2.6, gid="lower layer")
@@ -177,7 +180,7 @@ def _arrow(ink: str) -> dict[str, Any]:
     return {"arrowstyle": "-|>", "color": ink, "lw": 1.8, "shrinkA": 0, "shrinkB": 0}
 
 
-def _off(place: Array, right: float, up: float) -> Array:
+def _offset_point(place: Array, right: float, up: float) -> Array:
     return np.asarray(place + np.array([right, up]))
 
 

@@ -27,33 +27,33 @@ def photograph(results: Results) -> str:
     """
     for fold in results.repeats("feedback") or results.folds("feedback"):
         try:
-            return _draw(read_run(Path(fold.run)))
+            return _photograph_of(read_run(Path(fold.run)))
         except ConfigurationError:
             continue
     return ""
 
 
-def _draw(run: Run) -> str:
+def _photograph_of(run: Run) -> str:
     calibration, sights = run.calibration(), run.sights()
     notes = [n for n in run.frame_index() if n.file is not None and n.stamp > 0]
     if calibration is None or not notes or sights.stamp.size == 0:
         raise ConfigurationError(f"{run.folder}: keeps no images that could be shown")
     note = min(notes, key=lambda n: abs(n.stamp - PART * float(run.ticks.t[-1])))
-    image = _mark(_image(note), run, note, calibration)
+    image = _draw_measurements(_image(note), run, note, calibration)
     return jpeg_text(window_on(run.ticks, calibration).of(image), PICTURE_WIDTH)
 
 
-def _mark(image: Image, run: Run, note: FrameNote, calibration: Calibration) -> Image:
+def _draw_measurements(image: Image, run: Run, note: FrameNote, calibration: Calibration) -> Image:
     ticks, sights = run.ticks, run.sights()
     length = float(ticks.x[0])
     drawn = image.copy()
     for path in (triangular(length), circular(length)):
-        _line(drawn, calibration, path.at(np.linspace(0.0, path.length, 200)), BLACK_BGR, 2)
+        _draw_line(drawn, calibration, path.at(np.linspace(0.0, path.length, 200)), BLACK_BGR, 2)
     gripper = [np.interp(note.stamp, ticks.t, ticks.x), np.interp(note.stamp, ticks.t, ticks.z)]
-    _line(drawn, calibration, np.array([(length, 0.0), (0.0, 0.0)]), RED_BGR, 2)
+    _draw_line(drawn, calibration, np.array([(length, 0.0), (0.0, 0.0)]), RED_BGR, 2)
     row = int(np.argmin(np.abs(sights.stamp - note.stamp)))
-    _dot(drawn, calibration, np.array([sights.contact_x[row], 0.0]), GREEN_BGR)
-    _dot(drawn, calibration, np.array(gripper), BLUE_BGR)
+    _draw_dot(drawn, calibration, np.array([sights.contact_x[row], 0.0]), GREEN_BGR)
+    _draw_dot(drawn, calibration, np.array(gripper), BLUE_BGR)
     return drawn
 
 
@@ -63,7 +63,7 @@ def _image(note: FrameNote) -> Image:
     return decode(note.file)
 
 
-def _line(
+def _draw_line(
     image: Image, calibration: Calibration, points: Array, bgr: tuple[int, int, int], width: int
 ) -> None:
     import cv2
@@ -72,7 +72,9 @@ def _line(
     cv2.polylines(image, [pixels], False, bgr, width, cv2.LINE_AA, shift=3)
 
 
-def _dot(image: Image, calibration: Calibration, point: Array, bgr: tuple[int, int, int]) -> None:
+def _draw_dot(
+    image: Image, calibration: Calibration, point: Array, bgr: tuple[int, int, int]
+) -> None:
     import cv2
 
     if np.isfinite(point).all():

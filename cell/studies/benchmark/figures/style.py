@@ -7,6 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cell.report.drawing import INK, MUTED, RULE
+from drivers.geometry import arc_lengths
 from drivers.types import Array
 from policies.registry import look_of
 
@@ -25,7 +26,7 @@ def colour(policy: str) -> str:
 
 
 def dot(policy: str) -> dict[str, Any]:
-    """Marker of `policy`, for `plot`."""
+    """Marker of `policy`, for matplotlib's `plot`."""
     look = look_of(policy)
     return {
         "marker": look.marker,
@@ -37,7 +38,7 @@ def dot(policy: str) -> dict[str, Any]:
 
 
 def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
-    """One row for each policy, the first on top, its name in its colour; `foot` free rows below."""
+    """Set up a row for each policy, the first on top, in its colour; `foot` free rows below."""
     axes.set_yticks(range(len(policies)), policies)
     axes.set_ylim(len(policies) - 0.5 + foot, -0.5)
     axes.grid(visible=False, axis="y")
@@ -47,12 +48,12 @@ def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
 
 
 def zero(axes: Any) -> None:
-    """Draw the goal: aligned layers."""
+    """Draw the line of d = 0, aligned layers."""
     axes.axvline(0.0, color=INK, lw=0.8, zorder=1)
 
 
 def desk(axes: Any) -> None:
-    """Draw the desk and the fixed edge in a side view in millimetres."""
+    """Draw desk and fixed edge in a side view in millimetres."""
     axes.axhline(0.0, color=MUTED, lw=0.8, zorder=1)
     axes.plot(0, 0, "s", color=INK, ms=4, clip_on=False, zorder=5)
     axes.set_aspect("equal")
@@ -61,13 +62,13 @@ def desk(axes: Any) -> None:
 
 
 def smooth(shape: Array) -> Array:
-    """The curve (m, 2) through the nodes `shape` (n, 2) of a strip, dense enough to look at."""
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(shape, axis=0).T))])
+    """Dense curve (m, 2) through the nodes `shape` (n, 2) of a strip, for drawing."""
+    s = arc_lengths(shape)
     return np.asarray(CubicSpline(s, shape)(np.linspace(0.0, s[-1], CURVE_SAMPLES)))
 
 
 def stiffness_colours(count: int) -> list[Any]:
-    """Blue for the lowest stiffness to green for the highest, as in the paper."""
+    """Colours from blue for the lowest stiffness to green for the highest, as in the paper."""
     from matplotlib.colors import LinearSegmentedColormap
 
     scale = LinearSegmentedColormap.from_list("stiffness", STIFFNESS_COLOURS)

@@ -1,1 +1,1 @@
-"""Parts of a benchmark, each measured on its own."""
+"""Parts of a benchmark, each measured in a process of its own."""

@@ -1,4 +1,4 @@
-"""Dependence of a policy's path on the stiffness of the strip."""
+"""Benchmark part: dependence of a policy's path on the stiffness of the strip."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ DAMPING_SHARE = 0.3  # place in the paper's range
 
 @dataclass(frozen=True, slots=True)
 class Adapted:
-    """The paths of `policy` over the paper's range of stiffness."""
+    """Part with the paths of `policy` over the paper's range of stiffness."""
 
     policy: str
     speed: float

@@ -1,4 +1,4 @@
-"""Parts of a benchmark, from its specification."""
+"""Lists the parts of a benchmark from its specification."""
 
 import hashlib
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ PART_COST = 10.0
 
 @dataclass(frozen=True, slots=True)
 class ThroughImages:
-    """The fold of `request`; `of` is the digest of its input files."""
+    """Part with the fold of `request`; `of` is the digest of its input files."""
 
     request: Request
     of: str
@@ -38,12 +38,12 @@ class ThroughImages:
 
     @property
     def key(self) -> str:
-        """Strip, policy and seed, by which the part is kept."""
+        """Key with strip, policy and seed."""
         request = self.request
         return f"fold {request.strip} by {request.policy}, seed {request.choice.seed}"
 
     def measure(self) -> ImageFold:
-        """Fold, without a page: `cell report` draws it from the run."""
+        """Fold, without writing a page: `cell report` makes it from the run."""
         done = fold(self.request, page=False)
         strip = find_configs(self.request.configs).strip(self.request.strip)
         return ImageFold(
@@ -64,9 +64,9 @@ class ThroughImages:
 
 
 def order(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
-    """All parts of a benchmark by its `spec`, the longest first; runs go to `runs`."""
+    """All parts of a benchmark by its `spec`, the longest first; runs are written to `runs`."""
     speed = configs.cell().fold.speed
-    return (*_in_the_model(spec, speed), *_through_images(spec, configs, runs))
+    return (*_simulated_parts(spec, speed), *_image_parts(spec, configs, runs))
 
 
 def weights_digest(policy: str = "*") -> str:
@@ -76,7 +76,7 @@ def weights_digest(policy: str = "*") -> str:
     return digest(*(hashlib.sha256(path.read_bytes()).hexdigest() for path in files))
 
 
-def _in_the_model(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
+def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
     extent = spec.extent
     for policy in spec.policies:
         of = digest(code(), weights_digest(policy))
@@ -96,19 +96,19 @@ def _in_the_model(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
         yield Adapted(LEARNED, speed, of)
 
 
-def _through_images(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:
+def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:
     for strip in spec.strips:
         for policy in spec.policies:
-            yield _fold(spec, configs, runs, strip, policy, 0)
+            yield _fold_request(spec, configs, runs, strip, policy, 0)
     for policy in spec.policies:
         for repeat in range(1, spec.repeats):
-            yield _fold(spec, configs, runs, spec.repeated, policy, repeat)
+            yield _fold_request(spec, configs, runs, spec.repeated, policy, repeat)
 
 
-def _fold(
+def _fold_request(
     spec: BenchmarkSpec, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
 ) -> ThroughImages:
-    """The fold whose noise has the seed asked for plus `repeat`; the strip is always new."""
+    """Request of a fold, with noise of the benchmark's seed plus `repeat`; always a new strip."""
     request = Request(
         strip=strip,
         policy=policy,

@@ -1,4 +1,4 @@
-"""Critical points: gripper position at the first touch, over height and fabric."""
+"""Benchmark part: gripper position at the first touch, over height and fabric."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ DWELL_TIME = 3.0  # s at rest before it: three times the slowest fabric's retard
 
 @dataclass(frozen=True, slots=True)
 class Critical:
-    """Horizontal motion at `speed` [m/s], at each of `heights` [m], over stiffnesses x dampings."""
+    """Part: level motions at `speed` [m/s], at each of `heights` [m], stiffnesses x dampings."""
 
     speed: float
     heights: tuple[float, ...]

@@ -1,4 +1,4 @@
-"""Shapes of one strip during a fold, up to the touch."""
+"""Benchmark part: shapes of one strip during a fold, up to the touch."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ STRIP_PLACE = (0.4, 0.3)  # of the strip in the paper's range
 
 @dataclass(frozen=True, slots=True)
 class Evolved:
-    """Shapes of a strip of medium stiffness folded by `policy`, or by the horizontal motion."""
+    """Part: shapes of a strip of medium stiffness folded by `policy`, or level."""
 
     policy: str
     speed: float
@@ -39,8 +39,12 @@ class Evolved:
         return f"shapes under {self.policy} at {self.speed}"
 
     def measure(self) -> Evolution:
-        """Fold and return the shapes."""
-        seen = self._level() if self.policy == LEVEL_MOTION else self._fold()
+        """Fold, and return the shapes."""
+        seen = (
+            self._shapes_of_level_motion()
+            if self.policy == LEVEL_MOTION
+            else self._shapes_of_fold()
+        )
         return Evolution(
             policy=self.policy,
             bending_length=strip_at(*STRIP_PLACE).bending_length,
@@ -52,16 +56,16 @@ class Evolved:
             displacement=None if seen.touch is None else seen.touch.displacement,
         )
 
-    def _level(self) -> "_Seen":
+    def _shapes_of_level_motion(self) -> "_Shapes":
         strip = strip_at(*STRIP_PLACE)
         poses = level_motion(strip.length, LEVEL_HEIGHT, self.speed)
         t = np.arange(1.0, len(poses) + 1.0) * STEP
         model = describe(strip)
         motion = simulate(Rod(), model, t, poses, dt=STEP, shapes=True)
         path = motion.poses[:, :2]
-        return _Seen.of(motion.shapes, motion.contact_x, path, motion.touch, LEVEL_HEIGHT - 1e-9)
+        return _Shapes.of(motion.shapes, motion.contact_x, path, motion.touch, LEVEL_HEIGHT - 1e-9)
 
-    def _fold(self) -> "_Seen":
+    def _shapes_of_fold(self) -> "_Shapes":
         strip, recording = strip_at(*STRIP_PLACE), RecordingEngine(Rod(), shapes=True)
         folds = roll_out(
             knowing(self.policy, [strip]),
@@ -74,12 +78,12 @@ class Evolved:
         end = int(recording.frames[0])
         shapes = np.array(recording.midlines[:end])[:, 0]
         contacts = np.array(recording.contacts[:end])[:, 0]
-        return _Seen.of(shapes, contacts, folds.trace[:end, 0], folds.touch[0], TAKEOVER_HEIGHT)
+        return _Shapes.of(shapes, contacts, folds.trace[:end, 0], folds.touch[0], TAKEOVER_HEIGHT)
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
-    """Shapes (m, nodes, 2), contacts (m,), headings (m,) and the whole path (k, 2)."""
+class _Shapes:
+    """Recorded shapes (m, nodes, 2), contacts (m,), headings (m,) and the whole path (k, 2)."""
 
     shapes: Array
     contacts: Array
@@ -90,7 +94,7 @@ class _Seen:
     @classmethod
     def of(
         cls, shapes: Array, contacts: Array, path: Array, touch: Touch | None, height: float
-    ) -> "_Seen":
+    ) -> "_Shapes":
         """Shapes at equal times from where the gripper reaches `height` [m]."""
         begin = int(np.argmax(path[:, 1] >= height))
         chosen = np.unique(np.linspace(begin, len(shapes) - 1, SHAPE_COUNT).round().astype(int))

@@ -1,4 +1,4 @@
-"""A policy on strips with an effect that it does not know, in the rod."""
+"""Benchmark part: a policy on strips with an effect that it does not know, in the rod."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ FOLD_COST = 0.1  # of a fold; planning takes many
 
 @dataclass(frozen=True, slots=True)
 class HiddenEffect:
-    """`count` strips of the paper's range with `effect` at textile size, folded at `speed` [m/s].
+    """Part: `count` strips of the paper's range with `effect` at textile size, at `speed` [m/s].
 
     Every policy folds the same strips, observed as through images.
     """

@@ -1,4 +1,4 @@
-"""A strip folded, laid down and released: the shape whose height the paper calls h."""
+"""Benchmark part: a strip folded, laid down and released, whose height the paper calls h."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ HELD, RELEASED = 0.5, 1.5  # s of rest
 
 @dataclass(frozen=True, slots=True)
 class LaidDown:
-    """The strip at `stiffness`, a position in the paper's range from 0 to 1."""
+    """Part with the strip at `stiffness`, a position in the paper's range from 0 to 1."""
 
     stiffness: float
     of: str
@@ -41,18 +41,18 @@ class LaidDown:
         chain = Chain(LINKS)
         chain.reset([describe(strip)])
         path = raise_path(strip.length, float(plan([strip], SPEED)[0]))
-        touch, pose = _fold(chain, path)
+        touch, pose = _fold_and_lay(chain, path)
         end = np.array([touch.x - touch.to_grasped, strip.thickness, np.pi])
         steps = round(float(np.hypot(*(end - pose)[:2])) / LAY_SPEED / STEP)
         for share in np.linspace(0.0, 1.0, steps):
             chain.step((pose + share * (end - pose))[None], STEP)
-        _rest(chain, end, HELD)
+        _hold_still(chain, end, HELD)
         chain.release()
-        _rest(chain, end, RELEASED)
+        _hold_still(chain, end, RELEASED)
         return Laid(bending_length=strip.bending_length, shape=curve(chain.shapes()[0]))
 
 
-def _fold(chain: Chain, path: Path) -> tuple[Touch, Array]:
+def _fold_and_lay(chain: Chain, path: Path) -> tuple[Touch, Array]:
     for pose in path.poses(np.arange(STEP, path.length / SPEED, STEP) * SPEED):
         touch = chain.step(pose[None], STEP).touch[0]
         if touch is not None:
@@ -60,6 +60,6 @@ def _fold(chain: Chain, path: Path) -> tuple[Touch, Array]:
     raise CellError("the layers never met")
 
 
-def _rest(chain: Chain, pose: Array, seconds: float) -> None:
+def _hold_still(chain: Chain, pose: Array, seconds: float) -> None:
     for _ in range(round(seconds / STEP)):
         chain.step(pose[None], STEP)

@@ -1,4 +1,4 @@
-"""A policy over the paper's range of strips, with simulated observations, in either engine."""
+"""Benchmark part: a policy over the paper's range, simulated observations, either engine."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ STRIP_COST = {"rod": 0.03, "chain": 0.3}  # of a strip
 
 @dataclass(frozen=True, slots=True)
 class OverRange:
-    """A logarithmic grid of side x side strips with corners, folded at `speed` [m/s].
+    """Part with a logarithmic grid of side x side strips with corners, folded at `speed` [m/s].
 
     A policy that uses images gets late and noisy observations, as in training.
     """
@@ -46,7 +46,7 @@ class OverRange:
         return self.side**2 * STRIP_COST[self.engine] + folds * STRIP_COST["rod"]
 
     def measure(self) -> RangeFolds:
-        """Fold all strips."""
+        """Fold all strips of the grid."""
         strips = grid(self.side)
         recording = RecordingEngine(_engine(self.engine))
         folds = roll_out(
@@ -67,7 +67,7 @@ class OverRange:
 
 
 def knowing(policy: str, strips: Sequence[StripFile]) -> Policy:
-    """The policy by name; one that must know the strip before the fold is given each strip."""
+    """Policy by name; one that must know the strip before the fold is given each strip."""
     return Planned(strips) if policy == Planned.name else make_policy(policy, in_rod=True)
 
 

@@ -1,4 +1,4 @@
-"""Recording of an engine's observables at each decision of a fold."""
+"""Records an engine's observables at each decision of a fold."""
 
 from collections.abc import Sequence
 
@@ -27,15 +27,15 @@ class RecordingEngine:
         self._going: list[NDArray[np.bool_]] = []
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """Forwards to the engine."""
+        """Reset the wrapped engine."""
         self._engine.reset(models)
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """Forwards to the engine and records the step."""
+        """Step the wrapped engine and record the step."""
         return self.advance(poses[None], dt)
 
     def advance(self, poses: Array, dt: float) -> Observables:
-        """Forwards to the engine and records the last step."""
+        """Advance the wrapped engine and record the last step."""
         if isinstance(self._engine, Marching):
             seen = self._engine.advance(poses, dt)
         else:
@@ -49,11 +49,11 @@ class RecordingEngine:
         return seen
 
     def shapes(self) -> Array:
-        """Forwards to the engine."""
+        """Shapes of the wrapped engine."""
         return self._engine.shapes()
 
     def arc(self) -> Array:
-        """Forwards to the engine."""
+        """Arc lengths of the wrapped engine."""
         return self._engine.arc()
 
     @property

@@ -7,7 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from cell.gap.subject.strip.scope import candidate, file_values
-from cell.gap.subject.strip.simulation import LANE_COUNT, HashedModel, HashedPath, Job, _apart
+from cell.gap.subject.strip.simulation import (
+    LANE_COUNT,
+    HashedModel,
+    HashedPath,
+    Job,
+    _split_by_terms,
+)
 from cell.gap.subject.strip.subject import AGEING
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
@@ -33,7 +39,7 @@ def jobs(plain: int, rich: int) -> dict[bytes, Job]:
 
 def test_strips_that_need_further_terms_are_simulated_apart_from_plain_ones() -> None:
     wanted = jobs(plain=2 * LANE_COUNT, rich=LANE_COUNT)
-    parts = _apart(list(wanted), wanted)
+    parts = _split_by_terms(list(wanted), wanted)
     assert [len(part) for part in parts] == [LANE_COUNT, 2 * LANE_COUNT]
     for part in parts:
         assert len({needs_terms(wanted[key].model) for key in part}) == 1
@@ -42,7 +48,7 @@ def test_strips_that_need_further_terms_are_simulated_apart_from_plain_ones() ->
 
 def test_a_few_strips_do_not_make_a_batch_of_their_own() -> None:
     wanted = jobs(plain=2 * LANE_COUNT, rich=LANE_COUNT - 1)
-    assert _apart(list(wanted), wanted) == [list(wanted)]
+    assert _split_by_terms(list(wanted), wanted) == [list(wanted)]
 
 
 def test_only_what_ages_depends_on_the_number_of_the_run() -> None:

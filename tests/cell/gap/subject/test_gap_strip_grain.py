@@ -43,7 +43,7 @@ def grains(
     monkeypatch.setattr(prepare, "Simulation", simulation)
     folds = [folded("slips", samples), folded("lies", samples)]
     drives: Any = [SimpleNamespace(of=of, model=None) for of in ("slips", "lies")]
-    return prepare._grains(folds, drives, [np.zeros(samples), np.zeros(samples)], 1), asked
+    return prepare._grid_errors(folds, drives, [np.zeros(samples), np.zeros(samples)], 1), asked
 
 
 @pytest.mark.parametrize("finer", [0.1 * FLOOR, 1.1 * ASTRAY])

@@ -12,7 +12,7 @@ from cell.gap.subject.mechanism.terms import TERMS
 
 @cache
 def registry() -> Mapping[str, Effect]:
-    """Effects by name."""
+    """The library's effects of mechanisms by name."""
     modules = sorted(name for _, name, _ in pkgutil.iter_modules(__path__))
     effects = [importlib.import_module(f"{__name__}.{name}").EFFECT for name in modules]
     return {e.name: e for e in effects}
@@ -20,6 +20,6 @@ def registry() -> Mapping[str, Effect]:
 
 @cache
 def torques() -> Torques:
-    """The laws of all effects and terms, compiled together."""
+    """Torque laws of all effects and terms, compiled together."""
     every = [*registry().values(), *TERMS]
     return Torques([(e.name, e.law, e.keys) for e in every if e.law is not None])

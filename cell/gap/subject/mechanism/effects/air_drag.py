@@ -9,7 +9,7 @@ AIR = 1.2  # kg/m^3
 
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """A share of air's density; along the links of a chain, force by length and squared speed."""
+    """One parameter: a share of air's density, or a chain's force by length and speed squared."""
     if mechanism.mode == "planar":
         return single("coefficient", "kg/m^2", 0.01)
     return single("coefficient", "1", 0.02)

@@ -13,7 +13,7 @@ STRIBECK = 0.1  # of the typical rate, where a Stribeck peak begins
 
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Torques; along measured motion, where the load of a gear is known, its share of them too."""
+    """Friction torques of the joints; where the load of a gear is known, also its share."""
     torques = per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque)
     return torques + (_loads(mechanism) if mechanism.mode == "prescribed" else ())
 
@@ -24,7 +24,7 @@ def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Load, asymmetry and Stribeck peak; a pendulum's file has no keys for them."""
+    """Parameters of shape: load, asymmetry, Stribeck peak; none in a pendulum's file."""
     if mechanism.mode == "planar":
         return ()
     ones = np.ones(len(mechanism.joints))

@@ -14,7 +14,7 @@ from cell.gap.subject.mechanism.importer import import_table
 from cell.gap.subject.mechanism.subject import open_mechanism
 from cell.gap.subject.run_folders import find_runs, read_table
 from drivers.errors import ConfigurationError
-from tests.support.mechanisms import ARM, PRESCRIBED, make_arm
+from tests.support.mechanisms import ARM, FORWARD, PRESCRIBED, make_arm
 
 
 def line(folder: Path, *, file: dict[str, Any] | None = None, xml: str | None = None,
@@ -115,8 +115,6 @@ def test_a_broken_table_is_refused(tmp_path: Path, name: str) -> None:
 
 
 def test_a_model_that_explodes_is_refused(tmp_path: Path) -> None:
-    from tests.support.mechanisms import FORWARD
-
     text = line(tmp_path, xml=ARM.replace('kp="30"', 'kp="3e9"'), content=FORWARD)
     assert "explodes; make step smaller" in text
 
@@ -128,6 +126,14 @@ def test_a_million_rows_are_thinned(tmp_path: Path) -> None:
     pq.write_table(pa.table({"t": t, **columns}), runs / "00" / "signals.parquet")
     subject = open_mechanism(path, find_runs([runs]))
     assert max(len(run.samples) for run in subject.runs) < 4000
+
+
+def test_units_of_gaps_are_written_as_the_field_does_and_keys_stay(tmp_path: Path) -> None:
+    spec = {"joint": "elbow", "is": "velocity", "sigma": 0.01}
+    signals = {"elbow": FORWARD["signals"]["elbow"], "a2_torque": spec}
+    path, runs = make_arm(tmp_path, 2, span=0.5, content={**FORWARD, "signals": signals})
+    gaps = open_mechanism(path, find_runs([runs])).scope.quantities.values()
+    assert {q.key.rsplit("_")[-1]: q.unit for q in gaps} == {"mrad": "mrad", "mrads": "mrad/s"}
 
 
 def test_a_table_of_others_is_imported_by_its_mapping(tmp_path: Path) -> None:
