@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Literal
@@ -9,7 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from cell.gap.diagnosis.recorded import Complaint, complaints
+from cell.gap.diagnosis.recorded import complaints
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.projection import Projection, projection
 from cell.gap.fitting.starts import nominal
@@ -86,7 +87,7 @@ def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
                 tables[name] = read_table(run.path / name)
             except ConfigurationError:
                 continue
-        found += [_finding(run.name, complaint) for complaint in complaints(tables)]
+        found += [Finding(run=run.name, **asdict(each)) for each in complaints(tables)]
     return found
 
 
@@ -117,7 +118,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
         subject = open_subject(file, runs, jobs)
     except ConfigurationError as error:
         words, _, remedy = str(error).splitlines()[0].partition("; ")
-        found.append(_bad(words, remedy))
+        found.append(Finding(level="bad", what="unreadable", run="", words=words, remedy=remedy))
     else:
         found += [
             Finding(level="fair", what="run", run="", words=words, remedy="make it again")
@@ -131,7 +132,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
 def identifiable(subject: Subject) -> Iterator[Finding]:
     """What these motions cannot show, by the model's responses at the stated values."""
     stated = nominal(subject, subject.simulate)
-    sigma = np.sqrt(np.diag(normal_equations.covariance(stated.normal(1.0))))
+    sigma = np.sqrt(np.diag(normal_equations.covariance(stated.normal(1.0).curvature)))
     for p, s in zip(subject.scope.base, sigma, strict=False):
         if s > WEAK * p.spread:
             yield Finding(
@@ -164,14 +165,3 @@ def _largest(about: Projection, probed: Probed) -> Array:
     ways = np.concatenate([group[:, :1] for group in probed.responses[1:]], axis=1)
     left = about.left(ways)
     return np.asarray(left[:, int(np.argmax(np.linalg.norm(left, axis=0)))])
-
-
-def _bad(words: str, remedy: str) -> Finding:
-    return Finding(level="bad", what="unreadable", run="", words=words, remedy=remedy)
-
-
-def _finding(run: str, complaint: Complaint) -> Finding:
-    return Finding(
-        level=complaint.level, what=complaint.what, run=run, words=complaint.words,
-        remedy=complaint.remedy,
-    )  # fmt: skip

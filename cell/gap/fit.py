@@ -41,7 +41,7 @@ Overlay = Callable[[Findings, Verdict, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
 Effects = dict[str, dict[str, float]]
-ENGINE_VERSION = "32"  # of the engine: another one starts anew
+ENGINE_VERSION = "33"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:

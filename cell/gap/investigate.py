@@ -1,15 +1,14 @@
 """The whole investigation, stage by stage, for any subject."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 from scipy import special
 
 from cell.gap.diagnosis import lack_of_fit
 from cell.gap.diagnosis.detection_limit import detectable
-from cell.gap.diagnosis.drift import drift
+from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.localise import localise
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
@@ -25,7 +24,7 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import (
     ALPHA,
     LikelihoodScale,
-    holm,
+    family_wise,
     likelihood_scale,
     margin,
 )
@@ -34,9 +33,9 @@ from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranked_pairs, ranking, table
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
-from cell.gap.verdict.decide import has_unexplained_part, in_doubt, kind
+from cell.gap.verdict.decide import in_doubt, kind
 from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
-from cell.gap.verdict.judge import chosen, fit_rest_law, judge, show
+from cell.gap.verdict.judge import chosen, judge, show
 from cell.gap.verdict.offered_law import Names, offered_law
 
 Progress = Callable[[str, float], None]
@@ -55,24 +54,16 @@ def investigate(
     fitted = _fit_base(subject, whole, simulate, rng)
     progress("screen the candidates", 0.12)
     screened = _screen(subject, fitted, simulate)
-    progress("refit the best", 0.25)
-    fits = _refit_singles(subject, fitted, screened, simulate)
-    beside = _scatter_beside(fits, fitted, whole, simulate)
-    if beside is not None:
-        progress("begin anew with what differs from run to run", 0.35)
-        again = with_scatter(fitted.base.estimate, beside, whole)
-        fitted = _judged_base(subject, again, beside, simulate, rng)
-        screened = _score_candidates(subject, fitted, screened.probed)
-        begun = search.singles_with_scatter(fits, subject.scope.candidates, beside, whole)
-        fits = _refit_singles(subject, fitted, screened, simulate, begun)
-    fits = _refit_further(subject, fitted, fits, screened, simulate, progress)
-    better = search.better_base(simulate, fits)
-    if better is not None:
-        progress("begin anew from a better base", 0.5)
-        fitted = _judged_base(subject, better, fitted.scatter, simulate, rng)
-        screened = _screen(subject, fitted, simulate)
-        fits = _refit_singles(subject, fitted, screened, simulate)
-        fits = _refit_further(subject, fitted, fits, screened, simulate, progress)
+    fits = Fits((fitted.base,))
+    for refit_more, share in ((_refit_singles, 0.4), (_refit_further, 0.75)):
+        known = fits.best  # what is better says more of the base, and of how runs differ
+        fits = refit_more(subject, fitted, fits, screened, simulate, progress)
+        beside = _beside(fits, fitted, whole, simulate) if fits.best is not known else None
+        if beside is not None:
+            progress("refit the base beside the best", share)
+            fitted = _judged_base(subject, *beside, simulate, rng)
+            screened = _score_candidates(subject, fitted, screened.probed)
+            fits = search.beside_base(simulate, fits, fitted.base, fitted.scatter, whole)
     progress("judge", 0.8)
     believed = subject.scope.believed
     sets = posterior(fits, screened.probed, fits.scale, believed=believed)
@@ -89,9 +80,6 @@ def investigate(
         subject, tuple(held_out), fitted, screened, choice, sets, judged, shown, advised
     )
     which = kind(found)
-    if has_unexplained_part(found, which):
-        law = fit_rest_law(subject, choice, simulate, rng)
-        found = replace(found, judged=replace(judged, law=law))
     if which == "no_gap" or (which == "named" and not in_doubt(found)):
         return found
     names = Names(choice.accepted, choice.by, which == "named", is_exhausted(choice.fits))
@@ -118,14 +106,11 @@ def _judged_base(
 ) -> Fitted:
     """The base refitted finely from `rough`, and what it leaves beyond noise, scatter, repeats."""
     base = refit_base_fine(subject, simulate, rough)
-    change = drift(base)
-    inflation = change.inflation if change is not None else lack_of_fit.pure_error(base)
-    noise = lack_of_fit.noise_left(projection(base, robustly=False), rng)
-    allowed = lack_of_fit.slack(base.evidence, inflation, {})
+    repeats, noise = Repeats.of(base), lack_of_fit.noise_left(base, rng)
+    allowed = lack_of_fit.slack(base.evidence, repeats.inflation)
     return Fitted(
         run_one(simulate, validate(base)),
-        inflation,
-        change,
+        repeats,
         lack_of_fit.lack_of_fit(base, noise, allowed),
         tuple(localise(base, noise, allowed)),
         tuple(weak_directions(base)),
@@ -173,52 +158,50 @@ def _screened_p(
 ) -> dict[str, float]:
     """Likelihood-ratio probabilities of the linear screen, family-wise over the library."""
     size = {c.name: len(c.parameters) for c in subject.scope.candidates}
-    raw = {s.names[0]: special.chdtrc(size[s.names[0]], 2.0 * s.gain / by.inefficiency)
-           for s in singles}  # fmt: skip
-    names = list(size)
-    adjusted = holm([float(raw.get(name, 1.0)) for name in names])
-    return dict(zip(names, adjusted, strict=True))
+    raw = {
+        s.names[0]: float(special.chdtrc(size[s.names[0]], 2.0 * s.gain / by.inefficiency))
+        for s in singles
+    }
+    return family_wise(raw, list(size))
 
 
-def _scatter_beside(
+def _beside(
     fits: Fits, fitted: Fitted, whole: Evidence, simulate: Simulate
-) -> tuple[Spread, ...] | None:
-    """Spreads beside the best single effect, where they differ clearly from those at the base.
+) -> tuple[Estimate, tuple[Spread, ...]] | None:
+    """The base and the spreads as they are beside the best model, where either is another one.
 
-    A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it.
+    A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it,
+    and may have stopped in a local minimum.
     """
-    singles, by = fits.of_size(1), fits.scale
-    if not singles or margin(singles[0], fits.base, by).gain < by.least:
+    best, by = fits.best, fits.scale
+    if margin(best, fits.base, by).gain < by.least:
         return None
-    best = singles[0]
     found = estimate_spreads(simulate, best.estimate, whole)
+    better = search.better_base(simulate, fits)
     before, now = ({s.name: s.value for s in some} for some in (fitted.scatter, found))
-    return found if clearly_differ(before, now) else None
+    if better is None and not clearly_differ(before, now):
+        return None
+    return with_scatter(better or fits.base.estimate, found, whole), found
 
 
 def _refit_singles(
     subject: Subject,
     fitted: Fitted,
+    fits: Fits,
     screened: Screened,
     simulate: Simulate,
-    begun: Mapping[str, Estimate] = MappingProxyType({}),
+    progress: Progress,
 ) -> Fits:
-    """The base and the most promising single effects, where any effect could be earned.
-
-    Those `begun` are fitted from there.
-    """
+    """The most promising single effects beside the base, where any effect could be earned."""
+    progress("refit the best", 0.25)
     base, candidates = fitted.base, subject.scope.candidates
     by = likelihood_scale([base])
     least = by.least * by.inefficiency
-    fits = Fits((base,))
     promising = any(s.gain > least for s in screened.singles)
     if not (promising or fitted.doubted or ranked_pairs(screened.known, 1, least)):
         return fits
-    singles = [
-        Score(s.names, s.gain, {}, after=begun[s.names[0]]) if s.names[0] in begun else s
-        for s in screened.singles[: search.BUDGET.singles]
-    ]
-    fits = fits.merge(search.fit_scores(simulate, base.estimate, singles, candidates))
+    singles = screened.singles[: search.BUDGET.singles]
+    fits = search.fit_scores(simulate, fits, singles, candidates)
     fits = fits.merge(search.other_sign(simulate, fits, singles))
     if not is_exhausted(fits):
         fits = fits.merge(search.shape_parameters(simulate, fits))
@@ -235,50 +218,38 @@ def _refit_further(
 ) -> Fits:
     """Other single effects and then larger models, where the best leave something to find."""
     base, candidates = fits.base.estimate, subject.scope.candidates
-
-    def fit_and_merge(fits: Fits, scores: Sequence[Score]) -> Fits:
-        known = search.with_shape_parameters(candidates, fits)
-        return fits.merge(search.fit_scores(simulate, base, scores, known, fits))
-
-    def more(fits: Fits, size: int) -> Fits:
-        known = search.with_shape_parameters(candidates, fits)
-        return fit_and_merge(fits, search.extensions(simulate, fits, size, known, screened.probed))
-
     if len(fits.models) == 1 or is_exhausted(fits):
         return fits
     unnamed = fitted.doubted and not choose(fits).accepted.model.effects
     if not unnamed and not _leaves_more(fits, anywhere=True):
         return fits
-    progress("refit other single effects", 0.4)
+    progress("refit other single effects", 0.45)
     others = [
         s for s in screened.singles[: search.BUDGET.looked] if fits.of(frozenset(s.names)) is None
     ]
-    fits = fit_and_merge(
-        fits, search.shortlist(simulate, base, others, candidates, search.BUDGET.further)
-    )
+    others = search.shortlist(simulate, base, others, candidates, search.BUDGET.further)
+    fits = search.fit_scores(simulate, fits, others, candidates)
     if is_exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits
-    progress("refit pairs", 0.45)
+    progress("refit pairs", 0.5)
     screened_pairs = ranked_pairs(screened.known, search.BUDGET.sifted)
     pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.BUDGET.pairs)
-    fits = more(fit_and_merge(fits, pairs), 1)
+    fits = search.fit_scores(simulate, fits, pairs, candidates)
+    fits = search.extend(simulate, fits, 1, candidates, screened.probed)
     pair = len(choose(fits).accepted.model.effects) == 2
     if pair and not is_exhausted(fits) and _leaves_more(fits, anywhere=False):
         progress("refit triples", 0.7)
-        fits = more(fits, 2)
-    fits = fit_and_merge(fits, search.without_each(fits))
-    known = search.with_shape_parameters(candidates, fits)
-    return fit_and_merge(fits, search.substitutes(simulate, fits, known))
+        fits = search.extend(simulate, fits, 2, candidates, screened.probed)
+    fits = search.fit_scores(simulate, fits, search.without_each(fits), candidates)
+    others = search.substitutes(simulate, fits, candidates)
+    return search.fit_scores(simulate, fits, others, candidates)
 
 
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:
     """Whether the best model leaves more than noise: overall, or `anywhere`."""
     best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
-    change = drift(best)
-    inflation = change.inflation if change is not None else lack_of_fit.pure_error(best)
-    rng = np.random.default_rng(1)
-    noise = lack_of_fit.noise_left(projection(best, robustly=False), rng)
-    allowed = lack_of_fit.slack(best.evidence, inflation, {})
-    if lack_of_fit.lack_of_fit(best, noise, allowed).p < ALPHA:
+    noise = lack_of_fit.noise_left(best, np.random.default_rng(1))
+    allowed = lack_of_fit.slack(best.evidence, Repeats.of(best).inflation)
+    if lack_of_fit.lack_of_fit(best, noise, allowed) < ALPHA:
         return True
     return anywhere and any(place.p < ALPHA for place in localise(best, noise, allowed))

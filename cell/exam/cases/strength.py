@@ -135,8 +135,7 @@ class Ruler:
                 strict=True,
             )
         ]
-        square = held_out_gap.run_squares(replace(self._estimate, residuals=tuple(noisy)))
-        return float(held_out_gap.excess(square))
+        return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
 
     def share(self, path: Path, target: float) -> float | None:
         """Share of `path` at which the gap is `target`; None where it is never reached."""

@@ -14,7 +14,7 @@ from cell.gap.fitting.projection import projection
 from cell.gap.fitting.scatter import with_spreads
 from cell.gap.fitting.spreads import spreads
 from cell.gap.fitting.tasks import Simulate, run_all
-from cell.gap.selection.origins import with_effects
+from cell.gap.selection.score import with_effects
 from cell.gap.selection.screening import probe, ranking, table
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
@@ -92,6 +92,4 @@ def _refit(simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Ar
 
 
 def _excess(simulate: Simulate, fit: Estimate, test: Evidence) -> float:
-    return float(
-        held_out_gap.excess(held_out_gap.run_squares(held_out_gap.unseen(simulate, fit, test)))
-    )
+    return held_out_gap.excess_of(held_out_gap.unseen(simulate, fit, test))

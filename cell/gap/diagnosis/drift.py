@@ -1,18 +1,21 @@
-"""Does the specimen change from run to run: base parameters that drift with the run's index."""
+"""Do repeats differ, and by a drift: base parameters that change with the run's index."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy import special
 
-from cell.gap.diagnosis import lack_of_fit
+from cell.gap.diagnosis.lack_of_fit import pure_error
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection, stacked_jacobian
 from cell.gap.selection.likelihood import ALPHA
 from cell.gap.subject.subject import Run
 from drivers.types import Array
+
+UNSTEADY = 3.0  # times the stated noise by which repeats may differ; set by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,32 @@ class Drift:
         return self.p < ALPHA and max(self.scatter.values(), default=1.0) > 1.0
 
 
+@dataclass(frozen=True, slots=True)
+class Repeats:
+    """How the runs of one condition differ: by a `drift`, None where none was repeated, and by an
+    `inflation` of the stated noise, by channel.
+    """
+
+    drift: Drift | None
+    inflation: dict[str, float]
+
+    @classmethod
+    def of(cls, estimate: Estimate) -> Self:
+        """Repeats as a fit leaves them; a drift is taken out of their noise."""
+        change = drift(estimate)
+        return cls(change, pure_error(estimate) if change is None else change.inflation)
+
+    @property
+    def differ(self) -> bool:
+        """Whether they differ so much, for no reason, that the stated noise means little."""
+        return max(self.inflation.values(), default=1.0) > UNSTEADY
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the specimen changes from run to run in another way than the model says."""
+        return self.drift is not None and self.drift.real
+
+
 def drift(estimate: Estimate) -> Drift | None:
     """The drift of the base between repeats, or None where no condition was repeated.
 
@@ -48,18 +77,17 @@ def drift(estimate: Estimate) -> Drift | None:
     about = projection(estimate)
     count = len(estimate.shared)
     owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
-    columns = stacked_jacobian(estimate)[:, :count] * later[owner][:, None]
-    columns = about.weigh(columns)
+    columns = about.weigh(stacked_jacobian(estimate)[:, :count] * later[owner][:, None])
     form = about.form(columns)
-    free = np.full(count, np.inf)
-    limits = normal_equations.Bounds(-free, free, np.zeros(count), np.zeros(count))
-    rates = normal_equations.bounded_step(form, np.zeros(count), limits)
+    nothing, free = np.zeros(count), np.full(count, np.inf)
+    limits = normal_equations.Bounds(-free, free, nothing, nothing)
+    rates = normal_equations.bounded_step(form, nothing, limits)
     corrected = (about.residual + about.left(columns) @ rates) / about.weight
     parts = np.split(corrected, np.cumsum([len(r) for r in estimate.residuals])[:-1])
-    inflation = lack_of_fit.pure_error(estimate, parts, spent=count)
+    inflation = pure_error(estimate, parts, spent=count)
     unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
     p = float(special.chdtrc(count, 2.0 * normal_equations.decrease(form, rates) / unit))
-    return Drift(_words(estimate, form), p, lack_of_fit.pure_error(estimate), inflation)
+    return Drift(_words(estimate, form), p, pure_error(estimate), inflation)
 
 
 def _later(runs: Sequence[Run]) -> Array:

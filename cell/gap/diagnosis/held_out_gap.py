@@ -33,20 +33,13 @@ def unseen(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> Estima
 
 def rms(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
     """Root mean square gap by quantity as shown, of readings, runs with equal weight."""
-    squares: dict[str, list[float]] = defaultdict(list)
-    for run, raw in zip(estimate.evidence.runs, estimate.raw, strict=True):
-        for name, found in _by_word(run.samples.quantity, raw.square).items():
-            squares[name].append(found)
-    return _display_gaps(squares, quantities)
+    return _display_gaps(estimate.evidence, [raw.square for raw in estimate.raw], quantities)
 
 
 def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, float]:
     """What a perfect model would leave: the noise of the readings."""
-    squares: dict[str, list[float]] = defaultdict(list)
-    for run in evidence.runs:
-        for name, found in _by_word(run.samples.quantity, run.samples.reading**2).items():
-            squares[name].append(found)
-    return _display_gaps(squares, quantities)
+    readings = [run.samples.reading**2 for run in evidence.runs]
+    return _display_gaps(evidence, readings, quantities)
 
 
 def _by_word(words: Words, square: Array) -> dict[str, float]:
@@ -60,8 +53,12 @@ def _by_word(words: Words, square: Array) -> dict[str, float]:
 
 
 def _display_gaps(
-    squares: Mapping[str, Sequence[float]], quantities: Mapping[str, Quantity]
+    evidence: Evidence, each: Sequence[Array], quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
+    squares: dict[str, list[float]] = defaultdict(list)
+    for run, square in zip(evidence.runs, each, strict=True):
+        for name, found in _by_word(run.samples.quantity, square).items():
+            squares[name].append(found)
     return {
         quantities[name].key: quantities[name].factor * float(np.sqrt(np.mean(values)))
         for name, values in squares.items()
@@ -82,16 +79,22 @@ def excess(squares: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-1) - 1.0, 0.0)))
 
 
+def excess_of(estimate: Estimate) -> float:
+    """The excess gap that a fit leaves."""
+    return float(excess(run_squares(estimate)))
+
+
 def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
     """The gap by quantity as shown, and its excess."""
-    return {**rms(estimate, quantities), "excess": float(excess(run_squares(estimate)))}
+    return {**rms(estimate, quantities), "excess": excess_of(estimate)}
 
 
-def shrink(before: Array, after: Array, rng: np.random.Generator) -> Shrink:
-    """1 - excess after / before of run squares (R,), with a bootstrap over runs (Efron 1979)."""
-    drawn = rng.integers(0, len(before), (DRAWS, len(before)))
-    value = float(_share(before, after))
-    shares = _share(before[drawn], after[drawn])
+def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:
+    """1 - excess after / before of the same runs, with a bootstrap over runs (Efron 1979)."""
+    was, now = run_squares(before), run_squares(after)
+    drawn = rng.integers(0, len(was), (DRAWS, len(was)))
+    value = float(_share(was, now))
+    shares = _share(was[drawn], now[drawn])
     low, high = np.quantile(shares, [0.025, 0.975])
     return Shrink(value, float(low), float(high))
 

@@ -18,14 +18,11 @@ DRIFT = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Invariance:
-    """Amplitudes of an effect relative to its fitted one, by condition or phase (`p`: all equal).
-
-    `drift` is their scatter beyond what noise explains.
+    """Whether the amplitude of an effect is the same in all conditions, or phases: the probability
+    `p` that it is, and its relative scatter beyond what noise explains, the `drift`.
     """
 
     effect: str
-    amplitudes: dict[str, float]
-    errors: dict[str, float]
     p: float
     drift: float
 
@@ -61,8 +58,6 @@ def invariance(
     p = float(special.chdtrc(freedom, statistic)) if len(conditions) > 1 else 1.0
     return Invariance(
         effect,
-        {c: float(1.0 + a) for c, a in zip(conditions, amounts, strict=True)},
-        {c: float(e) for c, e in zip(conditions, errors, strict=True)},
         p,
         _scatter(amounts, form.curvature / by.inefficiency) if phases else _drift(amounts, errors),
     )

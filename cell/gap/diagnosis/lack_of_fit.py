@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from scipy import special
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence
-from cell.gap.fitting.projection import Projection
+from cell.gap.fitting.projection import projection
 from cell.gap.subject.subject import Run
 from drivers.types import Array
 
@@ -83,50 +84,38 @@ def _rows_by_bin(run: Run) -> dict[tuple[str, str, str, int], list[int]]:
     return rows
 
 
-@dataclass(frozen=True, slots=True)
-class Misfit:
-    """Lack of fit: probability under noise alone, and by channel the mean square of its worst
-    condition in units of it.
-    """
-
-    p: float
-    square: dict[str, float]
-
-
-def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> Misfit:
-    """Largest standardised mean square over channels and conditions against bootstrapped noise.
+def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> float:
+    """Probability under noise alone of the largest standardised mean square over channels and
+    conditions.
 
     `noise` (N, draws) are residuals that noise alone would leave (`noise_left`); `allowed` (N,)
     divides the residuals first (`slack`); a wild one counts as much as the fit lets it count.
     """
     r = robust.clip_residuals(np.concatenate(estimate.residuals) / allowed)
     rows = _groups(estimate)
-    found = np.array([np.mean(r[i] ** 2) for i in rows.values()])
-    drawn = np.array([np.mean(noise[i] ** 2, axis=0) for i in rows.values()])
+    found = np.array([np.mean(r[i] ** 2) for i in rows])
+    drawn = np.array([np.mean(noise[i] ** 2, axis=0) for i in rows])
     mean, spread = drawn.mean(axis=1, keepdims=True), drawn.std(axis=1, keepdims=True) + 1e-12
     worst = float(((found[:, None] - mean) / spread).max())
     null = ((drawn - mean) / spread).max(axis=0)
-    p = (1.0 + float((null >= worst).sum())) / (1.0 + len(null))
-    square: dict[str, float] = defaultdict(float)
-    for (channel, _), f, m in zip(rows, found, mean[:, 0], strict=True):
-        square[channel] = max(square[channel], float(f / m))
-    return Misfit(p, dict(square))
+    return (1.0 + float((null >= worst).sum())) / (1.0 + len(null))
 
 
-def _groups(estimate: Estimate) -> dict[tuple[str, str], NDArray[np.int64]]:
+def _groups(estimate: Estimate) -> list[NDArray[np.int64]]:
     """Samples of each channel in each condition."""
     runs = estimate.evidence.runs
     channel = np.concatenate([run.samples.channel for run in runs])
     condition = np.concatenate([np.full(len(run.samples), run.condition) for run in runs])
     keys = sorted(set(zip(channel.tolist(), condition.tolist(), strict=True)))
-    return {k: np.flatnonzero((channel == k[0]) & (condition == k[1])) for k in keys}
+    return [np.flatnonzero((channel == c) & (condition == of)) for c, of in keys]
 
 
-def noise_left(about: Projection, rng: np.random.Generator) -> Array:
+def noise_left(estimate: Estimate, rng: np.random.Generator) -> Array:
     """Residuals (N, draws) that unit noise, and what differs from run to run, leave after a fit.
 
     Parametric bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
     """
+    about = projection(estimate, robustly=False)
     noise = rng.standard_normal((len(about.residual), TESTING.draws))
     if about.scatter.shape[1]:
         noise += about.scatter @ rng.standard_normal((about.scatter.shape[1], TESTING.draws))
@@ -134,7 +123,9 @@ def noise_left(about: Projection, rng: np.random.Generator) -> Array:
 
 
 def slack(
-    evidence: Evidence, inflation: Mapping[str, float], tolerance: Mapping[str, float]
+    evidence: Evidence,
+    inflation: Mapping[str, float],
+    tolerance: Mapping[str, float] = MappingProxyType({}),
 ) -> Array:
     """Factor (N,) on the scale of each sample that allows for more than its stated noise.
 

@@ -1,8 +1,10 @@
-"""Where simulation and measurement disagree: bins of channel, phase, zone and condition."""
+"""Where simulation and measurement disagree, by itself or in the way of an effect: bins of
+channel, phase, zone and condition.
+"""
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,7 +40,7 @@ def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
     statistic over all bins (Westfall and Young 1993, single-step max-T).
     """
     r = np.concatenate(estimate.residuals) / allowed
-    bins = rows_by_bin(estimate)
+    bins = _rows_by_bin(estimate)
     rows = list(bins.values())
     whole, drawn = _statistics(r, rows, noise)
     tame, _ = _statistics(robust.clip_residuals(r), rows, noise)
@@ -51,9 +53,9 @@ def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
 
 def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Array, Array]:
     """Of each bin the stronger statistic, and of each draw the strongest of all bins."""
-    signed = standardise(np.array([r[i].sum() for i in rows]),
+    signed = _standardise(np.array([r[i].sum() for i in rows]),
                            np.array([noise[i].sum(axis=0) for i in rows]))  # fmt: skip
-    energy = standardise(
+    energy = _standardise(
         np.sqrt([2.0 * (r[i] ** 2).sum() for i in rows]),
         np.sqrt([2.0 * (noise[i] ** 2).sum(axis=0) for i in rows]),
     )
@@ -61,13 +63,13 @@ def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Arra
     return np.where(np.abs(signed[0]) >= energy[0], signed[0], energy[0]), largest
 
 
-def standardise(found: Array, drawn: Array) -> tuple[Array, Array]:
+def _standardise(found: Array, drawn: Array) -> tuple[Array, Array]:
     """Statistics (k,) and draws of them (k, draws), both in standard deviations of the draws."""
     mean, spread = drawn.mean(axis=1), drawn.std(axis=1) + 1e-12
     return (found - mean) / spread, (drawn - mean[:, None]) / spread[:, None]
 
 
-def rows_by_bin(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]]:
+def _rows_by_bin(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]]:
     """Samples of each bin that has enough of them, by channel, phase, zone and condition."""
     bins: dict[tuple[str, str, str, str], list[int]] = defaultdict(list)
     at = 0
@@ -78,3 +80,54 @@ def rows_by_bin(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]
             bins[key].append(at + i)
         at += len(s)
     return {key: rows for key, rows in bins.items() if len(rows) >= FEWEST_SAMPLES}
+
+
+def shown_places(
+    base: Estimate, fitted: Estimate, others: Sequence[Estimate], noise: Array, allowed: Array
+) -> list[Bin]:
+    """All bins, strongest first, by how well the base's residuals there match what the model
+    `fitted` adds.
+
+    Each sample counts by what the model says otherwise than the base (matched filter), against
+    `noise` (N, draws), divided by what is `allowed` (N,) beyond it. The model was chosen in sight
+    of the residuals, so that a draw counts by its strongest bin under the response of any of the
+    models tried, this one and `others`, with either sign (Westfall and Young 1993).
+    """
+    r = np.concatenate(base.residuals)
+    weight = (r - np.concatenate(fitted.residuals)) / allowed
+    bins = _rows_by_bin(base)
+    rows = list(bins.values())
+    found, drawn = _match_sums(robust.clip_residuals(r / allowed), weight, rows, noise)
+    largest = np.abs(drawn).max(axis=0)
+    for other in others:
+        tried = (r - np.concatenate(other.residuals)) / allowed
+        largest = np.maximum(largest, np.abs(_match_sums(r, tried, rows, noise)[1]).max(axis=0))
+    places = []
+    for (key, at), z in zip(bins.items(), found, strict=True):
+        p = (1.0 + float((largest >= z).sum())) / (1.0 + len(largest))
+        side = 1.0 if weight[at].sum() >= 0.0 else -1.0
+        places.append(Bin(*key, side * float(z), p))
+    return sorted(places, key=lambda place: (place.p, -abs(place.z)))
+
+
+def surer_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
+    """Each bin by the surer of two tests, strongest first; probabilities allow for both."""
+    if not by_effect:
+        return list(by_itself)
+    other = {_key(b): b for b in by_effect}
+    surer = [min(b, other[_key(b)], key=lambda one: one.p) for b in by_itself]
+    both = [replace(b, p=min(1.0, 2.0 * b.p)) for b in surer]
+    return sorted(both, key=lambda place: -abs(place.z))
+
+
+def _key(b: Bin) -> tuple[str, str, str, str]:
+    return b.channel, b.phase, b.zone, b.condition
+
+
+def _match_sums(
+    r: Array, weight: Array, rows: Sequence[list[int]], noise: Array
+) -> tuple[Array, Array]:
+    """Standardised sums over bins of `r` (N,) and of `noise` (N, draws), both weighted (N,)."""
+    return _standardise(
+        np.array([r[i] @ weight[i] for i in rows]), np.array([weight[i] @ noise[i] for i in rows])
+    )

@@ -1,18 +1,22 @@
-"""The next experiment: which run separates two explanations best for its time."""
+"""What separates two explanations: the next experiment, or runs that repeat better."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
+from cell.gap.fitting.model import Model, Point, evidence, requests, response, unknowns
+from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.secants import linearise
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Experiment
 from drivers.types import Array
+
+REMEDY_SHARE = 0.5  # of a spread from run to run, that a remedy would leave; set by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +56,9 @@ def advise(
     known = _information(first)
     found = []
     for i, experiment in enumerate(experiments):
-        response = np.nan_to_num((other[i].mean - raw[i].mean) / planned.scales[i])
-        sigma = _separation(response, jacobians[i], known, planned, i)
+        moved = np.nan_to_num((other[i].mean - raw[i].mean) / planned.scales[i])
+        own = np.diag([p.spread**-2 for p in planned.runs[i].local])
+        sigma = float(np.sqrt(max(0.0, _square(moved, jacobians[i], block_diag(known, own)))))
         pair = (first.model.name, model.name)
         found.append(Advice(experiment, pair, sigma / by.scale / by.inefficiency**0.5))
     return sorted(found, key=lambda a: -a.rate)
@@ -62,18 +67,50 @@ def advise(
 def _information(estimate: Estimate) -> Array:
     """What the runs so far and the priors say of the shared parameters: inverse covariance."""
     count = len(estimate.shared)
-    spread = normal_equations.covariance(estimate.normal())[:count, :count]
+    spread = normal_equations.covariance(estimate.normal().curvature)[:count, :count]
     return np.asarray(np.linalg.pinv(spread, hermitian=True))
 
 
-def _separation(response: Array, jacobian: Array, known: Array, planned: Evidence, i: int) -> float:
-    """Length of the response that neither shared nor own unknowns can absorb [sigma]."""
-    size = jacobian.shape[1]
-    curvature = jacobian.T @ jacobian
-    curvature[: len(known), : len(known)] += known
-    own = [p.spread**-2 for p in planned.runs[i].local]
-    curvature[len(known) :, len(known) :] += np.diag(own)
-    inverse = normal_equations.covariance(normal_equations.Normal(np.zeros(size), curvature))
-    back = jacobian.T @ response
-    square = float(response @ response) - float(back @ inverse @ back)
-    return float(np.sqrt(max(0.0, square)))
+def _square(moved: Array, jacobian: Array, prior: Array) -> float:
+    """Squared length of a response (N,) that unknowns with a `prior` (size, size), an inverse
+    covariance, do not absorb.
+    """
+    inverse = normal_equations.covariance(jacobian.T @ jacobian + prior)
+    back = jacobian.T @ moved
+    return float(moved @ moved) - float(back @ inverse @ back)
+
+
+@dataclass(frozen=True, slots=True)
+class Steadier:
+    """By how many sigma the runs made so far would separate two explanations more, had the
+    quantity `name` differed from run to run by half as much.
+    """
+
+    name: str
+    sigma: float
+
+
+def steadier(
+    first: Estimate, second: tuple[Model, Array], by: LikelihoodScale
+) -> Task[list[Steadier]]:
+    """Each random quantity of the runs, the one that separates best first; yields simulations.
+
+    `second` is a model with its shared values (P,). What the first explanation's unknowns may
+    absorb, each within its spread, is projected out.
+    """
+    runs, every = first.evidence.runs, unknowns(first.model, first.evidence)
+    names = dict.fromkeys(p.name for p in every if p.random)
+    if not names:
+        return []
+    model, shared = second
+    other = yield requests(model, runs, Point(shared, first.point.local))
+    parts = zip(other, first.raw, first.evidence.scales, strict=True)
+    moved = np.concatenate([response(*each) for each in parts])
+    jacobian, known = stacked_jacobian(first), first.limits.precision
+    now = _square(moved, jacobian, np.diag(known))
+    found = []
+    for name in names:
+        halved = [REMEDY_SHARE**-2 if p.name == name else 1.0 for p in every]
+        more = max(0.0, _square(moved, jacobian, np.diag(np.array(halved) * known)) - now)
+        found.append(Steadier(name, more**0.5 / by.scale / by.inefficiency**0.5))
+    return sorted(found, key=lambda s: -s.sigma)

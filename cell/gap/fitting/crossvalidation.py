@@ -13,7 +13,7 @@ import numpy as np
 
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import Estimate, residuals
-from cell.gap.fitting.model import Evidence, Model, Point, requests
+from cell.gap.fitting.model import Model, Point, requests
 from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Run
 from drivers.types import Array
@@ -83,7 +83,7 @@ def _fold(estimate: Estimate, fold: Sequence[int]) -> Task[tuple[tuple[Array, ..
     """
     keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold] or list(fold)
     shared, only = on_runs(estimate, keep)
-    unseen = _some(estimate.evidence, fold)
+    unseen = estimate.on(fold).evidence
     own = Point(np.zeros(0), tuple(_own_unknowns(estimate, i, shared) for i in fold))
     raw = yield requests(estimate.model.holding(shared), unseen.runs, own)
     unlikely = [_unlikely(r, v) for r, v in zip(unseen.runs, own.local, strict=True)]
@@ -95,17 +95,13 @@ def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, normal_equa
     and which of them (P,) keep their value because those runs say next to nothing of them.
     """
     only = _only_here(estimate, keep)
-    return _newton(estimate, keep, only).shared, only
+    return _newton(estimate.on(keep), only), only
 
 
 def _unlikely(run: Run, local: Array) -> float:
     """Minus log density of a run's random unknowns, up to what is the same in all models."""
     pairs = zip(run.local, local, strict=True)
     return 0.5 * sum(((float(v) - p.start) / p.spread) ** 2 for p, v in pairs if p.random)
-
-
-def _some(evidence: Evidence, keep: Sequence[int]) -> Evidence:
-    return Evidence(tuple(evidence.runs[i] for i in keep), tuple(evidence.scales[i] for i in keep))
 
 
 def _only_here(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Mask:
@@ -117,38 +113,22 @@ def _only_here(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Mask
     count = len(estimate.shared)
     base = len(estimate.model.base)
     with_all, without = (
-        np.diag(normal_equations.covariance(_equations(estimate, runs)))[:count]
-        for runs in (range(len(estimate.evidence.runs)), keep)
+        np.diag(normal_equations.covariance(some.normal().curvature))[:count]
+        for some in (estimate, estimate.on(keep))
     )
     return np.asarray((without > CROSS_VALIDATION.silent * with_all) & (np.arange(count) >= base))
 
 
-def _equations(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Normal:
-    """Normal equations of the runs `keep` at the whole fit."""
-    kept = _some(estimate.evidence, keep)
-    place = normal_equations.layout(estimate.model, kept)
-    z = _pack(estimate, keep)
-    jacobians = tuple(estimate.jacobians[i] for i in keep)
-    r = [estimate.residuals[i] for i in keep]
-    data = normal_equations.normal(place, r, jacobians, estimate.scale)
-    return normal_equations.with_prior(data, z, normal_equations.bounds(estimate.model, kept))
-
-
-def _pack(estimate: Estimate, keep: Sequence[int]) -> Array:
-    place = normal_equations.layout(estimate.model, _some(estimate.evidence, keep))
-    return place.pack(Point(estimate.shared, tuple(estimate.point.local[i] for i in keep)))
-
-
-def _newton(estimate: Estimate, keep: Sequence[int], held: normal_equations.Mask) -> Point:
-    """One bounded Newton step from the whole fit to that of the runs `keep`; `held` (P,) stay."""
-    kept = _some(estimate.evidence, keep)
-    limits, z = normal_equations.bounds(estimate.model, kept), _pack(estimate, keep)
+def _newton(some: Estimate, held: normal_equations.Mask) -> Array:
+    """Shared values (P,) one bounded Newton step from `some` runs at the whole fit; `held` (P,)
+    stay.
+    """
+    limits, z = some.limits, some.z
     fixed = np.concatenate([held, np.zeros(len(z) - len(held), dtype=bool)])
     limits = replace(
         limits, low=np.where(fixed, z, limits.low), high=np.where(fixed, z, limits.high)
     )
-    step = normal_equations.bounded_step(_equations(estimate, keep), z, limits)
-    return normal_equations.layout(estimate.model, kept).unpack(z + step)
+    return (z + normal_equations.bounded_step(some.normal(), z, limits))[: len(held)]
 
 
 def _own_unknowns(estimate: Estimate, i: int, shared: Array) -> Array:

@@ -5,7 +5,8 @@ responses nearly linear, so that a Jacobian is kept while it predicts the decrea
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from cell.gap.fitting.tasks import Task
 from cell.gap.subject.subject import Residuals
 from drivers.types import Array
 
+T = TypeVar("T")
 # nats that a further step must promise: in the end, to compare; set by hand, small beside MIN_GAIN
 FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 
@@ -63,13 +65,41 @@ class Estimate:
         """Values of the shared parameters (P,)."""
         return self.point.shared
 
+    @property
+    def place(self) -> normal_equations.Layout:
+        """Where its unknowns sit in one vector."""
+        return normal_equations.layout(self.model, self.evidence)
+
+    @property
+    def z(self) -> Array:
+        """Values of all unknowns (size,)."""
+        return self.place.pack(self.point)
+
+    @property
+    def limits(self) -> normal_equations.Bounds:
+        """Bounds and priors of all unknowns."""
+        return normal_equations.bounds(self.model, self.evidence)
+
     def normal(self, scale: float | None = None) -> normal_equations.Normal:
         """Normal equations of data and priors here, at `scale` or the estimate's own."""
-        place = normal_equations.layout(self.model, self.evidence)
         used = self.scale if scale is None else scale
-        data = normal_equations.normal(place, self.residuals, self.jacobians, used)
-        limits = normal_equations.bounds(self.model, self.evidence)
-        return normal_equations.with_prior(data, place.pack(self.point), limits)
+        data = normal_equations.normal(self.place, self.residuals, self.jacobians, used)
+        return normal_equations.with_prior(data, self.z, self.limits)
+
+    def on(self, keep: Sequence[int]) -> "Estimate":
+        """The same values on the runs of the numbers `keep` alone."""
+
+        def some(of: Sequence[T]) -> tuple[T, ...]:
+            return tuple(of[i] for i in keep)
+
+        return replace(
+            self,
+            evidence=Evidence(some(self.evidence.runs), some(self.evidence.scales)),
+            point=Point(self.shared, some(self.point.local)),
+            residuals=some(self.residuals),
+            raw=some(self.raw),
+            jacobians=some(self.jacobians),
+        )
 
 
 def refit(
@@ -107,7 +137,7 @@ def refit(
         if promised < enough:
             break
         now = normal_equations.objective(r, z, limits, scale)
-        search = _Search(model, evidence, jacobians, equations.curvature, scale, now)
+        search = _Search(model, evidence, place, limits, jacobians, equations.curvature, scale, now)
         trial = yield from _line_search(search, z, step, r)
         won = now - trial.objective
         kept = won / promised
@@ -153,6 +183,8 @@ def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]
 class _Search:
     model: Model
     evidence: Evidence
+    place: normal_equations.Layout
+    limits: normal_equations.Bounds
     jacobians: tuple[Array, ...]
     curvature: Array
     scale: float
@@ -185,7 +217,7 @@ def _bend(
     What the residuals did beyond the linear promise is answered by the same linear model; weak
     directions, along which the full step was too bold, are damped.
     """
-    place = normal_equations.layout(search.model, search.evidence)
+    place, limits = search.place, search.limits
     beyond = [
         b - a - jacobian @ step[place.columns(i)]
         for i, (a, b, jacobian) in enumerate(zip(before, after, search.jacobians, strict=True))
@@ -194,7 +226,6 @@ def _bend(
     for i, (d, jacobian) in enumerate(zip(beyond, search.jacobians, strict=True)):
         gradient[place.columns(i)] += jacobian.T @ d / search.scale**2
     damped = search.curvature + STEPPING.damping * np.diag(np.diag(search.curvature))
-    limits = normal_equations.bounds(search.model, search.evidence)
     inside = np.clip(z + step, limits.low, limits.high)
     return normal_equations.bounded_step(normal_equations.Normal(gradient, damped), inside, limits)
 
@@ -207,11 +238,10 @@ def _broyden_update(
     They give the change of the residuals that was seen, at least change in units of what each
     unknown does; samples that either side lost change nothing.
     """
-    place = normal_equations.layout(search.model, search.evidence)
     found, units = [], np.diag(search.curvature)
     rows = zip(before, after, search.evidence.scales, search.jacobians, strict=True)
     for i, (a, b, scale, jacobian) in enumerate(rows):
-        at = place.columns(i)
+        at = search.place.columns(i)
         step, along = moved[at], units[at] * moved[at]
         beyond = np.nan_to_num((b.mean - a.mean) / scale - jacobian @ step)
         found.append(
@@ -222,8 +252,7 @@ def _broyden_update(
 
 def _evaluate(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
     model, evidence = search.model, search.evidence
-    place = normal_equations.layout(model, evidence)
-    limits = normal_equations.bounds(model, evidence)
+    place, limits = search.place, search.limits
     inside = [np.clip(p, limits.low, limits.high) for p in points]
     answers = yield [q for p in inside for q in requests(model, evidence.runs, place.unpack(p))]
     trials, runs = [], len(evidence.runs)

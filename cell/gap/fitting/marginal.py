@@ -8,8 +8,9 @@ import numpy as np
 from scipy import optimize
 from scipy.linalg import cho_solve
 
-from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import unknowns
 from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
@@ -56,8 +57,7 @@ class Marginal:
         The common part of a quantity counts as an unknown of its own: a constant error of the rig
         is no scatter.
         """
-        every = [*estimate.model.parameters]
-        every += [p for run in estimate.evidence.runs for p in run.local]
+        every = unknowns(estimate.model, estimate.evidence)
         order = list(known)
         owner = np.array([order.index(p.name) if p.random else -1 for p in every])
         usual = np.array([known[name].spread for name in order])
@@ -126,11 +126,10 @@ def _equations(
     worth = max(SOUGHT.least, robust.long_run_variance(estimate.evidence.runs, estimate.residuals))
     weight = np.sqrt(robust.weights(r / estimate.scale) / worth) / estimate.scale
     columns = stacked_jacobian(estimate)
-    z = normal_equations.layout(estimate.model, estimate.evidence).pack(estimate.point)
     prior = np.array([0.0 if p.random else p.spread**-2 for p in every])
     start = np.array([p.start for p in every])
-    target = r - columns @ np.where(owner >= 0, z, 0.0)
-    pull = prior * (z - start)
+    target = r - columns @ np.where(owner >= 0, estimate.z, 0.0)
+    pull = prior * (estimate.z - start)
     common = np.stack([columns[:, owner == k].sum(axis=1) for k in range(len(usual))], axis=1)
     more = (SOUGHT.common * usual) ** -2
     whole = np.concatenate([columns, common], axis=1) * weight[:, None]

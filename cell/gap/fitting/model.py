@@ -73,11 +73,6 @@ class Evidence:
     runs: tuple[Run, ...]
     scales: tuple[Array, ...]
 
-    def of(self, names: Sequence[str]) -> "Evidence":
-        """Only the runs with these names."""
-        keep = [i for i, run in enumerate(self.runs) if run.name in set(names)]
-        return Evidence(tuple(self.runs[i] for i in keep), tuple(self.scales[i] for i in keep))
-
     def start(self) -> tuple[Array, ...]:
         """Where the runs' own unknowns start."""
         return tuple(np.array([p.start for p in run.local]) for run in self.runs)
@@ -87,6 +82,11 @@ def evidence(runs: Sequence[Run]) -> Evidence:
     """Runs whitened by noise and floor."""
     scales = [np.hypot(run.samples.noise, run.samples.floor) for run in runs]
     return Evidence(tuple(runs), tuple(scales))
+
+
+def unknowns(model: Model, evidence: Evidence) -> list[Parameter]:
+    """All that is fitted: shared parameters, then each run's own."""
+    return [*model.parameters, *(p for run in evidence.runs for p in run.local)]
 
 
 def request(model: Model, run: Run, shared: Array, local: Array) -> Request:

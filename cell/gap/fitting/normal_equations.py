@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.fitting import robust
-from cell.gap.fitting.model import Evidence, Model, Point
+from cell.gap.fitting.model import Evidence, Model, Point, unknowns
 from drivers.types import Array
 
 Mask = NDArray[np.bool_]
@@ -61,7 +61,7 @@ class Bounds:
 
 def bounds(model: Model, evidence: Evidence) -> Bounds:
     """Bounds and priors of a model's unknowns over some runs."""
-    every = [*model.parameters, *(p for run in evidence.runs for p in run.local)]
+    every = unknowns(model, evidence)
     return Bounds(
         low=np.array([p.low for p in every]),
         high=np.array([p.high for p in every]),
@@ -166,11 +166,11 @@ def decrease(equations: Normal, step: Array) -> float:
     return float(-equations.gradient @ step - 0.5 * step @ equations.curvature @ step)
 
 
-def covariance(equations: Normal) -> Array:
-    """Inverse curvature (size, size); directions without information are huge, not infinite."""
-    diagonal = np.maximum(np.diag(equations.curvature), 1e-300)
-    d = 1.0 / np.sqrt(diagonal)
-    scaled = equations.curvature * d[:, None] * d[None]
-    values, vectors = np.linalg.eigh(scaled)
+def covariance(curvature: Array) -> Array:
+    """Inverse of `curvature` (size, size); directions without information are huge, not
+    infinite.
+    """
+    d = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    values, vectors = np.linalg.eigh(curvature * d[:, None] * d[None])
     inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
     return np.asarray(inverse * d[:, None] * d[None])

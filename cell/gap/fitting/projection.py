@@ -6,6 +6,7 @@ import numpy as np
 
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import unknowns
 from drivers.types import Array
 
 
@@ -47,22 +48,18 @@ class Projection:
 
 def projection(estimate: Estimate, *, robustly: bool = True) -> Projection:
     """The quadratic model about `estimate`; unknowns held by a bound do not absorb."""
-    place = normal_equations.layout(estimate.model, estimate.evidence)
-    limits = normal_equations.bounds(estimate.model, estimate.evidence)
-    z = place.pack(estimate.point)
+    limits, z = estimate.limits, estimate.z
     r = np.concatenate(estimate.residuals)
     scale = estimate.scale if robustly else 1.0
     weight = np.sqrt(robust.weights(r / scale)) / scale if robustly else np.ones_like(r)
     free = (z > limits.low) & (z < limits.high)
-    jacobian = stacked_jacobian(estimate) * weight[:, None]
-    jacobian = jacobian[:, free]
+    whole = stacked_jacobian(estimate) * weight[:, None]
+    jacobian = whole[:, free]
     curvature = jacobian.T @ jacobian + np.diag(limits.precision[free])
-    inverse = normal_equations.covariance(
-        normal_equations.Normal(np.zeros(len(curvature)), curvature)
-    )
+    inverse = normal_equations.covariance(curvature)
     pull = (limits.precision * (z - limits.mean))[free]
     settled = r * weight - jacobian @ (inverse @ (jacobian.T @ (r * weight) + pull))
-    every = [*estimate.model.parameters, *(p for run in estimate.evidence.runs for p in run.local)]
+    every = unknowns(estimate.model, estimate.evidence)
     spread = np.array([p.spread if p.random else 0.0 for p in every])
     scatter = (stacked_jacobian(estimate) * (weight[:, None] * spread))[:, spread > 0.0]
     return Projection(settled, jacobian, inverse, weight, scatter)
@@ -70,11 +67,10 @@ def projection(estimate: Estimate, *, robustly: bool = True) -> Projection:
 
 def stacked_jacobian(estimate: Estimate) -> Array:
     """Whitened Jacobian (N, size) of all runs in all unknowns."""
-    place = normal_equations.layout(estimate.model, estimate.evidence)
     rows = [len(r) for r in estimate.residuals]
-    full = np.zeros((sum(rows), place.size))
+    full = np.zeros((sum(rows), estimate.place.size))
     at = 0
     for i, (n, jacobian) in enumerate(zip(rows, estimate.jacobians, strict=True)):
-        full[at : at + n, place.columns(i)] = jacobian
+        full[at : at + n, estimate.place.columns(i)] = jacobian
         at += n
     return full

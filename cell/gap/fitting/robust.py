@@ -67,8 +67,8 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     """Variance of sums of residuals (n,) over their number, in units of their scale squared."""
-    scaled = _with_common_scale(residuals)
-    clipped = [np.clip(r, -HUBER_THRESHOLD * s, HUBER_THRESHOLD * s) for r, s in scaled]
+    s = scale(np.concatenate(residuals)) if residuals else 1.0
+    clipped = [np.clip(r, -HUBER_THRESHOLD * s, HUBER_THRESHOLD * s) for r in residuals]
     power, products = _autocovariance(runs, clipped)
     if power <= 0.0:
         return 1.0
@@ -79,7 +79,7 @@ def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
         if pair <= 0.0:
             break
         total += 2.0 * pair
-    room = sum(len(r) * s * s for r, s in scaled)
+    room = sum(len(r) * s * s for r in residuals)
     return float(total * min(1.0, power / room))
 
 
@@ -89,11 +89,6 @@ def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
         runs, [np.clip(r, -OFF_TRACK, OFF_TRACK) for r in residuals], lags=1
     )
     return float(products[0]) / power if power > 0.0 else 0.0
-
-
-def _with_common_scale(residuals: Sequence[Array]) -> list[tuple[Array, float]]:
-    s = scale(np.concatenate(residuals)) if residuals else 1.0
-    return [(r, s) for r in residuals]
 
 
 def _autocovariance(

@@ -54,20 +54,7 @@ def with_scatter(estimate: Estimate, found: Sequence[Spread], whole: Evidence) -
 
     Only its model, evidence and point count from here on: residuals are those of the old fit.
     """
-    if not any(p.random for run in whole.runs for p in run.local):
-        return estimate
-    opened = _with_all_unknowns(estimate, whole)
-    known = with_spreads(opened.evidence, found)
-    local = tuple(
-        np.array([v for p, v in zip(run.local, own, strict=True) if p.name in kept])
-        for run, own, kept in zip(
-            opened.evidence.runs,
-            opened.point.local,
-            [{p.name for p in run.local} for run in known.runs],
-            strict=True,
-        )
-    )
-    return replace(opened, evidence=known, point=Point(estimate.shared, local))
+    return _with_unknowns(estimate, with_spreads(whole, found))
 
 
 def estimate_spreads(simulate: Simulate, estimate: Estimate, whole: Evidence) -> tuple[Spread, ...]:
@@ -78,14 +65,16 @@ def estimate_spreads(simulate: Simulate, estimate: Estimate, whole: Evidence) ->
     """
     if not any(p.random for run in whole.runs for p in run.local):
         return ()
-    here = _with_all_unknowns(estimate, whole)
+    here = _with_unknowns(estimate, whole)
     _, jacobians = run_one(simulate, linearise(here.model, here.evidence, here.point))
     again = refit(here.model, here.evidence, here.point, jacobians, ROUGH_GAIN)
     return spreads(run_one(simulate, again))
 
 
-def _with_all_unknowns(estimate: Estimate, whole: Evidence) -> Estimate:
-    """The fit with all random unknowns of `whole`; those that it did not have are at rest."""
+def _with_unknowns(estimate: Estimate, whole: Evidence) -> Estimate:
+    """The fit with the own unknowns that the runs of `whole` have; those that it did not have are
+    at rest.
+    """
     usual = {run.name: run.local for run in whole.runs}
     runs, local = [], []
     for run, own in zip(estimate.evidence.runs, estimate.point.local, strict=True):

@@ -42,17 +42,13 @@ BELIEVED = Believed()
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """A quantity that differs from run to run: its standard deviation and 95 % interval.
-
-    `gain` [nats] is what the marginal likelihood loses without it.
-    """
+    """A quantity that differs from run to run: its standard deviation and 95 % interval."""
 
     name: str
     unit: str
     value: float
     low: float
     high: float
-    gain: float
 
     @property
     def error(self) -> float:
@@ -74,13 +70,12 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     found = _Chosen.of(model, [k for k, p in enumerate(parameters) if p.common])
     found = _drop_refuted(_with_others(found, len(known)), parameters)
     shares = _mean_shares(found)
-    gains = [found.without(i) - found.loss for i in range(len(shares))]
     errors = _errors(model, found.active, shares)
-    rows = zip([parameters[k] for k in found.active], shares, errors, gains, strict=True)
+    rows = zip([parameters[k] for k in found.active], shares, errors, strict=True)
     return tuple(
         Spread(p.name, p.unit, s * p.spread, s * p.spread * float(np.exp(-1.96 * e)),
-               s * p.spread * float(np.exp(1.96 * e)), g)
-        for p, s, e, g in rows
+               s * p.spread * float(np.exp(1.96 * e)))
+        for p, s, e in rows
     )  # fmt: skip
 
 
@@ -98,11 +93,6 @@ class _Chosen:
         """Their most likely shares, sought from `start` for the first of them."""
         loss, shares = model.least(active, start)
         return cls(model, tuple(active), shares, loss)
-
-    def without(self, i: int) -> float:
-        """Loss [nats] without the quantity in place `i`, the others sought anew."""
-        others = [k for j, k in enumerate(self.active) if j != i]
-        return self.model.least(others, np.delete(self.shares, i))[0]
 
 
 def _with_others(found: _Chosen, known: int) -> _Chosen:

@@ -56,9 +56,7 @@ def best(estimates: list[Estimate]) -> Estimate:
 
 def objective_of(estimate: Estimate, scale: float) -> float:
     """Objective of an estimate at a given dispersion [nats]."""
-    place = normal_equations.layout(estimate.model, estimate.evidence)
-    limits = normal_equations.bounds(estimate.model, estimate.evidence)
-    return normal_equations.objective(estimate.residuals, place.pack(estimate.point), limits, scale)
+    return normal_equations.objective(estimate.residuals, estimate.z, estimate.limits, scale)
 
 
 def _draw_start(model: Model, rng: np.random.Generator) -> Array:
@@ -71,19 +69,9 @@ def _draw_start(model: Model, rng: np.random.Generator) -> Array:
     return np.array(values)
 
 
-@dataclass(frozen=True, slots=True)
-class Undetermined:
-    """A direction of the base of which the runs say less than was known before.
-
-    `gain` is the ratio of prior to posterior standard deviation along it; `words` names it.
-    """
-
-    words: str
-    gain: float
-
-
-def weak_directions(estimate: Estimate) -> list[Undetermined]:
-    """Directions of shared parameters with singular values below one, weakest first.
+def weak_directions(estimate: Estimate) -> list[str]:
+    """Directions of shared parameters of which the runs say less than was known before, in words:
+    those with singular values below one, weakest first.
 
     Singular values of the whitened Jacobian, runs' own unknowns projected out, each parameter in
     units of what was known of it (Brun, Reichert, Kuensch 2001, identifiability analysis).
@@ -97,12 +85,8 @@ def weak_directions(estimate: Estimate) -> list[Undetermined]:
     widths = [p.spread if np.isfinite(p.spread) else 0.25 * (p.high - p.low) for p in parameters]
     _, singular, directions = np.linalg.svd(shared * np.array(widths), full_matrices=False)
     names = [p.name for p in parameters]
-    weak = [
-        Undetermined(_words(names, row), float(np.hypot(1.0, s)))
-        for s, row in zip(singular, directions, strict=True)
-        if s < 1.0
-    ]
-    return sorted(weak, key=lambda u: u.gain)
+    rows = zip(singular[::-1], directions[::-1], strict=True)
+    return [_words(names, row) for s, row in rows if s < 1.0]
 
 
 def _words(names: list[str], direction: Array) -> str:

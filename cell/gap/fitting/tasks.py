@@ -31,16 +31,9 @@ def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
     return [results[i] for i in range(len(tasks))]
 
 
-def roughly(task: Task[T]) -> Task[T]:
-    """The task with coarse simulations, for where a few percent of a response do not matter."""
-    answer: Sequence[Residuals] | None = None
-    while True:
-        try:
-            asked = next(task) if answer is None else task.send(answer)
-        except StopIteration as stop:
-            result: T = stop.value
-            return result
-        answer = yield [replace(request, rough=True) for request in asked]
+def rough(simulate: Simulate) -> Simulate:
+    """The coarse simulation, for where a few percent of a response do not matter."""
+    return lambda asked: simulate([replace(request, rough=True) for request in asked])
 
 
 def run_one(simulate: Simulate, task: Task[T]) -> T:

@@ -117,7 +117,7 @@ def name_model(model: str) -> str:
 def base(found: Findings, verdict: Verdict) -> dict[str, Any]:
     """Table of stated and refitted values of the base."""
     stated = {p.name: p for p in found.subject.scope.base}
-    weak = "; ".join(u.words for u in found.fitted.weak)
+    weak = "; ".join(found.fitted.weak)
     return {
         "rows": [
             (name, _four_digits(stated[name].start, of), _four_digits(value.value, of),

@@ -67,13 +67,13 @@ def _shrinkage_words(found: Findings, verdict: Verdict) -> str:
 
 def remains(found: Findings, verdict: Verdict) -> dict[str, Any]:
     """What the accepted model leaves, and what these runs would have shown."""
-    rest, law = verdict.unexplained, found.judged.law
+    rest, law = verdict.unexplained, found.offered
     stable = "stable" if rest is not None and rest.stable else "not stable"
     what = "" if rest is None else capital(rest.description)
     return {
         "rest": what and f"{what}. A description, not a cause, {stable} over the runs",
         "law": "" if rest is None else rest.law,
-        "share": f"{100 * law.share:.0f} %" if law else "none",
+        "share": f"{100 * law.shrink:.0f} %" if law else "none",
         "alike": "; ".join(" or ".join(group) for group in verdict.ambiguous),
         "silent": ", ".join(undetectable(found)),
         "detectable": [

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from cell.gap.fitting import common_errors, robust
+from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.uncertainty import covariance
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, Margin, holm, margin
 from cell.gap.selection.posterior import Posterior
@@ -36,7 +37,7 @@ def is_significant(estimate: Estimate, effect: Candidate, by: LikelihoodScale) -
     True where the fit says nothing of them: beyond its threshold an effect may no longer depend
     on how strong it is.
     """
-    spread = np.sqrt(np.diag(common_errors.covariance(estimate, by.inefficiency)))
+    spread = np.sqrt(np.diag(covariance(estimate, by.inefficiency)))
     first = len(estimate.model.base)
     for other in estimate.model.effects:
         if other.name == effect.name:

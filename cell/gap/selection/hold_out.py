@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.model import Model, Point, request, response
+from cell.gap.fitting.model import Model, request, response
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import nominal
 from cell.gap.fitting.tasks import Simulate
@@ -96,7 +96,7 @@ class Informativeness:
 
     def _information(self, kept: Sequence[int]) -> Array:
         """Information (candidates,) [nats] in the runs of these numbers."""
-        about = projection(_of(self._stated, kept), robustly=False)
+        about = projection(self._stated.on(kept), robustly=False)
         moved = np.concatenate([self._responses[i] for i in kept])
         return np.asarray(0.5 * (moved * about.left(moved)).sum(axis=0))
 
@@ -121,15 +121,3 @@ def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Arr
         ]).T
         for i in range(len(runs))
     ]  # fmt: skip
-
-
-def _of(base: Estimate, kept: Sequence[int]) -> Estimate:
-    """`base` on the runs of the numbers `kept` alone."""
-    return replace(
-        base,
-        evidence=base.evidence.of([base.evidence.runs[i].name for i in kept]),
-        point=Point(base.shared, tuple(base.point.local[i] for i in kept)),
-        residuals=tuple(base.residuals[i] for i in kept),
-        raw=tuple(base.raw[i] for i in kept),
-        jacobians=tuple(base.jacobians[i] for i in kept),
-    )

@@ -1,6 +1,6 @@
 """Which model predicts better, and how sure that is: margins in nats, probabilities."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -153,6 +153,11 @@ def clip_wild(residuals: Sequence[Array], scale: float) -> list[Array]:
 def mean_square(residuals: Sequence[Array]) -> float:
     """Mean r^2 of residuals (n,), every run with equal weight."""
     return float(np.mean([np.mean(np.square(r)) for r in residuals]))
+
+
+def family_wise(p: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
+    """Family-wise probabilities of all `names`; one without a test counts as 1."""
+    return dict(zip(names, holm([p.get(name, 1.0) for name in names]), strict=True))
 
 
 def holm(p: Sequence[float]) -> list[float]:

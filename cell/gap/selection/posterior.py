@@ -89,10 +89,6 @@ class Posterior:
         nats = {m.names: m.nats for m in self.models}
         return nats[names] - nats[frozenset()]
 
-    def p(self, of: Callable[[frozenset[str]], bool]) -> float:
-        """Probability of these sets together."""
-        return sum(m.p for m in self.models if of(m.names))
-
 
 def posterior(
     fits: Fits,
@@ -161,8 +157,7 @@ class _About:
         whole, logdet = self._whiten(columns, share * explained)
         r, responses = whole[:, 0], whole[:, 1:]
         own = slice(len(fit.model.base), len(fit.model.parameters))
-        limits = _proper(normal_equations.bounds(fit.model, fit.evidence), own)
-        z = normal_equations.layout(fit.model, fit.evidence).pack(fit.point)
+        limits, z = _proper(fit.limits, own), fit.z
         known = np.concatenate([limits.precision, np.ones(responses.shape[1] - len(z))])
         away = np.concatenate([z - limits.mean, np.zeros(len(known) - len(z))])
         curvature = responses.T @ responses + np.diag(known)

@@ -26,11 +26,10 @@ DISTINCTION = Distinction()
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """A model that explains the runs about as well: nats behind, sigma away."""
+    """A model that explains the runs about as well, and how many nats it is behind."""
 
     model: Validated
     behind: float
-    distance: float
 
 
 def rivals(
@@ -54,29 +53,22 @@ def rivals(
             refuted |= lead > needed
         worth = margin(other, base, by).gain > MIN_GAIN
         if worth and (ahead.distance < DISTINCTION.distance or not refuted):
-            found.append(Alternative(other, ahead.gain, ahead.distance))
+            found.append(Alternative(other, ahead.gain))
     return sorted(found, key=lambda r: r.behind)
 
 
-def probable_rivals(
-    accepted: Validated, fits: Fits, by: LikelihoodScale, sets: Posterior
-) -> list[Alternative]:
+def probable_rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative]:
     """Models of equal size that are about as probable as the accepted one, or more so."""
-    others = [_beside(accepted, m, by, sets) for m in fits.of_size(len(accepted.model.effects))]
+    others = [_beside(accepted, m, sets) for m in fits.of_size(len(accepted.model.effects))]
     found = [r for r in others if r.model is not accepted and r.behind < MIN_GAIN]
     return sorted(found, key=lambda r: r.behind)
 
 
-def _beside(
-    accepted: Validated, other: Validated, by: LikelihoodScale, sets: Posterior
-) -> Alternative:
-    behind = sets.lead(accepted.model.names) - sets.lead(other.model.names)
-    return Alternative(other, behind, margin(accepted, other, by).distance)
+def _beside(accepted: Validated, other: Validated, sets: Posterior) -> Alternative:
+    return Alternative(other, sets.lead(accepted.model.names) - sets.lead(other.model.names))
 
 
-def more_probable(
-    accepted: Validated, fits: Fits, by: LikelihoodScale, sets: Posterior
-) -> list[Alternative]:
+def more_probable(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative]:
     """The most probable fitted model without each accepted effect that is rather absent than there.
 
     The model of no effect does not count: whether there is a gap at all is decided elsewhere.
@@ -87,7 +79,7 @@ def more_probable(
         names = next(m.names for m in sets.models if effect not in m.names)
         other = fits.of(names)
         if names and other is not None:
-            found.append(_beside(accepted, other, by, sets))
+            found.append(_beside(accepted, other, sets))
     return found
 
 

@@ -14,10 +14,9 @@ from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.starts import best, objective_of
 from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
 from cell.gap.selection.choice import choose, is_exhausted
-from cell.gap.selection.fits import Fits, by_loss
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
-from cell.gap.selection.origins import Start, starts
-from cell.gap.selection.score import Score
+from cell.gap.selection.score import Score, Start, starts
 from cell.gap.selection.screening import Probed, probe, ranking, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
@@ -59,30 +58,28 @@ BUDGET = Budget()
 
 
 def fit_scores(
-    simulate: Simulate,
-    base: Estimate,
-    scores: Sequence[Score],
-    candidates: Sequence[Candidate],
-    fits: Fits | None = None,
-) -> list[Validated]:
-    """Screened models refitted with the base, from null and from what the screen found; of those
-    that are among `fits` only the ones that come farther.
+    simulate: Simulate, fits: Fits, scores: Sequence[Score], candidates: Sequence[Candidate]
+) -> Fits:
+    """`fits` and the screened models, refitted with the base from null and from what the screen
+    found; of those that are among `fits` only the ones that come farther.
 
     Models that gain far less than others are left where a few steps brought them: they are
     listed, and nothing is built on them.
     """
-    tasks, models = [], fits.models if fits else ()
+    tasks, base = [], fits.base.estimate
+    candidates = with_shape_parameters(candidates, fits)
     for s in scores:
-        known = fits.of(frozenset(s.names)) if fits else None
+        known = fits.of(frozenset(s.names))
         least = known.estimate if known else base
         tasks.append(_promising(base, *starts(base, s, candidates), least))
     begun = [e for e in run_all(simulate, tasks) if e is not None]
-    most = _most([base, *(m.estimate for m in models), *begun])
-    worth = [_gain(base, e, most) >= BUDGET.finished * _gain(base, most, most) for e in begun]
-    going = [_finish(e) for e, going_on in zip(begun, worth, strict=True) if going_on]
-    done = iter(run_all(simulate, going))
-    found = [next(done) if going_on else e for e, going_on in zip(begun, worth, strict=True)]
-    return run_all(simulate, [validate(e) for e in found])
+    every = [*(m.estimate for m in fits.models), *begun]
+    scale = min(e.scale for e in every)
+    least_gain = BUDGET.finished * _gain(base, best(every), scale)
+    found = run_all(
+        simulate, [_finish(e, worth=_gain(base, e, scale) >= least_gain) for e in begun]
+    )
+    return fits.merge(run_all(simulate, [validate(e) for e in found]))
 
 
 def shortlist(
@@ -99,27 +96,23 @@ def shortlist(
     tasks = []
     for s in scores:
         model, points = starts(base, s, candidates)
-        tasks.append(_begun(model, base.evidence, points[1:] or points))
-    done = run_all(simulate, tasks)
+        tasks.append(_few_steps(model, base.evidence, points[1:] or points))
+    done = [best(tried) for tried in run_all(simulate, tasks)]
     scale = min((e.scale for e in done), default=1.0)
     order = sorted(range(len(done)), key=lambda i: objective_of(done[i], scale))
     return [Score(scores[i].names, scores[i].gain, {}, after=done[i]) for i in order[:most]]
 
 
-def _begun(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[Estimate]:
-    """The best of the first few steps from each start."""
-    fits = [refit(model, evidence, p, known, ROUGH_GAIN, BUDGET.sifting) for p, known in points]
-    return best((yield from side_by_side(fits)))
+def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[list[Estimate]]:
+    """Where the first few steps from each start come."""
+    return side_by_side(
+        [refit(model, evidence, p, known, ROUGH_GAIN, BUDGET.sifting) for p, known in points]
+    )
 
 
-def _most(estimates: list[Estimate]) -> Estimate:
-    """The estimate of the smallest objective, with the smallest dispersion of all."""
-    return replace(best(estimates), scale=min(e.scale for e in estimates))
-
-
-def _gain(base: Estimate, estimate: Estimate, by: Estimate) -> float:
-    """Nats that `estimate` gains over the base at the dispersion of `by`."""
-    return objective_of(base, by.scale) - objective_of(estimate, by.scale)
+def _gain(base: Estimate, estimate: Estimate, scale: float) -> float:
+    """Nats that `estimate` gains over the base at a dispersion."""
+    return objective_of(base, scale) - objective_of(estimate, scale)
 
 
 def _fit_promising(
@@ -130,8 +123,10 @@ def _fit_promising(
     return None if first is None else (yield from _finish(first))
 
 
-def _finish(first: Estimate) -> Task[Estimate]:
-    """The fit `first` to the end, where that is better."""
+def _finish(first: Estimate, *, worth: bool = True) -> Task[Estimate]:
+    """The fit `first` to the end, where it is `worth` it and that is better."""
+    if not worth:
+        return first
     known = first.evidence
     done = yield from refit(first.model, known, first.point, first.jacobians, ROUGH_GAIN)
     return best([first, done])
@@ -144,8 +139,7 @@ def _promising(
     farthest; None where that is not as far as the fit `least` of the same model.
     """
     known = base.evidence
-    begun = [refit(model, known, p, first, ROUGH_GAIN, BUDGET.sifting) for p, first in points]
-    tried = yield from side_by_side(begun)
+    tried = yield from _few_steps(model, known, points)
     far = _farthest(base, tried, least) or ([best(tried)] if least is base else [])
     if len(far) > 1 or (far and least is not base):
         more = [
@@ -162,7 +156,7 @@ def _farthest(base: Estimate, begun: Sequence[Estimate], least: Estimate) -> lis
     """Those that gained over the base a good part of what the best of them, or `least`, did."""
     every = [*begun, least]
     scale = min(e.scale for e in every)
-    gains = [objective_of(base, scale) - objective_of(e, scale) for e in every]
+    gains = [_gain(base, e, scale) for e in every]
     most = max(gains)
     return [e for e, g in zip(begun, gains, strict=False) if g >= min(BUDGET.hope * most, most)]
 
@@ -235,27 +229,27 @@ def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[C
     return [known.get(c.name, c) for c in candidates]
 
 
-def extensions(
+def extend(
     simulate: Simulate,
     fits: Fits,
     size: int,
     candidates: Sequence[Candidate],
     probed: Sequence[Probed],
-) -> list[Score]:
-    """The best models of `size` effects, each with the most promising further effects.
+) -> Fits:
+    """`fits` and the best models of `size` effects, each with the most promising further effects.
 
     Screened from where those models were fitted: responses to a further effect at the base,
     `probed`, mean little where another one is strong, and only say which are looked at. Only the
     best model is extended where a larger one leaves nothing: its alternatives are beside that.
     """
     beam = 1 if is_exhausted(fits) else BUDGET.beam
-    scale = fits.scale.scale
+    scale, known = fits.scale.scale, with_shape_parameters(candidates, fits)
     found: dict[tuple[str, ...], tuple[float, Score]] = {}
     for fit in [m.estimate for m in fits.worth(size, BUDGET.worth)[:beam]]:
         about = projection(fit)
         others = [p for p in probed if p.candidate.name not in fit.model.names]
         looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.looked]}
-        again = run_all(simulate, [probe(fit, c) for c in candidates if c.name in looked])
+        again = run_all(simulate, [probe(fit, c) for c in known if c.name in looked])
         before, worth = objective_of(fit, scale), (fit.scale / scale) ** 2
         for s in ranking(table(about, again))[: BUDGET.further]:
             beside = s.beside(fit)
@@ -264,18 +258,34 @@ def extensions(
                 found[beside.names] = after, beside
     order = sorted(found.values(), key=lambda each: each[0])[: BUDGET.extended]
     scores, base = [score for _, score in order], fits.base.estimate
-    return scores if beam == 1 else shortlist(simulate, base, scores, candidates, BUDGET.further)
+    if beam > 1:
+        scores = shortlist(simulate, base, scores, known, BUDGET.further)
+    return fit_scores(simulate, fits, scores, candidates)
 
 
-def singles_with_scatter(
-    fits: Fits, candidates: Sequence[Candidate], found: Sequence[Spread], whole: Evidence
-) -> dict[str, Estimate]:
-    """The fitted single effects by name, with the random unknowns `found` of the runs `whole`.
-
-    Those with free shape parameters are left out.
+def beside_base(
+    simulate: Simulate, fits: Fits, base: Validated, found: Sequence[Spread], whole: Evidence
+) -> Fits:
+    """The models of `fits` refitted, from where they were, to the runs as another `base` has them:
+    with the random unknowns `found` of the runs `whole`.
     """
-    plain = [m.estimate for m in fits.of_size(1) if m.model.effects[0] in candidates]
-    return {e.model.effects[0].name: with_scatter(e, found, whole) for e in plain}
+    known, tasks = base.estimate.evidence, []
+    for fit in (m.estimate for m in fits.models if m.model.effects):
+        start = with_scatter(fit, found, whole).point
+        tasks.append(refit(fit.model, known, start, _secants(fit, known), ROUGH_GAIN))
+    done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+    return Fits((base, *done))
+
+
+def _secants(fit: Estimate, known: Evidence) -> tuple[Array, ...] | None:
+    """Secants of a fit, whitened as the runs of `known` are; None where those have other unknowns
+    of their own.
+    """
+    pairs = list(zip(fit.evidence.runs, known.runs, strict=True))
+    if any([p.name for p in a.local] != [p.name for p in b.local] for a, b in pairs):
+        return None
+    rows = zip(fit.jacobians, fit.evidence.scales, known.scales, strict=True)
+    return tuple(jacobian * (had / has)[:, None] for jacobian, had, has in rows)
 
 
 def without_each(fits: Fits) -> list[Score]:
@@ -283,10 +293,9 @@ def without_each(fits: Fits) -> list[Score]:
 
     Begun from where they were fitted: beside another effect a fit may have left a local minimum.
     """
-    found = choose(fits)
-    best = by_loss(fits.models, found.by)[0]
+    accepted, first = choose(fits).accepted, fits.best
     scores = []
-    for model in [found.accepted] if best is found.accepted else [found.accepted, best]:
+    for model in [accepted] if first is accepted else [accepted, first]:
         names, fit = sorted(model.model.names), model.estimate
         if len(names) > 1:
             less = [tuple(n for n in names if n != gone) for gone in names]
@@ -304,7 +313,8 @@ def substitutes(simulate: Simulate, fits: Fits, candidates: Sequence[Candidate])
         if others is None or not others.model.effects:
             continue
         fit = others.estimate
-        new = [c for c in candidates if c.name not in accepted.model.names]
+        known = with_shape_parameters(candidates, fits)
+        new = [c for c in known if c.name not in accepted.model.names]
         probed = run_all(simulate, [probe(fit, c) for c in new])
         for s in ranking(table(projection(fit), probed))[: BUDGET.substitutes]:
             beside = s.beside(fit)
@@ -313,15 +323,13 @@ def substitutes(simulate: Simulate, fits: Fits, candidates: Sequence[Candidate])
 
 
 def better_base(simulate: Simulate, fits: Fits) -> Estimate | None:
-    """The base refitted from the values that the accepted model gave it, where that is better.
+    """The base refitted from the values that the best model gave it, where that is better.
 
     A base that had stopped in a local minimum leaves a gap that is none.
     """
-    accepted, base = choose(fits).accepted.estimate, fits.base.estimate
-    if not accepted.model.effects:
-        return None
-    values, _ = accepted.model.split(accepted.shared)
-    start = Point(values, accepted.point.local)
+    first, base = fits.best.estimate, fits.base.estimate
+    values, _ = first.model.split(first.shared)
+    start = Point(values, first.point.local)
     begun = run_one(
         simulate, refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.begun)
     )

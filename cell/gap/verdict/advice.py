@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.diagnosis.next_experiment import advise
-from cell.gap.diagnosis.steadier import steadier
+from cell.gap.diagnosis.next_experiment import advise, steadier
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.scatter import with_spreads
-from cell.gap.fitting.tasks import Simulate, roughly, run_one
+from cell.gap.fitting.tasks import Simulate, rough, run_one
 from cell.gap.selection.choice import Choice
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.findings import Advised, Judged, Screened
@@ -31,7 +30,7 @@ def advice(
         replace(e, run=with_spreads(evidence([e.run]), judged.scatter).runs[0])
         for e in subject.experiments()
     ]
-    planned = run_one(simulate, roughly(advise(first, second, experiments, choice.by)))
+    planned = run_one(rough(simulate), advise(first, second, experiments, choice.by))
     return Advised(tuple(planned), tuple(more))
 
 

@@ -1,18 +1,18 @@
 """The verdict as it is written: from findings to the document of `verdict`."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy import special
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.fitting import common_errors, robust
+from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import Validated
-from cell.gap.fitting.degrees_of_freedom import degrees_of_freedom
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
-from cell.gap.selection.likelihood import clip_wild, holm, margin, mean_square
+from cell.gap.fitting.uncertainty import covariance, degrees_of_freedom
+from cell.gap.selection.likelihood import clip_wild, family_wise, margin, mean_square
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.confidence import confidence
 from cell.gap.verdict.decide import describe_rest, kind
@@ -55,12 +55,25 @@ LISTED = Listed()
 def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
     """The verdict of an investigation."""
     which, sets, gap = kind(found), _posterior(found), _gap(found)
+    values = intervals(found.judged.sized, found.by.inefficiency, found.judged.scatter)
+    sure = found.sure if which == "named" else ()
     return Verdict(
         verdict=which,
-        effects=_name_effects(found, confidence(sets, gap)) if which == "named" else [],
+        effects=[
+            NamedEffect(
+                name=e.name,
+                of=e.of,
+                parameters=_values_by_parameter(e, values[e.name]),
+                confidence=confidence(sets, gap),
+            )
+            for e in sure
+        ],
         ambiguous=[] if which == "no_gap" else [list(group) for group in found.judged.classes],
         unexplained=describe_rest(found, which),
-        base=_base(found),
+        base={
+            p.name: Interval(value=v.value, low=v.low, high=v.high)
+            for p, v in zip(found.subject.scope.base, values["base"], strict=True)
+        },
         where=_where(found),
         gap=gap,
         candidates=_candidates(found),
@@ -81,7 +94,7 @@ def intervals(
     They hold noise, what differs from run to run, and what measuring errs by in all runs alike;
     they are wider where few runs show how much they differ.
     """
-    spread = np.sqrt(np.diag(common_errors.covariance(estimate, inefficiency)))
+    spread = np.sqrt(np.diag(covariance(estimate, inefficiency)))
     reach = special.stdtrit(degrees_of_freedom(estimate, inefficiency, scatter), 0.975)
     model = estimate.model
     owners = ["base"] * len(model.base)
@@ -105,38 +118,9 @@ def _values_by_parameter(candidate: Candidate, values: list[Measured]) -> dict[s
     return {p.name: v for p, v in zip(candidate.parameters, values, strict=True)}
 
 
-def _intervals_of_effects(found: Findings) -> dict[str, list[Measured]]:
-    return intervals(found.judged.sized, found.by.inefficiency, found.judged.scatter)
-
-
-def _name_effects(found: Findings, sure: float) -> list[NamedEffect]:
-    values = _intervals_of_effects(found)
-    return [
-        NamedEffect(
-            name=e.name,
-            of=e.of,
-            parameters=_values_by_parameter(e, values[e.name]),
-            confidence=sure,
-        )
-        for e in found.sure
-    ]
-
-
-def _base(found: Findings) -> dict[str, Interval]:
-    best = found.judged.sized
-    values = _intervals_of_effects(found)["base"]
-    return {
-        p.name: Interval(value=v.value, low=v.low, high=v.high)
-        for p, v in zip(best.model.base, values, strict=True)
-    }
-
-
 def _where(found: Findings) -> list[WhereBin]:
     seen = [place for place in found.places if place.p < LISTED.significance][: LISTED.places]
-    return [
-        WhereBin(channel=w.channel, phase=w.phase, zone=w.zone, condition=w.condition, z=w.z, p=w.p)
-        for w in seen
-    ]
+    return [WhereBin(**asdict(place)) for place in seen]
 
 
 def _gap(found: Findings) -> Gap:
@@ -183,11 +167,8 @@ def _candidates(found: Findings) -> list[Compared]:
 
 def _family(found: Findings, base: Validated, singles: list[Validated]) -> dict[str, float]:
     """Probabilities of single candidates, family-wise over the whole library."""
-    by = found.by
-    raw = {m.model.name: margin(m, base, by).p for m in singles}
-    names = [c.name for c in found.subject.scope.candidates]
-    adjusted = holm([raw.get(name, 1.0) for name in names])
-    return dict(zip(names, adjusted, strict=True))
+    raw = {m.model.name: margin(m, base, found.by).p for m in singles}
+    return family_wise(raw, [c.name for c in found.subject.scope.candidates])
 
 
 def _compare_with_base(

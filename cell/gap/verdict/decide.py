@@ -41,8 +41,8 @@ def kind(found: Findings) -> Kind:
     judged = found.judged
     if not found.accepted.model.effects:
         return "unexplained" if gap_is_there(found) else "no_gap"
-    changes = judged.drifts or judged.repeats_differ or drifting(found)
-    if judged.leftover.p < ALPHA or changes or not _mostly(found) or unseen_remains(found):
+    changes = judged.repeats.drifts or judged.repeats.differ or drifting(found)
+    if judged.leftover < ALPHA or changes or not _mostly(found) or unseen_remains(found):
         return "unexplained"
     if is_proxy(found):
         return "unexplained"
@@ -67,9 +67,7 @@ def is_proxy(found: Findings) -> bool:
     """
     if len(found.accepted.model.effects) < 2:
         return False
-    before, after = found.shown.before, found.shown.after
-    scale = robust.scale(np.concatenate(after.residuals))
-    was, now = (_bounded_gap(estimate, scale) for estimate in (before, after))
+    was, now = _gaps(found)
     return now > BARS.noise and now > found.subject.scope.left * was
 
 
@@ -79,16 +77,12 @@ def in_doubt(found: Findings) -> bool:
     """
     if len(found.accepted.model.effects) > 1 or found.judged.remains:
         return True
-    after = found.shown.after
-    remaining = _bounded_gap(after, robust.scale(np.concatenate(after.residuals)))
-    return remaining > BARS.noise or lone_run(found) is not None
+    return _gaps(found)[1] > BARS.noise or lone_run(found) is not None
 
 
 def unseen_gap(found: Findings) -> float:
     """Excess gap of the base on held-out runs, wild samples bounded."""
-    return _bounded_gap(
-        found.shown.before, robust.scale(np.concatenate(found.shown.before.residuals))
-    )
+    return _bounded_gap(found.shown.before, found.shown.before)
 
 
 def _mostly(found: Findings) -> bool:
@@ -114,17 +108,22 @@ def unseen_remains(found: Findings) -> bool:
     as little as a law may get wrong; no sample counts beyond what is wild among those that the
     model leaves.
     """
-    shown = found.shown
-    scale = robust.scale(np.concatenate(shown.after.residuals))
-    before, after = (_bounded_gap(estimate, scale) for estimate in (shown.before, shown.after))
+    before, after = _gaps(found)
     return before > BARS.clear and after > max(BARS.half * before, BARS.law)
 
 
-def _bounded_gap(estimate: Estimate, scale: float) -> float:
-    residuals = tuple(clip_wild(estimate.residuals, scale))
-    return float(
-        held_out_gap.excess(held_out_gap.run_squares(replace(estimate, residuals=residuals)))
-    )
+def _gaps(found: Findings) -> tuple[float, float]:
+    """Excess gaps of base and accepted model on held-out runs, what is wild beside the latter
+    bounded.
+    """
+    after = found.shown.after
+    return _bounded_gap(found.shown.before, after), _bounded_gap(after, after)
+
+
+def _bounded_gap(estimate: Estimate, beside: Estimate) -> float:
+    scale = robust.scale(np.concatenate(beside.residuals))
+    clipped = tuple(clip_wild(estimate.residuals, scale))
+    return held_out_gap.excess_of(replace(estimate, residuals=clipped))
 
 
 def drifting(found: Findings) -> list[str]:
@@ -157,21 +156,13 @@ def lone_run(found: Findings) -> Run | None:
     return base.estimate.evidence.runs[best]
 
 
-def has_unexplained_part(found: Findings, which: Kind) -> bool:
-    """Whether what remains is described: if `unexplained`, or if a cause leaves more than noise."""
-    return which == "unexplained" or (which != "no_gap" and found.judged.remains)
-
-
 def describe_rest(found: Findings, which: Kind) -> Unexplained | None:
-    """What remains, where it is described."""
-    judged = found.judged
-    if not has_unexplained_part(found, which):
+    """What remains: if `unexplained`, or if a cause leaves more than noise."""
+    if which == "no_gap" or not (which == "unexplained" or found.judged.remains):
         return None
-    law = judged.law
+    law = found.offered.words if found.offered is not None else "no sparse law found"
     return Unexplained(
-        description=unexplained_part(found),
-        law=law.words if law else "no sparse law found",
-        stable=bool(law and law.stable),
+        description=unexplained_part(found), law=law, stable=found.offered is not None
     )
 
 
@@ -196,12 +187,12 @@ def _reasons(found: Findings) -> Iterator[str]:
     if drift:
         where = "conditions or phases" if judged.phases else "conditions"
         yield f"the amplitude of {', '.join(drift)} drifts between {where}"
-    if judged.drifts and judged.drift is not None:
-        yield f"the specimen changes from run to run: {judged.drift.words}"
+    if judged.repeats.drifts and judged.repeats.drift is not None:
+        yield f"the specimen changes from run to run: {judged.repeats.drift.words}"
     if judged.outlying_run is not None:
         yield f"run {judged.outlying_run} goes another way"
-    if judged.repeats_differ:
-        factor = max(judged.inflation.values())
+    if judged.repeats.differ:
+        factor = max(judged.repeats.inflation.values())
         yield f"repeats of one condition differ by {factor:.1f} times the stated noise"
     if found.accepted.model.effects and unseen_remains(found):
         yield "the gap there is not even halved"

@@ -3,18 +3,13 @@
 from dataclasses import dataclass
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.diagnosis.drift import Drift
+from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.invariance import Invariance
-from cell.gap.diagnosis.lack_of_fit import Misfit
-from cell.gap.diagnosis.localise import Bin
-from cell.gap.diagnosis.next_experiment import Advice
-from cell.gap.diagnosis.shown_places import surer_of_two
-from cell.gap.diagnosis.sparse_law import Law
-from cell.gap.diagnosis.steadier import Steadier
+from cell.gap.diagnosis.localise import Bin, surer_of_two
+from cell.gap.diagnosis.next_experiment import Advice, Steadier
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
-from cell.gap.fitting.starts import Undetermined
 from cell.gap.selection.choice import Choice
 from cell.gap.selection.likelihood import ALPHA, LikelihoodScale
 from cell.gap.selection.posterior import Posterior
@@ -24,25 +19,21 @@ from cell.gap.selection.screening import Probed, Table
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
 
-UNSTEADY = 3.0  # times the stated noise by which repeats may differ; set by hand
-
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
     """The refitted base and what it leaves.
 
-    `inflation` by channel is the factor on the stated noise that repeats demand; `drift` is None
-    where no condition was repeated; `weak` are directions that the runs do not determine, `scatter`
-    the quantities that differ from run to run; `strained` where it fits by values that what was
-    known of them all but rules out.
+    `misfit` is the probability of that by noise alone; `weak` are directions that the runs do not
+    determine, `scatter` the quantities that differ from run to run; `strained` where it fits by
+    values that what was known of them all but rules out.
     """
 
     base: Validated
-    inflation: dict[str, float]
-    drift: Drift | None
-    misfit: Misfit
+    repeats: Repeats
+    misfit: float
     places: tuple[Bin, ...]
-    weak: tuple[Undetermined, ...]
+    weak: tuple[str, ...]
     scatter: tuple[Spread, ...] = ()
     strained: bool = False
 
@@ -54,18 +45,8 @@ class Fitted:
     @property
     def gap(self) -> bool:
         """Whether the base leaves more than noise, anywhere, overall or from run to run."""
-        seen = self.misfit.p < ALPHA or any(place.p < ALPHA for place in self.places)
-        return seen or self.drifts or self.repeats_differ
-
-    @property
-    def repeats_differ(self) -> bool:
-        """Whether repeats differ so much that the stated noise means little."""
-        return max(self.inflation.values(), default=1.0) > UNSTEADY
-
-    @property
-    def drifts(self) -> bool:
-        """Whether the specimen changes from run to run."""
-        return self.drift is not None and self.drift.real
+        seen = self.misfit < ALPHA or any(place.p < ALPHA for place in self.places)
+        return seen or self.repeats.drifts or self.repeats.differ
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,44 +66,31 @@ class Screened:
 class Judged:
     """Every doubt about the accepted model.
 
-    `misfit` is its lack of fit against noise alone, `leftover` against noise and tolerance,
-    without the `outlying_run` where it fits all others; `drift` and `inflation` are
-    changes between repeats that it leaves. `classes` are effects that stand in for one another,
+    `misfit` is the probability of what it leaves by noise alone, `leftover` by noise and tolerance,
+    without the `outlying_run` where it fits all others; `repeats` differ by what it leaves.
+    `classes` are effects that stand in for one another,
     `scatter` the quantities that differ from run to run beside it, `sized` the model fitted with
     these, from which sizes are estimated. `phases` tests each of several effects by the parts of a
-    motion: by rate, height, direction and time. `places` are where the
-    accepted effects show in what the base leaves, none without any. `law` describes what is left,
-    where that is described.
+    motion: by rate, height, direction and time. `places` are where the accepted effects show in
+    what the base leaves, none without any.
     """
 
     invariances: dict[str, dict[str, Invariance]]
-    misfit: Misfit
-    leftover: Misfit
+    misfit: float
+    leftover: float
     outlying_run: str | None
-    drift: Drift | None
-    inflation: dict[str, float]
+    repeats: Repeats
     rivals: tuple[Alternative, ...]
     classes: tuple[tuple[str, ...], ...]
     sized: Estimate
     scatter: tuple[Spread, ...] = ()
     phases: tuple[Invariance, ...] = ()
     places: tuple[Bin, ...] = ()
-    law: Law | None = None
 
     @property
     def remains(self) -> bool:
         """Whether the accepted model leaves more than noise."""
-        return self.misfit.p < ALPHA
-
-    @property
-    def drifts(self) -> bool:
-        """Whether the specimen changes from run to run in another way than the model says."""
-        return self.drift is not None and self.drift.real
-
-    @property
-    def repeats_differ(self) -> bool:
-        """Whether repeats differ so much, for no reason, that a fit to them means little."""
-        return max(self.inflation.values(), default=1.0) > UNSTEADY
+        return self.misfit < ALPHA
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,15 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap, lack_of_fit
-from cell.gap.diagnosis.drift import drift
+from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.invariance import Invariance, invariance
-from cell.gap.diagnosis.localise import Bin
-from cell.gap.diagnosis.shown_places import shown_places
-from cell.gap.diagnosis.sparse_law import Law, describe
+from cell.gap.diagnosis.localise import Bin, shown_places
 from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Point
-from cell.gap.fitting.projection import projection
 from cell.gap.fitting.scatter import estimate_spreads, with_own_scatter
 from cell.gap.fitting.settle import settle
 from cell.gap.fitting.starts import refine, refit_fine
@@ -23,7 +20,6 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA
 from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.rivals import Alternative, classes, more_probable, probable_rivals, rivals
-from cell.gap.selection.screening import probe
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.findings import Judged, Shown
 from drivers.types import Array
@@ -63,11 +59,9 @@ def judge(
     best = choice.accepted.estimate
     invariances = _invariances(choice, simulate)
     tolerance = {k: q.tolerance for k, q in subject.scope.quantities.items()}
-    noise = lack_of_fit.noise_left(projection(best, robustly=False), rng)
-    change = drift(best)
-    inflation = change.inflation if change is not None else lack_of_fit.pure_error(best)
-    strict = lack_of_fit.slack(best.evidence, inflation, {})
-    kind = lack_of_fit.slack(best.evidence, inflation, tolerance)
+    repeats, noise = Repeats.of(best), lack_of_fit.noise_left(best, rng)
+    strict = lack_of_fit.slack(best.evidence, repeats.inflation)
+    kind = lack_of_fit.slack(best.evidence, repeats.inflation, tolerance)
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
     kind[lack_of_fit.unshown(best)] = np.inf
     leftover, outlying_run = _leftover(best, noise, kind)
@@ -80,8 +74,7 @@ def judge(
         misfit,
         leftover,
         outlying_run,
-        change,
-        inflation,
+        repeats,
         tuple(close),
         groups,
         run_one(simulate, settle(with_own_scatter(simulate, best, scatter, whole))),
@@ -95,21 +88,11 @@ def _rivals(choice: Choice, sets: Posterior, *, believed: bool) -> list[Alternat
     """What explains the runs about as well as the accepted model, by what accepted it, and what is
     more probable; where priors are `believed`, they refute, too.
     """
-    known = (choice.accepted, choice.fits, choice.by)
+    known = (choice.accepted, choice.fits)
     if choice.sets is not None:
         return probable_rivals(*known, choice.sets)
-    close = rivals(*known, sets if believed else None)
+    close = rivals(*known, choice.by, sets if believed else None)
     return [*close, *more_probable(*known, sets)]
-
-
-def fit_rest_law(
-    subject: Subject, choice: Choice, simulate: Simulate, rng: np.random.Generator
-) -> Law | None:
-    """Sparse law of what the accepted model of `choice` leaves."""
-    best = choice.accepted.estimate
-    secants = [replace(t, probes=()) for t in subject.scope.terms]
-    terms = run_all(simulate, [probe(best, t) for t in secants])
-    return describe(best, projection(best), terms, choice.by.inefficiency, rng)
 
 
 def _places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...]:
@@ -117,10 +100,8 @@ def _places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...]:
     fitted, base = choice.accepted, choice.fits.base.estimate
     if not fitted.model.effects:
         return ()
-    noise = lack_of_fit.noise_left(projection(base, robustly=False), rng)
-    change = drift(base)
-    inflation = change.inflation if change is not None else lack_of_fit.pure_error(base)
-    allowed = lack_of_fit.slack(base.evidence, inflation, {})
+    noise = lack_of_fit.noise_left(base, rng)
+    allowed = lack_of_fit.slack(base.evidence, Repeats.of(base).inflation)
     others = [m.estimate for m in choice.fits.models if m.model.effects and m is not fitted]
     return tuple(shown_places(base, fitted.estimate, others, noise, allowed))
 
@@ -153,16 +134,14 @@ def _invariances(choice: Choice, simulate: Simulate) -> dict[str, dict[str, Inva
     return found
 
 
-def _leftover(
-    estimate: Estimate, noise: Array, allowed: Array
-) -> tuple[lack_of_fit.Misfit, str | None]:
+def _leftover(estimate: Estimate, noise: Array, allowed: Array) -> tuple[float, str | None]:
     """Lack of fit of all runs; where effects fit all runs but one, of the others, and that one."""
     whole = lack_of_fit.lack_of_fit(estimate, noise, allowed)
-    if whole.p >= ALPHA or not estimate.model.effects:
+    if whole >= ALPHA or not estimate.model.effects:
         return whole, None
     name, samples = lack_of_fit.outlying_run(estimate)
     others = lack_of_fit.lack_of_fit(estimate, noise, np.where(samples, np.inf, allowed))
-    return (others, name) if others.p >= ALPHA else (whole, None)
+    return (others, name) if others >= ALPHA else (whole, None)
 
 
 def show(
@@ -183,5 +162,4 @@ def show(
     if accepted.model.effects:
         runs = at(accepted.estimate).runs
         after = held_out_gap.unseen(simulate, accepted.estimate, Evidence(runs, known.scales))
-    squares = held_out_gap.run_squares(before), held_out_gap.run_squares(after)
-    return Shown(before, after, held_out_gap.shrink(*squares, rng))
+    return Shown(before, after, held_out_gap.shrink(before, after, rng))

@@ -9,7 +9,6 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.crossvalidation import Validated, on_runs
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.model import Evidence
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection import search
@@ -97,16 +96,17 @@ def offered_law(
     None where no term gains on runs left out, no law is stable, no run that was held out shows a
     gap that it closes, or `names` leave no room for it.
     """
-    if float(held_out_gap.excess(held_out_gap.run_squares(before))) < OFFER.nothing:
+    if held_out_gap.excess_of(before) < OFFER.nothing:
         return None
     longest = OFFER.longest if names is None else names.longest
     if not longest:
         return None
     for law in _laws_by_size(_fit_laws(subject, simulate, base, longest)):
         if (names is None or names.leave_room(law)) and _stable(law.estimate):
-            shrink = _share_closed(simulate, law.estimate, before, rng)
-            if shrink.value >= OFFER.least:
-                return _offer(law.estimate, shrink.value)
+            after = held_out_gap.unseen(simulate, law.estimate, before.evidence)
+            closed = held_out_gap.shrink(before, after, rng).value
+            if closed >= OFFER.least:
+                return _offer(law.estimate, closed)
     return None
 
 
@@ -121,11 +121,10 @@ def _fit_laws(subject: Subject, simulate: Simulate, base: Validated, longest: in
     scores = ranking(known)[: OFFER.singles]
     if longest > 1:
         scores += ranked_pairs(known, OFFER.pairs)
-    fits = Fits((base,)).merge(search.fit_scores(simulate, fit, scores, terms))
+    fits = search.fit_scores(simulate, Fits((base,)), scores, terms)
     for size in range(1, longest):
         if fits.of_size(size) and not is_exhausted(fits):
-            more = search.extensions(simulate, fits, size, plain, probed)
-            fits = fits.merge(search.fit_scores(simulate, fit, more, terms))
+            fits = search.extend(simulate, fits, size, plain, probed)
     return fits
 
 
@@ -141,16 +140,6 @@ def _stable(estimate: Estimate) -> bool:
     halves = list(combinations(range(runs), max(1, runs // 2)))
     again = [np.sign(on_runs(estimate, half)[0][first:]) for half in halves]
     return bool((np.mean(np.array(again) == signs, axis=0) >= OFFER.often).all())
-
-
-def _share_closed(
-    simulate: Simulate, fit: Estimate, before: Estimate, rng: np.random.Generator
-) -> held_out_gap.Shrink:
-    """Share of the excess gap of `before` that a fit closes on the same runs."""
-    known = Evidence(before.evidence.runs, before.evidence.scales)
-    after = held_out_gap.unseen(simulate, fit, known)
-    squares = held_out_gap.run_squares(before), held_out_gap.run_squares(after)
-    return held_out_gap.shrink(*squares, rng)
 
 
 def _offer(fit: Estimate, shrink: float) -> OfferedLaw:

@@ -91,7 +91,7 @@ def test_where_no_margin_explains_a_gap_the_evidence_chooses_and_says_what_is_as
     sets = Posterior(tuple(Weighed(names[n], v, 0.0) for n, v in nats.items()))
     found = by_evidence(choose(fits, sets), sets)
     assert found.accepted.model.names == {"bump"}
-    close = probable_rivals(found.accepted, fits, found.by, sets)
+    close = probable_rivals(found.accepted, fits, sets)
     assert [(r.model.model.names, r.behind) for r in close] == [({"wave"}, 2.0)]
     doubtful = Posterior((Weighed(names["bump"], 3.0, 0.9), Weighed(names[""], 0.0, 0.1)))
     assert not by_evidence(choose(fits, doubtful), doubtful).accepted.model.effects
@@ -107,7 +107,7 @@ def test_an_accepted_effect_that_is_rather_absent_shares_its_place_with_what_is_
         both = [Weighed(bumpy, 30.0 + np.log(p), p), Weighed(wavy, 30.0 + np.log(1 - p), 1 - p)]
         ranked = sorted(both, key=lambda w: -w.p)
         sets = Posterior((*ranked, Weighed(base, 0.0, 0.0)))
-        doubts = more_probable(found.accepted, fits, found.by, sets)
+        doubts = more_probable(found.accepted, fits, sets)
         assert classes(found.accepted, doubts) == expected
 
 

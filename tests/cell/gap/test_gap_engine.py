@@ -226,8 +226,8 @@ def test_specimen_that_drifts_from_run_to_run_is_not_called_in_order() -> None:
     drift: Law = lambda t, s, i: 0.02 * i * t  # noqa: E731
     found, verdict = judged(Curves(drift))
     assert verdict.verdict == "unexplained"
-    assert found.fitted.drift is not None
-    assert "slope" in found.fitted.drift.words
+    assert found.fitted.repeats.drift is not None
+    assert "slope" in found.fitted.repeats.drift.words
 
 
 def test_effect_without_response_changes_nothing() -> None:
@@ -277,7 +277,7 @@ def test_direction_that_the_runs_cannot_determine_is_named() -> None:
         shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4)
         object.__setattr__(run, "local", (shift,))
     weak = weak_directions(fitted(subject))
-    assert [u.words for u in weak] == ["offset"]
+    assert weak == ["offset"]
 
 
 def test_same_verdict_whatever_runs_beside_a_fit() -> None:

@@ -50,6 +50,16 @@ def test_a_law_is_offered_for_a_gap_that_no_effect_explains_and_closes_it() -> N
     assert found.offered is not None
     assert found.offered.terms["bump"] == pytest.approx(0.2, rel=0.05)
     assert found.offered.shrink > 0.9
+    assert verdict.unexplained is not None
+    assert verdict.unexplained.law == found.offered.words
+    assert verdict.unexplained.stable
+
+
+def test_where_no_law_closes_the_gap_none_is_stated() -> None:
+    _, verdict = judged(Curves(hidden(bump, 0.2), names=("dead",)))
+    assert verdict.unexplained is not None
+    assert verdict.unexplained.law == "no sparse law found"
+    assert not verdict.unexplained.stable
 
 
 def test_no_law_is_offered_where_nothing_is_hidden() -> None:

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from cell.gap.diagnosis.localise import Bin, localise
-from cell.gap.diagnosis.shown_places import shown_places, surer_of_two
+from cell.gap.diagnosis.localise import Bin, localise, shown_places, surer_of_two
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.subject.subject import Run, Samples

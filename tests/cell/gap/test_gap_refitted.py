@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from cell.gap import investigate
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.score import Score
 
 LEAST = 5.0  # nats
@@ -15,9 +16,9 @@ def refitted(monkeypatch: pytest.MonkeyPatch, *, gain: float, gap: bool) -> list
     """The effects that are refitted where the screen expects `gain` of one and little of pairs."""
     asked: list[str] = []
 
-    def fit_scores(_simulate: Any, _base: Any, scores: list[Score], _known: Any) -> list[Any]:
+    def fit_scores(_simulate: Any, fits: Fits, scores: list[Score], _known: Any) -> Fits:
         asked.extend(s.names[0] for s in scores)
-        return []
+        return fits
 
     scale = SimpleNamespace(least=LEAST, inefficiency=1.0)
     monkeypatch.setattr(investigate, "likelihood_scale", lambda _models: scale)
@@ -29,7 +30,10 @@ def refitted(monkeypatch: pytest.MonkeyPatch, *, gain: float, gap: bool) -> list
     base = SimpleNamespace(estimate=None, model=SimpleNamespace(name="", names=frozenset()))
     fitted: Any = SimpleNamespace(base=base, doubted=gap)
     screened: Any = SimpleNamespace(known=None, singles=(Score(("seam",), gain, {}),))
-    investigate._refit_singles(subject, fitted, screened, lambda _asked: [])
+    fits = Fits((base,))  # type: ignore[arg-type]
+    investigate._refit_singles(
+        subject, fitted, fits, screened, lambda _asked: [], lambda _stage, _share: None
+    )
     return asked
 
 
@@ -60,8 +64,7 @@ def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
     monkeypatch.setattr(investigate, "is_exhausted", lambda _fits: False)
     monkeypatch.setattr(investigate, "_leaves_more", lambda _fits, **_: False)
     monkeypatch.setattr(investigate.search, "shortlist", shortlist)
-    monkeypatch.setattr(investigate.search, "fit_scores", lambda *_: [])
-    monkeypatch.setattr(investigate.search, "with_shape_parameters", lambda *_: [])
+    monkeypatch.setattr(investigate.search, "fit_scores", lambda _simulate, fits, *_: fits)
     fits: Any = SimpleNamespace(
         models=(None, None),
         base=SimpleNamespace(estimate=None),

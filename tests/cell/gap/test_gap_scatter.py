@@ -6,15 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.diagnosis.steadier import steadier
-from cell.gap.fitting.degrees_of_freedom import degrees_of_freedom
-from cell.gap.fitting.gauss_newton import refit
+from cell.gap.diagnosis.next_experiment import steadier
+from cell.gap.fitting.crossvalidation import validate
+from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.scatter import with_own_scatter, with_scatter
+from cell.gap.fitting.scatter import estimate_spreads, with_own_scatter, with_scatter
 from cell.gap.fitting.spreads import spreads
 from cell.gap.fitting.tasks import run_one
+from cell.gap.fitting.uncertainty import degrees_of_freedom
 from cell.gap.report.repeats import remedies
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
+from cell.gap.selection.search import beside_base
 from cell.gap.subject.subject import Parameter, Request, Residuals
 from tests.cell.gap.test_gap_engine import Curves, Law, bump, fitted, hidden, judged, nothing
 
@@ -106,6 +109,26 @@ def test_a_fit_is_made_again_only_where_its_scatter_was_another() -> None:
         "ripple": found[0].value
     }
     assert with_own_scatter(subject.simulate, again, found, whole) is again
+
+
+def test_models_are_carried_to_the_scatter_that_is_found_beside_the_best() -> None:
+    subject = Scattering(hidden(bump, 0.3), 0.2)
+    whole = evidence(subject.runs)
+    still = [with_scatter(fitted(subject, names), (), whole) for names in ((), ("bump",))]
+    fits = Fits(tuple(run_one(subject.simulate, validate(refitted(subject, e))) for e in still))
+    found = estimate_spreads(subject.simulate, fits.best.estimate, whole)
+    base = refitted(subject, with_scatter(fits.base.estimate, found, whole))
+    again = beside_base(
+        subject.simulate, fits, run_one(subject.simulate, validate(base)), found, whole
+    )
+    assert [m.model.name for m in again.models] == ["base", "bump"]
+    assert all(m.estimate.evidence is base.evidence for m in again.models)
+    assert again.best.estimate.scale < 0.5 * fits.best.estimate.scale
+    assert again.best.estimate.shared[-1] == pytest.approx(0.3, abs=0.02)
+
+
+def refitted(subject: Scattering, fit: Estimate) -> Estimate:
+    return run_one(subject.simulate, refit(fit.model, fit.evidence, fit.point))
 
 
 def test_few_runs_that_differ_make_a_wider_interval_and_noise_alone_does_not() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.tasks import roughly, run_all, run_one
+from cell.gap.fitting.tasks import rough, run_all, run_one
 from cell.gap.selection.screening import Table, _best_mix, probe, ranked_pairs, ranking, table
 from tests.cell.gap.test_gap_engine import Curves, bump, fitted, hidden, wave
 
@@ -52,7 +52,7 @@ def test_pairs_that_gain_too_little_are_not_told(screened: Table) -> None:
     assert not ranked_pairs(screened, 3, 1.01 * best)
 
 
-def test_a_rough_task_asks_for_rough_simulations_and_answers_alike() -> None:
+def test_a_rough_simulation_is_asked_for_by_what_is_run_on_it() -> None:
     subject = Curves(hidden(bump, 0.2))
     base = fitted(subject)
     asked = []
@@ -61,7 +61,7 @@ def test_a_rough_task_asks_for_rough_simulations_and_answers_alike() -> None:
         asked.extend(requests)
         return subject.simulate(requests)
 
-    moved = responses(run_one(simulate, roughly(probe(base, subject.scope.candidates[0]))))
+    moved = responses(run_one(rough(simulate), probe(base, subject.scope.candidates[0])))
     assert asked
     assert all(request.rough for request in asked)
     plain = responses(run_one(subject.simulate, probe(base, subject.scope.candidates[0])))

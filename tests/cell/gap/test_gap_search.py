@@ -144,7 +144,6 @@ def test_an_effect_of_a_pair_has_one_amplitude_in_all_phases_of_a_motion() -> No
         fit = models[1].estimate
         found = run_one(subject.simulate, invariance(fit, "bump", by, phases=True))
         assert found.holds is holds
-        assert set(found.amplitudes) == {"lift", "fall"}
         assert run_one(subject.simulate, invariance(fit, "bump", by)).holds
 
 

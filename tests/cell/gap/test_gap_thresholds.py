@@ -5,12 +5,14 @@ import pytest
 
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import run_all
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import probe, ranking, table
 from cell.gap.selection.search import fit_scores
 from cell.gap.subject.subject import Candidate, Parameter, Scope
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import Curves, T, bump, fitted
+from tests.cell.gap.test_gap_robust import validated
 
 THRESHOLD, PROBES, CREEP = 0.5, (0.3, 1.0, 3.0), 0.02
 
@@ -51,8 +53,9 @@ def test_a_share_of_a_probe_below_the_threshold_is_not_the_only_start() -> None:
 @pytest.mark.parametrize("size", [0.55, 0.6, 0.9, 2.0])
 def test_what_slips_a_little_beyond_its_threshold_is_found(size: float) -> None:
     subject, score = screened(size)
-    (found,) = fit_scores(
-        subject.simulate, fitted(subject), [score], list(subject.scope.candidates)
+    fits = Fits((validated(fitted(subject), subject),))
+    (found,) = fit_scores(subject.simulate, fits, [score], list(subject.scope.candidates)).of_size(
+        1
     )
     assert found.estimate.shared[2] == pytest.approx(size, abs=0.02)
     assert np.mean(np.concatenate(found.estimate.residuals) ** 2) < 1.5
