@@ -1,1 +1,1 @@
-"""Where simulation and measurement disagree: found, named, added, shown to shrink."""
+"""Finds and names effects that the simulation lacks, adds them, and shows that the gap shrinks."""

@@ -1,4 +1,4 @@
-"""`cell gap check`: are these recordings fit to be fitted, and what can they say at all?"""
+"""Checks of `cell gap check`: whether recordings can be fitted, and what they can identify."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -78,7 +78,7 @@ def inputs_digest(file: Path, runs: Sequence[RunFolder]) -> str:
 
 
 def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
-    """What is wrong with the recordings as such; unreadable ones are refused by their reader."""
+    """Findings on the recordings as such; unreadable ones are refused by their reader."""
     found = []
     for run in runs:
         tables = {}
@@ -130,7 +130,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
 
 
 def identifiable(subject: Subject) -> Iterator[Finding]:
-    """What these motions cannot show, by the model's responses at the stated values."""
+    """Findings on what these motions cannot identify, by responses at the stated values."""
     stated = nominal(subject, subject.simulate)
     sigma = np.sqrt(np.diag(normal_equations.covariance(stated.normal(1.0).curvature)))
     for p, s in zip(subject.scope.base, sigma, strict=False):

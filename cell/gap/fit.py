@@ -45,7 +45,7 @@ ENGINE_VERSION = "33"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:
-    """Progress that nobody watches."""
+    """Progress callback that discards what it is given."""
 
 
 def fit(

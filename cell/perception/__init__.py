@@ -1,3 +1,1 @@
-"""Measurement of the strip in one image, of touch and laid fold in a sequence; whether the strip
-behaved as the model says.
-"""
+"""Measures the strip in one image, touch and laid fold in a sequence, and whether the model holds."""

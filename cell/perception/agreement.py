@@ -1,4 +1,4 @@
-"""Whether a strip behaved like the model: a rod of the estimated strip against the images."""
+"""Agreement of a strip with the model: a rod of the estimated strip against the images."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -49,7 +49,7 @@ class AgreementLimits(Settings):
 
 @cache
 def agreement_limits() -> AgreementLimits:
-    """The limits of this version."""
+    """Limits of agreement that the package ships."""
     return load(LIMITS, AgreementLimits)
 
 
@@ -87,7 +87,7 @@ class Agreement:
 
 
 def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
-    """How a rod like `strip`, with the parameters `predicted`, agrees with a measured `fold`.
+    """Agreement of a rod like `strip`, with the parameters `predicted`, with a measured `fold`.
 
     The rod is fitted within the belief's intervals, with a constant bias of the images and an
     error of their stamps; what remains is neither. None where too little was measured, or where the
@@ -169,7 +169,7 @@ def _solve(design: Array, off: Array, gone: Array, sigma: Array) -> tuple[Array,
 
 
 def _model(strip: StripFile, at: Array) -> StripModel:
-    """The strip with the parameters `at` (3,); its other effects stay."""
+    """Model of the strip with the parameters `at` (3,); its other effects stay."""
     effects = {name: given for name, given in strip.effects.items() if name != "bending_hysteresis"}
     friction = YIELD_UNIT * float(np.expm1(max(at[2], 0.0)))
     if friction > 0:

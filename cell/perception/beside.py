@@ -44,7 +44,7 @@ NICE = (
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What one image showed; `shift` [m] is how far the camera seems moved, NaN where unknown."""
+    """Findings of one image; `shift` [m] is the camera's apparent motion, NaN where unknown."""
 
     measurement: StripMeasurement
     touch: SeenTouch | None
@@ -55,15 +55,15 @@ class Sight(Protocol):
     """Judges the strip before a fold and measures it in the images of the fold."""
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
-        """The checks of an image before the grasp; the strip's colours are kept."""
+        """Check an image before the grasp, and keep the strip's colours."""
 
     def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> Seen:
-        """The strip in `frame`, and with `touches` whether its layers touch."""
+        """Measure the strip in `frame`, and with `touches` whether its layers touch."""
 
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """The strip to be measured, as it is known before the fold."""
+    """Everything known before the fold of a strip that is to be measured."""
 
     calibration: Calibration
     settings: PerceptionSettings
@@ -84,7 +84,7 @@ class StripSight:
         self._touch = LayerTouch(subject.settings, subject.strip)
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
-        """The checks of an image before the grasp; the strip's colours are kept."""
+        """Check an image before the grasp, and keep the strip's colours."""
         s = self._subject
         seen = inspect(frame, s.calibration, s.settings, s.strip)
         if seen.appearance is None:
@@ -94,7 +94,7 @@ class StripSight:
         return *seen.checks, self._standing.check()
 
     def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> Seen:
-        """The strip in `frame`; raises Fault `no_perception` before an image was accepted."""
+        """Measure the strip in `frame`; Fault `no_perception` before an image was accepted."""
         if self._perception is None or self._standing is None:
             raise Fault("no_perception", "images are to be read before a picture was judged")
         measurement = self._perception.look(frame, gripper)
@@ -175,7 +175,7 @@ class Beside:
             self._dead = self._dead or ENDED
 
     def answer(self) -> Seen | None:
-        """What the image under way showed, None until that is known."""
+        """Findings of the image under way, None until they are known."""
         return _unpack(self._values) if self._news() == b"s" else None
 
     def checks(self) -> tuple[PreflightCheck, ...] | None:
@@ -293,7 +293,7 @@ def _pack(values: Array, seen: Seen) -> None:
 
 
 def _unpack(values: Array) -> Seen:
-    """What the shared numbers (n,) hold."""
+    """Findings of an image from the shared numbers (n,)."""
     start = HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1
     one, touch = values[HEADER_SIZE:start].tolist(), None
     stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[:NUMBERS]

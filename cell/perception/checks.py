@@ -37,7 +37,7 @@ class PreflightCheck:
 
 
 def size(image: Image, calibration: Calibration) -> PreflightCheck:
-    """Whether the image (h, w, 3) has the calibration's size."""
+    """Check whether the image (h, w, 3) has the calibration's size."""
     lens = calibration.lens
     return PreflightCheck(
         "picture fits calibration",
@@ -49,7 +49,7 @@ def size(image: Image, calibration: Calibration) -> PreflightCheck:
 
 
 def thin_enough(strip: StripFile) -> PreflightCheck:
-    """Whether the strip is thin enough for perception."""
+    """Check whether the strip is thin enough for perception."""
     return PreflightCheck(
         "thickness",
         strip.thickness <= THICKEST,
@@ -60,7 +60,7 @@ def thin_enough(strip: StripFile) -> PreflightCheck:
 
 
 def desk_contrast(scene: Segmenter, desk: Array, settings: PerceptionSettings) -> PreflightCheck:
-    """Whether each of the strip's colours differs from the desk (3,), lit or in shadow."""
+    """Check whether each of the strip's colours differs from the desk (3,), lit or in shadow."""
     apart = min(float(np.linalg.norm(colour - desk)) for colour in scene.colours)
     shade = np.array([DESK_SHADE], dtype=np.float32)
     away = min(float(separation(c, desk[None], shade, scene.smooth)[0]) for c in scene.colours)
@@ -182,7 +182,7 @@ def _heaviest(alike: Floats) -> Array:
 
 
 def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightCheck:
-    """Whether the camera has moved since its calibration, by its landmarks."""
+    """Check whether the camera has moved since its calibration, by its landmarks."""
     seen = np.isfinite([shift.x, shift.z]).all()
     desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
     moved = f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}"

@@ -23,7 +23,7 @@ SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about where it should be, when 
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What an image shows, with the pose of the held end; None where it was not found."""
+    """Measurement of an image with the pose of the held end; None where it was not found."""
 
     measurement: StripMeasurement
     end: Pose | None
@@ -49,7 +49,7 @@ class HeldEnd:
         self._past: list[tuple[float, Pose]] = []
 
     def look(self, frame: Frame) -> Held:
-        """The strip in `frame` and its held end; images are given in their order."""
+        """Measure the strip in `frame` and its held end; images are given in their order."""
         first, *others = self._guesses(frame.stamp)
         best = self._settle(frame, first)
         for guess in others:
@@ -63,7 +63,7 @@ class HeldEnd:
         return best
 
     def _guesses(self, stamp: float) -> Iterator[Pose]:
-        """Where the end may be: where it was going, about there, or just lifted."""
+        """Guesses of the held end: where it was going, about there, or just lifted."""
         if not self._past:
             yield Pose(self._length, 0.0, 0.0)
             for height in LIFTS:

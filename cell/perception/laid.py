@@ -49,14 +49,14 @@ class LaidWeights(Settings):
     belongs_to: str
 
     def of(self, loop: Loop, thickness: float) -> float:
-        """So much more strip [m] than it is long a `loop` of layers of `thickness` [m] holds."""
+        """Length of strip [m] in a `loop` beyond its own length, of layers of `thickness` [m]."""
         seen = self.constant + self.height * loop.height + self.width * loop.width
         return seen + self.thickness * thickness
 
 
 @cache
 def laid_weights() -> LaidWeights:
-    """The weights of this version."""
+    """Weights of a laid loop that the package ships."""
     return load(WEIGHTS_FILE, LaidWeights)
 
 

@@ -1,4 +1,4 @@
-"""Whether a fold lies as it was laid: its edges are seen, near where the gripper let go of them."""
+"""Checks that a fold lies as it was laid: its edges are seen where the gripper released them."""
 
 from dataclasses import dataclass
 

@@ -46,7 +46,7 @@ class LayerTouch:
         self._touch: SeenTouch | None = None
 
     def update(self, measurement: StripMeasurement, gripper: Pose) -> SeenTouch | None:
-        """The touch, from the frame that completes the evidence on, else None.
+        """Add a measurement; the touch from the frame that completes its evidence on, else None.
 
         `gripper` is the measured pose at the measurement's stamp. The touch's own time is earlier.
         """
@@ -58,7 +58,7 @@ class LayerTouch:
         return self._touch
 
     def _follows(self, fall: Fall) -> bool:
-        """Whether it is later than the ones before, and consistent with the strip's length."""
+        """Whether a fall is later than the ones before, and consistent with the strip's length."""
         later = not self._falls or fall.time > self._falls[-1].time
         return later and fall.x + fall.to_grasped < self._most
 

@@ -1,4 +1,4 @@
-"""A fold as it was measured: the gripper's path and the profiles on it, averaged over time."""
+"""Measured fold: the gripper's path and the profiles on it, averaged over time."""
 
 from typing import NamedTuple, Self
 
@@ -26,7 +26,7 @@ class MeasuredFold(NamedTuple):
 
     @classmethod
     def until(cls, touch: float, t: Array, poses: Array, stamp: Array, profile: Array) -> Self:
-        """What was measured before the `touch` [s], of poses at `t` and profiles at `stamp`."""
+        """The measured fold before the `touch` [s], of poses at `t` and profiles at `stamp`."""
         seen = (stamp < touch - TOUCH_MARGIN) & np.isfinite(profile).all(axis=(1, 2))
         moved = t <= touch
         return cls(t[moved], poses[moved], stamp[seen], profile[seen])

@@ -25,17 +25,17 @@ def palette(samples: Array) -> Array:
     colours = np.median(samples, axis=0)[None]
     while match_none(samples, colours).mean() > BLENDS and len(colours) < MOST_COLOURS:
         colours = _refine(samples, np.vstack([colours, _farthest(samples, colours)]))
-    nearest = _distances(samples, colours).argmin(axis=1)
+    nearest = _standard_distances(samples, colours).argmin(axis=1)
     frequent = np.argsort(-np.bincount(nearest, minlength=len(colours)), kind="stable")
     return frozen(colours[frequent])
 
 
 def match_none(samples: Array, colours: Array) -> NDArray[np.bool_]:
     """Which samples (n, 3) match none of the colours (k, 3)."""
-    return np.asarray(_distances(samples, colours).min(axis=1) > OTHER_COLOUR)
+    return np.asarray(_standard_distances(samples, colours).min(axis=1) > OTHER_COLOUR)
 
 
-def _distances(samples: Array, colours: Array) -> Array:
+def _standard_distances(samples: Array, colours: Array) -> Array:
     """(n, k) in standard deviations; brightness counts less than colour."""
     away = samples[:, None] - colours
     bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
@@ -47,7 +47,7 @@ def _distances(samples: Array, colours: Array) -> Array:
 
 def _farthest(samples: Array, colours: Array) -> Array:
     """Median colour of the tenth of the samples that are explained worst."""
-    distance = _distances(samples, colours).min(axis=1)
+    distance = _standard_distances(samples, colours).min(axis=1)
     worst = samples[int(np.argmax(distance))]
     near = np.argsort(np.linalg.norm(samples - worst, axis=1), kind="stable")
     return np.asarray(np.median(samples[near[: max(len(samples) // 20, 1)]], axis=0))
@@ -56,7 +56,7 @@ def _farthest(samples: Array, colours: Array) -> Array:
 def _refine(samples: Array, colours: Array) -> Array:
     """Colours moved to the median of the samples nearest to each, until convergence."""
     for _ in range(ROUNDS):
-        nearest: Indices = _distances(samples, colours).argmin(axis=1)
+        nearest: Indices = _standard_distances(samples, colours).argmin(axis=1)
         moved = np.array(
             [
                 np.median(samples[nearest == k], axis=0) if (nearest == k).any() else colour

@@ -43,7 +43,7 @@ class History:
 
     @property
     def newest(self) -> Scene:
-        """The last scene."""
+        """The newest scene that was added."""
         return self._scenes[-1]
 
     def at(self, stamp: float) -> Scene:

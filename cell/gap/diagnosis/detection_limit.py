@@ -1,4 +1,4 @@
-"""How small an effect these runs would still have shown."""
+"""Smallest size of each effect that these runs would have shown."""
 
 from collections.abc import Sequence
 

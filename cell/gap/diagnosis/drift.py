@@ -1,4 +1,4 @@
-"""Do repeats differ, and by a drift: base parameters that change with the run's index."""
+"""Differences between repeats and their drift: base parameters that change with the run's index."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

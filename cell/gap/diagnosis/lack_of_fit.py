@@ -1,4 +1,4 @@
-"""Is there a gap: what repeats say of the noise, and whether the residuals exceed it."""
+"""Test for a gap: whether residuals exceed the noise, as repeats show it."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -149,8 +149,8 @@ def outlying_run(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:
     return estimate.evidence.runs[worst].name, owner == worst
 
 
-def unshown(estimate: Estimate) -> NDArray[np.bool_]:
-    """Samples (N,) that the model cannot show while it shows others of their run.
+def lost_samples(estimate: Estimate) -> NDArray[np.bool_]:
+    """Mask (N,) of samples that the model lost while it predicts others of their run.
 
     The strip lies down in another place there, which is for the other channels to judge.
     """

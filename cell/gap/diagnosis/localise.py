@@ -1,4 +1,4 @@
-"""Where simulation and measurement disagree, by itself or in the way of an effect: bins of
+"""Places where simulation and measurement disagree, alone or as an effect would: bins of
 channel, phase, zone and condition.
 """
 
@@ -82,7 +82,7 @@ def _rows_by_bin(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int
     return {key: rows for key, rows in bins.items() if len(rows) >= FEWEST_SAMPLES}
 
 
-def shown_places(
+def matching_bins(
     base: Estimate, fitted: Estimate, others: Sequence[Estimate], noise: Array, allowed: Array
 ) -> list[Bin]:
     """All bins, strongest first, by how well the base's residuals there match what the model
@@ -110,7 +110,7 @@ def shown_places(
     return sorted(places, key=lambda place: (place.p, -abs(place.z)))
 
 
-def surer_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
+def stronger_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
     """Each bin by the surer of two tests, strongest first; probabilities allow for both."""
     if not by_effect:
         return list(by_itself)

@@ -1,4 +1,4 @@
-"""What separates two explanations: the next experiment, or runs that repeat better."""
+"""Advice that separates two explanations: the next experiment, or better repeatability."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -81,19 +81,19 @@ def _square(moved: Array, jacobian: Array, prior: Array) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Steadier:
-    """By how many sigma the runs made so far would separate two explanations more, had the
-    quantity `name` differed from run to run by half as much.
+class RepeatabilityGain:
+    """Gain in separation of two explanations [sigma] by the runs made so far, had the quantity
+    `name` scattered from run to run by half as much.
     """
 
     name: str
     sigma: float
 
 
-def steadier(
+def repeatability_gains(
     first: Estimate, second: tuple[Model, Array], by: LikelihoodScale
-) -> Task[list[Steadier]]:
-    """Each random quantity of the runs, the one that separates best first; yields simulations.
+) -> Task[list[RepeatabilityGain]]:
+    """Gains by halving the scatter of each random quantity, largest first; yields simulations.
 
     `second` is a model with its shared values (P,). What the first explanation's unknowns may
     absorb, each within its spread, is projected out.
@@ -112,5 +112,5 @@ def steadier(
     for name in names:
         halved = [REMEDY_SHARE**-2 if p.name == name else 1.0 for p in every]
         more = max(0.0, _square(moved, jacobian, np.diag(np.array(halved) * known)) - now)
-        found.append(Steadier(name, more**0.5 / by.scale / by.inefficiency**0.5))
+        found.append(RepeatabilityGain(name, more**0.5 / by.scale / by.inefficiency**0.5))
     return sorted(found, key=lambda s: -s.sigma)

@@ -1,4 +1,4 @@
-"""What is wrong with a recording as such, before any model is held against it."""
+"""Complaints about a recording as such, before any model is fitted to it."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

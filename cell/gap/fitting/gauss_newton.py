@@ -87,7 +87,7 @@ class Estimate:
         return normal_equations.with_prior(data, self.z, self.limits)
 
     def on(self, keep: Sequence[int]) -> "Estimate":
-        """The same values on the runs of the numbers `keep` alone."""
+        """Estimate with the same values on the runs of the numbers `keep` alone."""
 
         def some(of: Sequence[T]) -> tuple[T, ...]:
             return tuple(of[i] for i in keep)

@@ -1,4 +1,4 @@
-"""What is left of a residual or a response once the fitted unknowns may move to absorb it."""
+"""Projection of residuals and responses on what the fitted unknowns cannot absorb."""
 
 from dataclasses import dataclass
 

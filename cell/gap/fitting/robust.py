@@ -40,12 +40,12 @@ def clip_residuals(r: Array) -> Array:
 
 
 def scale(r: Array) -> float:
-    """max(1, spread): how far residuals exceed the stated noise."""
+    """Dispersion of residuals in units of the stated noise, at least 1."""
     return max(1.0, _deviation(r)) if len(r) else 1.0
 
 
 def spread(r: Array) -> float:
-    """min(1, spread): how far the stated noise, with its floor, exceeds residuals."""
+    """Dispersion of residuals in units of the stated noise with its floor, at most 1."""
     return min(1.0, _deviation(r)) if len(r) else 1.0
 
 
@@ -55,7 +55,7 @@ def _deviation(r: Array) -> float:
 
 
 def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """1 + 2 sum of autocorrelations: how many samples are worth one independent sample.
+    """Samples worth one independent sample: 1 + 2 times the sum of autocorrelations.
 
     Pooled over all series of all runs, residuals (n,) each, summed by pairs of lags while they
     stay positive (Geyer 1992, Practical Markov chain Monte Carlo, initial positive sequence).

@@ -16,7 +16,7 @@ SPREAD_RATIO = 0.7
 
 
 def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:
-    """Whether other quantities scatter now, or by clearly more or less; spreads by name."""
+    """Whether two sets of spreads by name hold other quantities, or clearly differ in size."""
     return bool(set(before) ^ set(now)) or any(
         not SPREAD_RATIO < now[name] / value < 1.0 / SPREAD_RATIO for name, value in before.items()
     )

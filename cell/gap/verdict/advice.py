@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.diagnosis.next_experiment import advise, steadier
+from cell.gap.diagnosis.next_experiment import advise, repeatability_gains
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.scatter import with_spreads
 from cell.gap.fitting.tasks import Simulate, rough, run_one
@@ -25,7 +25,7 @@ def advice(
     if second is None:
         return Advised()
     first = choice.accepted.estimate
-    more = run_one(simulate, steadier(first, second, choice.by))
+    more = run_one(simulate, repeatability_gains(first, second, choice.by))
     experiments = [
         replace(e, run=with_spreads(evidence([e.run]), judged.scatter).runs[0])
         for e in subject.experiments()

@@ -78,7 +78,7 @@ class Calibration(Settings):
 
 @cache
 def calibration() -> Calibration:
-    """The calibration of this version."""
+    """Calibration of the stated confidence that the package ships."""
     return load(CONFIDENCE_FILE, Calibration)
 
 

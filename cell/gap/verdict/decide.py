@@ -104,7 +104,7 @@ def _mostly(found: Findings) -> bool:
 
 
 def unseen_remains(found: Findings) -> bool:
-    """Whether runs that took no part show a clear gap, and the model neither halves it nor leaves
+    """Whether held-out runs show a clear gap, and the model neither halves it nor leaves
     as little as a law may get wrong; no sample counts beyond what is wild among those that the
     model leaves.
     """

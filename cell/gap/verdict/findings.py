@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.invariance import Invariance
-from cell.gap.diagnosis.localise import Bin, surer_of_two
-from cell.gap.diagnosis.next_experiment import Advice, Steadier
+from cell.gap.diagnosis.localise import Bin, stronger_of_two
+from cell.gap.diagnosis.next_experiment import Advice, RepeatabilityGain
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
@@ -39,7 +39,7 @@ class Fitted:
 
     @property
     def doubted(self) -> bool:
-        """Whether an effect is looked for that would explain more than the base does."""
+        """Whether effects are sought beside the base, which leaves a gap or strains its priors."""
         return self.gap or self.strained
 
     @property
@@ -64,7 +64,7 @@ class Screened:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """Every doubt about the accepted model.
+    """Tests that may cast doubt on the accepted model.
 
     `misfit` is the probability of what it leaves by noise alone, `leftover` by noise and tolerance,
     without the `outlying_run` where it fits all others; `repeats` differ by what it leaves.
@@ -109,7 +109,7 @@ class Advised:
     """
 
     experiments: tuple[Advice, ...] = ()
-    steadier: tuple[Steadier, ...] = ()
+    steadier: tuple[RepeatabilityGain, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ class Findings:
         """Where the base disagrees with the runs, strongest first: by itself, or by what the
         accepted effects would do there.
         """
-        return tuple(surer_of_two(self.fitted.places, self.judged.places))
+        return tuple(stronger_of_two(self.fitted.places, self.judged.places))
 
     @property
     def by(self) -> LikelihoodScale:

@@ -7,7 +7,7 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap, lack_of_fit
 from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.invariance import Invariance, invariance
-from cell.gap.diagnosis.localise import Bin, shown_places
+from cell.gap.diagnosis.localise import Bin, matching_bins
 from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Point
@@ -63,7 +63,7 @@ def judge(
     strict = lack_of_fit.slack(best.evidence, repeats.inflation)
     kind = lack_of_fit.slack(best.evidence, repeats.inflation, tolerance)
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
-    kind[lack_of_fit.unshown(best)] = np.inf
+    kind[lack_of_fit.lost_samples(best)] = np.inf
     leftover, outlying_run = _leftover(best, noise, kind)
     believed = subject.scope.believed
     close = _rivals(choice, sets, believed=believed) if best.model.effects else []
@@ -96,14 +96,14 @@ def _rivals(choice: Choice, sets: Posterior, *, believed: bool) -> list[Alternat
 
 
 def _places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...]:
-    """Where what the base leaves is what the accepted effects would do; none without any."""
+    """Bins where the residuals of the base match the accepted effects; none without any."""
     fitted, base = choice.accepted, choice.fits.base.estimate
     if not fitted.model.effects:
         return ()
     noise = lack_of_fit.noise_left(base, rng)
     allowed = lack_of_fit.slack(base.evidence, Repeats.of(base).inflation)
     others = [m.estimate for m in choice.fits.models if m.model.effects and m is not fitted]
-    return tuple(shown_places(base, fitted.estimate, others, noise, allowed))
+    return tuple(matching_bins(base, fitted.estimate, others, noise, allowed))
 
 
 def _by_phases(choice: Choice, simulate: Simulate) -> tuple[Invariance, ...]:

@@ -11,7 +11,7 @@ TILE_SHIFTS = 200  # px, so many by as many places of the tile under the image
 
 
 def blur(image: Image, sigma: float) -> Image:
-    """`image` (h, w, 3) through a lens whose point spread has `sigma` [px]."""
+    """Image (h, w, 3) through a lens whose point spread has `sigma` [px]."""
     if sigma == 0:
         return image
     return np.asarray(cv2.GaussianBlur(image, (reach(sigma), reach(sigma)), sigma), dtype=np.uint8)
@@ -23,7 +23,7 @@ def reach(sigma: float) -> int:
 
 
 def noisy(image: Image, sigma: float, rng: np.random.Generator) -> Image:
-    """`image` (h, w, 3) with fresh noise of `sigma` grey levels."""
+    """Image (h, w, 3) with fresh noise of `sigma` grey levels."""
     noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma)
     return np.asarray(np.clip(np.rint(image + noise), 0, 255), dtype=np.uint8)
 

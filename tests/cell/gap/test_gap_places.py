@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cell.gap.diagnosis.localise import Bin, localise, shown_places, surer_of_two
+from cell.gap.diagnosis.localise import Bin, localise, matching_bins, stronger_of_two
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.subject.subject import Run, Samples
@@ -22,8 +22,8 @@ def test_an_effect_is_told_in_its_places_where_none_stands_out_alone() -> None:
     noise = rng.standard_normal((SIZE, DRAWS))
     alone = localise(base, noise, FLAT)
     assert all(place.p > 0.05 for place in alone)
-    told = shown_places(base, fitted, [], noise, FLAT)
-    seen = {place.zone for place in surer_of_two(alone, told) if place.p < 0.05}
+    told = matching_bins(base, fitted, [], noise, FLAT)
+    seen = {place.zone for place in stronger_of_two(alone, told) if place.p < 0.05}
     assert seen == {"zone 0", "zone 1"}
 
 
@@ -35,7 +35,7 @@ def test_the_best_of_many_models_of_noise_is_told_nowhere() -> None:
         r = rng.standard_normal(SIZE)
         tried = [_fitted(r, rng.standard_normal(SIZE)) for _ in range(12)]
         best, *others = sorted(tried, key=lambda e: float(np.sum(e.residuals[0] ** 2)))
-        told = shown_places(_estimate(r), best, others, noise, FLAT)
+        told = matching_bins(_estimate(r), best, others, noise, FLAT)
         false += any(place.p < 0.05 for place in told)
     assert false <= 7
 
@@ -43,8 +43,10 @@ def test_the_best_of_many_models_of_noise_is_told_nowhere() -> None:
 def test_two_tests_of_a_place_count_as_two() -> None:
     weak = Bin("profile", "carry", "middle", "slow", 1.0, 0.4)
     sure = Bin("profile", "carry", "middle", "slow", -5.0, 0.01)
-    assert surer_of_two([weak], [sure]) == [Bin("profile", "carry", "middle", "slow", -5.0, 0.02)]
-    assert surer_of_two([weak], []) == [weak]
+    assert stronger_of_two([weak], [sure]) == [
+        Bin("profile", "carry", "middle", "slow", -5.0, 0.02)
+    ]
+    assert stronger_of_two([weak], []) == [weak]
 
 
 def _fitted(r: Array, direction: Array) -> Estimate:

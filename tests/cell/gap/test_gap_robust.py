@@ -8,7 +8,7 @@ import pytest
 
 from cell.gap.diagnosis.drift import drift
 from cell.gap.diagnosis.held_out_gap import run_squares
-from cell.gap.diagnosis.lack_of_fit import unshown
+from cell.gap.diagnosis.lack_of_fit import lost_samples
 from cell.gap.fitting import gauss_newton, robust
 from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
@@ -114,7 +114,7 @@ def test_lost_samples_are_left_to_others_of_their_run() -> None:
     raw[0] = Residuals(np.where(T < 0.1, np.nan, raw[0].mean), raw[0].square)
     raw[1] = Residuals(np.full(len(T), np.nan), raw[1].square)
     object.__setattr__(estimate, "raw", tuple(raw))
-    found = np.split(unshown(estimate), len(raw))
+    found = np.split(lost_samples(estimate), len(raw))
     assert found[0].sum() == (T < 0.1).sum()
     assert not np.any(found[1:])
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.diagnosis.next_experiment import steadier
+from cell.gap.diagnosis.next_experiment import repeatability_gains
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence
@@ -172,7 +172,9 @@ def told_by_steadier_runs(spread: float) -> float:
     fit = replace(fit, evidence=replace(fit.evidence, runs=runs))
     wave = Model(fit.model.base, tuple(c for c in subject.scope.candidates if c.name == "wave"))
     second = (wave, np.append(fit.shared, 0.2))
-    (found,) = run_one(subject.simulate, steadier(fit, second, LikelihoodScale(1.0, 1.0, 4.0)))
+    (found,) = run_one(
+        subject.simulate, repeatability_gains(fit, second, LikelihoodScale(1.0, 1.0, 4.0))
+    )
     assert found.name == "ripple"
     return found.sigma
 
