@@ -1,1 +1,1 @@
-"""Measures the strip in one image, touch and laid fold in a sequence, and whether the model holds."""
+"""Measures the strip in one image, touch and laid fold in a sequence, and if the model holds."""
