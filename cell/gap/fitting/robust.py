@@ -40,12 +40,12 @@ def clip_residuals(r: Array) -> Array:
 
 
 def scale(r: Array) -> float:
-    """Dispersion of residuals in units of the stated noise, at least 1."""
+    """Dispersion of residuals (n,) in units of the stated noise, at least 1."""
     return max(1.0, _deviation(r)) if len(r) else 1.0
 
 
 def spread(r: Array) -> float:
-    """Dispersion of residuals in units of the stated noise with its floor, at most 1."""
+    """Dispersion of residuals (n,) in units of noise and floor, at most 1."""
     return min(1.0, _deviation(r)) if len(r) else 1.0
 
 
