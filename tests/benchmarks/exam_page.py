@@ -3,8 +3,9 @@
 python -m tests.benchmarks.exam_page LEDGER [--page runbooks/exam.md]
     [--cases runbooks/exam/cases.md]
 
-Of the tiers in LEDGER the sections are made anew: on the page their first table, among the cases
-all of them and the figures. The introductions and the sections of other tiers stay.
+Of the tiers in LEDGER the sections are made anew: on the page the table of the bars and that by
+kind of plant, among the cases all tables and the figures. The introductions and the sections of
+other tiers stay.
 """
 
 import argparse
@@ -29,7 +30,7 @@ def main() -> int:
         for tier, mine in by_tier(entries):
             section = _section(TIERS[tier])
             whole = section.search(new)[0].rstrip()
-            brief = whole.partition("\n### ")[0]
+            brief = "\n### ".join(whole.split("\n### ")[:2])
             for path, text in {asked.cases: whole, asked.page: brief}.items():
                 if not section.search(pages[path]):
                     sys.stderr.write(f"{path}: has no section '{TIERS[tier]}'; add its heading\n")
