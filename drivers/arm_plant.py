@@ -12,7 +12,7 @@ Vector = tuple[float, float, float]
 
 
 class ArmPlant(Settings):
-    """Mechanics of an emulated arm; with the defaults it is its published model.
+    """Mechanics of an emulated arm beyond its published model; by default sensor noise alone.
 
     By joint: dry `friction` [N m], viscous `damping` [N m s/rad], a `cable` that pulls towards
     where joints are 0 [N m/rad], `torque_bias` [N m] and `torque_scale` of its sensors,

@@ -8,14 +8,14 @@ LOCK_CURRENT, LOCK_ON_FAULT = 1, 4  # of mlockall(2)
 
 
 class WallClock:
-    """Monotonic seconds since construction, or since the `origin` of another such clock here."""
+    """Monotonic clock [s] that counts from its construction or from another clock's `origin`."""
 
     def __init__(self, origin: float | None = None) -> None:
         self._start = time.monotonic() if origin is None else origin
 
     @property
     def origin(self) -> float:
-        """Zero of this clock in the system's monotonic time [s], to start another equal to it."""
+        """Zero of this clock in the system's monotonic time [s]; a clock made of it runs equal."""
         return self._start
 
     def now(self) -> float:
@@ -30,7 +30,7 @@ class WallClock:
 
 
 def lock_memory() -> bool:
-    """Lock the memory of this process, now and from now on, in RAM; False where this user may not.
+    """Lock the memory that this process has mapped in RAM; returns False where this user may not.
 
     A page that was given up is read from the disk again, for some milliseconds. What is allocated
     later is not locked: where little may be locked, allocating it would fail. Source: mlockall(2).
@@ -40,7 +40,7 @@ def lock_memory() -> bool:
 
 
 def take_priority(priority: int) -> bool:
-    """Give this thread real-time `priority`, 1 to 99; False where this user may not have it.
+    """Give this thread real-time `priority`, 1 to 99; returns False where this user may not.
 
     Threads and processes that it starts are ordinary again.
     """

@@ -20,7 +20,7 @@ class CellError(Exception):
 
 
 class ConfigurationError(CellError):
-    """A file, key or argument that cannot be used; reads `file: key: what, what is allowed`."""
+    """A file, key or argument that cannot be used; its text is `file: key: what, allowed`."""
 
     exit_code = 2
 
@@ -74,7 +74,7 @@ class Unsupported(CellError):
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:
-    """The known name that is nearest to `name`, as an aside in an error; empty where none is."""
+    """Hint in an error message at the `known` name closest to `name`; empty where none is close."""
     near = get_close_matches(name, list(known), n=1)
     return f" (did you mean {near[0]!r}?)" if near else ""
 
@@ -86,7 +86,7 @@ def _rebuild(kind: type[CellError], arguments: tuple[Any, ...]) -> CellError:
 
 
 class Unexpected(CellError):
-    """A defect of this program: where it happened, the message, what to do."""
+    """A defect of this program, reported with its place in the source and its message."""
 
     def __init__(self, error: BaseException) -> None:
         place = traceback.extract_tb(error.__traceback__)[-1]

@@ -13,7 +13,7 @@ from pathlib import Path
 from drivers.errors import ConfigurationError
 
 MEGABYTE = 1_000_000
-TEXT = 200_000  # bytes of a file that a person writes, with much room
+TEXT = 200_000  # bytes, a generous bound on a file that a person writes
 LOCK_TIMEOUT = 10.0  # s for another command to finish
 POLL_INTERVAL = 0.02  # s between looks whether it has
 KINDS = {
@@ -48,7 +48,7 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 
 def read_text(path: Path, most: int = TEXT) -> str:
-    """Content of a file as UTF-8 text; as `read_bytes`, and refuses any other encoding."""
+    """Content of the file at `path` as UTF-8 text; ConfigurationError where it cannot be read."""
     try:
         return read_bytes(path, most).decode("utf-8")
     except UnicodeDecodeError:
@@ -69,10 +69,10 @@ def _check_kind(path: Path, found: os.stat_result) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A new, empty file beside `path`, of a name that nobody knows, for a writer that wants a name.
+    """Context with a new, empty file of random name that replaces `path` once the block ends well.
 
-    It takes the place of `path` once the block ends well: a reader sees the old file or the new
-    one, and a link at `path` is replaced, not followed. Raises OSError where that is not possible.
+    It is for a writer that wants a name. A reader sees the old file or the new one, and a link at
+    `path` is replaced, not followed. Raises OSError where that is not possible.
     """
     scratch = path.with_name(f".{os.urandom(6).hex()}.part")
     new_file(scratch).close()
@@ -106,10 +106,7 @@ def write_file(path: Path, content: str | bytes, remedy: str = "") -> None:
 
 @contextmanager
 def writing(place: Path | str, remedy: str = "") -> Iterator[None]:
-    """Refuse, in one line with a `remedy`, a `place` at which the block cannot write.
-
-    Raises ConfigurationError for an OSError.
-    """
+    """Context that raises an OSError of its block as a one-line ConfigurationError on `place`."""
     try:
         yield
     except OSError as error:
@@ -118,15 +115,15 @@ def writing(place: Path | str, remedy: str = "") -> Iterator[None]:
 
 
 def new_file(path: Path) -> FileIO:
-    """A file at `path` that was not there before, open for writing without a buffer.
+    """Create a file at `path` and open it for writing without a buffer.
 
-    Raises OSError where something is there, be it a link that leads nowhere.
+    Raises OSError where something exists at `path`, a broken link included.
     """
     return path.open("xb", buffering=0)
 
 
 def own_file(path: Path) -> None:
-    """Ensure a regular file at `path`, for a writer that opens it by name.
+    """Ensure that `path` is a regular file, for a writer that opens it by name.
 
     Raises OSError where a link, a pipe or another special file stands there.
     """
@@ -139,8 +136,9 @@ def own_stream(path: Path) -> FileIO:
 
 
 def append_line(path: Path, line: bytes) -> None:
-    """Add `line` to the file at `path`, on disk on return; OSError where that is not possible, as
-    for `own_file`. A line that does not fit is taken back.
+    """Append `line` to the file at `path` and flush it to disk.
+
+    Raises OSError as `own_file` does, and where the line does not fit; it is then removed again.
     """
     with open(_open_to_write(path, os.O_WRONLY | os.O_APPEND), "wb", buffering=0) as file:
         end = os.fstat(file.fileno()).st_size

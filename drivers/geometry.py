@@ -17,7 +17,7 @@ class CellInRobot:
 
     @classmethod
     def from_yaw(cls, x: float, y: float, z: float, yaw: float) -> Self:
-        """Transform from the cell's origin (x, y, z) [m] and x-axis, yaw [rad], in the base."""
+        """Transform of a cell frame with origin (x, y, z) [m] and its x-axis at `yaw` [rad]."""
         c, s = np.cos(yaw), np.sin(yaw)
         return cls(np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]]))
 

@@ -27,7 +27,7 @@ class Mounting(Settings):
 
 
 class Installation(Settings):
-    """Mounting, limits and workspace of any arm of this cell, and the end of its `desk` [m]."""
+    """Mounting, limits and workspace of an arm in this cell, and the x at which `desk` ends [m]."""
 
     limits: MotionLimits = MotionLimits()
     workspace: Workspace = Workspace()

@@ -14,8 +14,7 @@ AXIS_UNITS = ("m", "m", "rad")
 
 
 class AxisLimits(Settings):
-    """Largest magnitudes on one axis: velocity, acceleration, jerk in [m/s, m/s^2, m/s^3] or in
-    rad.
+    """Largest velocity, acceleration and jerk of one axis: [m/s, m/s^2, m/s^3], or in rad.
 
     Values are bounded above, so that no limit can be switched off by a large number.
     """
@@ -89,12 +88,12 @@ class Workspace(Settings):
 
     @property
     def low(self) -> tuple[float, float, float]:
-        """Lower corner, in the order x, z, pitch."""
+        """Lower corner: x, z [m], pitch [rad]."""
         return self.x[0], self.z[0], self.pitch[0]
 
     @property
     def high(self) -> tuple[float, float, float]:
-        """Upper corner, in the order x, z, pitch."""
+        """Upper corner: x, z [m], pitch [rad]."""
         return self.x[1], self.z[1], self.pitch[1]
 
     def check(self, pose: Pose) -> None:

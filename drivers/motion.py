@@ -1,4 +1,4 @@
-"""Jerk-limited commanded motion of the gripper point, by ruckig, for any arm."""
+"""Jerk-limited setpoints of the gripper point for any arm, computed by ruckig."""
 
 from typing import Any
 
@@ -24,8 +24,7 @@ _STILL = [0.0, 0.0, 0.0]
 
 
 class MotionProfile:
-    """Setpoint generator of a servo: a pose at each tick, within limits on velocity, acceleration,
-    jerk.
+    """Setpoint generator of a servo: a pose per tick, limited in velocity, acceleration and jerk.
 
     The newest command replaces the one before: follow a velocity, move to rest at a pose, or brake.
     A velocity holds for `EXPIRY`; then the profile brakes and sets `expired`. A velocity that would
@@ -35,7 +34,7 @@ class MotionProfile:
     def __init__(
         self, limits: MotionLimits, workspace: Workspace, start: Pose, period: float = TICK
     ) -> None:
-        """At rest at `start`, which may lie outside the workspace; ticks of `period` [s]."""
+        """Begin at rest at `start`, which may lie outside the workspace; a tick is `period` [s]."""
         self.period = period
         self.expired = False
         self._limits = limits
@@ -108,7 +107,7 @@ class MotionProfile:
         self._follow(_STILL)
 
     def resume(self, pose: Pose, velocity: Velocity, acceleration: Velocity, lost: int) -> None:
-        """Continue from where the arm came by itself in `lost` ticks without a setpoint."""
+        """Continue from the state that the arm reached in `lost` ticks without a setpoint."""
         self._age += lost
         self._position = [pose.x, pose.z, pose.pitch]
         self._velocity = [velocity.vx, velocity.vz, velocity.pitch_rate]
@@ -165,7 +164,7 @@ class MotionProfile:
     def _follow(
         self, wish: Numbers, blocked: frozenset[int] = frozenset(), *, gently: bool = False
     ) -> None:
-        """Plan towards a velocity, or `gently` if near it; the `blocked` axes brake hard."""
+        """Plan towards velocity `wish`, softly near it if `gently`; `blocked` axes brake hard."""
         order, synchronization = self._order, ruckig.Synchronization
         order.control_interface = ruckig.ControlInterface.Velocity
         order.target_velocity = [0.0 if i in blocked else rate for i, rate in enumerate(wish)]
@@ -187,7 +186,7 @@ class MotionProfile:
         self._elapsed = 0
 
     def _move(self, goal: Numbers, *, gently: bool = False) -> bool:
-        """Plan a move to rest at `goal`, or `gently` if near; False if it left the workspace."""
+        """Plan a move to `goal`, softly near it if `gently`; False if it leaves the workspace."""
         order = self._order
         order.control_interface = ruckig.ControlInterface.Position
         order.per_dof_synchronization = None
@@ -210,7 +209,7 @@ class MotionProfile:
         return not self._leaving(self._plan)
 
     def _keep_inside(self, state: State) -> State:
-        """`state`, or one in which axes brake that could not stop inside the workspace after it."""
+        """The next state: `state`, or one that brakes axes which could not stop inside after it."""
         for _ in range(3):
             self._calculate(self._brake, self._stopping, state)
             leaving = self._leaving(self._stopping) - self._blocked
@@ -246,8 +245,7 @@ class MotionProfile:
 
 
 def settling(distance: float, speed: float, most: float) -> float:
-    """Acceleration, of `most` at most, that an axis needs to stop at `distance` from its goal in
-    about SETTLE.
+    """Acceleration, at most `most`, with which an axis stops `distance` away in about SETTLE.
 
     Corrections in the shortest time would swing about the goal for ever where ticks are lost: what
     a lost tick continues is an acceleration.
@@ -267,7 +265,7 @@ def _blank_order(limits: MotionLimits, synchronization: ruckig.Synchronization) 
 
 
 def _limit(order: Any, limits: MotionLimits, change: Numbers) -> None:
-    """Set the limits; in proportion to `change` of pose or velocity when that is not zero.
+    """Set the limits of `order`, in proportion to a `change` of pose or velocity that is not zero.
 
     Ruckig leaves the straight line where one axis alone would allow a shorter profile.
     """

@@ -1,4 +1,4 @@
-"""Reading of pictures: PNG and JPEG of bounded size, their sides known before they are decoded."""
+"""Reads PNG and JPEG pictures of bounded size, whose sides are checked before decoding."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ FRAME_MARKERS = (*range(0xC0, 0xC4), *range(0xC5, 0xC8), *range(0xC9, 0xCC), *ra
 
 
 def read_picture(path: Path, side: int = LARGEST_SIDE) -> Image:
-    """The picture (height, width, 3) at `path`, no side longer than `side` [px].
+    """The picture (height, width, 3) in BGR at `path`, no side longer than `side` [px].
 
     Raises ConfigurationError for a file that is missing, not regular, no whole PNG or JPEG, or
     larger; nothing is decoded before its sides are known.
@@ -34,8 +34,9 @@ def read_picture(path: Path, side: int = LARGEST_SIDE) -> Image:
 
 
 def sides(content: bytes) -> tuple[int, int]:
-    """Width and height [px] that a PNG or JPEG declares; zeros for anything else, and for a PNG
-    that ends within one of its chunks: OpenCV sets aside the memory that a chunk says it takes.
+    """Width and height [px] that the header of a PNG or JPEG declares; zeros for other content.
+
+    Zeros too for a PNG that ends within a chunk: OpenCV allocates what the chunk declares.
     """
     if content.startswith(b"\x89PNG\r\n\x1a\n") and content[12:16] == b"IHDR":
         if not _holds_its_chunks(content):
@@ -61,7 +62,7 @@ def _holds_its_chunks(png: bytes) -> bool:
 
 
 def _decode(content: bytes) -> Image | None:
-    """The picture in colour; None where it is broken, without a word of the decoder's own."""
+    """The picture (height, width, 3) in BGR; None where broken, without messages of OpenCV."""
     before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         return cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)

@@ -1,4 +1,4 @@
-"""Protocols of the devices of a cell: clock, arm, hand, camera. Twin and hardware satisfy both."""
+"""Protocols that devices of the twin and of the hardware satisfy: clock, arm, hand, camera."""
 
 from typing import Protocol
 

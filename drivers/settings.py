@@ -25,7 +25,7 @@ SMALLER_UNITS = {"m": "mm", "s": "ms", "m/s": "mm/s", "kg/m^2": "g/m^2"}  # a th
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """Unit of a field, given in `Annotated`, for the errors of values beyond its bounds."""
+    """Unit of a field, given in `Annotated` and named in errors on values beyond its bounds."""
 
     name: str
 
@@ -50,7 +50,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def parse_yaml(text: str, path: str) -> dict[str, Any]:
-    """Mapping in YAML `text`, named `path` in the ConfigurationError where it holds none."""
+    """Mapping in YAML `text`; raises ConfigurationError, with `path`, for any other content."""
     try:
         content = yaml.load(text, BoundedLoader)  # noqa: S506  a safe loader, bounded besides
     except yaml.YAMLError as error:
@@ -68,7 +68,7 @@ def parse_yaml(text: str, path: str) -> dict[str, Any]:
 
 
 def read_json(path: Path, most: int = TEXT) -> dict[str, Any]:
-    """The mapping in a JSON file of at most `most` bytes; else a ConfigurationError."""
+    """Mapping in a JSON file of at most `most` bytes; raises ConfigurationError for any other."""
     text = read_text(path, most)
     try:
         content = json.loads(text)
@@ -80,11 +80,10 @@ def read_json(path: Path, most: int = TEXT) -> dict[str, Any]:
 
 
 def parse(content: object, model: type[S], origin: str) -> S:
-    """`content` validated as `model`; ConfigurationError lists every problem as `origin: key:
-    reason`.
+    """`content` validated as `model`; raises ConfigurationError with one line for each problem.
 
-    Nothing is converted: text and booleans are not numbers. Validated as JSON, where tuples are
-    given as lists.
+    A line reads `origin: key: reason`. Nothing is converted: text and booleans are not numbers.
+    Validated as JSON, where tuples are given as lists.
     """
     if not isinstance(content, Mapping):
         raise ConfigurationError(f"{origin}: must be a mapping of keys to values")
@@ -116,7 +115,7 @@ def load(path: Path, model: type[S], *, bare: bool = False) -> S:
 
 
 def _check_kind(content: Mapping[str, Any], model: type[BaseModel], origin: str) -> None:
-    """Refuse, in one line, a file of another kind, with no required key but a name."""
+    """Raise ConfigurationError for another kind of file, without a required key but a name."""
     fields = model.model_fields.items()
     needed = [field.alias or name for name, field in fields if field.is_required()]
     if len(needed) > 1 and not content.keys() & set(needed) - {"name"}:
@@ -134,7 +133,7 @@ def _json(content: Mapping[str, Any], origin: str) -> str:
 
 
 def _is_follow_up(item: dict[str, Any], items: list[dict[str, Any]]) -> bool:
-    """Whether a list is too short only because its items were refused."""
+    """Whether error `item` is a list that is too short only because its items were refused."""
     place = item["loc"]
     inner = (other["loc"] for other in items if len(other["loc"]) > len(place))
     return item["type"] == "too_short" and any(loc[: len(place)] == place for loc in inner)
@@ -193,7 +192,7 @@ def _model(model: type[BaseModel], place: tuple[Any, ...]) -> type[BaseModel] | 
 
 
 def _inner(annotation: Any) -> Any:
-    """The one model class in a field's annotation, itself or of its items; None without."""
+    """The only model class in a field's annotation, of the value or its items; None without."""
     if hasattr(annotation, "model_fields"):
         return annotation
     if isinstance(get_origin(annotation), type) and issubclass(get_origin(annotation), Mapping):

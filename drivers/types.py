@@ -22,7 +22,7 @@ class Pose:
     pitch: float
 
     def as_array(self) -> Array:
-        """(3,) array x, z, pitch."""
+        """Array (3,) of x, z [m] and pitch [rad]."""
         return np.array([self.x, self.z, self.pitch])
 
 
@@ -45,7 +45,7 @@ ZERO_VELOCITY = Velocity(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Header of every measurement: stamp, arrival and source; times in run seconds."""
+    """Header of every measurement: stamp, arrival and source; times [s] since the run began."""
 
     stamp: float
     arrival: float

@@ -1,4 +1,4 @@
-"""Changes to YAML files that persons write: comments, order and notation stay."""
+"""Edits YAML files that people write, and keeps their comments, order and notation."""
 
 import io
 import re
@@ -14,9 +14,9 @@ INSET = re.compile(r"^  +- ", re.MULTILINE)  # entries of lists stand further in
 
 
 def edit_text(text: str, content: Mapping[str, Any]) -> str:
-    """`text` of a YAML file changed to hold `content`; what does not change stays as it is written.
+    """YAML `text` edited to hold `content`; parts that do not change stay as they are written.
 
-    A file that cannot be edited so is written anew.
+    A text that cannot be edited so is written anew.
     """
     editor = YAML()
     editor.preserve_quotes = True
@@ -60,7 +60,7 @@ def _change(node: Any, value: Any) -> None:
 
 
 def _nearly_equal(node: Sequence[Any], value: Sequence[Any], besides: int) -> bool:
-    """Whether two lists agree in all entries but `besides` of them."""
+    """Whether two lists of equal length differ in at most `besides` entries."""
     return len([1 for one, other in zip(node, value, strict=True) if one != other]) <= besides
 
 

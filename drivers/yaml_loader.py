@@ -13,10 +13,10 @@ NUMBER_TAGS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 
 class BoundedLoader(yaml.SafeLoader):
-    """Safe YAML loader that refuses duplicate keys, reads 1e-3 as a number, and bounds depth, size
-    after aliases, and digits of a number.
+    """Safe YAML loader that refuses duplicate keys and bounds depth, size and digits of numbers.
 
-    Raises yaml.MarkedYAMLError at the place where a bound is exceeded.
+    Size counts aliases written out; 1e-3 is read as a number. Raises yaml.MarkedYAMLError at the
+    place where a bound is exceeded.
     """
 
     def __init__(self, stream: Any) -> None:

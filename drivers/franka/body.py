@@ -75,7 +75,7 @@ def apart(q: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """An obstacle and its `name`: corners (3,) [m] of a box in a frame."""
+    """A box-shaped obstacle: its `name` and two corners (3,) [m] in the frame of its `Solids`."""
 
     name: str
     low: tuple[float, float, float]

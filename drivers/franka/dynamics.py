@@ -25,7 +25,7 @@ HAND_MASS, HAND_CENTRE = 0.73, (-0.01, 0.0, 0.03)  # kg, m in the flange, as Des
 
 
 def arm_mjcf() -> str:
-    """MJCF of `joint1` to `joint7` with motors, the hand, and the sites `flange` and `tip`."""
+    """MJCF text of the arm: `joint1` to `joint7` with motors, hand, sites `flange` and `tip`."""
     bodies, ends = "", ""
     for i, (a, _, alpha) in enumerate(PARAMETERS):
         across, along = offset_in_frame(i)

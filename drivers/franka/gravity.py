@@ -1,4 +1,4 @@
-"""Torques with which the Franka Research 3 holds itself and what it carries."""
+"""Joint torques that hold the Franka Research 3 and its load against gravity."""
 
 import numpy as np
 

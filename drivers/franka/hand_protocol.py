@@ -29,7 +29,7 @@ PAYLOAD = {
 
 
 class HandStatus(IntEnum):
-    """How a command of the hand ended."""
+    """Outcome of a hand command, as its reply states it."""
 
     SUCCESS = 0
     FAIL = 1

@@ -83,7 +83,7 @@ def damped_inverse(jac: Array, damping: float) -> Array:
 
 
 def straight(joints: Array, step: Array) -> Iterator[Array]:
-    """Joints (7,) [rad], endless and unchecked, as the tip goes on in steps of `step` (3,) [m]."""
+    """Yield joints (7,) [rad] for ever, unchecked, that move the tip by `step` (3,) [m] each."""
     twist = np.concatenate([step, np.zeros(3)])
     while True:
         joints = joints + damped_inverse(jacobian(joints), LINE_DAMPING) @ twist
@@ -96,7 +96,7 @@ def manipulability(jac: Array) -> float:
 
 
 def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
-    """Damped least-squares search from `start`, drawn to the joints' middle by `centre`."""
+    """Damped least-squares search from `start`; `centre` pulls the joints to mid-range."""
     joints = np.array(start, dtype=np.float64)
     for _ in range(ITERATIONS):
         reached, jac = pose_and_jacobian(joints, tool)

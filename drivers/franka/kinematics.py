@@ -52,7 +52,7 @@ _COSINE, _SINE, _FIXED = _fixed_parts()
 
 
 def offset_in_frame(joint: int) -> tuple[float, float]:
-    """Where the offset d of a joint, counted from 0, stands in the frame before it: (y, z) [m]."""
+    """Offset d of a joint, counted from 0, as (y, z) [m] in the frame before the joint."""
     _, d, alpha = PARAMETERS[joint].tolist()
     return (d, 0.0) if alpha < 0 else (-d, 0.0) if alpha > 0 else (0.0, d)
 
@@ -75,7 +75,7 @@ def forward(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
 
 
 def jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
-    """Jacobian (..., 6, 7) of the tool in the base: velocity [m/s] over turn rate [rad/s]."""
+    """Jacobian (..., 6, 7) of the tool in the base: three linear rows over three angular ones."""
     return pose_and_jacobian(q, tool)[1]
 
 
@@ -94,7 +94,7 @@ def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Arr
 
 
 def from_last_joint(tool: Array) -> Array:
-    """The tool (4, 4) in the frame of the last joint, given in that of the flange."""
+    """Pose (4, 4) in the last joint's frame of a `tool` (4, 4) given in the flange's frame."""
     moved = np.array(tool, dtype=np.float64)
     moved[2, 3] += FLANGE
     return moved

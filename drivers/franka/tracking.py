@@ -25,7 +25,7 @@ def joint_step(q: Array, reached: Array, jac: Array, target: Array, elbow: float
 
 
 def joint_rates(jac: Array, wanted: Array) -> Array:
-    """Joint rates (7,) that give a tool twist and elbow rate `wanted` (7,) under `jac` (6, 7)."""
+    """Joint rates (7,) for a tool twist and elbow rate `wanted` (7,), by Jacobian `jac` (6, 7)."""
     whole = np.zeros((7, 7))
     whole[:6] = jac
     whole[6, ELBOW_JOINT] = 1
