@@ -28,7 +28,7 @@ class FciArm:
     def __init__(
         self, start: Callable[[], Bridge], clock: Clock, installation: Installation
     ) -> None:
-        """An arm on `clock`; `start` connects to the robot."""
+        """Drive an arm on `clock`; `start` starts the process that connects to the robot."""
         self._start = start
         self._clock = clock
         self._installation = installation
@@ -94,7 +94,7 @@ class FciArm:
             self._bridge.close()
 
     def catch_up(self) -> tuple[float, Pose] | None:
-        """The arm's stamp [s] and pose at the clock's time; None while it is not connected."""
+        """Advance the arm to the clock's time; returns its stamp [s] and pose, None unconnected."""
         if self._bridge is None or self._closed:
             return None
         self._advance(self._bridge)
@@ -115,7 +115,7 @@ class FciArm:
 
     @property
     def joints(self) -> Array:
-        """Rows (n, 29) of the joints at every tick on the clock's time [s], once closed."""
+        """Joint log (n, 29), one row a tick with its time [s] on the clock; empty until closed."""
         if self._bridge is None:
             return joint_rows(b"")
         rows = np.array(self._bridge.joints)

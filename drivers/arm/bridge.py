@@ -12,7 +12,7 @@ from drivers.arm.process import Task, run
 from drivers.errors import Fault
 
 ENDING_TIMEOUT = 1.5  # s for the arm to come to rest and the process to end
-SENDING = 20.0  # s for what is left to say once the arm rests
+SENDING = 20.0  # s for the log of the joints, which is sent once the arm rests
 
 
 class Bridge:

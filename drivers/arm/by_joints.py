@@ -1,4 +1,4 @@
-"""Poses of the hand sent as joints, so that the elbow stays where the motion began.
+"""Converts commanded poses of the hand to joints, so that the elbow stays where it began.
 
 The client library's Cartesian commands carry no elbow: the robot's own inverse kinematics would
 choose one (frankx#22), and over a fold it may wander into a joint's end.
@@ -21,7 +21,7 @@ Numbers = list[float]
 
 
 class DrivenByJoints(Protocol):
-    """Interface of a robot that runs a motion of its joints, such as `drivers.arm.robot.Robot`."""
+    """Interface of a robot that runs a joint motion, such as `drivers.arm.robot.Robot`."""
 
     def start_joints(self) -> Any:
         """Start the motion."""
@@ -34,7 +34,7 @@ class DrivenByJoints(Protocol):
 
 
 class Moment(NamedTuple):
-    """A robot's time [s]."""
+    """Time [s] of a robot's state, with the interface of the library's durations."""
 
     seconds: float
 
@@ -57,7 +57,7 @@ class PosedState:
 
 
 class ByJoints:
-    """A robot that is commanded by poses of the hand and is sent the joints (7,) [rad] for them.
+    """Adapter that takes poses of the hand and sends a robot the joints (7,) [rad] for them.
 
     To find out how a motion goes on from where a robot is that missed a command takes a part of a
     tick that may be all of it: then each answer would be late, and the robot would hear none. On
@@ -83,7 +83,7 @@ class ByJoints:
         return self._robot.start_joints()
 
     def read(self, motion: Any) -> PosedState:
-        """The next state, with the hand's setpoint as its joints' setpoint gives it."""
+        """The next state, with the setpoint of the hand computed from that of the joints."""
         state = self._robot.read(motion)
         now, first = state.time.to_sec(), self._here is None
         if self._here is None:
@@ -130,7 +130,7 @@ class ByJoints:
         self._robot.write_joints(motion, sent, last=last)
 
     def _has_arrived(self, motion: Any) -> bool:
-        """Whether the robot reached the joints it was sent; where not, nothing is sent."""
+        """Whether the robot is on its predicted course; if not, the course restarts where it is."""
         state = self._robot.read(motion, awaited=False)
         expected, self._ahead = self._here or Course([], [], []), False
         before, self._time = self._time, state.time.to_sec()
@@ -143,7 +143,7 @@ class ByJoints:
 
 
 def _after_a_tick(here: Course) -> Course:
-    """The course one tick after `here`, of a robot without a command: acceleration stays."""
+    """The course one tick after `here` of a robot without a command, which keeps accelerating."""
     place, rate, change = (np.array(part) for part in here)
     after = rate + TICK * change
     return Course((place + TICK * after).tolist(), after.tolist(), here.change)

@@ -1,4 +1,4 @@
-"""Joint waypoints to a goal, on which the arm meets neither itself nor what stands in the cell."""
+"""Joint waypoints to a goal, on a way that is clear of the arm itself and of all obstacles."""
 
 from collections.abc import Iterator, Sequence
 from itertools import islice, pairwise
@@ -29,7 +29,7 @@ UNDER = 0.1  # m under the desk: published shapes of the wrist reach 9 cm below 
 
 
 def solids_of(installation: Installation) -> Solids:
-    """Desk, clamp and floor, as the mounting places them."""
+    """Desk, clamp and floor as obstacles in the frame of the cell's mounting."""
     end = desk_end(installation)
     boxes = (
         Box("desk", (-CLAMP_LENGTH, -DESK_EDGE, -DESK_DEPTH), (end, DESK_EDGE, 0.0)),
@@ -40,13 +40,13 @@ def solids_of(installation: Installation) -> Solids:
 
 
 def floor_of(installation: Installation) -> Solids:
-    """The solids that no part of the arm may enter, not even the wrist of a low hand."""
+    """The floor as an obstacle that no part of the arm may enter, not even a low wrist."""
     floor = Box("floor", (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE), (FLOOR_SIZE, FLOOR_SIZE, -UNDER))
     return Solids(installation.mounting.transform().matrix, [floor])
 
 
 def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
-    """Joint waypoints (7,) [rad] from `start`, without it, to the `goal`, clear of all `solids`.
+    """Joint waypoints (7,) [rad] after `start`, up to `goal`, on a way clear of all `solids`.
 
     A straight line in joint space where that is clear, else over points above start or goal, or
     over the upright posture. Raises Failed, naming what is in the way, where none is clear.
@@ -74,7 +74,7 @@ def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
 
 
 def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:
-    """Joints (7,) on the straight way `up` (3,) by `rise` [m], as far as the arm reaches."""
+    """Joints (7,) at each LEG_RISE straight `up` (3,) to `rise` [m], as far as the arm reaches."""
     points = []
     for step, here in enumerate(islice(straight(joints, WAY_STEP * up), round(rise / WAY_STEP)), 1):
         if limits.margins(here).min() < JOINT_ROOM:
@@ -85,7 +85,7 @@ def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:
 
 
 def _obstacle(points: Sequence[Array], solids: Solids) -> str:
-    """Name of what the arm would meet on the way through `points`, each (7,); empty for nothing."""
+    """Reason why the way through `points`, each (7,), is not clear; empty where it is clear."""
     legs = []
     for a, b in pairwise(points):
         count = 2 + int(np.abs(b - a).max() / POSTURE_SPACING)
@@ -103,8 +103,9 @@ def _with_article(name: str) -> str:
 
 
 def _keeps_clear(gap: Array) -> bool:
-    """Whether distances (n,) [m] along a way stay above ARM_CLEARANCE; an arm that begins nearer
-    may leave, one that ends nearer may approach.
+    """Whether distances (n,) [m] along a way stay above ARM_CLEARANCE, apart from its two ends.
+
+    An arm that begins nearer may leave, one that ends nearer may approach.
     """
     clear = np.flatnonzero(gap >= ARM_CLEARANCE)
     if not len(clear):

@@ -1,4 +1,4 @@
-"""Whether the body of the hand stays clear of the desk on which the strip lies."""
+"""Clearance between the body of the hand and the desk on which the strip lies."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ WAY_STEPS = 200  # poses on a straight way that are looked at: 5 mm apart at mos
 
 
 def desk_end(installation: Installation, length: float | None = None) -> float:
-    """Where the desk ends along the strip [m]: as stated, or with the workspace.
+    """x [m] at which the desk ends along the strip: as configured, or the workspace's end.
 
     A desk that nobody stated ends with a strip of known `length` [m]: no hand could grasp its edge
     otherwise. No desk ends before it.
@@ -27,8 +27,9 @@ def desk_end(installation: Installation, length: float | None = None) -> float:
 
 
 def require_clear(way: list[Pose], end: float) -> None:
-    """Raise Fault `hand_meets_desk` where the hand would meet a desk up to `end` [m] on straight
-    lines along `way`; a hand that begins inside may leave.
+    """Raise Fault `hand_meets_desk` for a `way` of the hand into a desk that ends at `end` [m].
+
+    Poses are joined by straight lines; a hand that begins inside may leave.
     """
     corners = np.array([pose.as_array() for pose in way])
     times = np.linspace(0.0, len(way) - 1, WAY_STEPS * (len(way) - 1) + 1)

@@ -29,10 +29,10 @@ ASSUMED_LIMITS = (
 
 
 def read_description(address: str) -> str | None:
-    """URDF text of the robot at `address`; None where it gives none: the library then says why.
+    """URDF text of the robot at `address`; None where the robot gives none.
 
-    A connection of its own, before the library's: a robot serves one client, and pylibfranka keeps
-    the text that it reads to itself. Never tried on hardware.
+    The library then says why. A connection of its own, before the library's: a robot serves one
+    client, and pylibfranka keeps the text that it reads to itself. Never tried on hardware.
     """
     with (
         suppress(OSError),
@@ -72,7 +72,7 @@ def require_limits(description: str) -> None:
 
 
 def _value(joints: dict[str, ElementTree.Element], number: int, tag: str, name: str) -> float:
-    """An attribute of a joint; NaN, which no limit allows, where it is missing."""
+    """Attribute `name` of a joint's `tag`; NaN, which no limit allows, where it is missing."""
     joint = joints.get(str(number + 1))
     element = None if joint is None else joint.find(tag)
     try:

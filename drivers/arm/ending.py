@@ -1,4 +1,4 @@
-"""Signals that end a program, received by the process that moves the arm: it brakes first."""
+"""Handles termination signals in the process that moves the arm, so that it brakes first."""
 
 import signal
 
@@ -8,7 +8,7 @@ SIGNALS = (signal.SIGTERM, signal.SIGHUP)
 
 
 class Ending:
-    """Whether this process was asked to end since this was made.
+    """Flag that SIGTERM or SIGHUP sets in this process; calling the object reads the flag.
 
     A closed terminal or a shutdown asks every process at once. One that died of it in a motion
     would leave it to the robot to notice that its commands stay away.

@@ -62,7 +62,7 @@ REMEDY = {
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A `cause`, the robot's own `errors` by the names of their flags, and an operator's text."""
+    """Failure of the arm: `cause`, text for the operator, and the robot's `errors` by flag name."""
 
     cause: Cause
     words: str
@@ -103,5 +103,5 @@ def decode(message: bytes) -> dict[str, Any]:
 
 
 def one_line(error: BaseException) -> str:
-    """Text of an error for a person; no decision depends on it."""
+    """Class and message of `error` in one line for the operator; no decision depends on it."""
     return " ".join(f"{type(error).__name__}: {error}".split())

@@ -1,4 +1,4 @@
-"""External forces on an arm, less those felt at rest, and their limits."""
+"""External forces on an arm beyond those measured at rest, and their limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ SMOOTHING = 0.5  # s over which it is averaged
 
 @dataclass(frozen=True, slots=True)
 class Tare:
-    """What a robot feels at rest, touching nothing: wrench (6,) [N, N m] and torques (7,) [N m].
+    """External wrench (6,) [N, N m] and torques (7,) [N m] that a robot estimates in free rest.
 
-    A real arm feels several newtons there (franka_ros#404), because its model of itself is not
+    A real arm estimates several newtons then (franka_ros#404), because its model of itself is not
     exact.
     """
 
@@ -27,7 +27,7 @@ class Tare:
 
     @classmethod
     def of(cls, states: Sequence[Any], most: float) -> Self:
-        """Mean of `states` at rest; raises Failed above `most` [N], or where one is no number."""
+        """Mean over `states` at rest; raises Failed for a force above `most` [N], or for NaN."""
         wrench = np.mean([state.O_F_ext_hat_K for state in states], axis=0)
         torques = np.mean([state.tau_ext_hat_filtered for state in states], axis=0)
         force = float(np.linalg.norm(wrench[:3]))
@@ -39,7 +39,7 @@ class Tare:
 
 @dataclass(frozen=True, slots=True)
 class ForceGuard:
-    """The largest `force` [N] on the gripper and `torque` [N m] at a joint beyond the `tare`."""
+    """Limits on the `force` [N] on the gripper and `torque` [N m] at a joint beyond the `tare`."""
 
     force: float
     torque: float = 87.0
@@ -50,7 +50,7 @@ class ForceGuard:
         return [a - b for a, b in zip(state.O_F_ext_hat_K, self.tare.wrench, strict=True)]
 
     def objection(self, state: Any) -> str:
-        """Reason why a motion must end whose robot is in `state`; empty while it may go on."""
+        """Reason to end the motion of a robot in `state`; empty while the motion may go on."""
         force = hypot(*self.beyond_tare(state)[:3])
         if not force <= self.force:
             return f"the gripper met {force:.1f} N, allowed {self.force:.1f} N"
@@ -64,19 +64,19 @@ class ForceGuard:
 
 
 class Drift:
-    """Watches the force that an arm at rest feels beyond its tare, which should be nothing.
+    """Monitor of the mean force beyond the tare on an arm at rest, which should be zero.
 
-    There a tare that no longer holds, or somebody who leans on the arm, is seen before the guard.
+    A tare that no longer holds, or somebody who leans on the arm, is noticed before the guard.
     """
 
     def __init__(self, guard: ForceGuard, most: float, tick: float) -> None:
-        """At most `most` [N], stated once every `tick` [s]."""
+        """Allow `most` [N] beyond the tare of `guard`, with a state every `tick` [s]."""
         self._guard, self._most, self._tick = guard, most, tick
         self._rested = 0.0
         self._mean = [0.0, 0.0, 0.0]
 
     def objection(self, state: Any, *, moving: bool) -> str:
-        """Reason why the arm must not go on; empty while it may."""
+        """Reason why an arm in `state` must not go on; empty while it may."""
         self._rested = 0.0 if moving else self._rested + self._tick
         if self._rested < SETTLING:
             self._mean = [0.0, 0.0, 0.0]

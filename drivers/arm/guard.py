@@ -1,4 +1,4 @@
-"""Keeps the gripper where the arm can follow and brake: off the joints' ends, never stretched."""
+"""Look-ahead check that the joints can follow the gripper's motion and brake from it."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from drivers.limits import MotionLimits
 from drivers.types import Array, Pose, Velocity
 
 JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
-NEWTON = 3  # steps from one look to the next
+NEWTON = 3  # Newton steps for one pose
 POSE_TOLERANCE = 1e-3  # m or rad
 REACTION = 0.015  # s until a braking is under way
 VELOCITY_SHARE = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
@@ -21,7 +21,7 @@ CHANGE_SHARE = 1.6  # of a joint's acceleration, if all axes changed at once in 
 
 
 class Soon(NamedTuple):
-    """The commanded motion REACTION later: pose, velocity, and its derivative [m/s^2, rad/s^2]."""
+    """Pose, velocity and acceleration [m/s^2, rad/s^2] commanded for REACTION [s] from now."""
 
     pose: Pose
     velocity: Velocity
@@ -29,18 +29,18 @@ class Soon(NamedTuple):
 
 
 class ReachGuard:
-    """Checks the commanded motion a moment ahead, and where the arm would rest if it braked then.
+    """Checks the joints at the motion REACTION ahead, and where braking from it would end.
 
     The elbow is taken to stay where the motion began. At both places each joint must have room, and
     what the motion asks of it, curvature included, must lie within VELOCITY_SHARE of its velocity
     and ACCELERATION_SHARE of its acceleration; what braking would ask, within its acceleration. So
     the arm can brake, whatever is commanded next. Where a change of all axes at once in the worst
-    directions would ask CHANGE_SHARE of a joint's acceleration, it does not go: there hardly any
+    directions would ask CHANGE_SHARE of a joint's acceleration, it objects: there hardly any
     command could be followed.
     """
 
     def __init__(self, plane: StripPlane, motion: MotionLimits, joints: list[float]) -> None:
-        """From `joints` (7,) [rad], where the motion begins."""
+        """Begin at `joints` (7,) [rad], where the motion begins."""
         self._plane = plane
         self._axes = motion.axes
         self._elbow = float(joints[ELBOW_JOINT])
@@ -51,7 +51,7 @@ class ReachGuard:
         self._jerk = np.array([axis.jerk for axis in motion.axes])
 
     def objection(self, soon: Soon) -> str:
-        """Reason why a motion must end that will be at `soon`; empty while it may go on."""
+        """Reason to end a motion that will be at `soon`; empty while the motion may go on."""
         speed, change = (
             np.array([rate.vx, rate.vz, rate.pitch_rate])
             for rate in (soon.velocity, soon.acceleration)
@@ -84,8 +84,9 @@ class ReachGuard:
         return ""
 
     def _track(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
-        """Joints (7,) for a pose x, z, pitch, searched from near ones, and their rates (7, 3) per
-        unit of velocity on each axis; None where the pose is out of reach.
+        """Joints (7,) [rad] at pose `where` (3,), and their rates (7, 3) per velocity of each axis.
+
+        Searched from near `joints` (7,); the rates are None where the pose is out of reach.
         """
         target = self._plane.matrix(*where.tolist())
         for _ in range(NEWTON):

@@ -14,11 +14,11 @@ from drivers.types import HandState
 
 SOURCE = "fci hand"
 CONNECT_TIMEOUT = 1.0  # s to connect
-STALE = 64  # datagrams taken at once
+STALE = 64  # datagrams read at most in one call
 UNSTOPPED = 0.25  # s after which a stop that changed nothing is sent again
-MOST_STOPS = 3  # of them, after which the hand is given up
+MOST_STOPS = 3  # stops without effect, after which the hand is given up
 
-Motion = Callable[[int], bytes]  # a request, made of its number
+Motion = Callable[[int], bytes]  # builds a request from its number
 
 
 class FciHand:

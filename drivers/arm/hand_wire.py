@@ -18,7 +18,7 @@ from drivers.franka.hand_protocol import (
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The end of command `number`; `version` only in the reply to a connection."""
+    """Reply at the end of command `number`; `version` only in the reply to a connection."""
 
     command: int
     number: int
@@ -37,7 +37,7 @@ class Fingers:
 
 
 def request(command: HandCommand, number: int, *values: float) -> bytes:
-    """A command of the hand's protocol with its `values` as bytes."""
+    """Bytes of a request of the hand's protocol, with its `values`."""
     payload = PAYLOAD[command].pack(*values)
     return HEADER.pack(command, number, HEADER.size + len(payload)) + payload
 
@@ -48,17 +48,17 @@ def connect(number: int, port: int) -> bytes:
 
 
 def homing(number: int) -> bytes:
-    """Close and open the fingers, after which the hand knows their width."""
+    """Request to close and open the fingers, after which the hand knows their width."""
     return request(HandCommand.HOMING, number)
 
 
 def move(number: int, width: float, speed: float) -> bytes:
-    """Move the fingers to `width` [m] at `speed` [m/s]."""
+    """Request to move the fingers to `width` [m] at `speed` [m/s]."""
     return request(HandCommand.MOVE, number, width, speed)
 
 
 def grasp(number: int, thinnest: float, thickest: float, speed: float, force: float) -> bytes:
-    """Close with `force` [N] on an object `thinnest` to `thickest` [m] thick."""
+    """Request to close with `force` [N] on an object `thinnest` to `thickest` [m] thick."""
     width, slack = (thinnest + thickest) / 2, (thickest - thinnest) / 2
     return request(HandCommand.GRASP, number, width, slack, slack, speed, force)
 

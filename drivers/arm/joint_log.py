@@ -1,4 +1,4 @@
-"""Log of the process that owns a robot: joints at every tick, intervals between states."""
+"""Log of the process that owns a robot: joints at every tick, histogram of intervals."""
 
 from bisect import bisect
 from dataclasses import dataclass, field
@@ -30,21 +30,21 @@ KEPT_TICKS = 120_000  # ticks, two minutes; older ones are overwritten
 
 
 class JointLog:
-    """Ring buffer of a motion's newest ticks, allocated before it, so that no tick waits."""
+    """Ring buffer of the joints at the newest ticks, allocated in advance so that no tick waits."""
 
     def __init__(self) -> None:
         self._rows = np.full((KEPT_TICKS, COLUMN_COUNT), np.nan)
         self._count = 0
 
     def add(self, t: float, state: Any) -> None:
-        """Keep a state of the robot at `t` [s]."""
+        """Store the joints of the robot's `state` at time `t` [s]."""
         row = self._rows[self._count % KEPT_TICKS]
         row[0] = t
         row[1:8], row[8:15], row[15:22], row[22:29] = state.q, state.dq, state.q_d, state.tau_J
         self._count += 1
 
     def content(self) -> bytes:
-        """The ticks that are kept, oldest first, as bytes."""
+        """The stored rows as bytes, oldest first."""
         first = self._count % KEPT_TICKS if self._count > KEPT_TICKS else 0
         return np.roll(self._rows[: min(self._count, KEPT_TICKS)], -first, axis=0).tobytes()
 
@@ -56,7 +56,7 @@ def joint_rows(content: bytes) -> Array:
 
 @dataclass(slots=True)
 class Timing:
-    """Counts of intervals between the robot's states in bins `EDGES_MS`, open at both ends.
+    """Histogram of intervals between the robot's states, in bins `EDGES_MS` open at both ends.
 
     `longest` [s] of them; `answered` is the mean of the robot's own share of commands in time.
     """

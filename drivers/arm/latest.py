@@ -19,16 +19,16 @@ def allocate(layout: str, context: BaseContext) -> Any:
 
 
 class Latest(Generic[V]):
-    """A shared value, one writer, any readers: the writer fills the hidden one of two slots, then
-    publishes it.
+    """Value in shared memory with one writer and any readers, none of which blocks another.
 
-    A reader retries only when the writer has reused its slot meanwhile, so that a writer that dies
-    in mid write blocks nobody. Relies on stores that become visible in order, as on x86-64, the
-    only machine that the robot's library is built for.
+    The writer fills the hidden one of two slots, then publishes it. A reader retries only when the
+    writer has reused its slot meanwhile, so that a writer that dies in mid write blocks nobody.
+    Relies on stores that become visible in order, as on x86-64, the only machine that the robot's
+    library is built for.
     """
 
     def __init__(self, memory: Any, kind: type[V], layout: str) -> None:
-        """Over `memory` of `allocate`; fields of `kind` in the order of the struct `layout`."""
+        """Map `memory` from `allocate`; fields of `kind` have the order of the struct `layout`."""
         self._struct = struct.Struct(layout)
         self._kind = kind
         view = memoryview(memory).cast("B")
@@ -38,7 +38,7 @@ class Latest(Generic[V]):
 
     @property
     def count(self) -> int:
-        """How many values have been written."""
+        """Number of values written so far."""
         return self._count[0]
 
     def write(self, value: V) -> None:

@@ -111,7 +111,7 @@ class Loop:
         return state
 
     def step(self) -> None:
-        """One tick of the robot's time; Failed when the robot has stopped.
+        """Run one tick of the robot's time; raises Failed when the robot has stopped.
 
         On the robot's clock the command goes out first, and the state that it answers is considered
         while the next one is on its way; in lock-step it is the newest that is considered.
@@ -178,7 +178,7 @@ class Loop:
             raise Failed(Failure(Cause.COMMAND, str(fault))) from fault
 
     def _check_force(self, state: Any) -> None:
-        """Brake for a force beyond its limit, or for one that is there at rest."""
+        """Brake for a force beyond its limit, or for one that drifts at rest."""
         objection = self._touch.objection(state)
         objection = objection or self._drift.objection(state, moving=self._profile.moving)
         if objection:
@@ -196,7 +196,7 @@ class Loop:
             self._resume(state, ticks - 1)
 
     def _resume(self, state: Any, lost: int) -> None:
-        """Continue the setpoint of the robot, in the strip's plane and beside it.
+        """Continue from the robot's own setpoint, in the strip's plane and beside it.
 
         Its velocity is that of its last tick, so half a tick old.
         """
@@ -263,7 +263,7 @@ class Loop:
         return pose.x, pose.z, pose.pitch
 
     def _rate(self) -> tuple[float, float, float]:
-        """Measured velocity over the last states, by the robot's time; 0 before there are two."""
+        """Measured velocity [m/s, m/s, rad/s] over the last states; 0 before there are two."""
         (*first, begun), (*last, now) = self._path[0], self._path[-1]
         if now <= begun:
             return 0.0, 0.0, 0.0
@@ -272,7 +272,7 @@ class Loop:
 
 
 def rehearse(installation: Installation) -> None:
-    """Run the first ticks once without a robot: a first call takes as long as several ticks."""
+    """Run a few ticks without a robot, because a first call takes as long as several ticks."""
     plane = StripPlane(installation.mounting.transform())
     limits, space = installation.limits, installation.workspace
     x, z, pitch = (0.5 * (low + high) for low, high in zip(space.low, space.high, strict=True))

@@ -13,10 +13,9 @@ class Kind(IntEnum):
 
 
 class Order(NamedTuple):
-    """The newest command: `a`, `b`, `c` are a velocity or a pose; `beat` is the cell's heartbeat
-    counter.
+    """The newest command to the loop: its `kind`, with a velocity or a pose in `a`, `b`, `c`.
 
-    `number` rises with each command; the loop executes each once.
+    `number` rises with each command, which the loop executes once; `beat` counts heartbeats.
     """
 
     number: int
@@ -28,7 +27,7 @@ class Order(NamedTuple):
 
 
 class Report(NamedTuple):
-    """The newest state: after `ticks` of the motion, at `arrival` [s] of the shared clock.
+    """The newest state of the arm, after `ticks` of its motion, at `arrival` [s] of the clock.
 
     Measured pose and velocity and commanded pose in the cell frame; `fx`, `fz` force on the gripper
     beyond its tare [N]; `off_plane` distance from the strip's plane [m]; `success` the robot's own

@@ -9,7 +9,7 @@ Numbers = list[float]
 
 
 class FadingOffset:
-    """The hand's offset across the strip's plane [m] and its two angles out of it [rad].
+    """Offset of the hand across the strip's plane [m] and two angles [rad], faded to zero.
 
     A robot that hears no command continues what it heard last, and with it the rounding of its
     state: it drifts out of the plane. From where it is found, with the velocity and acceleration
@@ -23,12 +23,12 @@ class FadingOffset:
         self._age = FADE_TICKS
 
     def begin(self, place: Numbers, rate: Numbers, change: Numbers) -> None:
-        """Fade from offset and angles `place` (3,) [m, rad, rad] and two derivatives."""
+        """Fade from `place` (3,) [m, rad, rad] with its derivatives `rate` and `change` (3,)."""
         self._place, self._rate, self._change = place, rate, change
         self._age = 0
 
     def tick(self) -> tuple[float, float, float]:
-        """Advance by one period; offset and angles (3,) at its end."""
+        """Advance by one period; returns offset and angles (3,) [m, rad, rad] at its end."""
         if self._age >= FADE_TICKS:
             return NO_OFFSET
         self._age += 1

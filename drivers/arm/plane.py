@@ -12,14 +12,15 @@ from drivers.types import Array
 
 Numbers = list[float]
 Triple = tuple[float, float, float]
-OUT_OF_PLANE = 0.005  # m beside the strip's plane that are taken along
+OUT_OF_PLANE = 0.005  # m beside the strip's plane at which a motion may begin, and stays
 LEANING = 0.05  # rad out of it, likewise
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A motion of the hand: `pose` x, z [m], pitch [rad] in the strip's plane, and `aside` of it,
-    an offset [m] and angles [rad] as `StripPlane.command` takes them, each with two derivatives.
+    """A motion of the hand in the strip's plane and aside of the plane, each with two derivatives.
+
+    `pose` is x, z [m], pitch [rad]; `aside` an offset [m] and angles [rad] as in `command`.
     """
 
     pose: Triple
@@ -75,7 +76,7 @@ class StripPlane:
         return numbers
 
     def course(self, pose: Numbers, twist: Numbers, change: Numbers) -> Course:
-        """Course of a hand at `pose` with twist (6,) and its derivative in the base."""
+        """Course of a hand at `pose` with `twist` (6,) and its derivative `change` in the base."""
         hand = matrix(pose)
         inside = hand if self._back is None else hand @ self._back
         spin, turn = _cross_matrix(twist[3:]), _cross_matrix(change[3:])
@@ -123,7 +124,7 @@ class StripPlane:
         return x, y, z
 
     def aside(self, pose: Numbers) -> tuple[float, float]:
-        """Distance from the plane [m] and angle out of it [rad] of a hand's pose."""
+        """Distance [m] from the plane and angle [rad] to the plane of a hand's pose."""
         off = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
         angle = float(np.arccos(np.clip((np.trace(off[:3, :3]) - 1) / 2, -1.0, 1.0)))
         return float(np.linalg.norm(off[:3, 3])), angle
@@ -136,8 +137,9 @@ class StripPlane:
 def _with_pitch(
     place: Numbers, rate: Numbers, change: Numbers, turning: float, gaining: float
 ) -> None:
-    """Rates and accelerations of the two angles beside the plane from the hand's turning about axes
-    that do not pitch with it, to first order in the angles.
+    """Correct `rate` and `change` of the two angles beside the plane for the pitching of the hand.
+
+    They come as components about axes that do not pitch; to first order in the angles `place`.
     """
     rate[1] -= place[2] * turning
     rate[2] += place[1] * turning

@@ -1,4 +1,4 @@
-"""The process that owns the robot's connection; when it ends, the motion ends."""
+"""The process that owns the connection to the robot, and whose end ends the motion."""
 
 import gc
 import signal
@@ -50,9 +50,7 @@ def run(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
 
 
 def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
-    """Connect to the robot, run its loop until the end, and send timing and joints through
-    `pipe`.
-    """
+    """Connect to the robot, run its loop to the end, send timing and joints through `pipe`."""
     clock = WallClock(task.origin)
     rehearse(task.installation)
     robot = Robot(task.address, task.settings)

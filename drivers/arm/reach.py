@@ -41,9 +41,10 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How the arm follows a path: hand `turned` or not, `start` joints (7,) [rad] at its first
-    pose, smallest joint margin [rad] and its joint, number of poses `followed`, and the first
-    problems in path order.
+    """Result of tracking a path from one start posture: margin, progress and problems.
+
+    The hand `turned` or not, `start` joints (7,) [rad] at the first pose, smallest joint `margin`
+    [rad] and its `joint`, number of poses `followed`, and the first `problems` in path order.
     """
 
     turned: bool

@@ -1,4 +1,4 @@
-"""Requests to a robot outside the strip's plane: go home joint by joint, or state its pose."""
+"""Requests to a robot outside the strip's plane: a motion to given joints, or its pose."""
 
 import gc
 import signal
@@ -16,7 +16,7 @@ from drivers.arm.retreat import retreat
 from drivers.arm.scheduling import schedule
 from drivers.arm.way import follow_joints
 
-REQUEST_TIMEOUT = 180.0  # s of an request
+REQUEST_TIMEOUT = 180.0  # s for a request
 REST_RATE = 0.01  # rad/s of a joint that stands, the noise of its measurement included
 
 
@@ -28,7 +28,7 @@ def go_to(
     recover: bool = False,
     reset_tool: bool = False,
 ) -> None:
-    """Bring the robot to `joints` (7,) [rad] at a `share` of the speed; waits, raises Fault.
+    """Bring the robot to `joints` (7,) [rad] at a `share` of full speed and wait; raises Fault.
 
     With `recover` it is asked to leave its reflex first, and retreats from what presses on it; with
     `reset_tool` it is given the cell's tool, which is read back. Where the straight way meets the
@@ -39,7 +39,7 @@ def go_to(
 
 
 def hand_pose(task: Task) -> list[float]:
-    """Where the hand is, 16 numbers by columns in the robot's base; moves nothing.
+    """Pose of the hand in the robot's base, 16 numbers by columns; moves nothing.
 
     Raises Fault, for a tool too that is not the cell's.
     """
@@ -122,5 +122,5 @@ def _execute(task: Task, request: dict[str, Any], pipe: Connection) -> dict[str,
 
 
 def _rests(state: Any) -> bool:
-    """Whether all joints stand, so that what the robot feels can be the tare of this posture."""
+    """Whether all joints stand, so that the force in `state` can be the tare of this posture."""
     return bool(max(abs(rate) for rate in state.dq) < REST_RATE)

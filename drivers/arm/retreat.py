@@ -1,4 +1,4 @@
-"""A guarded way out of contact: short moves along the force, until the arm is free."""
+"""Guarded retreat from a contact: a short move along the force, until the arm is free."""
 
 from collections.abc import Callable
 from itertools import islice
@@ -26,8 +26,7 @@ JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
 
 
 def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids: Solids) -> None:
-    """Move a `robot` at rest away from what presses on its gripper; does nothing where nothing
-    presses.
+    """Move a `robot` at rest along the force on its gripper, if that is more than allowed.
 
     The reflexes are loosened for it, as they would stop it at once, and set again by the caller.
     Raises Failed where the force is no number or rises on the way, where the way leads towards one
@@ -60,7 +59,7 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids:
 
 
 def _steps_away(joints: Array, direction: Array) -> Array:
-    """Joints (n, 7) [rad] on the way of the tip by AWAY along `direction` (3,), not turned."""
+    """Joints (n, 7) [rad] that move the tip by AWAY along `direction` (3,) without turning."""
     places = islice(straight(joints, PLACE_STEP * direction), round(AWAY / PLACE_STEP))
     way = np.array([joints, *places])
     if not limits.margins(way[-1]).min() >= JOINT_MARGIN:

@@ -20,7 +20,7 @@ from drivers.arm.tool import IDENTITY, require_tool
 
 TARE_STATES = 50  # states, of which the force at rest is the mean
 VERSION_TIMEOUT = 0.5  # s for a robot to send its version
-AWAITED = 5e-5  # s that reading a state takes which is waited for; one at hand takes 2e-5
+AWAITED = 5e-5  # s at least to read a state that has yet to come; one at hand takes 2e-5
 
 CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
     (franka.ControlException, Cause.REFLEX),
@@ -49,7 +49,7 @@ class Robot:
     """One connection to a robot; every library error is raised as Failed."""
 
     def __init__(self, address: str, settings: FciSettings) -> None:
-        """Connect in the real-time mode of `settings`; Failed for a robot of other limits."""
+        """Connect in the real-time mode of `settings`; Failed for a robot with narrower limits."""
         description = read_description(address)
         if description is not None:
             require_limits(description)
@@ -99,7 +99,7 @@ class Robot:
             self._robot.set_collision_behavior(lower, upper, soft, hard)
 
     def guard(self) -> ForceGuard:
-        """The guards of a motion from here; Failed where the robot feels too much at rest."""
+        """Force guard of a motion from this posture; Failed for too large a force at rest."""
         states = [self.state() for _ in range(TARE_STATES)]
         settings = self._settings
         tare = Tare.of(states, settings.rest)
@@ -119,7 +119,7 @@ class Robot:
         return motion
 
     def read(self, motion: Motion, *, awaited: bool = True) -> Any:
-        """The next state of a motion; on the robot's own clock one that was `awaited`.
+        """The next state of `motion`; if `awaited`, on the robot's clock none that came earlier.
 
         A state that lay there came while the last one was answered. Its answer would be late, and
         with it the next: a loop that fell behind once, and needs most of its tick, would lose all.
@@ -145,7 +145,7 @@ class Robot:
 
 
 def failure_in(state: Any) -> Failure | None:
-    """Why a robot in `state` cannot move; None when it can."""
+    """Failure for which a robot in `state` cannot move; None when it can."""
     flagged = state.current_errors if bool(state.current_errors) else state.last_motion_errors
     errors = _flags(flagged)
     if state.robot_mode == franka.RobotMode.UserStopped:
@@ -162,7 +162,7 @@ def _flags(flagged: Any) -> tuple[str, ...]:
 
 @contextmanager
 def _library_errors(explain: Callable[[Cause], Failure | None]) -> Iterator[None]:
-    """Raise library errors as Failed, by their class or by the robot's state if more specific."""
+    """Context that raises library errors as Failed, by class or, if more specific, by state."""
     try:
         yield
     except (franka.FrankaException, RuntimeError, ValueError) as error:
@@ -178,7 +178,7 @@ def _library_errors(explain: Callable[[Cause], Failure | None]) -> Iterator[None
 
 @contextmanager
 def _scheduler_kept(*, restore: bool) -> Iterator[None]:
-    """Undo the library's real-time priority, which is harmful without a real-time kernel."""
+    """Context that undoes the library's real-time priority, harmful without a real-time kernel."""
     policy, priority = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         yield
@@ -188,7 +188,7 @@ def _scheduler_kept(*, restore: bool) -> Iterator[None]:
 
 
 def _mismatch(address: str) -> Failure | None:
-    """The failure that names both versions, if that is why the robot refused to connect."""
+    """Failure that names both versions, if they are why the robot refused; None if they agree."""
     spoken = robot_version(address)
     if spoken is None or spoken == LIBRARY_VERSION:
         return None

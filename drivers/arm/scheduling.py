@@ -1,4 +1,4 @@
-"""How the kernel runs the process that owns the 1 kHz loop, by `fci.realtime`."""
+"""Kernel scheduling of the process that owns the 1 kHz loop, set by `fci.realtime`."""
 
 import ctypes
 import os
@@ -28,7 +28,7 @@ class _Attributes(ctypes.Structure):
 
 
 def schedule(mode: RealTime) -> None:
-    """Have this thread run as `mode` asks, once the library has connected.
+    """Schedule this thread as `mode` asks; to be called once the library has connected.
 
     Raises Failed where it may not have the real-time priority that is asked for.
     """
@@ -42,7 +42,7 @@ def schedule(mode: RealTime) -> None:
 
 
 def wake_promptly() -> bool:
-    """Ask for short slices of processor time for this thread; False where there are none to have.
+    """Ask for short slices of processor time for this thread; returns False where unsupported.
 
     Under Linux 6.12 and later a thread of the ordinary scheduler that runs briefly and often then
     interrupts those that compute, instead of waiting for the end of their slices, some

@@ -1,4 +1,4 @@
-"""Estimates the robot's own setpoint of the hand more exactly than its rounded state gives it."""
+"""Estimate of the robot's own setpoint of the hand, finer than the rounding of its state."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ Numbers = list[float]
 
 
 class SetpointEstimate:
-    """Follows the setpoint of a robot that hears some commands, and goes on where it misses one.
+    """Estimate of the hand's setpoint in a robot that extrapolates where it misses commands.
 
     Its state is rounded, and a rounding of 1e-7 m in one tick is 0.1 m/s^2. But a robot that has
     heard nothing keeps its acceleration, so where it is follows from what it heard.
@@ -27,9 +27,9 @@ class SetpointEstimate:
         self._change: Numbers = list(state.O_ddP_EE_c)
 
     def keep_up(self, state: Any, sent: Numbers, ticks: int) -> bool:
-        """Whether the robot is elsewhere than where it was `sent`, after so many `ticks`.
+        """Advance by `ticks` to `state`; returns whether the robot is not at the pose `sent`.
 
-        `pose` is then the setpoint that it has, 16 numbers by columns.
+        `pose` is then the robot's own setpoint, 16 numbers by columns.
         """
         stated, change = list(state.O_T_EE_c), list(state.O_ddP_EE_c)
         heard = largest_difference(change, self._change) > ACCELERATION_TOLERANCE
@@ -44,7 +44,7 @@ class SetpointEstimate:
         return False
 
     def _extrapolate(self, pose: Numbers, state: Any, ticks: int) -> Numbers:
-        """The pose after `ticks` without commands, the last with the twist of `state`."""
+        """Numbers of `pose` (16) `ticks` on without commands, the last with the twist of `state`."""
         if ticks == 0:
             return pose
         twist, change = np.array(state.O_dP_EE_c), np.array(state.O_ddP_EE_c)

@@ -15,8 +15,7 @@ Length = Annotated[float, Field(ge=-0.5, le=0.5)]
 
 
 class CollisionSettings(Settings):
-    """Thresholds of the robot's own reflexes: contact is reported at `lower`, motion stops at
-    `upper`.
+    """Thresholds of the robot's reflexes: contact is reported at `lower`, motion stops at `upper`.
 
     Torques [N m] hold for each joint, forces [N] for each axis, moments [N m] about each.
     """
@@ -53,7 +52,7 @@ class HandLimits(Settings):
     thickest: float = Field(0.006, ge=0.0005, le=0.02)
 
     def around(self, low: float, high: float) -> "HandLimits":
-        """The window narrowed to a fabric that calipers found `low` to `high` [m] thick.
+        """These limits with the thickness narrowed to a fabric measured as `low` to `high` [m].
 
         The fingers press harder than calipers; a hem has two layers.
         """
@@ -103,6 +102,6 @@ class FciSettings(Settings):
         return self.address is None if self.lock_step is None else self.lock_step
 
     def limit(self, installation: Installation) -> Installation:
-        """The installation with the limits that hold for this robot."""
+        """The `installation` with its motion limits lowered to those of this robot."""
         limits = installation.limits.within(self.limits)
         return installation.model_copy(update={"limits": limits})

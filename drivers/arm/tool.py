@@ -32,7 +32,7 @@ class Difference:
 
 
 def tool_differences(state: Any, tool: ToolSettings) -> list[Difference]:
-    """How the tool in the robot's `state` differs from the Franka Hand and from `tool`.
+    """Properties in which the tool in the robot's `state` differs from the Franka Hand and `tool`.
 
     Left by another program are NE_T_EE, EE_T_K and the load; F_T_NE and the hand's mass are Desk's.
     """
@@ -69,7 +69,7 @@ def require_tool(state: Any, tool: ToolSettings) -> None:
 
 
 def _remedy(state: Any) -> str:
-    """The remedy for a wrong end effector: whether Desk or another client set it."""
+    """Remedy for a wrong end effector, by whether Desk or another client set it."""
     return IN_DESK if _same_frame(_matrix(state.NE_T_EE), np.eye(4)) else BY_RESET
 
 

@@ -1,4 +1,4 @@
-"""The way of all joints to a goal: as planned while the robot hears everything, else step by step.
+"""Joint motion to a goal: a plan while every command arrives, afterwards step by step.
 
 A plan in the shortest time turns its acceleration around at the last moment. A robot continues the
 acceleration that it has where it hears nothing, so it turns late, overshoots, and swings about the
@@ -33,7 +33,7 @@ Numbers = list[float]
 
 
 class Course(NamedTuple):
-    """Joints (7,) [rad], rates and accelerations, as differences of successive setpoints."""
+    """Joints (7,) [rad] with rates and accelerations, as differences of successive setpoints."""
 
     place: Numbers
     rate: Numbers
@@ -41,8 +41,9 @@ class Course(NamedTuple):
 
 
 def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
-    """The robot's setpoint `ticks` after `before`, finer than in `state`, if `sent` joints
-    reached it.
+    """Setpoint in `state`, `ticks` after `before`, but finer; `sent` are the last joints commanded.
+
+    A robot that heard the command was at `sent` one tick later; without one it keeps accelerating.
     """
     seen = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
     heard = largest_difference(seen.change, before.change) > CHANGE_TOLERANCE
@@ -56,10 +57,10 @@ def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
 
 
 class Way:
-    """Setpoints of the joints, one a tick."""
+    """Generator of joint setpoints (7,) [rad] on the way to a goal, one per tick."""
 
     def __init__(self, state: Any, goal: Numbers, share: float) -> None:
-        """From a robot at rest in `state` to rest at `goal` (7,) [rad]; a `share` of the speed."""
+        """Plan from rest in `state` to rest at `goal` (7,) [rad], at a `share` of full speed."""
         start = list(state.q_d)
         self._plan = _plan(start, goal, share)
         self._planner, self._output = (ruckig.Ruckig(AXES, TICK), ruckig.OutputParameter(AXES))
@@ -86,7 +87,7 @@ class Way:
         return self._sent
 
     def keep_up(self, state: Any) -> None:
-        """Continue from the robot's own setpoint where it differs from the one that it was sent.
+        """Continue from the robot's own setpoint in `state` where that is not the one last sent.
 
         Its state is rounded, and a rounding of 1e-7 rad in one tick is 0.1 rad/s^2. But a robot
         that has heard nothing keeps its acceleration, so where it is follows from what it heard.
@@ -99,7 +100,7 @@ class Way:
         self._here = go_on(self._here, self._sent, state, ticks)
 
     def brake(self, *, hard: bool = False) -> None:
-        """Come to rest, wherever that is; `hard` as quickly as the joints may."""
+        """Brake to rest in any posture; if `hard`, as quickly as the joints may."""
         self._goal, self._acceleration = None, JOINT_ACCELERATION
         if hard:
             self._acceleration, self._jerk = HARD_ACCELERATION, HARD_JERK
@@ -141,10 +142,10 @@ def follow_joints(
     left: Callable[[], bool],
     enough: Callable[[Any], bool] = lambda _: False,
 ) -> Numbers:
-    """Bring `robot` to `joints` (7,) [rad], or to rest once it is `left` or its state is `enough`;
-    returns the joints where it stands then.
+    """Bring `robot` to `joints` (7,) [rad] and return the joints (7,) at which it comes to rest.
 
-    Raises Failed at what the `guard` objects to, once the robot stands.
+    It brakes earlier once `left` or, for its state, `enough` is true. Raises Failed for an
+    objection of the `guard`, once the robot stands.
     """
     motion = robot.start_joints()
     state = robot.read(motion)
