@@ -44,7 +44,7 @@ class SetpointEstimate:
         return False
 
     def _extrapolate(self, pose: Numbers, state: Any, ticks: int) -> Numbers:
-        """Numbers of `pose` (16) `ticks` on without commands, the last with the twist of `state`."""
+        """Pose (16 numbers) `ticks` after `pose` without commands, with the twist of `state`."""
         if ticks == 0:
             return pose
         twist, change = np.array(state.O_dP_EE_c), np.array(state.O_ddP_EE_c)

@@ -38,13 +38,13 @@ class FormatDescription(Structure):
 
 
 class Fraction(Structure):
-    """struct v4l2_fract."""
+    """struct v4l2_fract: a fraction of two whole numbers."""
 
     _fields_ = (("numerator", c_uint32), ("denominator", c_uint32))
 
 
 class FrameSize(Structure):
-    """struct v4l2_frmsizeenum: a size; `steps` are width then height: min, max, step."""
+    """struct v4l2_frmsizeenum: a size; `steps` are min, max, step of width, then of height."""
 
     _fields_ = (
         ("index", c_uint32),
@@ -70,7 +70,7 @@ class FrameInterval(Structure):
 
 
 class PixFormat(Structure):
-    """struct v4l2_pix_format."""
+    """struct v4l2_pix_format: size, pixel format and memory layout of a picture."""
 
     _fields_ = (
         ("width", c_uint32),
@@ -99,7 +99,7 @@ class Format(Structure):
 
 
 class CaptureParameters(Structure):
-    """struct v4l2_captureparm."""
+    """struct v4l2_captureparm: frame period and buffers of a capture stream."""
 
     _fields_ = (
         ("capability", c_uint32),
@@ -116,13 +116,13 @@ class _AnyParameters(Union):
 
 
 class StreamParameters(Structure):
-    """struct v4l2_streamparm."""
+    """struct v4l2_streamparm; only its capture member is used."""
 
     _fields_ = (("type", c_uint32), ("parm", _AnyParameters))
 
 
 class BufferRequest(Structure):
-    """struct v4l2_requestbuffers."""
+    """struct v4l2_requestbuffers: number and memory type of buffers to allocate."""
 
     _fields_ = (
         ("count", c_uint32),
@@ -135,7 +135,7 @@ class BufferRequest(Structure):
 
 
 class TimeValue(Structure):
-    """struct timeval of a 64-bit machine."""
+    """struct timeval of a 64-bit machine: seconds and microseconds."""
 
     _fields_ = (("seconds", c_long), ("microseconds", c_long))
 
@@ -207,7 +207,7 @@ class MenuQuery(Structure):
 
 
 class Control(Structure):
-    """struct v4l2_control."""
+    """struct v4l2_control: id and value of one control."""
 
     _fields_ = (("id", c_uint32), ("value", c_int32))
 
@@ -219,7 +219,7 @@ _IOC_WRITE, _IOC_READ = 1, 2
 
 
 def _request(direction: int, number: int, argument: type) -> int:
-    """The number by which ioctl knows a request (asm-generic/ioctl.h)."""
+    """Number of a V4L2 request for ioctl, encoded as in asm-generic/ioctl.h."""
     return direction << 30 | ctypes.sizeof(argument) << 16 | ord("V") << 8 | number
 
 
@@ -287,10 +287,10 @@ class ControlType(IntEnum):
 
 
 def fourcc(code: str) -> int:
-    """The number of a four-letter pixel format, as "YUYV"."""
+    """Number of the pixel format with the four letters `code`, such as "YUYV"."""
     return int.from_bytes(code.encode("ascii"), "little")
 
 
 def letters(number: int) -> str:
-    """The four letters of a pixel format's number."""
+    """Four letters of the pixel format with this `number`."""
     return (number & 0x7FFFFFFF).to_bytes(4, "little").decode("latin-1").rstrip()

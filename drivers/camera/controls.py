@@ -8,8 +8,8 @@ from drivers.camera.abi import Control, ControlFlag, ControlQuery, ControlType, 
 from drivers.camera.device import Device
 from drivers.camera.errors import CameraRefused
 
-# What an image may not change by itself while it is measured in, with its value for "off".
-# The dynamic frame rate is here too: it halves the rate in the dark.
+# Automatics that would change images between two measurements, each with its value for "off".
+# The dynamic frame rate is one of them: it halves the rate in the dark.
 AUTOMATICS = {
     "auto_exposure": 1,  # V4L2_EXPOSURE_MANUAL
     "exposure_dynamic_framerate": 0,
@@ -35,7 +35,7 @@ LOCKED_OUT = {
 
 @dataclass(frozen=True, slots=True)
 class CameraControl:
-    """One control; `entries` are a menu's values by number. `value` is None if not readable."""
+    """A camera's control; `entries` are menu texts by number, `value` is None if unreadable."""
 
     number: int
     name: str
@@ -50,7 +50,7 @@ class CameraControl:
 
     @property
     def obstacle(self) -> str | None:
-        """Why the control cannot be set now, or None."""
+        """Reason why the control cannot be set now; None where it can."""
         return next((why for flag, why in LOCKED_OUT.items() if flag & self.flags), None)
 
     @property
@@ -68,7 +68,7 @@ def controls_of(device: Device) -> dict[str, CameraControl]:
 
 
 def lock(device: Device, wanted: Mapping[str, int]) -> dict[str, int]:
-    """Switch automatics off, then set `wanted`; every value read back, by name.
+    """Switch automatics off, then set `wanted`; returns every value, read back, by control name.
 
     Raises CameraRefused for a control that is not there or a value that did not take.
     """

@@ -20,7 +20,7 @@ NOBODY_KNOWN = "another program of a user whose processes are hidden"
 
 
 def users_of(device: str, processes: Path = Path("/proc")) -> str:
-    """Names and numbers of the other processes that hold `device`, as far as they may be seen."""
+    """Names and ids of the other processes that have `device` open, as far as they are visible."""
     node = os.path.realpath(device)
     found = [
         f"{_name(process)} (process {process.name})"
@@ -46,7 +46,7 @@ def _name(process: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Identity of the device: driver, card, bus."""
+    """Identity of a device as the kernel reports it: driver, card, bus."""
 
     driver: str
     card: str
@@ -76,7 +76,7 @@ class Device:
             raise
 
     def call(self, request: Request, argument: A, doing: str) -> A:
-        """Execute `request`; returns the filled `argument`, raises what `translate_error` gives."""
+        """Execute `request`, return `argument` filled; raises the error of `translate_error`."""
         try:
             self.kernel.ioctl(self.fd, request, argument)
         except OSError as error:

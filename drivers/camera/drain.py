@@ -24,7 +24,7 @@ CAMERA_NAME = "v4l2 camera"
 
 @dataclass(frozen=True, slots=True)
 class Arrived:
-    """A complete buffer of a `picture` with its times; times on the cell's clock [s]."""
+    """A frame as captured, with `stamp` and `arrival` on the cell's clock [s]."""
 
     capture: Capture
     picture: Picture
@@ -151,7 +151,7 @@ class Drain:
             self._changed.notify_all()
 
     def _on_cell_clock(self, session: Session, capture: Capture) -> Arrived:
-        """The capture with times on the cell's clock; stamps increase, none after arrival."""
+        """`capture` with times [s] on the cell's clock; stamps increase, and are before arrival."""
         shutter, number, last = session.setup.shutter, self._sequence.number, self._newest
         gap = 0 if last is None else number - last.sequence - 1
         earliest = -math.inf if last is None else last.stamp + LEAST_STEP
@@ -170,7 +170,7 @@ class Drain:
             self._changed.notify_all()
 
     def _restart(self) -> None:
-        """Restart the stream; where that fails the device is released."""
+        """Restart the stream, or release the device where that fails."""
         if self._current is None:
             return
         try:

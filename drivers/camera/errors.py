@@ -1,4 +1,4 @@
-"""Named camera errors, each with its remedy."""
+"""Camera errors with names, each of which states its remedy."""
 
 import errno
 
@@ -54,7 +54,7 @@ class CameraRefused(ConfigurationError):
 
 
 def translate_error(error: OSError, device: str, doing: str, users: str) -> Fault | CameraRefused:
-    """The driver's error for an OSError raised while `doing` something."""
+    """Camera error in place of an OSError raised while `doing` something to `device`."""
     reason = error.strerror or str(error)
     if error.errno in GONE_ERRNOS:
         return CameraLost(device, f"{reason} while {doing}")

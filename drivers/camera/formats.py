@@ -60,8 +60,7 @@ class Picture:
     rate: float
 
     def whole(self, content: Image) -> bool:
-        """Whether a buffer's bytes (n,) have the length of a picture, or the markers of a complete
-        JPEG.
+        """Whether a buffer's bytes (n,) are a complete picture, by length or by a JPEG's markers.
 
         A truncated JPEG decodes to a grey area without an error.
         """

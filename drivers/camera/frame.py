@@ -1,4 +1,4 @@
-"""A frame of the real camera."""
+"""Frames of the V4L2 camera, and counts of them."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ class CameraFrame(Frame):
 
 @dataclass(slots=True)
 class Counts:
-    """What happened to the frames since the camera was connected.
+    """Numbers of frames since the camera was connected, by what happened to them.
 
     `arrived` whole, `missing` by sequence, `corrupt` by the kernel's flag or their own bytes,
     `repeated` numbers, `restamped` because the kernel's stamp could not be trusted, `restarts`

@@ -45,7 +45,7 @@ class Kernel(Protocol):
         """Events of poll on `fd`, 0 when there are none in `seconds`; without `fd`, a pause."""
 
     def monotonic(self) -> float:
-        """The clock of buffer stamps [s]."""
+        """Time [s] on the clock of buffer stamps."""
 
 
 class _Shared:
@@ -98,5 +98,5 @@ class Linux:
         return events[0][1] if events else 0
 
     def monotonic(self) -> float:
-        """CLOCK_MONOTONIC [s]."""
+        """Time [s] of CLOCK_MONOTONIC."""
         return time.monotonic()

@@ -1,4 +1,4 @@
-"""Connected cameras and their capabilities."""
+"""Reports on connected cameras and their capabilities."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ DEVICE_LINKS_FOLDER = Path("/dev/v4l")
 
 @dataclass(frozen=True, slots=True)
 class CameraReport:
-    """A camera by its link: identity, modes, controls."""
+    """Report on the camera at link `device`: its identity, modes and controls."""
 
     device: str
     identity: Identity
@@ -34,7 +34,7 @@ class UnusableDevice:
 def list_cameras(
     kernel: Kernel, links: Path = DEVICE_LINKS_FOLDER
 ) -> Iterator[CameraReport | UnusableDevice]:
-    """Every video device that has a link of its own, by id where it has one, else by path."""
+    """Yield a report for each video device with a link, by id where it has one, else by path."""
     for link in device_links(links):
         try:
             yield report(kernel, link)
@@ -53,7 +53,7 @@ def report(kernel: Kernel, link: str) -> CameraReport:
 
 
 def device_links(links: Path = DEVICE_LINKS_FOLDER) -> list[str]:
-    """Links that udev keeps, one a device: the one by id, else the one by path."""
+    """One udev link for each video device: by id where it has one, else by path."""
     found: dict[Path, str] = {}
     for kind in ("by-id", "by-path"):
         for link in sorted((links / kind).glob("*")):

@@ -1,4 +1,4 @@
-"""One opening of a camera: configured as the cell file says, and streaming."""
+"""A camera that is open, configured from the cell file, and streaming."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Setup:
 
 @dataclass(slots=True)
 class Session:
-    """One opening of the device: its setup and its stream."""
+    """An open device with the setup that it accepted and its running stream."""
 
     device: Device
     settings: V4l2Settings
@@ -35,7 +35,10 @@ class Session:
 
     @classmethod
     def open(cls, kernel: Kernel, settings: V4l2Settings) -> Self:
-        """Open, configure, start. Raises CameraLost, CameraBusy, CameraFaulty or CameraRefused."""
+        """Open and configure the device, and start its stream.
+
+        Raises CameraLost, CameraBusy, CameraFaulty or CameraRefused.
+        """
         device = Device.open(kernel, settings.device)
         try:
             setup = set_up(device, settings)

@@ -10,7 +10,7 @@ BITS = 1 << 32
 
 
 class StampSource(StrEnum):
-    """Origin of a frame's stamp: the kernel's or replaced."""
+    """Origin of a frame's stamp: the kernel's time of the exposure, or the dequeue time."""
 
     START = "start of exposure"
     END = "end of exposure"
@@ -53,7 +53,7 @@ class Sequence:
     _counter: int | None = None
 
     def step_to(self, counter: int) -> int:
-        """Steps to the frame that the kernel counts as `counter`: 1, more when some are missing.
+        """Advance to the kernel's `counter`; returns the steps: 1, more where frames are missing.
 
         Less for a counter that repeats or goes back; such a frame is the next one.
         """
@@ -69,5 +69,5 @@ class Sequence:
 
 
 def signed_difference(difference: int) -> int:
-    """Difference of two 32-bit counters, between -2^31 and 2^31 - 1."""
+    """A `difference` of two 32-bit counters, wrapped into -2^31 to 2^31 - 1."""
     return (difference + BITS // 2) % BITS - BITS // 2

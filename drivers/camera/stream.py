@@ -36,7 +36,7 @@ class Capture:
 
 
 class Stream:
-    """Frames of a configured device, between `start` and `stop`."""
+    """Stream of frames from a configured device, between `start` and `stop`."""
 
     def __init__(self, device: Device) -> None:
         self._device = device

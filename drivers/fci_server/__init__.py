@@ -1,4 +1,4 @@
-"""Emulation of the robot's own network protocol by the twin's arm.
+"""Emulation of a robot on the network, which speaks the protocol of the real one (FCI).
 
 It emulates the robot without a strip. Verified on loopback against the binaries of pylibfranka,
 franky-control and franka-rs, never against a physical robot.

@@ -1,4 +1,4 @@
-"""The arm's port: requests of its one client, replies, states."""
+"""Network port of the emulated arm: receives requests of one client, sends replies and states."""
 
 import select
 
@@ -57,7 +57,7 @@ class ArmPort:
         self._robot.abandon()
 
     def close(self) -> None:
-        """Disconnect everybody."""
+        """Disconnect all clients and stop listening."""
         self._reception.close()
 
     def command(self) -> RobotCommand | None:

@@ -1,4 +1,4 @@
-"""Checks whether the emulated arm meets itself or its surroundings, at the price of a few ticks."""
+"""Collision check of the emulated arm with itself and its surroundings, cheap on most ticks."""
 
 from math import inf
 
@@ -8,7 +8,7 @@ from drivers.fci_server.reflex import Reflex, Violation
 from drivers.franka.body import Solids, apart
 from drivers.types import Array
 
-LEVER = 1.3  # m, by which a turn of any joint moves any point of the arm at most
+LEVER = 1.3  # m at most by which a point of the arm moves per rad of any joint
 DEEPER = 1e-6  # m by which a touch must grow to count again: the arm may leave it
 
 

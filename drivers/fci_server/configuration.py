@@ -20,11 +20,11 @@ _LAST_ROW = frozen([0, 0, 0, 1])
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Collision thresholds: above `contact` the state reports it, above `collision` a reflex stops
-    the arm.
+    """Thresholds of external torque and force: first row for contact, second for collision.
 
-    `accelerating` holds while the commanded velocity changes, `nominal` otherwise; rows are contact
-    and collision: (2, 7) [N m] at the joints, (2, 6) [N, N m] at the tool.
+    The state reports a contact; a collision triggers a reflex. `accelerating` holds while the
+    commanded velocity changes, `nominal` otherwise: (2, 7) [N m] at the joints, (2, 6) [N, N m] at
+    the tool.
     """
 
     torque_accelerating: Array
@@ -34,7 +34,7 @@ class Thresholds:
 
     @property
     def all(self) -> tuple[Array, ...]:
-        """Every pair of rows of thresholds, contact and collision."""
+        """The four arrays of thresholds, each with rows for contact and collision."""
         return (
             self.torque_accelerating,
             self.torque_nominal,
@@ -51,7 +51,7 @@ def _start_thresholds() -> Thresholds:
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """All settings of a client or of Desk, or the defaults; they outlive the client."""
+    """Settings that a client or Desk has made, or their defaults; they outlive the client."""
 
     thresholds: Thresholds = field(default_factory=_start_thresholds)
     flange_to_nominal: Array = field(default_factory=lambda: FLANGE_TO_TIP)

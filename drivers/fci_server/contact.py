@@ -15,7 +15,7 @@ STEADY_ACCELERATION = 1e-3  # rad/s^2 and m/s^2, below which a motion counts as 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Estimated wrench (6,) on the tool in the base [N, N m], the joint torques that it causes.
+    """Estimated wrench (6,) [N, N m] on the tool in the base, and the joint torques it causes.
 
     Flags are 1 where a threshold is passed: first row contact, second collision.
     """
@@ -43,7 +43,7 @@ class Contact:
 
     @property
     def reflex(self) -> Reflex | None:
-        """The error that the thresholds require, or None."""
+        """Reflex that a threshold of collision triggers; None where none is passed."""
         if self.tool_flags[1].any():
             return Reflex.CARTESIAN_REFLEX
         return Reflex.JOINT_REFLEX if self.joint_flags[1].any() else None

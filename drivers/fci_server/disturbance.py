@@ -11,7 +11,7 @@ from drivers.fci_server.robot import Robot
 
 
 class Disturbance:
-    """Faults of the script that are pending, and those in effect."""
+    """Pending faults of the script, and the end times of those in effect."""
 
     def __init__(self, script: Iterable[Fault]) -> None:
         self._waiting = sorted(script, key=lambda fault: fault.at)
@@ -20,7 +20,7 @@ class Disturbance:
         self._release = inf
 
     def is_nan(self, time: int) -> bool:
-        """Whether the robot's state at robot time [ms] is to consist of NaN."""
+        """Whether the measured part of the state at robot `time` [ms] is to be NaN."""
         return time < self._nan_ends
 
     def add(self, fault: Fault) -> None:
@@ -28,7 +28,7 @@ class Disturbance:
         self._waiting = sorted([*self._waiting, fault], key=lambda waiting: waiting.at)
 
     def strike(self, robot: Robot) -> Iterator[Fault]:
-        """Apply the due faults to the robot; faults of connections and time are the caller's."""
+        """Apply the due faults to `robot`; yields those of connections and time for the caller."""
         self._end(robot)
         while self._waiting and self._waiting[0].at <= robot.ticks:
             fault = self._waiting.pop(0)

@@ -16,7 +16,7 @@ class Dynamics:
     """Inverse dynamics of the arm's published model, with the additional mechanics of a `plant`."""
 
     def __init__(self, plant: ArmPlant) -> None:
-        """Take the mass of the hand from the model, whatever Desk states."""
+        """Build the model with mass errors and tilt of `plant`; the hand keeps the model's mass."""
         self._plant = plant
         model = mujoco.MjModel.from_xml_string(arm_mjcf())
         for i in range(7):
@@ -58,12 +58,12 @@ class Dynamics:
         return found
 
     def sag(self, posture: Posture) -> Array:
-        """Angles (7,) [rad] by which links stand behind their motors in the motors' posture."""
+        """Deflection (7,) [rad] of the links behind their motors, which are in `posture`."""
         return np.asarray(np.multiply(self._plant.compliance, self.torque(posture)))
 
     @property
     def bends(self) -> bool:
-        """Whether the links can stand elsewhere than their motors."""
+        """Whether any joint is elastic, so that its link deflects from its motor."""
         return any(self._plant.compliance)
 
     def _payload_torque(self, velocity: Array, acceleration: Array) -> Array:

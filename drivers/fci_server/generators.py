@@ -35,7 +35,7 @@ def follow(
     first: bool,
     chooses_elbow: bool = False,
 ) -> Posture:
-    """The posture one tick on, with the tool (4, 4) in the flange's frame.
+    """Posture one tick after `old` under `command`, with `tool` (4, 4) in the flange's frame.
 
     Where it `chooses_elbow`, a pose without one is reached by the smallest turns of all joints.
     `first` marks the first command of a motion, whose pose must be the arm's own. Raises Violation
@@ -62,7 +62,7 @@ def readable(generator: Generator, command: RobotCommand) -> bool:
 
 
 def extrapolate(old: Posture, message_id: int) -> RobotCommand:
-    """The last commands continued at constant acceleration, for a tick without a command.
+    """Command that continues the last ones at constant acceleration, for a tick without one.
 
     Source: the client library's `rate_limiting.h` on lost packets.
     """
@@ -107,9 +107,7 @@ def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Pos
 def _cartesian(
     old: Posture, command: RobotCommand, pose: Array, twist: Array, tool: Array
 ) -> Posture:
-    """Next posture for a commanded tool `pose` with `twist`, within the limits of tool and
-    joints.
-    """
+    """Next posture for a commanded tool `pose` with `twist`, within tool and joint limits."""
     course = old.tool.step(twist)
     check_tool_course(old.tool, course)
     swing = old.swing_to(_elbow(old, command))
@@ -137,7 +135,7 @@ def _elbow(old: Posture, command: RobotCommand) -> float:
 
 
 def _smallest(old: Posture, command: RobotCommand) -> float:
-    """The elbow's angle [rad] that the pseudo-inverse of the Jacobian gives one tick on."""
+    """Elbow angle [rad] one tick on by the Jacobian's pseudo-inverse: smallest joint turns."""
     twist = twist_between(old.reached, command.pose)
     return float(old.elbow + (damped_inverse(old.jacobian, INVERSE_DAMPING) @ twist)[ELBOW_JOINT])
 

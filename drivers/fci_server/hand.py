@@ -25,7 +25,7 @@ class Task:
 
 
 class Hand:
-    """Width [m] between the fingers and whether they hold something, stepped every 1 ms.
+    """Emulated hand, stepped every 1 ms: width [m] between its fingers, and what they hold.
 
     `between` gives the thickness [m] of the object between the fingers now, None for nothing.
     Speeds above FASTEST_FINGER are limited to it; the real hand's answer in that case is not known.

@@ -1,4 +1,4 @@
-"""The hand's port: requests of its one client, replies, states."""
+"""Network port of the emulated hand: receives requests of one client, sends replies, states."""
 
 import select
 
@@ -31,7 +31,7 @@ class HandPort:
             self._reception.dismiss(reset=True)
 
     def close(self) -> None:
-        """Disconnect everybody."""
+        """Disconnect all clients and stop listening."""
         self._reception.close()
 
     def discard(self) -> None:

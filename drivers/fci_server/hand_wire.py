@@ -41,5 +41,5 @@ def take_request(buffer: bytearray) -> HandRequest | None:
 
 
 def reply(command: HandCommand, command_id: int, content: bytes) -> bytes:
-    """One reply over TCP; `content` starts with its status."""
+    """Bytes of one reply over TCP; `content` starts with its status."""
     return HEADER.pack(command, command_id, HEADER.size + len(content)) + content

@@ -18,7 +18,7 @@ LIMIT_FACTOR = (
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """Error names of one kind of motion: velocity limit, and two kinds of discontinuity."""
+    """Reflexes of one kind of motion, beyond its limits of velocity, acceleration and jerk."""
 
     velocity: Reflex
     acceleration: Reflex
@@ -103,7 +103,7 @@ def check_tool_course(old: Course, new: Course) -> None:
 
 
 def check_swing(old: Array, new: Array) -> None:
-    """Raises Violation where the elbow (3,), angle, rate, acceleration, exceeds its limits."""
+    """Raises Violation where the elbow (3,) [rad, s] exceeds limits of rate, acceleration, jerk."""
     rates = (*new[1:].tolist(), float(new[2] - old[2]) / TICK)
     if any(abs(rate) > LIMIT_FACTOR * most for rate, most in zip(rates, limits.ELBOW, strict=True)):
         raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION)

@@ -98,4 +98,4 @@ class Greeting(Protocol):
     """Parser of a client's first bytes."""
 
     def __call__(self, received: bytearray) -> Welcome | None:
-        """Parse the connection request; None while it is incomplete, Malformed for any other."""
+        """Parse a connection request; None while incomplete, Malformed for any other message."""

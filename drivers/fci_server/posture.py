@@ -14,12 +14,12 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Posture:
-    """Joints `q` (7,) [rad] on their course, the tool's pose `reached` (4, 4) in the base and its
-    `jacobian` (6, 7), which follow from them; the commanded `pose` (4, 4) of the tool (6,) on its
-    course, and the commanded `swing` (3,) of the elbow: angle, rate, acceleration [rad, s].
+    """Joints, tool pose and commanded motion of the emulated arm at one tick.
 
-    The twin's arm stands at its commanded joints; `reached` differs from `pose` by the residual of
-    one Newton step.
+    From `q` (7,) [rad], on the course `joints`, follow the tool's pose `reached` (4, 4) in the base
+    and its `jacobian` (6, 7). Commanded are the `pose` (4, 4), on the course `tool` (6,), and the
+    `swing` (3,) of the elbow: angle, rate, acceleration [rad, s]. The twin's arm stands at its
+    commanded joints; `reached` differs from `pose` by the residual of one Newton step.
     """
 
     q: Array
@@ -32,9 +32,7 @@ class Posture:
 
     @classmethod
     def of(cls, q: Array, tool: Array, joints: Course) -> Self:
-        """Posture with joints (7,) [rad] on their course and the tool's pose (4, 4) that they
-        give.
-        """
+        """Posture with joints `q` (7,) [rad] on their course and a `tool` (4, 4) on the flange."""
         reached, jacobian = pose_and_jacobian(q, tool)
         swing = np.array([q[ELBOW_JOINT], 0.0, 0.0])
         return cls(q, joints, reached, jacobian, reached, still(6), swing)
@@ -51,7 +49,7 @@ class Posture:
 
     @property
     def elbow_sign(self) -> float:
-        """1 or -1, on which side of its offset the elbow is flexed."""
+        """Side of its offset to which the elbow is flexed: 1 or -1."""
         return 1.0 if self.q[3] > ELBOW_FLIP else -1.0
 
     @property
@@ -70,7 +68,7 @@ class Posture:
         return replace(self, pose=pose, tool=course, swing=swing)
 
     def move_on(self, q: Array, tool: Array, joints: Course) -> Self:
-        """The posture one tick on with joints `q` (7,) [rad], the commanded pose with them."""
+        """Posture one tick on with joints `q` (7,) [rad], whose tool pose becomes the commanded."""
         new = self.of(q, tool, joints)
         course = self.tool.step(twist_of(self.pose, new.reached))
         return new.with_command(new.reached, course, self.swing_to(q[ELBOW_JOINT]))

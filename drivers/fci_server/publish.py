@@ -88,7 +88,7 @@ class Publisher:
         self._packet.fields["tau_J"][:] = self._torques(robot) - robot.contact.torque
 
     def _torques(self, robot: Robot) -> Array:
-        """Torques (7,) [N m] of the arm itself: of its plant, or gravity's alone."""
+        """Joint torques (7,) [N m] without contact: of the plant, or else of gravity alone."""
         if robot.dynamics is not None:
             return robot.dynamics.reading(robot.measured, robot.ticks)
         q, held = robot.measured.q, robot.configuration

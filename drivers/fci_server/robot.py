@@ -68,7 +68,7 @@ class Late:
 
 @dataclass(slots=True)
 class Robot:
-    """State of the robot; `ticks` counts the commands that it followed, `time` is in [ms]."""
+    """The emulated robot; `ticks` counts the commands that it followed, `time` is in [ms]."""
 
     posture: Posture
     box: Box = field(default_factory=Box)
@@ -100,12 +100,12 @@ class Robot:
         return self.posture if self.trailing is None else self.trailing.posture
 
     def trail(self) -> None:
-        """Advance by one tick an arm that stands behind its setpoint."""
+        """Advance the arm behind its setpoint by one tick; nothing to do for an arm without lag."""
         if self.trailing is not None:
             self.trailing.tick(self.posture.q)
 
     def move(self, request: MoveRequest, command_id: int) -> MoveStatus:
-        """Begin a motion, or return why not."""
+        """Begin a motion; returns MOTION_STARTED, or the reason why it was refused."""
         if self.mode is not Mode.IDLE or self.motion is not None or not self.posture.at_rest:
             return MoveStatus.NOT_POSSIBLE
         if not _valid(request):

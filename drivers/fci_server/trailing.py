@@ -1,4 +1,4 @@
-"""Lag of a real arm behind its setpoint: a delay, a first-order filter, and gears that twist."""
+"""Lag of a real arm behind its setpoint: delay, first-order filter, elastic gears."""
 
 from collections import deque
 from collections.abc import Callable
@@ -15,8 +15,9 @@ Sag = Callable[[Posture], Array]
 
 
 class Trailing:
-    """The arm's own posture, `delay` [s] and a `lag` [s] behind the commanded one; its links stand
-    a `sag` (7,) [rad] behind its motors, where there is one.
+    """Posture of an arm that follows the commanded one with a `delay` [s] and a `lag` [s].
+
+    Its links deflect by a `sag` (7,) [rad] behind its motors, where there is one.
     """
 
     def __init__(

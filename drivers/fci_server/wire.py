@@ -55,7 +55,7 @@ PAYLOAD = {
 
 
 class Status(IntEnum):
-    """Reply to everything but a motion and a recovery."""
+    """Status in the replies to all requests but a motion."""
 
     SUCCESS = 0
     NOT_POSSIBLE = 1
@@ -63,7 +63,7 @@ class Status(IntEnum):
 
 
 class MoveStatus(IntEnum):
-    """Replies to a motion: MOTION_STARTED at once, another at its end."""
+    """Status in the replies to a motion: MOTION_STARTED at once, another at its end."""
 
     SUCCESS = 0
     MOTION_STARTED = 1
@@ -89,7 +89,7 @@ class Generator(IntEnum):
 
 
 class Controller(IntEnum):
-    """Which controller follows the commands."""
+    """Controllers that can follow the commands, by their number in the protocol."""
 
     JOINT_IMPEDANCE = 0
     CARTESIAN_IMPEDANCE = 1
@@ -133,14 +133,14 @@ class MoveRequest:
 
     @classmethod
     def read(cls, payload: bytes) -> Self:
-        """The payload (113 bytes) of a request to move."""
+        """Parse the payload (113 bytes) of a request to move."""
         controller, generator, *rest = MOVE.unpack(payload)
         return cls(controller, generator, tuple(rest[:6]), bool(rest[6]))
 
 
 @dataclass(frozen=True, slots=True)
 class RobotCommand:
-    """One command over UDP, for the state `message_id`; only the generator's own field counts."""
+    """One command over UDP that answers state `message_id`; of use is the generator's field."""
 
     message_id: int
     q: Array  # (7,) rad
@@ -152,7 +152,7 @@ class RobotCommand:
 
     @classmethod
     def read(cls, packet: bytes) -> Self:
-        """One command from a datagram (371 bytes); raises Malformed for any other length."""
+        """Parse one command from a datagram (371 bytes); raises Malformed for any other length."""
         if len(packet) != COMMAND.size:
             raise Malformed(f"a command has {COMMAND.size} bytes, found {len(packet)}")
         (message_id,) = MESSAGE.unpack_from(packet)
@@ -195,5 +195,5 @@ def take_request(buffer: bytearray) -> Request | None:
 
 
 def reply(command: Command, command_id: int, content: bytes) -> bytes:
-    """One reply over TCP; `content` starts with its status."""
+    """Bytes of one reply over TCP; `content` starts with its status."""
     return HEADER.pack(command, command_id, HEADER.size + len(content)) + content
