@@ -15,11 +15,11 @@ class WallClock:
 
     @property
     def origin(self) -> float:
-        """Zero of this clock in the system's monotonic time [s]; a clock made of it runs equal."""
+        """Zero of this clock in the system's monotonic time [s], to make an equal clock of it."""
         return self._start
 
     def now(self) -> float:
-        """Seconds since the run began."""
+        """Time [s] since the origin of this clock."""
         return time.monotonic() - self._start
 
     def wait_until(self, time_s: float) -> None:
@@ -30,7 +30,7 @@ class WallClock:
 
 
 def lock_memory() -> bool:
-    """Lock the memory that this process has mapped in RAM; returns False where this user may not.
+    """Lock all memory mapped by this process into RAM; returns False where this user may not.
 
     A page that was given up is read from the disk again, for some milliseconds. What is allocated
     later is not locked: where little may be locked, allocating it would fail. Source: mlockall(2).

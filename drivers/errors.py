@@ -65,7 +65,7 @@ class SimulationNotConverged(Fault):
 
 
 class Unsupported(CellError):
-    """An engine was given a part of the description that it cannot represent."""
+    """An engine cannot simulate a part of the strip's description."""
 
     exit_code = 2
 
@@ -98,7 +98,7 @@ class Unexpected(CellError):
 
 
 class WorkersLost(CellError):
-    """The worker processes died; the journal keeps what was finished."""
+    """The worker processes died; the journal keeps all finished parts of the work."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(f"{reason}; run the same command again to go on")

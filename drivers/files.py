@@ -1,4 +1,4 @@
-"""Access to files: bounded reading, whole writing, no links followed, locks on folders."""
+"""File access: bounded reads, atomic writes that follow no links, locks on folders."""
 
 import errno
 import fcntl
@@ -88,13 +88,13 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Replace the file at `path` by `content`, whole and on disk, as `replacing` does."""
+    """Replace the file at `path` by `content` atomically, and flush it to disk."""
     with replacing(path) as scratch, scratch.open("wb") as file:
         file.write(content)
 
 
 def write_file(path: Path, content: str | bytes, remedy: str = "") -> None:
-    """Replace the file at `path` by `content`, text as UTF-8, in a folder made where missing.
+    """Replace the file at `path` by `content`, text as UTF-8; a missing folder is created.
 
     Raises ConfigurationError, in one line with a `remedy`, where it cannot be written.
     """
@@ -168,7 +168,7 @@ def sync_folder(folder: Path) -> None:
 
 @contextmanager
 def lock_folders(folders: Iterable[Path]) -> Iterator[None]:
-    """Keep other commands out of `folders` while files in them are read, changed and written.
+    """Context that locks `folders` against other commands while their files are changed.
 
     A lock of the folder itself: it leaves no file, and ends with the process. Raises
     ConfigurationError where another holds it for longer than LOCK_TIMEOUT, or a folder cannot be

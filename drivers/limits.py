@@ -24,7 +24,7 @@ class AxisLimits(Settings):
     jerk: float = Field(gt=0, le=12500)
 
     def lower(self, other: "AxisLimits") -> "AxisLimits":
-        """Element-wise minimum of two sets of limits."""
+        """Element-wise minimum of these limits and those of `other`."""
         return AxisLimits(
             velocity=min(self.velocity, other.velocity),
             acceleration=min(self.acceleration, other.acceleration),
@@ -33,7 +33,7 @@ class AxisLimits(Settings):
 
 
 class MotionLimits(Settings):
-    """Limits of the gripper's motion on each axis.
+    """Limits of the gripper's motion on its axes x, z and pitch.
 
     Pitch turns by pi/2 over 0.10 m of path, so its limits are those of x times that ratio, bounded
     by the robot's 2.6 rad/s; the lift then stays on its line.
@@ -49,7 +49,7 @@ class MotionLimits(Settings):
         return self.x, self.z, self.pitch
 
     def within(self, other: "MotionLimits") -> "MotionLimits":
-        """Element-wise minimum of two sets of limits, axis by axis."""
+        """Element-wise minimum of these limits and those of `other`, axis by axis."""
         lower = {
             name: axis.lower(getattr(other, name))
             for name, axis in zip(AXIS_NAMES, self.axes, strict=True)

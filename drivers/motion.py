@@ -57,12 +57,12 @@ class MotionProfile:
 
     @property
     def pose(self) -> Pose:
-        """The commanded pose."""
+        """The commanded pose at the last tick."""
         return Pose(*self._position)
 
     @property
     def velocity(self) -> Velocity:
-        """The commanded velocity."""
+        """The commanded velocity at the last tick."""
         return Velocity(*self._velocity)
 
     @property
@@ -122,15 +122,16 @@ class MotionProfile:
             self._next_move = goal
 
     def _is_at(self, goal: Numbers) -> bool:
-        apart = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
-        left = (
+        """Whether the setpoint is within ARRIVED of `goal` and its remaining motion as small."""
+        distances = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
+        remainders = (
             abs(rate) * SETTLE + abs(change) * LOSS**2
             for rate, change in zip(self._velocity, self._acceleration, strict=True)
         )
-        return max(apart) < ARRIVED and max(left) < ARRIVED
+        return max(distances) < ARRIVED and max(remainders) < ARRIVED
 
     def tick(self) -> Numbers:
-        """Advance by one period; the commanded x, z [m], pitch [rad] at its end."""
+        """Advance by one period; returns the commanded x, z [m], pitch [rad] at its end."""
         self._age += 1
         if self._age > self._expiry and self._wish is not None and any(self._wish):
             self.expired = True
@@ -210,7 +211,7 @@ class MotionProfile:
 
     def _keep_inside(self, state: State) -> State:
         """The next state: `state`, or one that brakes axes which could not stop inside after it."""
-        for _ in range(3):
+        for _ in range(3):  # each round blocks one of the three axes or more
             self._calculate(self._brake, self._stopping, state)
             leaving = self._leaving(self._stopping) - self._blocked
             if self._wish is None or not leaving:
@@ -250,9 +251,10 @@ def settling(distance: float, speed: float, most: float) -> float:
     Corrections in the shortest time would swing about the goal for ever where ticks are lost: what
     a lost tick continues is an acceleration.
     """
-    needed = max(4 * distance / SETTLE**2, 2 * speed / SETTLE)
+    from_rest, to_rest = 4 * distance / SETTLE**2, 2 * speed / SETTLE  # braking takes SETTLE / 2
+    needed = max(from_rest, to_rest)
     if distance > SMALLEST_CHANGE:
-        needed = max(needed, speed**2 / distance)
+        needed = max(needed, speed**2 / distance)  # twice what stops at `distance`
     return min(most, max(needed, ACCELERATION_FLOOR * most))
 
 
@@ -275,6 +277,7 @@ def _limit(order: Any, limits: MotionLimits, change: Numbers) -> None:
 
 
 def _share(limits: Numbers, change: Numbers) -> Numbers:
+    """`limits` lowered to the ratios of `change`, so that its axes begin and end together."""
     sizes = [abs(c) if abs(c) > SMALLEST_CHANGE else 0.0 for c in change]
     if not any(sizes):
         return limits

@@ -11,7 +11,9 @@ from drivers.types import Image
 
 BYTES = 64 * MEGABYTE
 LARGEST_SIDE = 16_384  # px, of any camera or phone; a few bytes can declare gigabytes
-# of JPEG
+PNG_SIGNATURE, JPEG_SIGNATURE = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
+CHUNK_FRAME = 12  # bytes of a PNG chunk around its data: length, type, checksum
+# second bytes of the JPEG markers that begin a frame, whose header holds height and width
 FRAME_MARKERS = (*range(0xC0, 0xC4), *range(0xC5, 0xC8), *range(0xC9, 0xCC), *range(0xCD, 0xD0))
 
 
@@ -38,24 +40,31 @@ def sides(content: bytes) -> tuple[int, int]:
 
     Zeros too for a PNG that ends within a chunk: OpenCV allocates what the chunk declares.
     """
-    if content.startswith(b"\x89PNG\r\n\x1a\n") and content[12:16] == b"IHDR":
+    if content.startswith(PNG_SIGNATURE) and content[12:16] == b"IHDR":
         if not _holds_its_chunks(content):
             return 0, 0
         return int.from_bytes(content[16:20]), int.from_bytes(content[20:24])
-    at = 2 if content.startswith(b"\xff\xd8") else len(content)
-    while at + 9 <= len(content) and content[at] == 0xFF:
-        if content[at + 1] in FRAME_MARKERS:
-            height, width = content[at + 5 : at + 7], content[at + 7 : at + 9]
+    return _jpeg_sides(content) if content.startswith(JPEG_SIGNATURE) else (0, 0)
+
+
+def _jpeg_sides(jpeg: bytes) -> tuple[int, int]:
+    """Width and height [px] in the first frame header of a JPEG; zeros where there is none."""
+    at = len(JPEG_SIGNATURE)
+    while at + 9 <= len(jpeg) and jpeg[at] == 0xFF:
+        if jpeg[at + 1] in FRAME_MARKERS:
+            height, width = jpeg[at + 5 : at + 7], jpeg[at + 7 : at + 9]
             return int.from_bytes(width), int.from_bytes(height)
-        at += 1 if content[at + 1] == 0xFF else 2 + int.from_bytes(content[at + 2 : at + 4])
+        is_fill = jpeg[at + 1] == 0xFF
+        at += 1 if is_fill else 2 + int.from_bytes(jpeg[at + 2 : at + 4])
     return 0, 0
 
 
 def _holds_its_chunks(png: bytes) -> bool:
-    at = 8
-    while at + 12 <= len(png):
+    """Whether a PNG contains the whole data of each of its chunks."""
+    at = len(PNG_SIGNATURE)
+    while at + CHUNK_FRAME <= len(png):
         ends = png[at + 4 : at + 8] == b"IEND"
-        at += 12 + int.from_bytes(png[at : at + 4])
+        at += CHUNK_FRAME + int.from_bytes(png[at : at + 4])
         if ends:
             break
     return at <= len(png)

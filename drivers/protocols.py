@@ -6,7 +6,7 @@ from drivers.types import ArmState, Frame, HandState, Pose, Velocity
 
 
 class Clock(Protocol):
-    """Monotonic seconds since the run began; the only source of time and of waiting."""
+    """Monotonic clock of a run [s]; the only source of time and of waiting."""
 
     def now(self) -> float:
         """Seconds since the run began."""
@@ -16,7 +16,7 @@ class Clock(Protocol):
 
 
 class Arm(Protocol):
-    """A gripper point that moves in the plane of the strip, in the cell frame.
+    """Interface of an arm: a gripper point that moves in the plane of the strip, in the cell frame.
 
     The arm's driver owns the 1 kHz servo. Methods return at once; `state().moving` says whether a
     motion is under way. Raises `Fault` when the robot refuses or has stopped by itself.
@@ -26,7 +26,7 @@ class Arm(Protocol):
         """Connect and hold the arm at rest."""
 
     def state(self) -> ArmState:
-        """The newest measured state."""
+        """The newest measured state of the arm."""
 
     def move_to(self, pose: Pose) -> None:
         """Start a motion to rest at `pose` within the limits; a new command replaces it."""
@@ -42,7 +42,7 @@ class Arm(Protocol):
 
 
 class Hand(Protocol):
-    """A gripper with two fingers."""
+    """Interface of a gripper with two fingers."""
 
     def open(self) -> None:
         """Start to open the fingers."""
@@ -51,14 +51,14 @@ class Hand(Protocol):
         """Start to close the fingers on the strip's edge."""
 
     def state(self) -> HandState:
-        """The newest measured state."""
+        """The newest measured state of the fingers."""
 
     def stop(self) -> None:
         """Hold the fingers where they are."""
 
 
 class Camera(Protocol):
-    """A source of stamped frames."""
+    """Interface of a camera, which delivers stamped frames."""
 
     @property
     def rate(self) -> float:

@@ -101,7 +101,7 @@ def parse(content: object, model: type[S], origin: str) -> S:
 
 
 def load(path: Path, model: type[S], *, bare: bool = False) -> S:
-    """The file at `path`, read and validated as `model`; must state its `schema` unless `bare`.
+    """Read the file at `path` as a `model`; unless `bare`, the file must state its `schema`.
 
     Raises ConfigurationError, one line for each problem.
     """
@@ -115,7 +115,7 @@ def load(path: Path, model: type[S], *, bare: bool = False) -> S:
 
 
 def _check_kind(content: Mapping[str, Any], model: type[BaseModel], origin: str) -> None:
-    """Raise ConfigurationError for another kind of file, without a required key but a name."""
+    """Raise ConfigurationError for a file without any key that `model` requires but a name."""
     fields = model.model_fields.items()
     needed = [field.alias or name for name, field in fields if field.is_required()]
     if len(needed) > 1 and not content.keys() & set(needed) - {"name"}:
@@ -143,25 +143,27 @@ def _problem(origin: str, model: type[BaseModel], item: dict[str, Any]) -> str:
     """Text for one validation error: `origin: key: reason`, with what is allowed."""
     key = ".".join(str(part) for part in item["loc"]) or "file"
     if item["type"] == "extra_forbidden":
-        known = _keys(model, item["loc"][:-1])
+        known = _keys_at(model, item["loc"][:-1])
         meant = suggestion(str(item["loc"][-1]), known)
         return f"{origin}: {key}: unknown key{meant}; allowed here: {', '.join(known) or 'none'}"
     if item["type"] == "missing":
         return f"{origin}: {key}: is missing; add it"
     if item["type"] in OUT_OF_RANGE:
-        return f"{origin}: {key}: {_out_of_range(item, _field(model, item['loc']))}"
+        return f"{origin}: {key}: {_out_of_range(item, _field_at(model, item['loc']))}"
     reason = str(item["msg"]).removeprefix("Value error, ")
     return f"{origin}: {key}: {reason[:1].lower()}{reason[1:]} (found {item['input']!r:.60})"
 
 
 def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
     """Text for a number beyond its bounds, in the unit probably meant if a thousandth fits."""
-    value, parts = item["input"], [] if field is None else field.metadata
-    unit = next((f" {part.name}" for part in parts if isinstance(part, Unit)), "")
+    value = item["input"]
+    facts = [] if field is None else field.metadata
+    unit = next((f" {fact.name}" for fact in facts if isinstance(fact, Unit)), "")
     bounds = {
-        name: getattr(part, name) for part in parts for name in BOUND_WORDS if hasattr(part, name)
+        name: getattr(fact, name) for fact in facts for name in BOUND_WORDS if hasattr(fact, name)
     }
-    bounds = bounds or {name: item["ctx"][name] for name in BOUND_WORDS if name in item["ctx"]}
+    if not bounds:
+        bounds = {name: item["ctx"][name] for name in BOUND_WORDS if name in item["ctx"]}
     words = " and ".join(f"{BOUND_WORDS[name]} {bound:g}{unit}" for name, bound in bounds.items())
     text = f"is {value:g}{unit}, must be {words}"
     small = SMALLER_UNITS.get(unit.strip())
@@ -170,34 +172,35 @@ def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
     return text
 
 
-def _keys(model: type[BaseModel], place: tuple[Any, ...]) -> list[str]:
-    inner = _model(model, place)
+def _keys_at(model: type[BaseModel], place: tuple[Any, ...]) -> list[str]:
+    inner = _model_at(model, place)
     fields = {} if inner is None else inner.model_fields
     return sorted(field.alias or name for name, field in fields.items())
 
 
-def _field(model: type[BaseModel], place: tuple[Any, ...]) -> FieldInfo | None:
+def _field_at(model: type[BaseModel], place: tuple[Any, ...]) -> FieldInfo | None:
     """The field at `place`; None for an item of a list or a mapping."""
-    inner = _model(model, place[:-1])
+    inner = _model_at(model, place[:-1])
     return None if inner is None else inner.model_fields.get(place[-1])
 
 
-def _model(model: type[BaseModel], place: tuple[Any, ...]) -> type[BaseModel] | None:
+def _model_at(model: type[BaseModel], place: tuple[Any, ...]) -> type[BaseModel] | None:
+    """The model at `place`, keys and indices, within `model`; None where there is none."""
     current: Any = model
     for part in place:
         if not isinstance(part, int):  # the items of a list are of one model
             field = getattr(current, "model_fields", {}).get(part)
-            current = None if field is None else _inner(field.annotation)
+            current = None if field is None else _model_in(field.annotation)
     return current if hasattr(current, "model_fields") else None
 
 
-def _inner(annotation: Any) -> Any:
+def _model_in(annotation: Any) -> Any:
     """The only model class in a field's annotation, of the value or its items; None without."""
     if hasattr(annotation, "model_fields"):
         return annotation
     if isinstance(get_origin(annotation), type) and issubclass(get_origin(annotation), Mapping):
         return None  # keys of its own stand between
-    found = {inner for inner in map(_inner, get_args(annotation)) if inner is not None}
+    found = {inner for inner in map(_model_in, get_args(annotation)) if inner is not None}
     return found.pop() if len(found) == 1 else None
 
 

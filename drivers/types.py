@@ -54,7 +54,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class ArmState(Reading):
-    """Measured `pose` and `velocity` of the arm, and what its servo commands now.
+    """Measured `pose` and `velocity` of the arm, and the pose `commanded` by its servo.
 
     `moving` is true while a motion is under way; `expired` once a velocity command timed out and
     the arm braked. `force` on the gripper is (f_x, f_z) [N], NaN where not measured.
@@ -70,7 +70,7 @@ class ArmState(Reading):
 
 @dataclass(frozen=True, slots=True)
 class HandState(Reading):
-    """Finger width [m], whether the fingers hold something, whether they move."""
+    """Measured finger width [m], whether the fingers hold something, and whether they move."""
 
     width: float
     grasped: bool

@@ -40,17 +40,26 @@ def dump_text(content: Mapping[str, Any]) -> str:
 
 
 def _change(node: Any, value: Any) -> None:
-    """Make a mapping or a list hold `value`, touching only what differs."""
+    """Make the mapping or list `node` hold `value`, touching only what differs."""
     if isinstance(value, Mapping):
-        _check(node, MutableMapping)
-        for key in [key for key in node if key not in value]:
-            del node[key]
-        for key, item in value.items():
-            node[key] = _merge(node.get(key), item)
-        return
+        _change_mapping(node, value)
+    else:
+        _change_list(node, value)
+
+
+def _change_mapping(node: Any, value: Mapping[str, Any]) -> None:
+    _check(node, MutableMapping)
+    for key in [key for key in node if key not in value]:
+        del node[key]
+    for key, item in value.items():
+        node[key] = _merge(node.get(key), item)
+
+
+def _change_list(node: Any, value: Sequence[Any]) -> None:
     _check(node, MutableSequence)
     added = len(value) - len(node)
     if added > 0 and _nearly_equal(node, value[added:], besides=1):
+        # new entries in front: the others keep their comments
         for item in reversed(value[:added]):
             node.insert(0, item)
     elif added:

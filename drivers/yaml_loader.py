@@ -58,7 +58,7 @@ class BoundedLoader(yaml.SafeLoader):
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """A mapping with text keys, each given once."""
+        """Mapping of `node`; MarkedYAMLError for a key that is no word or is given twice."""
         seen: set[Hashable] = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode) or key.tag in WORDLESS:

@@ -1,4 +1,4 @@
-"""The Franka arm as the cell sees it: a gripper point in the plane of the strip."""
+"""Arm driver of the cell: a Franka arm as a gripper point in the plane of the strip."""
 
 from collections.abc import Callable
 
@@ -18,7 +18,7 @@ TICK_ROUNDING = 1e-6  # of a tick, between the clock's time and whole ticks
 
 
 class FciArm:
-    """Satisfies `drivers.protocols.Arm` through a process that owns the robot.
+    """Franka arm with the interface `drivers.protocols.Arm`, driven by a process of its own.
 
     In lock-step the robot makes one tick for each millisecond of the cell's clock whenever the cell
     reads its state or sends a command, so runs repeat byte for byte. Against a robot on its own
@@ -56,7 +56,7 @@ class FciArm:
         self.catch_up()
 
     def state(self) -> ArmState:
-        """The newest measured state."""
+        """The newest measured state of the arm."""
         report, waiting = self._caught_up().report()
         return ArmState(
             stamp=self._stamp(report),
@@ -94,7 +94,7 @@ class FciArm:
             self._bridge.close()
 
     def catch_up(self) -> tuple[float, Pose] | None:
-        """Advance the arm to the clock's time; returns its stamp [s] and pose, None unconnected."""
+        """Advance the arm to the clock's time; returns stamp [s] and pose, None if unconnected."""
         if self._bridge is None or self._closed:
             return None
         self._advance(self._bridge)

@@ -16,14 +16,14 @@ SENDING = 20.0  # s for the log of the joints, which is sent once the arm rests
 
 
 class Bridge:
-    """One process that owns one robot; every wait has a timeout.
+    """Connection to a process that owns one robot; every wait has a timeout.
 
     A process that does not answer is killed: its connection closes and the robot stops. After a
     failure every call raises the same Fault.
     """
 
     def __init__(self, task: Task) -> None:
-        """Start the process and wait until it holds the robot; Fault when it cannot."""
+        """Start the process and wait until it controls the robot; raises Fault where that fails."""
         context = get_context("forkserver")
         context.set_forkserver_preload([__name__])
         orders, reports = (allocate(layout, context) for layout in (ORDER_LAYOUT, REPORT_LAYOUT))
@@ -62,7 +62,7 @@ class Bridge:
         self._orders.write(self._order)
 
     def beat(self) -> None:
-        """Send the heartbeat of the cell."""
+        """Send a heartbeat, by which the loop knows that the cell runs."""
         self._order = self._order._replace(beat=self._order.beat + 1)
         self._orders.write(self._order)
 
@@ -75,13 +75,13 @@ class Bridge:
         self.ticks = until
 
     def report(self) -> tuple[Report, bool]:
-        """The newest state, and whether the newest command has not been taken yet."""
+        """The newest report of the loop, and whether it has yet to take the newest command."""
         self.check()
         report = self._reports.read()
         return report, report.number != self._order.number
 
     def check(self) -> None:
-        """Raise the Fault of a robot that has stopped."""
+        """Raise the Fault with which the robot has stopped, if it has."""
         if self._failure is None and not self._ended and self._pipe.poll():
             self._receive_answer(0.0)
         if self._failure is not None:

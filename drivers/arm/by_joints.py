@@ -1,4 +1,4 @@
-"""Converts commanded poses of the hand to joints, so that the elbow stays where it began.
+"""Converts commanded poses of the hand to joints, with the elbow kept at its first angle.
 
 The client library's Cartesian commands carry no elbow: the robot's own inverse kinematics would
 choose one (frankx#22), and over a fold it may wander into a joint's end.
@@ -24,13 +24,13 @@ class DrivenByJoints(Protocol):
     """Interface of a robot that runs a joint motion, such as `drivers.arm.robot.Robot`."""
 
     def start_joints(self) -> Any:
-        """Start the motion."""
+        """Start a motion that follows joint positions."""
 
     def read(self, motion: Any, *, awaited: bool = True) -> Any:
         """The robot's next state; unless `awaited`, one that arrived earlier will do."""
 
     def write_joints(self, motion: Any, joints: Numbers, *, last: bool = False) -> None:
-        """Send the command for this tick."""
+        """Send the joints (7,) [rad] for this tick; `last` ends the motion."""
 
 
 class Moment(NamedTuple):
@@ -39,7 +39,7 @@ class Moment(NamedTuple):
     seconds: float
 
     def to_sec(self) -> float:
-        """The time in seconds."""
+        """This time [s]."""
         return self.seconds
 
 
@@ -72,13 +72,13 @@ class ByJoints:
         self._here: Course | None = None
         self._sent: Numbers = []
         self._sent_pose: Array | None = None
-        self._past_poses: list[
-            Array
-        ] = []  # the hand's setpoint (4, 4), and at the two ticks before
+        # setpoints (4, 4) of the hand: now, and at the two ticks before
+        self._past_poses: list[Array] = []
         self._time = 0.0
+        self._kept = self._elbow = self._swing = 0.0  # rad, rad, rad/s: begun, commanded, its rate
 
     def start_poses(self) -> Any:
-        """Start the motion; the elbow is kept where it is now."""
+        """Start a motion that follows poses of the hand; the elbow keeps its present angle."""
         self._here, self._sent_pose, self._ahead = None, None, False
         return self._robot.start_joints()
 
@@ -87,16 +87,12 @@ class ByJoints:
         state = self._robot.read(motion)
         now, first = state.time.to_sec(), self._here is None
         if self._here is None:
-            begun = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
-            self._here, self._sent, self._time = begun, begun.place, now
-            self._elbow = self._kept = begun.place[ELBOW_JOINT]
-            self._swing = 0.0
-            ticks = 1
+            here, ticks = self._begin(state), 1
         else:
-            ticks, self._time = max(round((now - self._time) / TICK), 0), now
-            self._here = go_on(self._here, self._sent, state, ticks)
-        here = self._here
-        off = max(abs(a - b) for a, b in zip(here.place, self._sent, strict=True))
+            ticks = max(round((now - self._time) / TICK), 0)
+            here = go_on(self._here, self._sent, state, ticks)
+        self._here, self._time = here, now
+        off = largest_difference(here.place, self._sent)
         if self._sent_pose is not None and ticks == 1 and off < ROUNDING:
             self._past_poses = [self._sent_pose, *self._past_poses[:2]]
         else:
@@ -110,6 +106,14 @@ class ByJoints:
         time = self._time + TICK * self._ahead
         return PosedState(state, time, pose, twist.tolist(), change.tolist())
 
+    def _begin(self, state: Any) -> Course:
+        """The course of a robot at the first `state` of a motion, whose elbow is kept."""
+        begun = Course.of(state)
+        self._sent = begun.place
+        self._elbow = self._kept = begun.place[ELBOW_JOINT]
+        self._swing = 0.0
+        return begun
+
     def write_pose(self, motion: Any, pose: Numbers, *, last: bool = False) -> None:
         """Send the joints that bring the hand to `pose`, 16 numbers by columns.
 
@@ -119,7 +123,7 @@ class ByJoints:
             raise Failed(Failure(Cause.COMMAND, "a pose was sent before the first state was read"))
         near = np.array(_after_a_tick(self._here).place)  # from there one step of Newton's is exact
         target = np.reshape(pose, (4, 4)).T
-        pull = RETURN * (self._kept - self._elbow) - 2.0 * self._swing
+        pull = RETURN * (self._kept - self._elbow) - 2.0 * self._swing  # critically damped
         self._swing += TICK * RETURN * pull
         self._elbow += TICK * self._swing
         step = joint_step(near, *pose_and_jacobian(near), target, self._elbow)
@@ -137,7 +141,7 @@ class ByJoints:
         away = largest_difference(expected.place, state.q_d)
         if round((self._time - before) / TICK) == 1 and away < ROUNDING:
             return True
-        self._here = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
+        self._here = Course.of(state)
         self._sent, self._sent_pose = self._here.place, None
         return False
 

@@ -51,11 +51,11 @@ def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
     A straight line in joint space where that is clear, else over points above start or goal, or
     over the upright posture. Raises Failed, naming what is in the way, where none is clear.
     """
-    objection = _obstacle([start, goal], solids)
+    objection = _objection([start, goal], solids)
     if not objection:
         return [goal]
     for points in _detours(start, goal, solids.frame[:3, 2]):
-        if not _obstacle([start, *points, goal], solids):
+        if not _objection([start, *points, goal], solids):
             return [*points, goal]
     words = f"{objection}, and neither a way above nor one over the upright posture is clear"
     raise Failed(Failure(Cause.WAY, words))
@@ -63,14 +63,16 @@ def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
 
 def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
     """Lists of joint waypoints between start and goal, the shortest detour first."""
-    above = [_joints_above(start, up, rise) for rise in RISES]
-    over = [_joints_above(goal, up, rise)[::-1] for rise in RISES]
-    yield from above
-    yield from over
-    yield from ([*a, *o] for a, o in zip(above, over, strict=True))
-    yield [np.array(UPRIGHT)]
-    yield from ([*a, np.array(UPRIGHT)] for a in above)
-    yield from ([*a, np.array(UPRIGHT), *o] for a, o in zip(above, over, strict=True))
+    ascents = [_joints_above(start, up, rise) for rise in RISES]
+    descents = [_joints_above(goal, up, rise)[::-1] for rise in RISES]
+    upright = np.array(UPRIGHT)
+    yield from ascents
+    yield from descents
+    yield from ([*rising, *sinking] for rising, sinking in zip(ascents, descents, strict=True))
+    yield [upright]
+    yield from ([*rising, upright] for rising in ascents)
+    for rising, sinking in zip(ascents, descents, strict=True):
+        yield [*rising, upright, *sinking]
 
 
 def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:
@@ -84,7 +86,7 @@ def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:
     return points
 
 
-def _obstacle(points: Sequence[Array], solids: Solids) -> str:
+def _objection(points: Sequence[Array], solids: Solids) -> str:
     """Reason why the way through `points`, each (7,), is not clear; empty where it is clear."""
     legs = []
     for a, b in pairwise(points):

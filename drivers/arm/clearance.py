@@ -58,8 +58,8 @@ def desk_clearance(poses: Array, length: float) -> Array:
     lowest = np.full(len(poses), np.inf)
     for behind, half in HAND_BODY:
         for side in (-half, half):
-            across = x + behind * np.cos(pitch) - side * np.sin(pitch)
+            along = x + behind * np.cos(pitch) - side * np.sin(pitch)
             height = z + behind * np.sin(pitch) + side * np.cos(pitch)
-            over = (across > 0) & (across < length)
+            over = (along > 0) & (along < length)
             lowest = np.where(over, np.minimum(lowest, height), lowest)
     return lowest

@@ -2,6 +2,7 @@
 
 import socket
 import struct
+from collections.abc import Iterator
 from contextlib import suppress
 from xml.etree import ElementTree
 
@@ -14,7 +15,10 @@ PORT = 1337
 LIBRARY_VERSION = 10  # of the robot's interface that pylibfranka 0.21 speaks
 ANSWER_TIMEOUT = 1.0  # s for each answer
 LARGEST_DESCRIPTION = 1 << 20  # bytes of a description
-CONNECT_COMMAND, GET_MODEL = 0, 11
+CONNECT, GET_MODEL = 0, 11  # commands
+HEADER = struct.Struct("<III")  # command, command id, size with header
+CONNECT_MESSAGE = struct.Struct("<IIIHH")  # header, version, UDP port of the client
+SUCCESS = b"\0"  # first byte of a reply
 SLACK = 1e-3  # rad, rad/s, rad/s^2 by which a limit may be narrower than the cell's
 
 # Attribute of the description, what the cell assumes (7,), and whether the robot's must reach it
@@ -41,11 +45,11 @@ def read_description(address: str) -> str | None:
     ):
         states.bind((link.getsockname()[0], 0))
         port = states.getsockname()[1]
-        link.sendall(struct.pack("<IIIHH", CONNECT_COMMAND, 1, 16, LIBRARY_VERSION, port))
-        if _reply(link)[:1] == b"\0":
-            link.sendall(struct.pack("<III", GET_MODEL, 2, 12))
+        link.sendall(CONNECT_MESSAGE.pack(CONNECT, 1, CONNECT_MESSAGE.size, LIBRARY_VERSION, port))
+        if _reply(link)[:1] == SUCCESS:
+            link.sendall(HEADER.pack(GET_MODEL, 2, HEADER.size))
             reply = _reply(link)
-            return reply[1:].decode("utf-8", "replace") if reply[:1] == b"\0" else None
+            return reply[1:].decode("utf-8", "replace") if reply[:1] == SUCCESS else None
     return None
 
 
@@ -61,14 +65,18 @@ def require_limits(description: str) -> None:
     except ElementTree.ParseError as error:
         raise Failed(Failure(Cause.MODEL, f"the robot's description is no XML: {error}")) from None
     joints = {joint.get("name", "").rpartition("joint")[2]: joint for joint in root.iter("joint")}
-    narrower = [
-        f"joint {number + 1}: {name} is {value:g}, the cell plans with {wanted[number]:g}"
-        for number in range(7)
-        for tag, name, wanted, sign in ASSUMED_LIMITS
-        if not sign * ((value := _value(joints, number, tag, name)) - wanted[number]) >= -SLACK
-    ]
+    narrower = list(_narrower_limits(joints))
     if narrower:
         raise Failed(Failure(Cause.MODEL, "; ".join(narrower)))
+
+
+def _narrower_limits(joints: dict[str, ElementTree.Element]) -> Iterator[str]:
+    """Yield a text for each limit of `joints` that is narrower than the cell assumes."""
+    for number in range(7):
+        for tag, name, wanted, sign in ASSUMED_LIMITS:
+            value, planned = _value(joints, number, tag, name), wanted[number]
+            if not sign * (value - planned) >= -SLACK:  # true for NaN
+                yield f"joint {number + 1}: {name} is {value:g}, the cell plans with {planned:g}"
 
 
 def _value(joints: dict[str, ElementTree.Element], number: int, tag: str, name: str) -> float:
@@ -84,10 +92,10 @@ def _value(joints: dict[str, ElementTree.Element], number: int, tag: str, name: 
 def _reply(link: socket.socket) -> bytes:
     """Content of the next reply; OSError where it does not come or is too long."""
     link.settimeout(ANSWER_TIMEOUT)
-    size = struct.unpack("<III", _read_exactly(link, 12))[2]
-    if not 12 < size <= LARGEST_DESCRIPTION:
+    _, _, size = HEADER.unpack(_read_exactly(link, HEADER.size))
+    if not HEADER.size < size <= LARGEST_DESCRIPTION:
         raise OSError(f"a reply of {size} bytes")
-    return _read_exactly(link, size - 12)
+    return _read_exactly(link, size - HEADER.size)
 
 
 def _read_exactly(link: socket.socket, count: int) -> bytes:

@@ -9,7 +9,7 @@ from drivers.errors import Fault
 
 
 class Cause(StrEnum):
-    """Names of arm failures in the record."""
+    """Causes of arm failures, by their names in the record."""
 
     REFLEX = "arm_reflex"
     USER_STOP = "arm_user_stop"
@@ -69,7 +69,7 @@ class Failure:
     errors: tuple[str, ...] = ()
 
     def fault(self) -> Fault:
-        """The fault that ends the run."""
+        """Fault that ends the run, with errors and remedy in its text."""
         flags = f" ({', '.join(self.errors)})" if self.errors else ""
         return Fault(self.cause, f"{self.words}{flags}; {REMEDY[self.cause]}")
 
@@ -92,12 +92,12 @@ class Failed(Exception):
 
 
 def encode(content: dict[str, Any]) -> bytes:
-    """A message between the two processes as bytes."""
+    """Bytes of a message between the cell and the process of the arm, as JSON."""
     return json.dumps(content).encode()
 
 
 def decode(message: bytes) -> dict[str, Any]:
-    """The message that `encode` turned into bytes."""
+    """Content of a message that `encode` has turned into bytes."""
     content: dict[str, Any] = json.loads(message)
     return content
 

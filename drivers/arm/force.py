@@ -16,7 +16,7 @@ SMOOTHING = 0.5  # s over which it is averaged
 
 @dataclass(frozen=True, slots=True)
 class Tare:
-    """External wrench (6,) [N, N m] and torques (7,) [N m] that a robot estimates in free rest.
+    """External wrench (6,) [N, N m] and torques (7,) [N m] that a free robot at rest estimates.
 
     A real arm estimates several newtons then (franka_ros#404), because its model of itself is not
     exact.
@@ -46,7 +46,7 @@ class ForceGuard:
     tare: Tare = Tare()
 
     def beyond_tare(self, state: Any) -> list[float]:
-        """Wrench (6,) [N, N m] beyond the tare."""
+        """External wrench (6,) [N, N m] in `state` less the tare."""
         return [a - b for a, b in zip(state.O_F_ext_hat_K, self.tare.wrench, strict=True)]
 
     def objection(self, state: Any) -> str:
@@ -56,10 +56,10 @@ class ForceGuard:
             return f"the gripper met {force:.1f} N, allowed {self.force:.1f} N"
         pairs = zip(state.tau_ext_hat_filtered, self.tare.torques, strict=True)
         torques = [abs(torque - rest) for torque, rest in pairs]
-        most = max(torques)
-        if not most <= self.torque:
-            joint = torques.index(most) + 1
-            return f"joint {joint} met {most:.1f} N m, allowed {self.torque:.1f} N m"
+        largest = max(torques)
+        if not largest <= self.torque:
+            joint = torques.index(largest) + 1
+            return f"joint {joint} met {largest:.1f} N m, allowed {self.torque:.1f} N m"
         return ""
 
 

@@ -29,7 +29,7 @@ class Soon(NamedTuple):
 
 
 class ReachGuard:
-    """Checks the joints at the motion REACTION ahead, and where braking from it would end.
+    """Checks joint limits on the motion REACTION ahead, and where braking from there would end.
 
     The elbow is taken to stay where the motion began. At both places each joint must have room, and
     what the motion asks of it, curvature included, must lie within VELOCITY_SHARE of its velocity
@@ -40,7 +40,7 @@ class ReachGuard:
     """
 
     def __init__(self, plane: StripPlane, motion: MotionLimits, joints: list[float]) -> None:
-        """Begin at `joints` (7,) [rad], where the motion begins."""
+        """Check a motion that begins at `joints` (7,) [rad]."""
         self._plane = plane
         self._axes = motion.axes
         self._elbow = float(joints[ELBOW_JOINT])
@@ -69,13 +69,16 @@ class ReachGuard:
             return f"joint {int(room.argmin()) + 1} comes to its end"
         turning = here @ speed
         later = pose_and_jacobian(self._soon + REACTION * turning)[1]
+        # rad/s^2 that the path's curvature asks at constant velocity
         bending = (joint_rates(later, self._twists) @ speed - turning) / REACTION
         asked = np.maximum.reduce(
             [
+                # the motion at `soon`: velocity, acceleration; braking at once, and at its end
                 self._rate_shares(turning),
                 np.abs(here @ change + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
                 np.abs(here @ braking + bending) / limits.ACCELERATION,
                 np.abs(there @ braking) / limits.ACCELERATION,
+                # a change of all axes at once where the arm would rest
                 np.abs(there) @ self._most / limits.ACCELERATION / CHANGE_SHARE,
             ]
         )
@@ -107,8 +110,8 @@ def _twists(plane: StripPlane) -> Array:
     """Hand twist and elbow rate (7, 3) in the base per unit of velocity on x, z and pitch."""
     here, small = plane.matrix(0.0, 0.0, 0.0), 1e-6
     x, z = (plane.matrix(*at)[:3, 3] - here[:3, 3] for at in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
-    turned = (plane.matrix(0.0, 0.0, small)[:3, :3] @ here[:3, :3].T) / small
+    turn = (plane.matrix(0.0, 0.0, small)[:3, :3] @ here[:3, :3].T) / small  # per rad of pitch
     columns = np.zeros((7, 3))
     columns[:3, 0], columns[:3, 1] = x, z
-    columns[3:6, 2] = turned[2, 1], turned[0, 2], turned[1, 0]
+    columns[3:6, 2] = turn[2, 1], turn[0, 2], turn[1, 0]
     return columns

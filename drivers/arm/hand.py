@@ -22,7 +22,7 @@ Motion = Callable[[int], bytes]  # builds a request from its number
 
 
 class FciHand:
-    """Satisfies `drivers.protocols.Hand` over the hand's own protocol.
+    """Franka Hand with the interface `drivers.protocols.Hand`, over the hand's own protocol.
 
     Connects at first use, after `ready` was called: in lock-step the fingers move in the arm's
     time. No call waits for the fingers: a motion under way is stopped, and the next one begins once
@@ -61,12 +61,12 @@ class FciHand:
     def open(self) -> None:
         """Start to open the fingers; a hand that does not know its width is homed first."""
         self._receive()
-        s = self._settings
+        limits = self._settings
         homing: list[Motion] = [] if self._homed else [wire.homing]
-        self._queue_motions(*homing, lambda n: wire.move(n, s.opening, s.speed))
+        self._queue_motions(*homing, lambda n: wire.move(n, limits.opening, limits.speed))
 
     def grasp(self) -> None:
-        """Start to close on the strip's edge; does nothing while it is held.
+        """Start to close the fingers on the strip's edge; does nothing while they hold one.
 
         Raises Fault `hand_not_homed` where the hand does not know its width.
         """
@@ -76,11 +76,15 @@ class FciHand:
                 "hand_not_homed", "the hand does not know its width; `cell open` homes it, in air"
             )
         if not self._holds:
-            s = self._settings
-            self._queue_motions(lambda n: wire.grasp(n, s.thinnest, s.thickest, s.speed, s.force))
+            limits = self._settings
+            self._queue_motions(
+                lambda n: wire.grasp(
+                    n, limits.thinnest, limits.thickest, limits.speed, limits.force
+                )
+            )
 
     def state(self) -> HandState:
-        """The newest measured state."""
+        """The newest measured state of the fingers."""
         self._receive()
         return HandState(
             stamp=self._stamp,
@@ -105,9 +109,9 @@ class FciHand:
     @property
     def _holds(self) -> bool:
         """Whether the fingers came to rest on something as thick as a strip, and still do."""
-        s, fingers = self._settings, self._fingers
+        limits, fingers = self._settings, self._fingers
         kept = fingers.grasped or not self._flagged
-        return self._closed and s.thinnest <= fingers.width <= s.thickest and kept
+        return self._closed and limits.thinnest <= fingers.width <= limits.thickest and kept
 
     def close(self) -> None:
         """Disconnect; calling it twice is allowed."""
@@ -148,11 +152,12 @@ class FciHand:
             )
         self._interrupt()
 
-    def _send(self, made: Motion) -> int:
+    def _send(self, motion: Motion) -> int:
+        """Send the request that `motion` builds, and return its number."""
         tcp, _ = self._open_links()
         self._number += 1
         try:
-            tcp.sendall(made(self._number))
+            tcp.sendall(motion(self._number))
         except OSError as error:
             raise _hand_lost(self._address, error) from error
         return self._number

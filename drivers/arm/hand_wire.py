@@ -4,8 +4,8 @@ The library's client blocks its whole process while the fingers move and cannot 
 the cell implements the protocol itself.
 """
 
-import struct
 from dataclasses import dataclass
+from struct import Struct
 
 from drivers.franka.hand_protocol import (
     HEADER,
@@ -14,6 +14,8 @@ from drivers.franka.hand_protocol import (
     STATE_PACKET,
     HandCommand,
 )
+
+NUMBER = Struct("<H")  # a status or a version
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +68,14 @@ def grasp(number: int, thinnest: float, thickest: float, speed: float, force: fl
 def replies(received: bytearray) -> list[Reply]:
     """Remove the complete replies from the front of `received` and return them."""
     found: list[Reply] = []
-    while len(received) >= HEADER.size + 2:
+    version_at = HEADER.size + NUMBER.size  # behind the status
+    while len(received) >= version_at:
         command, number, size = HEADER.unpack_from(received)
-        if len(received) < size or size < HEADER.size + 2:
+        if len(received) < size or size < version_at:
             break
-        (status,) = struct.unpack_from("<H", received, HEADER.size)
-        version = struct.unpack_from("<H", received, HEADER.size + 2)[0] if size >= 14 else None
+        (status,) = NUMBER.unpack_from(received, HEADER.size)
+        has_version = size >= version_at + NUMBER.size
+        version = NUMBER.unpack_from(received, version_at)[0] if has_version else None
         found.append(Reply(command, number, status, version))
         del received[:size]
     return found

@@ -10,22 +10,8 @@ from drivers.types import Array, frozen
 
 JOINT_FIELDS = ("q", "dq", "q_d", "tau_J")  # rad, rad/s, rad, N m
 COLUMN_COUNT = 1 + 7 * len(JOINT_FIELDS)
-EDGES_MS = (
-    0.25,
-    0.5,
-    0.75,
-    0.9,
-    1.1,
-    1.25,
-    1.5,
-    2.0,
-    3.0,
-    5.0,
-    10.0,
-    20.0,
-    50.0,
-    100.0,
-)  # ms, of the histogram
+# ms, of the histogram
+EDGES_MS = (0.25, 0.5, 0.75, 0.9, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 KEPT_TICKS = 120_000  # ticks, two minutes; older ones are overwritten
 
 
@@ -76,7 +62,7 @@ class Timing:
         self.last = now
 
     def content(self) -> dict[str, Any]:
-        """The counts as plain values for the record."""
+        """The histogram as plain values for the record."""
         return {
             "edges_ms": list(EDGES_MS),
             "counts": self.counts,

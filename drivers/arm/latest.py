@@ -42,7 +42,7 @@ class Latest(Generic[V]):
         return self._count[0]
 
     def write(self, value: V) -> None:
-        """Publish `value`."""
+        """Publish `value` as the newest one."""
         after = self._count[0] + 1
         self._struct.pack_into(self._slots[after & 1], 0, *value)
         self._count[0] = after

@@ -35,13 +35,13 @@ class Driven(Protocol):
     """Interface of a robot that runs a motion of the hand, as `drivers.arm.by_joints.ByJoints`."""
 
     def start_poses(self) -> Any:
-        """Start the motion."""
+        """Start a motion that follows poses of the hand."""
 
     def read(self, motion: Any) -> Any:
         """The robot's next state, once a millisecond."""
 
     def write_pose(self, motion: Any, pose: list[float], *, last: bool = False) -> None:
-        """Send the command for this tick."""
+        """Send the pose for this tick, 16 numbers by columns; `last` ends the motion."""
 
 
 class Loop:
@@ -94,9 +94,8 @@ class Loop:
         start = Pose(*self._plane.to_cell(pose))
         self._profile = MotionProfile(limits, workspace, start)
         self._guard = ReachGuard(self._plane, limits, state.q)
-        self._state = state = self._wait_until_followed(
-            state
-        )  # from here on the robot counts what it misses
+        # from here on the robot counts the commands that it misses
+        self._state = state = self._wait_until_followed(state)
         self._setpoint = SetpointEstimate(state)
         self._time = state.time.to_sec()
         self._publish(state)
@@ -200,8 +199,8 @@ class Loop:
 
         Its velocity is that of its last tick, so half a tick old.
         """
-        half = [0.5 * TICK * part for part in state.O_ddP_EE_c]
-        twist = [part + gain for part, gain in zip(state.O_dP_EE_c, half, strict=True)]
+        gains = [0.5 * TICK * part for part in state.O_ddP_EE_c]
+        twist = [part + gain for part, gain in zip(state.O_dP_EE_c, gains, strict=True)]
         course = self._plane.course(self._setpoint.pose, twist, state.O_ddP_EE_c)
         pose, velocity = Pose(*course.pose), Velocity(*course.velocity)
         self._profile.resume(pose, velocity, Velocity(*course.acceleration), lost)
@@ -218,7 +217,7 @@ class Loop:
             self._brake_for_good(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
 
     def _brake_for_good(self, cause: Cause, words: str) -> None:
-        """Brake for good, and keep the first reason."""
+        """Brake to a rest that no command ends, for `cause`; the first cause is kept."""
         if self._reason is None:
             self._reason = Failure(cause, words)
             self._profile.stop()
@@ -226,16 +225,7 @@ class Loop:
     def _publish(self, state: Any) -> None:
         """Write the report of `state`; brake where its pose is no number or off the plane."""
         self.success = state.control_command_success_rate
-        pose = state.O_T_EE
-        here = self._plane.to_cell(pose)
-        if not isfinite(sum(here)):
-            self._brake_for_good(Cause.NOT_FINITE, "the robot reported a pose that is not a number")
-            here = self._path[-1][:3] if self._path else here
-        beside = self._plane.place(pose)[1]
-        if abs(beside) > BESIDE:
-            self._brake_for_good(
-                Cause.ASIDE, f"the hand is {1e3 * abs(beside):.0f} mm beside its plane"
-            )
+        here, beside = self._checked_place(state.O_T_EE)
         self._path.append((*here, state.time.to_sec()))
         if self._joints is not None:
             self._joints.add(self.ticks * TICK if self._lock_step else self._now(), state)
@@ -256,6 +246,22 @@ class Loop:
                 self._profile.expired,
             )
         )
+
+    def _checked_place(self, pose: list[float]) -> tuple[tuple[float, float, float], float]:
+        """x, z [m] and pitch [rad] of the hand at `pose`, and its distance [m] from the plane.
+
+        Brakes where `pose` is no number, in place of which the last one counts, or off the plane.
+        """
+        here = self._plane.to_cell(pose)
+        if not isfinite(sum(here)):
+            self._brake_for_good(Cause.NOT_FINITE, "the robot reported a pose that is not a number")
+            here = self._path[-1][:3] if self._path else here
+        beside = self._plane.place(pose)[1]
+        if abs(beside) > BESIDE:
+            self._brake_for_good(
+                Cause.ASIDE, f"the hand is {1e3 * abs(beside):.0f} mm beside its plane"
+            )
+        return here, beside
 
     @property
     def _position(self) -> tuple[float, float, float]:
@@ -296,7 +302,7 @@ def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
     """The strip's plane for the hand at `pose`; raises Failed when the hand is not in it."""
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
-    plane = min(planes, key=lambda plane: plane.aside(pose)[1])
+    plane = min(planes, key=lambda candidate: candidate.aside(pose)[1])
     beside, leaning = plane.aside(pose)
     if beside > OUT_OF_PLANE or leaning > LEANING:
         raise Failed(

@@ -39,8 +39,8 @@ class FadingOffset:
             left * share * (1.0 + 3.0 * share) * duration,
             left * share**2 * duration**2 / 2.0,
         )
-        across, along, up = (
+        offset, about_x, about_z = (
             sum(w * part for w, part in zip(weights, parts, strict=True))
             for parts in zip(self._place, self._rate, self._change, strict=True)
         )
-        return across, along, up
+        return offset, about_x, about_z

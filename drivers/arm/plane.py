@@ -18,7 +18,7 @@ LEANING = 0.05  # rad out of it, likewise
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A motion of the hand in the strip's plane and aside of the plane, each with two derivatives.
+    """A motion of the hand in the strip's plane and off the plane, each with two derivatives.
 
     `pose` is x, z [m], pitch [rad]; `aside` an offset [m] and angles [rad] as in `command`.
     """
@@ -60,7 +60,7 @@ class StripPlane:
         self._back = np.asarray(np.linalg.inv(rest), dtype=np.float64)
 
     def command(self, x: float, z: float, pitch: float, aside: Triple = NO_OFFSET) -> Numbers:
-        """The hand's pose in the base as 16 numbers, column-major, as the robot takes it.
+        """Pose of the hand in the base, 16 numbers by columns, for x, z [m] and `pitch` [rad].
 
         `aside` leaves the plane: an offset across it [m], angles [rad] about its x and z axes.
         """
@@ -79,17 +79,20 @@ class StripPlane:
         """Course of a hand at `pose` with `twist` (6,) and its derivative `change` in the base."""
         hand = matrix(pose)
         inside = hand if self._back is None else hand @ self._back
-        spin, turn = _cross_matrix(twist[3:]), _cross_matrix(change[3:])
-        arm = inside[:3, 3] - hand[:3, 3]
-        moved = np.array(twist[:3]) + spin @ arm
-        gained = np.array(change[:3]) + turn @ arm + spin @ (spin @ arm)
+        spin, spin_change = _cross_matrix(twist[3:]), _cross_matrix(change[3:])
+        lever = inside[:3, 3] - hand[:3, 3]
+        linear = np.array(twist[:3]) + spin @ lever
+        linear_change = np.array(change[:3]) + spin_change @ lever + spin @ (spin @ lever)
         columns: Numbers = inside.T.ravel().tolist()
         x, z, pitch = self.to_cell(columns)
         lean = rotation_vector(inside[:3, :3] @ self.matrix(x, z, pitch)[:3, :3].T)
-        pose_aside = [self.place(columns)[1], *(self._axes @ lean)[[0, 2]].tolist()]
-        velocity, velocity_aside = self._split_rates(moved, twist[3:])
-        acceleration, acceleration_aside = self._split_rates(gained, change[3:])
-        _with_pitch(pose_aside, velocity_aside, acceleration_aside, velocity[2], acceleration[2])
+        lean_x, _, lean_z = (self._axes @ lean).tolist()
+        pose_aside = [self.place(columns)[1], lean_x, lean_z]
+        velocity, velocity_aside = self._split_rates(linear, twist[3:])
+        acceleration, acceleration_aside = self._split_rates(linear_change, change[3:])
+        _correct_for_pitch(
+            pose_aside, velocity_aside, acceleration_aside, velocity[2], acceleration[2]
+        )
         return Course(
             (x, z, pitch), velocity, acceleration,
             pose_aside, velocity_aside, acceleration_aside,
@@ -104,10 +107,10 @@ class StripPlane:
     def matrix(self, x: float, z: float, pitch: float) -> Array:
         """The hand's pose (4, 4) in the robot's base, exactly in the strip's plane."""
         c, s = cos(pitch - pi / 2), sin(pitch - pi / 2)
-        across, sign = self._across, self._sign
-        rows = zip(self._along, across, self._up, self._origin, strict=True)
+        sign, axes = self._sign, (self._along, self._across, self._up, self._origin)
         pose = [
-            (sign * (c * e + s * u), a, s * e - c * u, x * e + z * u + o) for e, a, u, o in rows
+            (sign * (c * along + s * up), across, s * along - c * up, x * along + z * up + origin)
+            for along, across, up, origin in zip(*axes, strict=True)
         ]
         return np.array([*pose, (0.0, 0.0, 0.0, 1.0)])
 
@@ -124,7 +127,7 @@ class StripPlane:
         return x, y, z
 
     def aside(self, pose: Numbers) -> tuple[float, float]:
-        """Distance [m] from the plane and angle [rad] to the plane of a hand's pose."""
+        """Distance [m] and angle [rad] between a hand's pose and its projection into the plane."""
         off = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
         angle = float(np.arccos(np.clip((np.trace(off[:3, :3]) - 1) / 2, -1.0, 1.0)))
         return float(np.linalg.norm(off[:3, 3])), angle
@@ -134,17 +137,17 @@ class StripPlane:
         return _dot(self._along, wrench), _dot(self._up, wrench)
 
 
-def _with_pitch(
-    place: Numbers, rate: Numbers, change: Numbers, turning: float, gaining: float
+def _correct_for_pitch(
+    place: Numbers, rate: Numbers, change: Numbers, pitch_rate: float, pitch_change: float
 ) -> None:
     """Correct `rate` and `change` of the two angles beside the plane for the pitching of the hand.
 
     They come as components about axes that do not pitch; to first order in the angles `place`.
     """
-    rate[1] -= place[2] * turning
-    rate[2] += place[1] * turning
-    change[1] -= rate[2] * turning + place[2] * gaining
-    change[2] += rate[1] * turning + place[1] * gaining
+    rate[1] -= place[2] * pitch_rate
+    rate[2] += place[1] * pitch_rate
+    change[1] -= rate[2] * pitch_rate + place[2] * pitch_change
+    change[2] += rate[1] * pitch_rate + place[1] * pitch_change
 
 
 def _pitch_of_axis(along: float, up: float) -> float:

@@ -24,7 +24,7 @@ BETWEEN_LOOKS = 0.1  # s between looks, where no message comes, whether to end
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Arguments of the process that owns the robot."""
+    """Arguments of the process that owns the robot, with the `origin` of the clock it shares."""
 
     address: str
     settings: FciSettings
@@ -73,7 +73,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     ending = Ending()
     loop.begin()
     pipe.send_bytes(encode({"ready": True}))
-    drive = _in_lock_step if task.lock_step else _in_real_time
+    drive = _run_in_lock_step if task.lock_step else _run_in_real_time
     timing = Timing()
     drive(loop, pipe, timing, clock, ending)
     loop.end()
@@ -84,7 +84,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     pipe.send_bytes(joints.content())
 
 
-def _in_lock_step(
+def _run_in_lock_step(
     loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClock, ending: Ending
 ) -> None:
     """Step the loop as far as the cell allows and confirm, until the cell closes or dies."""
@@ -96,7 +96,7 @@ def _in_lock_step(
         pipe.send_bytes(b"{}")
 
 
-def _in_real_time(
+def _run_in_real_time(
     loop: Loop, pipe: Connection, timing: Timing, clock: WallClock, ending: Ending
 ) -> None:
     """Step the loop on the robot's clock until the cell closes or dies."""
@@ -106,6 +106,7 @@ def _in_real_time(
 
 
 def _receive(pipe: Connection, ending: Ending) -> dict[str, Any] | None:
+    """The cell's next message; None where the cell has gone or this process is to end."""
     try:
         while not pipe.poll(BETWEEN_LOOKS):
             if ending():

@@ -14,7 +14,10 @@ from drivers.franka.tracking import ELBOW_JOINT, joint_step
 from drivers.installation import Installation
 from drivers.types import ZERO_VELOCITY, Array, Pose, Velocity, frozen
 
-POSE_STEP = 0.01  # m along the path, and rad / 5 of pitch, between poses that are solved
+POSE_STEP = 0.01  # m along the path at most between poses that are solved
+PITCH_PER_METRE = 5  # rad of pitch that count as one metre along the path
+SHORTEST_STEP = 1e-6  # m that a step counts at least, so that each takes some time
+RATE_FLOOR = 1e-9  # rad/s, so that no velocity is divided by 0 where a joint may not turn
 JOINT_MARGIN = 0.05  # rad that every joint keeps from its ends
 SINGULAR = 0.02  # smallest singular value of the Jacobian that is allowed
 VELOCITY_SHARE = 0.9  # of a joint's allowed velocity
@@ -34,7 +37,7 @@ class Problem:
     reason: str
 
     def __str__(self) -> str:
-        """Text for the operator."""
+        """Place and reason as a text for the operator."""
         place = f"x {1e3 * self.x:.0f} mm, z {1e3 * self.z:.0f} mm"
         return f"{place}, pitch {np.degrees(self.pitch):.0f} deg: {self.reason}"
 
@@ -85,15 +88,15 @@ def plan_reach(
         stop = _first_braking(installation, path, speeds, way) if way.allowed else None
         if stop is None:
             return way if way.allowed or not braked else max(braked, key=_progress)
-        late = stop.pitch > HANGING
-        braked.append(way if late else replace(way, problems=(stop,)))
+        after_lift = stop.pitch > HANGING
+        braked.append(way if after_lift else replace(way, problems=(stop,)))
     return max(braked, key=_progress)
 
 
 def _postures(
     installation: Installation, path: Array, speeds: Array, turned: bool, elbows: tuple[float, ...]
 ) -> Iterator[Reach]:
-    """Reach of the arm along `path` from each start posture, one for each elbow angle."""
+    """Yield the result of tracking `path` from each start posture, one for each elbow angle."""
     plane = StripPlane(installation.mounting.transform(), turned=turned)
     poses, times = dense(path, speeds)
     for elbow in elbows:
@@ -108,7 +111,7 @@ def _postures(
 
 
 def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
-    """Reach along `poses` by tracking joints from `start`, up to the first few problems."""
+    """Track the joints along `poses` from `start`, up to the first few problems."""
     joints, problems, least = start, list[Problem](), (np.inf, 0)
     count = 0
     for pose, time in zip(poses, times, strict=True):
@@ -167,9 +170,11 @@ def _objection(joints: Array, there: Array, time: float) -> str:
         )
     low, high = velocity_bounds(there)
     rate = (there - joints) / time
-    fast = np.maximum(rate / (VELOCITY_SHARE * high + 1e-9), rate / (VELOCITY_SHARE * low - 1e-9))
-    if fast.max() > 1.0:
-        worst = int(fast.argmax())
+    used = np.maximum(
+        rate / (VELOCITY_SHARE * high + RATE_FLOOR), rate / (VELOCITY_SHARE * low - RATE_FLOOR)
+    )
+    if used.max() > 1.0:
+        worst = int(used.argmax())
         return f"joint {worst + 1} would turn at {abs(rate[worst]):.2f} rad/s, more than it may"
     if manipulability(jacobian(there)) < SINGULAR:
         return "the arm would be stretched or folded so far that it cannot evade"
@@ -178,12 +183,12 @@ def _objection(joints: Array, there: Array, time: float) -> str:
 
 def dense(path: Array, speeds: Array) -> tuple[Array, Array]:
     """Poses (m, 3) along `path` at most POSE_STEP apart, and the time [s] from each to the next."""
-    poses, times = [path[:1]], [np.array([1.0])]
+    poses, times = [path[:1]], [np.array([1.0])]  # s to the first pose: the arm stands there
     for here, there, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
         way = float(np.hypot(*(there - here)[:2]))
-        turn = abs(float(there[2] - here[2])) / 5
+        turn = abs(float(there[2] - here[2])) / PITCH_PER_METRE
         count = max(1, int(np.ceil(max(way, turn) / POSE_STEP)))
         shares = np.arange(1, count + 1)[:, None] / count
         poses.append(here + shares * (there - here))
-        times.append(np.full(count, max(way, turn, 1e-6) / speed / count))
+        times.append(np.full(count, max(way, turn, SHORTEST_STEP) / speed / count))
     return np.concatenate(poses), np.concatenate(times)

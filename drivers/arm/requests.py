@@ -48,7 +48,7 @@ def hand_pose(task: Task) -> list[float]:
 
 
 def _run_in_process(task: Task, request: dict[str, Any]) -> dict[str, Any]:
-    """Run `request` in its own process and return its answer; the robot brakes if this dies."""
+    """Run `request` in a process and return its answer; the robot brakes if the cell dies."""
     context = get_context("forkserver")
     pipe, theirs = context.Pipe()
     process = context.Process(target=_process_main, args=(task, request, theirs), daemon=True)
@@ -89,7 +89,7 @@ def _process_main(task: Task, request: dict[str, Any], pipe: Connection) -> None
 
 
 def _execute(task: Task, request: dict[str, Any], pipe: Connection) -> dict[str, Any]:
-    """Connect to the robot, check it and carry out `request`; returns its pose or joints."""
+    """Connect to the robot and carry out `request`; returns the robot's pose or joints."""
     from drivers.arm.robot import Robot
 
     robot = Robot(task.address, task.settings)
@@ -97,6 +97,11 @@ def _execute(task: Task, request: dict[str, Any], pipe: Connection) -> dict[str,
     if not request:
         robot.require_tool()
         return {"pose": list(robot.state().O_T_EE)}
+    return {"joints": _go(robot, task, request, pipe)}
+
+
+def _go(robot: Any, task: Task, request: dict[str, Any], pipe: Connection) -> list[float]:
+    """Prepare the robot as `request` asks, check it and bring it to the joints (7,) [rad]."""
     if request["recover"]:
         robot.recover()
     robot.require_ready()
@@ -118,7 +123,7 @@ def _execute(task: Task, request: dict[str, Any], pipe: Connection) -> dict[str,
             guard = robot.guard() if _rests(robot.state()) else guard
             reached = follow_joints(robot, joints.tolist(), request["share"], guard, left)
     ending.check()
-    return {"joints": reached}
+    return reached
 
 
 def _rests(state: Any) -> bool:

@@ -23,6 +23,8 @@ FORCE_RISE = 8.0  # N by which the force may rise meanwhile
 SPEED_SHARE = 0.05  # share of the joints' speed
 FREE = 0.3  # share of the allowed force at rest from which the arm counts as free
 JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
+LOOSENING = 2  # factor on the thresholds of the reflexes
+FORCE_CAP, MOMENT_CAP, TORQUE_CAP = 100.0, 100.0, 87.0  # N, N m, N m: most that settings allow
 
 
 def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids: Solids) -> None:
@@ -69,7 +71,7 @@ def _steps_away(joints: Array, direction: Array) -> Array:
 
 
 def _require_room(way: Array, solids: Solids) -> None:
-    """Raise Failed where `way` (n, 7) [rad] nears a solid beyond its start and ARM_CLEARANCE."""
+    """Raise Failed where `way` (n, 7) [rad] comes nearer to a solid than it began, too near."""
     gaps = solids.clearance(way)
     allowed = np.minimum(gaps[0] - CLEARANCE_TOLERANCE, ARM_CLEARANCE)
     for box, gap, least in zip(solids.boxes, gaps.T, allowed, strict=True):
@@ -81,8 +83,8 @@ def _require_room(way: Array, solids: Solids) -> None:
 def _raise_thresholds(collision: CollisionSettings, force: float) -> CollisionSettings:
     """Thresholds under which the arm may move while it is pressed with `force` [N]."""
     upper = {
-        "force_upper": min(max(collision.force_upper, 2 * force + FORCE_RISE), 100.0),
-        "moment_upper": min(2 * collision.moment_upper, 100.0),
-        "torque_upper": min(2 * collision.torque_upper, 87.0),
+        "force_upper": min(max(collision.force_upper, LOOSENING * force + FORCE_RISE), FORCE_CAP),
+        "moment_upper": min(LOOSENING * collision.moment_upper, MOMENT_CAP),
+        "torque_upper": min(LOOSENING * collision.torque_upper, TORQUE_CAP),
     }
     return collision.model_copy(update=upper)

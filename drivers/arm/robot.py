@@ -12,7 +12,14 @@ from typing import Any, Protocol
 
 import pylibfranka as franka
 
-from drivers.arm.description import LIBRARY_VERSION, PORT, read_description, require_limits
+from drivers.arm.description import (
+    CONNECT,
+    CONNECT_MESSAGE,
+    LIBRARY_VERSION,
+    PORT,
+    read_description,
+    require_limits,
+)
 from drivers.arm.failure import Cause, Failed, Failure, one_line
 from drivers.arm.force import ForceGuard, Tare
 from drivers.arm.settings import CollisionSettings, FciSettings
@@ -20,6 +27,7 @@ from drivers.arm.tool import IDENTITY, require_tool
 
 TARE_STATES = 50  # states, of which the force at rest is the mean
 VERSION_TIMEOUT = 0.5  # s for a robot to send its version
+VERSION_REPLY = struct.Struct("<12xBH")  # after the header: status, version of the robot
 AWAITED = 5e-5  # s at least to read a state that has yet to come; one at hand takes 2e-5
 
 CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
@@ -42,7 +50,7 @@ class Motion(Protocol):
         """The robot's next state."""
 
     def writeOnce(self, command: Any) -> None:  # noqa: N802
-        """Send the command for this tick."""
+        """Send `command` for this tick."""
 
 
 class Robot:
@@ -91,7 +99,7 @@ class Robot:
             self._robot.set_load(0.0, [0.0] * 3, [0.0] * 9)
 
     def configure(self, collision: CollisionSettings) -> None:
-        """Set the thresholds of the reflexes; the robot refuses it in motion."""
+        """Set the thresholds of the robot's reflexes, which a robot in motion refuses."""
         lower, upper = [collision.torque_lower] * 7, [collision.torque_upper] * 7
         soft = [collision.force_lower] * 3 + [collision.moment_lower] * 3
         hard = [collision.force_upper] * 3 + [collision.moment_upper] * 3
@@ -106,7 +114,7 @@ class Robot:
         return ForceGuard(settings.guard, settings.guard_torque, tare)
 
     def recover(self) -> None:
-        """Recover from a reflex."""
+        """Make the robot recover from a reflex, so that it can move again."""
         with _library_errors(self._stop_reason):
             self._robot.automatic_error_recovery()
 
@@ -156,7 +164,7 @@ def failure_in(state: Any) -> Failure | None:
 
 
 def _flags(flagged: Any) -> tuple[str, ...]:
-    """Names of the errors that are set."""
+    """Names of the errors that are set in `flagged`."""
     return tuple(name for name in ERROR_NAMES if getattr(flagged, name))
 
 
@@ -201,13 +209,13 @@ def _mismatch(address: str) -> Failure | None:
 
 def robot_version(address: str) -> int | None:
     """Interface version that a robot answers with; None when it does not answer."""
-    request = struct.pack("<IIIHH", 0, 1, 16, LIBRARY_VERSION, 0)
+    request = CONNECT_MESSAGE.pack(CONNECT, 1, CONNECT_MESSAGE.size, LIBRARY_VERSION, 0)
     with suppress(OSError), socket.create_connection((address, PORT), VERSION_TIMEOUT) as link:
         link.settimeout(VERSION_TIMEOUT)
         link.sendall(request)
         reply = b""
-        while len(reply) < 15 and (more := link.recv(64)):
+        while len(reply) < VERSION_REPLY.size and (more := link.recv(64)):
             reply += more
-        if len(reply) >= 15:
-            return int(struct.unpack_from("<BH", reply, 12)[1])
+        if len(reply) >= VERSION_REPLY.size:
+            return int(VERSION_REPLY.unpack_from(reply)[1])
     return None

@@ -58,5 +58,5 @@ class SetpointEstimate:
 
 
 def largest_difference(these: Numbers, those: Numbers) -> float:
-    """Largest absolute difference of two rows of numbers, place by place."""
+    """Largest absolute difference between two lists of numbers, entry by entry."""
     return max(abs(a - b) for a, b in zip(these, those, strict=True))

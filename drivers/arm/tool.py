@@ -20,7 +20,7 @@ BY_RESET = "see what is mounted; if only the hand is, `cell home --reset-tool` s
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One property that differs at the robot from the cell's, as text, and its `remedy`."""
+    """One property of the robot's tool that differs from the cell's, and the `remedy`, as texts."""
 
     what: str
     found: str

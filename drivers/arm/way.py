@@ -39,13 +39,18 @@ class Course(NamedTuple):
     rate: Numbers
     change: Numbers
 
+    @classmethod
+    def of(cls, state: Any) -> "Course":
+        """The course of the setpoint in the robot's `state`, as rounded there."""
+        return cls(list(state.q_d), list(state.dq_d), list(state.ddq_d))
+
 
 def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
-    """Setpoint in `state`, `ticks` after `before`, but finer; `sent` are the last joints commanded.
+    """Setpoint of the robot, finer than in `state`, from that `ticks` before and the joints `sent`.
 
     A robot that heard the command was at `sent` one tick later; without one it keeps accelerating.
     """
-    seen = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
+    seen = Course.of(state)
     heard = largest_difference(seen.change, before.change) > CHANGE_TOLERANCE
     place = sent if heard else before.place
     for ago in range(max(ticks - 1, 0) if heard else ticks):
@@ -123,12 +128,13 @@ class Way:
         wanted = [0.0] * AXES
         if self._goal is not None:
             away = [end - p for end, p in zip(self._goal, self._here.place, strict=True)]
-            most = NEARING * max(map(abs, away))
-            slowed = NEARING * min(1.0, self._speed / most) if most else 0.0
-            wanted = [slowed * distance for distance in away]  # straight, as the plan
-        return [self._joint(*joint) for joint in zip(*self._here, wanted, strict=True)]
+            fastest = NEARING * max(map(abs, away))
+            gain = NEARING * min(1.0, self._speed / fastest) if fastest else 0.0
+            wanted = [gain * distance for distance in away]  # one gain for all: straight
+        return [self._next_place(*joint) for joint in zip(*self._here, wanted, strict=True)]
 
-    def _joint(self, place: float, rate: float, change: float, wanted: float) -> float:
+    def _next_place(self, place: float, rate: float, change: float, wanted: float) -> float:
+        """Setpoint [rad] of one joint, which takes up the rate `wanted` [rad/s]."""
         asked = _within(self._taking_up * (wanted - rate), self._acceleration)
         change += _within(asked - change, self._jerk * TICK)
         return place + TICK * (rate + TICK * change)

@@ -7,6 +7,7 @@ from enum import IntEnum, IntFlag
 CAPTURE = 1  # V4L2_BUF_TYPE_VIDEO_CAPTURE
 MMAP = 1  # V4L2_MEMORY_MMAP
 ANY_FIELD, PROGRESSIVE = 0, 1
+WITHOUT_BYTE_ORDER = 0x7FFFFFFF  # the highest bit of a pixel format marks big-endian pixels
 
 
 class Capability(Structure):
@@ -93,7 +94,7 @@ class _AnyFormat(Union):
 
 
 class Format(Structure):
-    """struct v4l2_format; only its single-plane capture member is used."""
+    """struct v4l2_format: format of a stream; only the single-plane capture member is used."""
 
     _fields_ = (("type", c_uint32), ("fmt", _AnyFormat))
 
@@ -116,7 +117,7 @@ class _AnyParameters(Union):
 
 
 class StreamParameters(Structure):
-    """struct v4l2_streamparm; only its capture member is used."""
+    """struct v4l2_streamparm: rate of a stream; only the capture member is used."""
 
     _fields_ = (("type", c_uint32), ("parm", _AnyParameters))
 
@@ -293,4 +294,4 @@ def fourcc(code: str) -> int:
 
 def letters(number: int) -> str:
     """Four letters of the pixel format with this `number`."""
-    return (number & 0x7FFFFFFF).to_bytes(4, "little").decode("latin-1").rstrip()
+    return (number & WITHOUT_BYTE_ORDER).to_bytes(4, "little").decode("latin-1").rstrip()

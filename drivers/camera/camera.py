@@ -12,7 +12,7 @@ SOURCE = "v4l2 camera"
 
 
 class V4l2Camera:
-    """Satisfies `drivers.protocols.Camera` for a V4L2 device.
+    """V4L2 camera with the interface `drivers.protocols.Camera`.
 
     A thread keeps the newest frame; `read` decodes the frames that are used. Stamps are the middle
     of the exposure in the time of `clock`, which must run at wall-clock speed. `kernel` makes the

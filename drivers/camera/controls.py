@@ -77,8 +77,10 @@ def lock(device: Device, wanted: Mapping[str, int]) -> dict[str, int]:
         if name not in present:
             known = ", ".join(sorted(present)) or "none"
             raise CameraRefused(device.path, f"controls.{name}", f"unknown; allowed: {known}")
-    off = {n: v for n, v in AUTOMATICS.items() if n in present and present[n].obstacle is None}
+    settable = {name for name, control in present.items() if control.obstacle is None}
+    off = {name: value for name, value in AUTOMATICS.items() if name in settable}
     locks = {**off, **wanted}
+    # automatics first: while one is on, the values that it controls cannot be set
     for name, value in sorted(locks.items(), key=lambda item: item[0] not in AUTOMATICS):
         _set(device, present[name], value)
     return {name: _read_back(device, present[name], value) for name, value in locks.items()}

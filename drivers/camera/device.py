@@ -85,7 +85,7 @@ class Device:
         return argument
 
     def supports(self, request: Request, argument: Argument) -> bool:
-        """Execute `request`; False where the device answers that it is not supported.
+        """Execute `request`; returns False where the device does not support it.
 
         Raises the error that `translate_error` gives for any other failure.
         """

@@ -123,14 +123,14 @@ class Drain:
             self._check_flow()
 
     def _check_flow(self) -> None:
+        """Raise CameraStalled after too long without frames, CameraFaulty without whole ones."""
         now = self._kernel.monotonic()
-        waited = now - self._last_any
-        if waited > self._patience:
-            raise CameraStalled(self._settings.device, waited)
-        waited = now - self._last_whole
-        if waited > self._patience:
+        silent, corrupt = now - self._last_any, now - self._last_whole  # s
+        if silent > self._patience:
+            raise CameraStalled(self._settings.device, silent)
+        if corrupt > self._patience:
             raise CameraFaulty(
-                self._settings.device, f"every frame of the last {waited:.2f} s is corrupt"
+                self._settings.device, f"every frame of the last {corrupt:.2f} s is corrupt"
             )
 
     def _keep(self, session: Session, capture: Capture) -> None:
@@ -152,17 +152,17 @@ class Drain:
 
     def _on_cell_clock(self, session: Session, capture: Capture) -> Arrived:
         """`capture` with times [s] on the cell's clock; stamps increase, and are before arrival."""
-        shutter, number, last = session.setup.shutter, self._sequence.number, self._newest
+        setup, number, last = session.setup, self._sequence.number, self._newest
         gap = 0 if last is None else number - last.sequence - 1
         earliest = -math.inf if last is None else last.stamp + LEAST_STEP
-        ahead = self._kernel.monotonic()
+        monotonic = self._kernel.monotonic()
         arrival = self._clock.now()
-        ahead -= arrival
-        middle, source = shutter.middle(capture.stamp, capture.flags, capture.taken)
+        ahead = monotonic - arrival  # of the kernel's clock, on which `capture` is stamped
+        middle, source = setup.shutter.middle(capture.stamp, capture.flags, capture.taken)
         if middle - ahead < earliest:
             middle, source = capture.taken, StampSource.DEQUEUE
         stamp = max(min(middle - ahead, arrival - LEAST_STEP), earliest)
-        return Arrived(capture, session.setup.picture, number, gap, stamp, arrival, source)
+        return Arrived(capture, setup.picture, number, gap, stamp, arrival, source)
 
     def _report(self, error: CellError) -> None:
         with self._changed:

@@ -50,7 +50,7 @@ READABLE_FORMATS = frozenset({*RAW, "MJPG"})
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """Format that the device delivers, as read back; `line` and `size` in bytes, `rate` in Hz."""
+    """Picture format as the device accepted it; `line` and `size` in bytes, `rate` in Hz."""
 
     format: str
     width: int
@@ -97,17 +97,16 @@ def agree(device: Device, settings: V4l2Settings) -> Picture:
     pix.width, pix.height = settings.width, settings.height
     pix.pixelformat, pix.field = fourcc(settings.format), ANY_FIELD
     pix = device.call(Request.S_FMT, asked, "setting the format").fmt.pix
-    made = (letters(pix.pixelformat), pix.width, pix.height)
-    if made != (settings.format, settings.width, settings.height):
+    name = letters(pix.pixelformat)
+    if (name, pix.width, pix.height) != (settings.format, settings.width, settings.height):
         wanted = f"{settings.format} {settings.width}x{settings.height}"
-        problem = (
-            f"{wanted} became {made[0]} {made[1]}x{made[2]}; allowed: {_offered_formats(device)}"
-        )
+        made = f"{name} {pix.width}x{pix.height}"
+        problem = f"{wanted} became {made}; allowed: {_offered_formats(device)}"
         raise CameraRefused(device.path, "format", problem)
     if pix.field != PROGRESSIVE:
         raise CameraRefused(device.path, "format", "is interlaced; use a progressive mode")
     rate = _agree_rate(device, settings)
-    return Picture(*made, line=pix.bytesperline, size=pix.sizeimage, rate=rate)
+    return Picture(name, pix.width, pix.height, pix.bytesperline, pix.sizeimage, rate)
 
 
 def _agree_rate(device: Device, settings: V4l2Settings) -> float:

@@ -27,22 +27,22 @@ class Mapping(Protocol):
 
 
 class Kernel(Protocol):
-    """System calls that the driver uses. Every method raises OSError as the system does."""
+    """System calls that the camera driver uses; all raise OSError as the system does."""
 
     def open(self, path: str) -> int:
-        """File descriptor of a device, opened non-blocking."""
+        """Open the device at `path` non-blocking and return its file descriptor."""
 
     def close(self, fd: int) -> None:
-        """Close a descriptor."""
+        """Close the file descriptor `fd`."""
 
     def ioctl(self, fd: int, request: Request, argument: Argument) -> None:
         """Execute `request`; the kernel reads and writes `argument`."""
 
     def map(self, fd: int, length: int, offset: int) -> Mapping:
-        """Map a buffer of a device."""
+        """Map the buffer of `length` bytes at `offset` of a device into memory."""
 
     def wait(self, fd: int | None, seconds: float) -> int:
-        """Events of poll on `fd`, 0 when there are none in `seconds`; without `fd`, a pause."""
+        """Poll `fd` for `seconds` and return the events, 0 for none; without `fd` only wait."""
 
     def monotonic(self) -> float:
         """Time [s] on the clock of buffer stamps."""
@@ -66,14 +66,14 @@ class _Shared:
 
 
 class Linux:
-    """The Linux kernel of this machine."""
+    """System calls of the Linux kernel on this machine."""
 
     def open(self, path: str) -> int:
-        """File descriptor of a device, opened non-blocking."""
+        """Open the device at `path` non-blocking and return its file descriptor."""
         return os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def close(self, fd: int) -> None:
-        """Close a descriptor."""
+        """Close the file descriptor `fd`."""
         os.close(fd)
 
     def ioctl(self, fd: int, request: Request, argument: Argument) -> None:
@@ -86,11 +86,11 @@ class Linux:
             return
 
     def map(self, fd: int, length: int, offset: int) -> Mapping:
-        """Map a buffer of a device."""
+        """Map the buffer of `length` bytes at `offset` of a device into memory."""
         return _Shared(fd, length, offset)
 
     def wait(self, fd: int | None, seconds: float) -> int:
-        """Events of poll on `fd`, 0 when there are none in `seconds`; without `fd`, a pause."""
+        """Poll `fd` for `seconds` and return the events, 0 for none; without `fd` only wait."""
         poll = select.poll()
         if fd is not None:
             poll.register(fd, select.POLLIN)

@@ -34,6 +34,7 @@ def modes_of(device: Device) -> Iterator[Mode]:
         number = described.pixelformat
         for size in _sizes(device, number):
             steps = size.type != DISCRETE
+            # stepwise: min, max, step of the width, then of the height; discrete: width, height
             width, height = (size.steps[1], size.steps[4]) if steps else tuple(size.steps[:2])
             rates = _rates(device, number, width, height)
             text = described.description.decode(errors="replace")

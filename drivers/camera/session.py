@@ -71,7 +71,7 @@ class Session:
         self.stream = Stream.start(self.device, self.settings.buffers)
 
     def close(self) -> None:
-        """Stop, and release buffers and device."""
+        """Stop the stream, and release its buffers and the device."""
         self.stream.stop()
         self.device.close()
 

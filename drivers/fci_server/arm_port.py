@@ -43,7 +43,7 @@ class ArmPort:
 
     @property
     def datagram_fileno(self) -> int:
-        """Descriptor of the client's datagrams, -1 without a client."""
+        """File descriptor of the client's UDP socket, -1 without a client."""
         return -1 if self.client is None else self.client.datagram_fileno
 
     def serve(self, descriptor: int) -> None:
@@ -61,7 +61,7 @@ class ArmPort:
         self._reception.close()
 
     def command(self) -> RobotCommand | None:
-        """The client's next command; None when no more have arrived. Malformed ones are skipped."""
+        """The client's next well-formed command; None when no more have arrived."""
         for _ in range(BURST):
             datagram = None if self.client is None else self.client.receive_datagram()
             if datagram is None:
@@ -73,7 +73,7 @@ class ArmPort:
         return None
 
     def publish(self, rate: float, is_nan: bool) -> None:
-        """Send the state of this tick, then the replies due in this tick."""
+        """Send the client the state of this tick, then the replies due in this tick."""
         robot, client = self._robot, self.client
         if client is None:
             robot.late.clear()

@@ -20,7 +20,7 @@ class BodyCheck:
         self._solids = solids
         self._seen: Array | None = None
         self._room = 0.0  # m, at the joints that were seen
-        self._depth = [inf, inf]
+        self._gaps = [inf, inf]  # m, to itself and to the solids
 
     def check(self, q: Array) -> None:
         """Raises Violation where joints (7,) [rad] bring the arm into itself or a solid."""
@@ -30,9 +30,9 @@ class BodyCheck:
                 return
         itself = float(apart(q))
         others = inf if self._solids is None else float(self._solids.clearance(q).min())
-        before, self._depth = self._depth, [itself, others]
+        before, self._gaps = self._gaps, [itself, others]
         self._seen, self._room = np.array(q), min(itself, others)
         reflexes = Reflex.SELF_COLLISION_AVOIDANCE_VIOLATION, Reflex.CARTESIAN_REFLEX
-        for gap, last, reflex in zip(self._depth, before, reflexes, strict=True):
+        for gap, last, reflex in zip(self._gaps, before, reflexes, strict=True):
             if gap < 0 and gap < min(last, 0.0) - DEEPER:
                 raise Violation(reflex)

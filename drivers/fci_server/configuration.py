@@ -67,21 +67,19 @@ class Configuration:
 
     @property
     def tool(self) -> Array:
-        """Tool in the flange's frame (4, 4)."""
+        """Pose (4, 4) of the tool in the flange's frame."""
         return frozen(self.flange_to_nominal @ self.nominal_to_tool)
 
 
 def configure(
     configuration: Configuration, command: Command, payload: bytes
 ) -> tuple[Configuration, Status]:
-    """The configuration after a request to change it, and the status of its reply."""
+    """Configuration after the request `command` to change it, and the status of the reply."""
     if command == Command.SET_GUIDING_MODE:
         allowed = all(flag in (0, 1) for flag in payload)
         return configuration, Status.SUCCESS if allowed else Status.INVALID_ARGUMENT
     numbers = np.frombuffer(payload, "<f8").astype(np.float64)
-    changed = None
-    if usable(numbers):
-        changed = _SETTERS[command](configuration, numbers)
+    changed = _SETTERS[command](configuration, numbers) if usable(numbers) else None
     if changed is None:
         return configuration, Status.INVALID_ARGUMENT
     return changed, Status.SUCCESS

@@ -27,11 +27,11 @@ class Contact:
 
     @classmethod
     def of_force(cls, posture: Posture, configuration: Configuration, force: Array) -> Self:
-        """The contact from a force (3,) [N] on the tool's origin."""
+        """Contact that a `force` (3,) [N] on the tool's origin causes in `posture`."""
         wrench = np.zeros(6)
         wrench[:3] = force
-        arm = posture.reached[:3, :3] @ configuration.tool_to_stiffness[:3, 3]
-        wrench[3:] = np.cross(-arm, force)
+        lever = posture.reached[:3, :3] @ configuration.tool_to_stiffness[:3, 3]
+        wrench[3:] = np.cross(-lever, force)
         torque = posture.jacobian[:3].T @ force
         thresholds = configuration.thresholds
         steady = bool((np.abs(posture.joints.acceleration) < STEADY_ACCELERATION).all())

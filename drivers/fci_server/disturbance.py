@@ -29,13 +29,14 @@ class Disturbance:
 
     def strike(self, robot: Robot) -> Iterator[Fault]:
         """Apply the due faults to `robot`; yields those of connections and time for the caller."""
-        self._end(robot)
+        self._end_faults(robot)
         while self._waiting and self._waiting[0].at <= robot.ticks:
             fault = self._waiting.pop(0)
             if not self._apply(robot, fault):
                 yield fault
 
     def _apply(self, robot: Robot, fault: Fault) -> bool:
+        """Apply a fault of the robot itself; False for any other."""
         if isinstance(fault, ReflexFault):
             robot.reflex(Reflex[fault.error.upper()])
         elif isinstance(fault, UserStopFault):
@@ -50,7 +51,8 @@ class Disturbance:
             return False
         return True
 
-    def _end(self, robot: Robot) -> None:
+    def _end_faults(self, robot: Robot) -> None:
+        """Release the user stop and take the force away where their time is over."""
         if robot.time >= self._release:
             robot.release_user_stop()
             self._release = inf

@@ -23,11 +23,7 @@ class Dynamics:
             heavier = 1.0 + plant.mass_error[i]
             model.body(f"link{i + 1}").mass *= heavier
             model.body(f"link{i + 1}").inertia *= heavier
-        x, y = plant.tilt
-        gravity = np.array(model.opt.gravity)
-        about_x = gravity[2] * np.array([0.0, -np.sin(x), np.cos(x)])
-        turned = (about_x[2] * np.sin(y), about_x[1], about_x[2] * np.cos(y))
-        model.opt.gravity[:] = turned
+        model.opt.gravity[:] = _tilt(float(model.opt.gravity[2]), *plant.tilt)
         self._model, self._data = model, mujoco.MjData(model)
         self._read: tuple[Posture, int, Array] | None = None  # last reading: at rest it stays
         self._tool = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
@@ -38,15 +34,15 @@ class Dynamics:
         q = posture.q - plant.encoder_bias
         data.qpos[:], data.qvel[:], data.qacc[:] = q, course.velocity, course.acceleration
         mujoco.mj_inverse(self._model, data)
-        taken = np.array(data.qfrc_inverse)
+        torque = np.array(data.qfrc_inverse)
         if plant.payload:
-            taken += self._payload_torque(course.velocity, course.acceleration)
-        taken += np.multiply(plant.friction, np.tanh(course.velocity / FRICTION_WIDTH))
-        taken += np.multiply(plant.damping, course.velocity) + np.multiply(plant.cable, q)
-        return np.asarray(taken)
+            torque += self._payload_torque(course.velocity, course.acceleration)
+        torque += np.multiply(plant.friction, np.tanh(course.velocity / FRICTION_WIDTH))
+        torque += np.multiply(plant.damping, course.velocity) + np.multiply(plant.cable, q)
+        return np.asarray(torque)
 
     def reading(self, posture: Posture, tick: int) -> Array:
-        """Readings of the torque sensors (7,) [N m] at a tick, always the same for it."""
+        """Torque sensor readings (7,) [N m] at a `tick`, which determines their noise."""
         last = self._read
         if last is not None and last[0] is posture and last[1] == tick:
             return last[2]
@@ -76,3 +72,9 @@ class Dynamics:
         mujoco.mj_jacDot(model, data, rate, None, point, body)
         pull = jacobian @ acceleration + rate @ velocity - model.opt.gravity
         return np.asarray(self._plant.payload * jacobian.T @ pull)
+
+
+def _tilt(gravity: float, x: float, y: float) -> tuple[float, float, float]:
+    """Vertical `gravity` [m/s^2] in a base that leans by `x` [rad] about x, then `y` about y."""
+    about_x = gravity * np.array([0.0, -np.sin(x), np.cos(x)])
+    return about_x[2] * np.sin(y), about_x[1], about_x[2] * np.cos(y)

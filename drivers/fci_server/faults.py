@@ -73,7 +73,7 @@ class ContactFault(Scripted):
 
 
 class VersionFault(Scripted):
-    """The robot speaks another version: new connections are refused from then on."""
+    """The robot speaks another protocol `version`: new connections are refused from then on."""
 
     kind: Literal["wrong_version"]
     version: int = Field(default=9, ge=0, le=65535)
@@ -85,7 +85,7 @@ Fault = (
 
 
 class FaultScript(Settings):
-    """The file of a fault script."""
+    """Content of a fault script's file: its schema and the scheduled faults."""
 
     schema_: Literal[1] = Field(default=1, alias="schema")
     faults: tuple[Annotated[Fault, Field(discriminator="kind")], ...]

@@ -42,7 +42,7 @@ def follow(
     where the command breaks a limit of the robot.
     """
     if chooses_elbow and command.elbow is None and generator is Generator.CARTESIAN_POSE:
-        command = replace(command, elbow=(_smallest(old, command), old.elbow_sign))
+        command = replace(command, elbow=(_easiest_elbow(old, command), old.elbow_sign))
     try:
         new = _FOLLOW[generator](old, command, tool)
     except Violation as violation:
@@ -56,7 +56,7 @@ def follow(
 
 
 def readable(generator: Generator, command: RobotCommand) -> bool:
-    """Whether the fields that the generator reads are usable numbers."""
+    """Whether the fields of `command` that `generator` reads are finite and of usable size."""
     fits = usable(_READ[generator](command))
     return fits and (command.elbow is None or usable(command.elbow))
 
@@ -125,7 +125,7 @@ def _cartesian(
 
 
 def _elbow(old: Posture, command: RobotCommand) -> float:
-    """The commanded angle [rad]; without one the elbow stays where it is."""
+    """Elbow angle [rad] of `command`; without one the elbow keeps its angle."""
     if command.elbow is None:
         return old.elbow
     angle, sign = command.elbow
@@ -134,17 +134,18 @@ def _elbow(old: Posture, command: RobotCommand) -> float:
     return angle
 
 
-def _smallest(old: Posture, command: RobotCommand) -> float:
+def _easiest_elbow(old: Posture, command: RobotCommand) -> float:
     """Elbow angle [rad] one tick on by the Jacobian's pseudo-inverse: smallest joint turns."""
     twist = twist_between(old.reached, command.pose)
     return float(old.elbow + (damped_inverse(old.jacobian, INVERSE_DAMPING) @ twist)[ELBOW_JOINT])
 
 
 def _advance_pose(pose: Array, twist: Array) -> Array:
-    moved = np.array(pose)
-    moved[:3, 3] += TICK * twist[:3]
-    moved[:3, :3] = rotation(TICK * twist[3:]) @ pose[:3, :3]
-    return moved
+    """`pose` (4, 4) after one tick with `twist` (6,)."""
+    advanced = np.array(pose)
+    advanced[:3, 3] += TICK * twist[:3]
+    advanced[:3, :3] = rotation(TICK * twist[3:]) @ pose[:3, :3]
+    return advanced
 
 
 _FOLLOW: dict[Generator, Follow] = {
@@ -159,11 +160,12 @@ _READ: dict[Generator, Callable[[RobotCommand], Array]] = {
     Generator.CARTESIAN_POSE: lambda command: command.pose,
     Generator.CARTESIAN_VELOCITY: lambda command: command.twist,
 }
+# errors of a first command that does not continue the arm's own posture, whatever limit it breaks
 _START = {
     Generator.JOINT_POSITION: Reflex.JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID,
     Generator.CARTESIAN_POSE: Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_START_POSE_INVALID,
 }
-_OWN_NAME = {
+_OWN_NAME = {  # errors that a first command reports by their own name
     Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME,
     Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION,
     Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_SIGN_INCONSISTENT,

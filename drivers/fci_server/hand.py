@@ -50,7 +50,7 @@ class Hand:
         return self._task is not None
 
     def begin(self, request: HandRequest) -> None:
-        """Start a command; the one under way is aborted."""
+        """Start the command of `request`; one that is under way is aborted."""
         if request.command is HandCommand.STOP and self.deaf > 0:
             self.deaf -= 1
             return
@@ -70,7 +70,7 @@ class Hand:
             self._task = None
 
     def advance(self) -> None:
-        """Advance by one millisecond."""
+        """Advance the fingers by one millisecond."""
         if self.is_grasped and self._between() is None:
             self.is_grasped, self.width = False, 0.0  # what it presses on is gone
         task = self._task
@@ -84,12 +84,13 @@ class Hand:
             self.width = max(self.width - step, target)
             if thickness is not None and self.width <= thickness:
                 self.width = min(thickness, WIDEST)
-                self._end_on_touch(task)
+                self._stop_on_touch(task)
                 return
         if self.width == target:
-            self._end_of_width(task)
+            self._reach_width(task)
 
-    def _end_on_touch(self, task: Task) -> None:
+    def _stop_on_touch(self, task: Task) -> None:
+        """End `task`, whose fingers have met the object between them."""
         self._task = None
         status = HandStatus.UNSUCCESSFUL
         if task.request.command is HandCommand.GRASP:
@@ -99,14 +100,15 @@ class Hand:
             status = HandStatus.SUCCESS if self.is_grasped else HandStatus.UNSUCCESSFUL
         self._answer(task.request, status)
 
-    def _end_of_width(self, task: Task) -> None:
+    def _reach_width(self, task: Task) -> None:
+        """Go on to the next width of `task`, or end `task` after its last."""
         task.widths.pop(0)
         if task.widths:
             return
         self._task = None
-        empty = task.request.command is HandCommand.GRASP
+        missed = task.request.command is HandCommand.GRASP  # closed without touching anything
         self.is_homed = self.is_homed or task.request.command is HandCommand.HOMING
-        self._answer(task.request, HandStatus.UNSUCCESSFUL if empty else HandStatus.SUCCESS)
+        self._answer(task.request, HandStatus.UNSUCCESSFUL if missed else HandStatus.SUCCESS)
 
     def _answer(self, request: HandRequest, status: HandStatus) -> None:
         self.replies.append(reply(request.command, request.command_id, STATUS.pack(status)))

@@ -49,7 +49,7 @@ class HandPort:
         return ended
 
     def publish(self, time: int) -> None:
-        """Send the hand's state at robot time [ms]."""
+        """Send the client the hand's state at robot `time` [ms]."""
         self._datagram = _state(self._hand, time)
         self.repeat()
 

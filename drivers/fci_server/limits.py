@@ -11,9 +11,8 @@ from drivers.franka.tracking import rotation_vector
 from drivers.types import Array, frozen
 
 TICK = 1e-3  # s
-LIMIT_FACTOR = (
-    1.01  # float32 of the state, from which clients limit their rates, costs a few tenths of 1 %
-)
+# Clients limit their rates by the state, which the wire rounds.
+LIMIT_FACTOR = 1.01  # float32 of the state costs a few tenths of 1 %
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,12 +20,12 @@ class Link:
         self.received = bytearray()
 
     def fileno(self) -> int:
-        """Descriptor of the TCP connection."""
+        """File descriptor of the TCP connection."""
         return self._connection.fileno()
 
     @property
     def datagram_fileno(self) -> int:
-        """Descriptor of the datagrams, -1 before they are opened."""
+        """File descriptor of the UDP socket, -1 before it is opened."""
         return -1 if self._datagrams is None else self._datagrams.fileno()
 
     def read(self) -> bool:

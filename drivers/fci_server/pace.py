@@ -1,4 +1,4 @@
-"""The server's clock: control periods of the wall clock."""
+"""Wall-clock timing of the server: control periods of 1 ms, and a stopwatch."""
 
 import time
 
@@ -8,7 +8,7 @@ LONGEST_CATCH_UP = 0.2 * TICK  # s at most by which a period is shortened to mak
 
 
 class Pace:
-    """Periods of 1 ms, never shorter than 0.8 ms; the only user of time in the server."""
+    """Timer of control periods of 1 ms, none of which is shorter than 0.8 ms."""
 
     def __init__(self) -> None:
         self._deadline = time.monotonic()

@@ -58,7 +58,7 @@ class Posture:
         return not self.joints.velocity.any()
 
     def swing_to(self, elbow: float) -> Array:
-        """Angle, rate and acceleration (3,) of an elbow that is at `elbow` [rad] one tick on."""
+        """Angle, rate and acceleration (3,) [rad, s] of an elbow at `elbow` [rad] one tick on."""
         angle, rate, _ = self.swing.tolist()
         speed = (elbow - angle) / TICK
         return np.array([elbow, speed, (speed - rate) / TICK])
@@ -68,15 +68,15 @@ class Posture:
         return replace(self, pose=pose, tool=course, swing=swing)
 
     def move_on(self, q: Array, tool: Array, joints: Course) -> Self:
-        """Posture one tick on with joints `q` (7,) [rad], whose tool pose becomes the commanded."""
+        """Posture one tick on with joints `q` (7,) [rad], which give the commanded pose too."""
         new = self.of(q, tool, joints)
         course = self.tool.step(twist_of(self.pose, new.reached))
         return new.with_command(new.reached, course, self.swing_to(q[ELBOW_JOINT]))
 
     def brake(self, tool: Array) -> Self:
-        """One tick of braking: all joints come to rest together, at their largest deceleration."""
-        left = float((np.abs(self.joints.velocity) / limits.ACCELERATION).max())
-        if left <= TICK:
+        """Posture after one tick of braking, as hard as allowed; all joints stop together."""
+        time_left = float((np.abs(self.joints.velocity) / limits.ACCELERATION).max())  # s to rest
+        if time_left <= TICK:
             return self.resting(self.q, tool)
-        course = self.joints.step(self.joints.velocity * (1 - TICK / left))
+        course = self.joints.step(self.joints.velocity * (1 - TICK / time_left))
         return self.move_on(self.q + TICK * course.velocity, tool, course)

@@ -28,8 +28,9 @@ class Publisher:
         self._configuration: Configuration | None = None
         self._errors: object = None
         self._contact: Contact | None = None
-        self._held: Configuration | None = None  # and joints, of which gravity is known
-        self._q, self._gravity = np.zeros(7), np.zeros(7)
+        # torques of gravity, and the configuration and joints for which they were computed
+        self._gravity, self._gravity_q = np.zeros(7), np.zeros(7)
+        self._gravity_configuration: Configuration | None = None
 
     def datagram(self, robot: Robot, rate: float = 0.0, is_nan: bool = False) -> bytes:
         """State after the last tick; `rate` is the fraction of commands that arrived in time.
@@ -85,17 +86,18 @@ class Publisher:
         fields["q"][:] = fields["theta"][:] = arm.q
         fields["dq"][:] = fields["dtheta"][:] = arm.joints.velocity
         fields["elbow"][:] = arm.q[ELBOW_JOINT], arm.elbow_sign
-        self._packet.fields["tau_J"][:] = self._torques(robot) - robot.contact.torque
+        fields["tau_J"][:] = self._torques(robot) - robot.contact.torque
 
     def _torques(self, robot: Robot) -> Array:
         """Joint torques (7,) [N m] without contact: of the plant, or else of gravity alone."""
         if robot.dynamics is not None:
             return robot.dynamics.reading(robot.measured, robot.ticks)
-        q, held = robot.measured.q, robot.configuration
-        if self._held is not held or np.abs(q - self._q).max() > TURNED:
-            self._q, self._held = np.array(q), held
-            mass = held.hand_mass + held.load_mass
-            moment = held.hand_mass * held.hand_centre + held.load_mass * held.load_centre
+        q, tool = robot.measured.q, robot.configuration
+        is_known = self._gravity_configuration is tool
+        if not is_known or np.abs(q - self._gravity_q).max() > TURNED:
+            self._gravity_q, self._gravity_configuration = np.array(q), tool
+            mass = tool.hand_mass + tool.load_mass
+            moment = tool.hand_mass * tool.hand_centre + tool.load_mass * tool.load_centre
             self._gravity = holding_torques(q, mass, moment / mass)
         return self._gravity
 

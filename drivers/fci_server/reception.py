@@ -50,7 +50,7 @@ class Reception:
             self.client = None
 
     def close(self) -> None:
-        """Disconnect everybody and stop listening."""
+        """Disconnect all clients and stop listening."""
         self.dismiss()
         for guest in list(self._guests.values()):
             self._refuse(guest)

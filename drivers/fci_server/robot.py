@@ -96,11 +96,11 @@ class Robot:
 
     @property
     def measured(self) -> Posture:
-        """Posture of the arm itself: at its setpoint, or behind it."""
+        """Posture of the arm itself, which may lag behind its setpoint."""
         return self.posture if self.trailing is None else self.trailing.posture
 
     def trail(self) -> None:
-        """Advance the arm behind its setpoint by one tick; nothing to do for an arm without lag."""
+        """Advance an arm that lags behind its setpoint by one tick; no effect without a lag."""
         if self.trailing is not None:
             self.trailing.tick(self.posture.q)
 
@@ -121,13 +121,13 @@ class Robot:
         return MoveStatus.MOTION_STARTED
 
     def stop(self, command_id: int) -> None:
-        """Brake; the reply comes when the arm stands still."""
+        """Brake the arm; the reply is sent once the arm stands still."""
         self.waiting.append(Late(Command.STOP_MOVE, command_id, Status.SUCCESS))
         if self.motion is not None:
             self.motion.stopping = True
 
     def set(self, request: Request) -> Status:
-        """Change a setting named in SETTERS; only while the arm is idle."""
+        """Change a setting by a request in SETTERS, which is refused unless the robot is idle."""
         if request.command not in SETTERS or self.mode is not Mode.IDLE:
             return Status.NOT_POSSIBLE
         old = self.configuration
@@ -200,7 +200,7 @@ class Robot:
             self._send_late_replies()
 
     def miss(self) -> None:
-        """Extrapolate the last command for a missing one, for MOST_MISSED_TICKS ticks at most."""
+        """Extrapolate the last command in a tick without one, for MOST_MISSED_TICKS at most."""
         motion = self.motion
         if motion is None or not motion.started:
             return
@@ -211,7 +211,7 @@ class Robot:
             self.reflex(Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION)
 
     def rest(self) -> None:
-        """One tick without commands: brake a moving arm, reply once it stands still."""
+        """Pass one tick without commands: brake a moving arm, reply once it stands still."""
         if not self.moving:
             self._brake()
         self._check_contact()

@@ -81,7 +81,8 @@ def bind_free(address: str | None, open_at: Callable[[str], tuple[A, B]]) -> tup
 
 
 def _candidates() -> Iterator[str]:
-    return (f"127.77.{number // 250}.{number % 250 + 1}" for number in range(2500))
+    """Addresses of the loopback that a server may take, in the order in which it tries them."""
+    return (f"127.77.{x}.{y}" for x in range(10) for y in range(1, 251))
 
 
 class RobotServer:
@@ -137,7 +138,7 @@ class RobotServer:
         return self
 
     def close(self) -> None:
-        """Disconnect everybody and free the address; harmless when repeated."""
+        """Disconnect all clients and free the address; harmless when repeated."""
         self._stopping = True
         with suppress(OSError):  # it has hung up by itself
             self._bell.send(b"!")
@@ -159,7 +160,7 @@ class RobotServer:
         self._bell.send(b"!")
 
     def serve(self) -> None:
-        """Serve until `close` is called from elsewhere."""
+        """Serve clients until `close` is called from outside."""
         try:
             while not self._stopping:
                 self._turn()
@@ -263,7 +264,7 @@ class RobotServer:
         self.robot.step(command)
 
     def _advance(self) -> None:
-        """One millisecond of robot time has passed: step the hand, apply faults, send states."""
+        """Advance robot time by 1 ms: apply faults, step arm and hand, send states."""
         robot = self.robot
         self._apply_due_faults()
         robot.time += 1

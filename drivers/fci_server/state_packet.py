@@ -90,7 +90,7 @@ class StatePacket:
                 self._bytes[start + flag] = 1
 
     def seal(self, message_id: int, success_rate: float) -> bytes:
-        """The datagram with robot time [ms] and the fraction of commands that arrived in time."""
+        """Bytes of the datagram, with robot time [ms] and the fraction of commands in time."""
         _TIME.pack_into(self._bytes, 0, message_id)
         _RATE.pack_into(self._bytes, _MODE + 1, success_rate)
         return bytes(self._bytes)

@@ -39,7 +39,7 @@ class Trailing:
         return cls(posture, tool, delay, lag, sag) if delay or lag or sag is not None else None
 
     def tick(self, commanded: Array) -> None:
-        """Advance by one tick, with joints `commanded` (7,) [rad]."""
+        """Advance the arm by one tick behind the joints `commanded` (7,) [rad]."""
         self._past.append(commanded)
         self._past.popleft()
         here = self._motors

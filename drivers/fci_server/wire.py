@@ -98,7 +98,7 @@ class Controller(IntEnum):
 
 
 class Mode(IntEnum):
-    """Modes of the robot."""
+    """Modes of the robot, as numbered in its state."""
 
     OTHER = 0
     IDLE = 1
@@ -140,7 +140,7 @@ class MoveRequest:
 
 @dataclass(frozen=True, slots=True)
 class RobotCommand:
-    """One command over UDP that answers state `message_id`; of use is the generator's field."""
+    """One command over UDP in answer to state `message_id`; a generator reads its own field."""
 
     message_id: int
     q: Array  # (7,) rad
@@ -158,6 +158,7 @@ class RobotCommand:
         (message_id,) = MESSAGE.unpack_from(packet)
         numbers = np.frombuffer(packet, "<f8", COMMAND_NUMBERS, MESSAGE.size)
         with_elbow, finished = packet[FLAGS_OFFSET], packet[FLAGS_OFFSET + 1]
+        # on the wire: q_c 7, dq_c 7, O_T_EE_c 16 by columns, O_dP_EE_c 6, elbow_c 2
         return cls(
             message_id,
             numbers[:7],

@@ -26,25 +26,8 @@ HAND_MASS, HAND_CENTRE = 0.73, (-0.01, 0.0, 0.03)  # kg, m in the flange, as Des
 
 def arm_mjcf() -> str:
     """MJCF text of the arm: `joint1` to `joint7` with motors, hand, sites `flange` and `tip`."""
-    bodies, ends = "", ""
-    for i, (a, _, alpha) in enumerate(PARAMETERS):
-        across, along = offset_in_frame(i)
-        turn = np.cos(alpha / 2), np.sin(alpha / 2), 0.0, 0.0
-        bodies += (
-            f'<body name="link{i + 1}" pos="{_text((a, across, along))}" quat="{_text(turn)}">'
-            f'<inertial pos="{_text(CENTRES[i])}" mass="{MASSES[i]:.9g}" '
-            f'fullinertia="{_text(INERTIAS[i])}"/>'
-            f'<joint name="joint{i + 1}" axis="0 0 1"/>'
-        )
-        ends += "</body>"
-    tip = np.add(FLANGE_TO_TIP[:3, 3], (0.0, 0.0, FLANGE))
-    centre = np.add(HAND_CENTRE, (0.0, 0.0, FLANGE))
-    bodies += (
-        f'<site name="flange" pos="0 0 {FLANGE}"/><site name="tip" pos="{_text(tip)}"/>'
-        '<body name="hand">'
-        f'<inertial pos="{_text(centre)}" mass="{HAND_MASS:.9g}" '
-        f'diaginertia="{_text(HAND_INERTIA)}"/></body>'
-    )
+    links = "".join(_open_link(i) for i in range(7))
+    ends = 7 * "</body>"
     motors = "".join(
         f'<motor name="motor{i + 1}" joint="joint{i + 1}" forcelimited="true" '
         f'forcerange="-{limits.LARGEST_TORQUE[i]:g} {limits.LARGEST_TORQUE[i]:g}"/>'
@@ -53,7 +36,32 @@ def arm_mjcf() -> str:
     return (
         '<mujoco model="arm"><compiler angle="radian"/>'
         f'<option gravity="0 0 -{GRAVITY}" integrator="RK4"/>'
-        f"<worldbody>{bodies}{ends}</worldbody><actuator>{motors}</actuator></mujoco>\n"
+        f"<worldbody>{links}{_hand()}{ends}</worldbody><actuator>{motors}</actuator></mujoco>\n"
+    )
+
+
+def _open_link(i: int) -> str:
+    """Opening tags of link `i`, counted from 0, with its inertia and joint; the next link nests."""
+    a, _, alpha = PARAMETERS[i]
+    across, along = offset_in_frame(i)
+    turn = np.cos(alpha / 2), np.sin(alpha / 2), 0.0, 0.0
+    return (
+        f'<body name="link{i + 1}" pos="{_text((a, across, along))}" quat="{_text(turn)}">'
+        f'<inertial pos="{_text(CENTRES[i])}" mass="{MASSES[i]:.9g}" '
+        f'fullinertia="{_text(INERTIAS[i])}"/>'
+        f'<joint name="joint{i + 1}" axis="0 0 1"/>'
+    )
+
+
+def _hand() -> str:
+    """MJCF of flange, tip and hand in the last link, whose frame lies FLANGE before the flange."""
+    tip = np.add(FLANGE_TO_TIP[:3, 3], (0.0, 0.0, FLANGE))
+    centre = np.add(HAND_CENTRE, (0.0, 0.0, FLANGE))
+    return (
+        f'<site name="flange" pos="0 0 {FLANGE}"/><site name="tip" pos="{_text(tip)}"/>'
+        '<body name="hand">'
+        f'<inertial pos="{_text(centre)}" mass="{HAND_MASS:.9g}" '
+        f'diaginertia="{_text(HAND_INERTIA)}"/></body>'
     )
 
 

@@ -38,7 +38,7 @@ def holding_torques(q: Array, mass: float, centre: Array) -> Array:
     torques = np.zeros(7)
     for joint in range(7):
         origin, axis = joints[joint, :3, 3], joints[joint, :3, 2]
-        beyond = slice(joint, 8)
+        beyond = slice(joint, 8)  # links from the joint on, and the load
         moment = np.cross(points[beyond] - origin, np.outer(weights[beyond], [0.0, 0.0, 1.0]))
         torques[joint] = float(axis @ moment.sum(axis=0))
     return torques

@@ -22,7 +22,11 @@ POSE_TOLERANCE = 1e-7  # m and rad
 ITERATIONS = 150
 LARGEST_STEP = 0.3  # rad, of one iteration
 CENTRING_SHARE = 0.15  # share of the way to mid-range that an iteration takes where the pose allows
+CENTRING_GAIN = 10  # 1/m and 1/rad: below an error of 0.1 the pull to mid-range fades out
+DAMPING_GAIN, LARGEST_DAMPING, LEAST_DAMPING = 0.1, 0.05, 1e-6  # per m or rad of error; bounds
 LINE_DAMPING = 0.02  # of the inverse along a straight line
+HAND_REACH = 0.2  # m, more than the flange is away from the middle of the wrist
+AT_END = 1e-6  # rad from a joint's limit, from which the joint counts as blocked by it
 SHOULDER = frozen([0.0, 0.0, PARAMETERS[0, 1]])
 
 
@@ -44,7 +48,7 @@ class Attempt:
 
     @property
     def found(self) -> bool:
-        """Whether both errors are within tolerance."""
+        """Whether position and orientation are within POSE_TOLERANCE."""
         return max(self.distance, self.angle) < POSE_TOLERANCE
 
 
@@ -104,7 +108,7 @@ def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
         size = float(np.abs(error).max())
         if size < POSE_TOLERANCE / 2:
             break
-        pull = centre * (MIDDLE - joints) * min(1.0, 10 * size)
+        pull = centre * (MIDDLE - joints) * min(1.0, CENTRING_GAIN * size)
         step = _step(jac, error, pull, size)
         blocked = np.clip(joints + step, POSITION_LOW, POSITION_HIGH) != joints + step
         if blocked.any():
@@ -116,7 +120,8 @@ def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
 
 
 def _step(jac: Array, error: Array, pull: Array, size: float) -> Array:
-    inverse = damped_inverse(jac, min(0.1 * size, 0.05) + 1e-6)
+    """Step (7,) [rad] that reduces `error` (6,), and follows `pull` (7,) in the null space."""
+    inverse = damped_inverse(jac, min(DAMPING_GAIN * size, LARGEST_DAMPING) + LEAST_DAMPING)
     step: Array = inverse @ error + pull - inverse @ (jac @ pull)
     return step
 
@@ -126,18 +131,19 @@ def _failure_reason(pose: Array, tool: Array, best: Attempt | None) -> str:
         return "no posture was tried"
     flange = pose @ np.linalg.inv(tool)
     distance = float(np.linalg.norm(flange[:3, 3] - SHOULDER))
-    if distance > WRIST_REACH + 0.2:
+    if distance > WRIST_REACH + HAND_REACH:
         return f"the flange would be {distance:.2f} m from the shoulder; the arm ends before"
     room = margins(best.joints)
-    ended = [f"joint {joint + 1}" for joint in range(7) if room[joint] < 1e-6]
+    ended = [f"joint {joint + 1}" for joint in range(7) if room[joint] < AT_END]
     missed = f"{1e3 * best.distance:.1f} mm and {np.degrees(best.angle):.1f} deg are missing"
     return f"{missed}" + (f" with {' and '.join(ended)} at the end" if ended else "")
 
 
 def _start_postures() -> tuple[Array, ...]:
-    turned = [HOME + frozen([turn, 0, 0, 0, 0, 0, 0]) for turn in (-1.2, 1.2)]
+    """Joints (7,) [rad] from which a search begins anew: spread over the arm's postures."""
     folded = frozen([0.0, 0.3, 0.0, -2.2, 0.0, 2.5, 0.8])
-    return (HOME, frozen(MIDDLE), folded, *(frozen(start) for start in turned))
+    sideways = [frozen(HOME + frozen([yaw, 0, 0, 0, 0, 0, 0])) for yaw in (-1.2, 1.2)]
+    return (HOME, frozen(MIDDLE), folded, *sideways)
 
 
 _STARTS = _start_postures()

@@ -84,17 +84,17 @@ def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Arr
     joints = frames(q)
     pose = joints[..., 6, :, :] @ from_last_joint(tool)
     axis = joints[..., :3, 2]
-    arm = pose[..., None, :3, 3] - joints[..., :3, 3]
-    columns = np.empty((*axis.shape[:-1], 6))
-    columns[..., 0] = axis[..., 1] * arm[..., 2] - axis[..., 2] * arm[..., 1]
-    columns[..., 1] = axis[..., 2] * arm[..., 0] - axis[..., 0] * arm[..., 2]
-    columns[..., 2] = axis[..., 0] * arm[..., 1] - axis[..., 1] * arm[..., 0]
+    lever = pose[..., None, :3, 3] - joints[..., :3, 3]
+    columns = np.empty((*axis.shape[:-1], 6))  # axis x lever, faster than np.cross
+    columns[..., 0] = axis[..., 1] * lever[..., 2] - axis[..., 2] * lever[..., 1]
+    columns[..., 1] = axis[..., 2] * lever[..., 0] - axis[..., 0] * lever[..., 2]
+    columns[..., 2] = axis[..., 0] * lever[..., 1] - axis[..., 1] * lever[..., 0]
     columns[..., 3:] = axis
     return pose, np.swapaxes(columns, -1, -2)
 
 
 def from_last_joint(tool: Array) -> Array:
     """Pose (4, 4) in the last joint's frame of a `tool` (4, 4) given in the flange's frame."""
-    moved = np.array(tool, dtype=np.float64)
-    moved[2, 3] += FLANGE
-    return moved
+    pose = np.array(tool, dtype=np.float64)
+    pose[2, 3] += FLANGE
+    return pose

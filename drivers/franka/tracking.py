@@ -8,6 +8,7 @@ from drivers.types import Array
 
 ELBOW_JOINT = 2  # its angle is the elbow's, as libfranka defines it
 INVERSE_DAMPING = 1e-4
+SMALL_SINE = 1e-6  # of an angle, below which dividing by the sine loses precision
 
 
 def joint_step(q: Array, reached: Array, jac: Array, target: Array, elbow: float) -> Array:
@@ -40,9 +41,9 @@ def rotation_vector(turn: Array) -> Array:
     twice_sine = np.array([zy - yz, xz - zx, yx - xy])
     sine = hypot(zy - yz, xz - zx, yx - xy) / 2
     cosine = (xx + yy + zz - 1) / 2
-    if sine < 1e-6 and cosine > 0:
+    if sine < SMALL_SINE and cosine > 0:  # sine and angle are equal here
         return np.asarray(twice_sine / 2, dtype=np.float64)
-    if sine < 1e-6:
+    if sine < SMALL_SINE:  # close to half a turn, where the matrix is nearly symmetric
         from scipy.spatial.transform import Rotation
 
         return np.asarray(Rotation.from_matrix(turn).as_rotvec(), dtype=np.float64)
