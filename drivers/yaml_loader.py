@@ -10,6 +10,7 @@ DEPTH = 32  # of nested lists and mappings
 MOST_NODES = 10_000  # once every alias is written out
 MOST_DIGITS = 64  # of a number
 NUMBER_TAGS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+WORDLESS = ("tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:binary")  # no key in JSON either
 
 
 class BoundedLoader(yaml.SafeLoader):
@@ -74,9 +75,6 @@ class BoundedLoader(yaml.SafeLoader):
         self._nodes += nodes
         if self._nodes > MOST_NODES:
             raise _error_at(event, f"holds more than {MOST_NODES} values, aliases written out")
-
-
-WORDLESS = ("tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:binary")  # no key in JSON either
 
 
 def _error_at(event: Any, text: str) -> yaml.MarkedYAMLError:

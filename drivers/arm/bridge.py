@@ -75,7 +75,7 @@ class Bridge:
         self.ticks = until
 
     def report(self) -> tuple[Report, bool]:
-        """The newest report of the loop, and whether it has yet to take the newest command."""
+        """The newest report of the loop, and whether the newest command is yet to be taken."""
         self.check()
         report = self._reports.read()
         return report, report.number != self._order.number

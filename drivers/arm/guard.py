@@ -56,8 +56,6 @@ class ReachGuard:
             np.array([rate.vx, rate.vz, rate.pitch_rate])
             for rate in (soon.velocity, soon.acceleration)
         )
-        peak = np.minimum(self._most, np.sqrt(np.abs(speed) * self._jerk))
-        braking = -np.sign(speed) * peak
         where = np.array([soon.pose.x, soon.pose.z, soon.pose.pitch])
         self._soon, here = self._track(self._soon, where)
         rest = where + speed * np.abs(speed) / (2 * self._most)
@@ -67,13 +65,26 @@ class ReachGuard:
         room = np.minimum(limits.margins(self._soon), limits.margins(self._rest))
         if room.min() < JOINT_MARGIN:
             return f"joint {int(room.argmin()) + 1} comes to its end"
+        demand = self._demand(here, there, speed, change)
+        if demand.max() > 1.0:
+            return f"joint {int(demand.argmax()) + 1} could not follow any further"
+        return ""
+
+    def _demand(self, here: Array, there: Array, speed: Array, change: Array) -> Array:
+        """Share (7,) of each joint's limits that a motion needs, and braking from it; 1 is all.
+
+        `here` and `there` (7, 3) are joint rates per unit velocity of each axis: at the motion with
+        `speed` (3,) and its derivative `change` (3,), and where braking from it ends.
+        """
+        peak = np.minimum(self._most, np.sqrt(np.abs(speed) * self._jerk))
+        braking = -np.sign(speed) * peak
         turning = here @ speed
         later = pose_and_jacobian(self._soon + REACTION * turning)[1]
         # rad/s^2 that the path's curvature asks at constant velocity
         bending = (joint_rates(later, self._twists) @ speed - turning) / REACTION
-        asked = np.maximum.reduce(
+        demand: Array = np.maximum.reduce(
             [
-                # the motion at `soon`: velocity, acceleration; braking at once, and at its end
+                # the motion: velocity, acceleration; braking at once, and at its end
                 self._rate_shares(turning),
                 np.abs(here @ change + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
                 np.abs(here @ braking + bending) / limits.ACCELERATION,
@@ -82,9 +93,7 @@ class ReachGuard:
                 np.abs(there) @ self._most / limits.ACCELERATION / CHANGE_SHARE,
             ]
         )
-        if asked.max() > 1.0:
-            return f"joint {int(asked.argmax()) + 1} could not follow any further"
-        return ""
+        return demand
 
     def _track(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
         """Joints (7,) [rad] at pose `where` (3,), and their rates (7, 3) per velocity of each axis.

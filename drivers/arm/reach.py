@@ -85,12 +85,14 @@ def plan_reach(
     ways.sort(key=lambda way: (way.allowed, way.followed, way.margin), reverse=True)
     braked = list[Reach]()
     for way in ways:
-        stop = _first_braking(installation, path, speeds, way) if way.allowed else None
+        if not way.allowed:
+            break  # the ways with problems come last
+        stop = _first_braking(installation, path, speeds, way)
         if stop is None:
-            return way if way.allowed or not braked else max(braked, key=_progress)
+            return way
         after_lift = stop.pitch > HANGING
         braked.append(way if after_lift else replace(way, problems=(stop,)))
-    return max(braked, key=_progress)
+    return max(braked, key=_progress) if braked else ways[0]
 
 
 def _postures(
@@ -112,8 +114,8 @@ def _postures(
 
 def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
     """Track the joints along `poses` from `start`, up to the first few problems."""
-    joints, problems, least = start, list[Problem](), (np.inf, 0)
-    count = 0
+    joints, problems, count = start, list[Problem](), 0
+    margin, joint = np.inf, 0
     for pose, time in zip(poses, times, strict=True):
         x, z, pitch = pose.tolist()
         there = _track_pose(joints, plane.matrix(x, z, pitch), float(start[ELBOW_JOINT]))
@@ -121,14 +123,14 @@ def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) ->
             problems.append(Problem(x, z, pitch, "no posture of the arm brings the hand there"))
             break
         room = margins(there)
-        least = min(least, (float(room.min()), int(room.argmin())))
+        margin, joint = min((margin, joint), (float(room.min()), int(room.argmin())))
         reason = _objection(joints, there, time)
         if reason:
             problems.append(Problem(x, z, pitch, reason))
         if len(problems) >= MOST_PROBLEMS:
             break
         joints, count = there, count + 1
-    return Reach(plane.turned, start, least[0], least[1] + 1, count, tuple(problems))
+    return Reach(plane.turned, start, margin, joint + 1, count, tuple(problems))
 
 
 def _first_braking(

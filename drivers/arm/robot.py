@@ -127,7 +127,7 @@ class Robot:
         return motion
 
     def read(self, motion: Motion, *, awaited: bool = True) -> Any:
-        """The next state of `motion`; if `awaited`, on the robot's clock none that came earlier.
+        """The next state of `motion`; on the robot's own clock, if `awaited`, a fresh one.
 
         A state that lay there came while the last one was answered. Its answer would be late, and
         with it the next: a loop that fell behind once, and needs most of its tick, would lose all.

@@ -46,9 +46,9 @@ class Course(NamedTuple):
 
 
 def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
-    """Setpoint of the robot, finer than in `state`, from that `ticks` before and the joints `sent`.
+    """Setpoint of a robot in `state`, finer than its rounding, `ticks` after the setpoint `before`.
 
-    A robot that heard the command was at `sent` one tick later; without one it keeps accelerating.
+    A robot that heard its command was at the joints `sent` one tick later; else it accelerates on.
     """
     seen = Course.of(state)
     heard = largest_difference(seen.change, before.change) > CHANGE_TOLERANCE

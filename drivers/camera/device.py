@@ -14,8 +14,6 @@ from drivers.camera.kernel import Kernel
 A = TypeVar("A", bound=Argument)
 
 NO_MORE = frozenset({errno.EINVAL, errno.ENOTTY})
-
-
 NOBODY_KNOWN = "another program of a user whose processes are hidden"
 
 

@@ -43,8 +43,6 @@ RAW: dict[str, tuple[int, Decoder]] = {
     "BA81": (1, _convert(cv2.COLOR_BayerBGGR2BGR)),
     "GBRG": (1, _convert(cv2.COLOR_BayerGBRG2BGR)),
 }
-
-
 READABLE_FORMATS = frozenset({*RAW, "MJPG"})
 
 

@@ -13,7 +13,6 @@ from drivers.types import Array
 
 HAND_INERTIA = (0.001, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, 0.0, 0.0017)  # kg m^2
 MEASURED_FIELDS = ("q", "dq", "O_T_EE", "O_F_ext_hat_K", "K_F_ext_hat_K", "tau_ext_hat_filtered")
-
 TURNED = 5e-3  # rad by which a joint turns before the torques of gravity are computed again
 
 
@@ -80,7 +79,8 @@ class Publisher:
         fields["ddq_d"][:] = posture.joints.acceleration
         fields["O_dP_EE_d"][:] = fields["O_dP_EE_c"][:] = posture.tool.velocity
         fields["O_ddP_EE_c"][:] = posture.tool.acceleration
-        angle, fields["delbow_c"][0], fields["ddelbow_c"][0] = posture.swing
+        angle, rate, acceleration = posture.swing
+        fields["delbow_c"][0], fields["ddelbow_c"][0] = rate, acceleration
         fields["elbow_d"][:] = fields["elbow_c"][:] = angle, posture.elbow_sign
         self._packet.put_matrix("O_T_EE", arm.reached)  # from here on what the arm itself does
         fields["q"][:] = fields["theta"][:] = arm.q

@@ -29,13 +29,10 @@ HAND_PERIOD = 5  # ms, of the hand's states
 OFFER_HAND = 0.01  # s, after which a hand's state goes out while the arm's time is frozen
 MOST_LATE = 64  # commands for earlier ticks that are skipped in one go
 OFFER_ARM = 0.1  # s, after which the arm's last state is offered again
-
+COUNTED_TICKS = 100
 
 A = TypeVar("A")
 B = TypeVar("B")
-
-
-COUNTED_TICKS = 100
 
 
 class Punctuality:
@@ -287,9 +284,9 @@ class RobotServer:
         elif isinstance(fault, VersionFault):
             self._arm.version = fault.version
         elif isinstance(fault, FreezeFault):
-            frozen = select.poll()
-            frozen.register(self._waker, select.POLLIN)
-            frozen.poll(1000 * fault.duration)
+            pause = select.poll()  # which `close` and `inject` cut short
+            pause.register(self._waker, select.POLLIN)
+            pause.poll(1000 * fault.duration)
             self._pace.restart()
 
     def _poll_sockets(self, seconds: float | None) -> set[int]:
