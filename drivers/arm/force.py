@@ -34,6 +34,9 @@ class Tare:
         if not force <= most:
             words = f"the gripper feels {force:.1f} N at rest, allowed {most:.1f} N"
             raise Failed(Failure(Cause.PRESSED, words))
+        if not (np.isfinite(wrench).all() and np.isfinite(torques).all()):
+            words = "the robot reports moments or torques at rest that are no numbers"
+            raise Failed(Failure(Cause.PRESSED, words))
         return cls(tuple(wrench.tolist()), tuple(torques.tolist()))
 
 
@@ -54,11 +57,10 @@ class ForceGuard:
         force = hypot(*self.beyond_tare(state)[:3])
         if not force <= self.force:
             return f"the gripper met {force:.1f} N, allowed {self.force:.1f} N"
-        pairs = zip(state.tau_ext_hat_filtered, self.tare.torques, strict=True)
-        torques = [abs(torque - rest) for torque, rest in pairs]
-        largest = max(torques)
+        torques = np.abs(np.subtract(state.tau_ext_hat_filtered, self.tare.torques))
+        largest = torques.max()  # NaN if any torque is NaN
         if not largest <= self.torque:
-            joint = torques.index(largest) + 1
+            joint = torques.argmax() + 1
             return f"joint {joint} met {largest:.1f} N m, allowed {self.torque:.1f} N m"
         return ""
 

@@ -2,7 +2,7 @@
 
 import socket
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 from drivers.arm import hand_wire as wire
 from drivers.arm.failure import one_line
@@ -171,8 +171,7 @@ class FciHand:
             if packet is None:
                 break
             self._keep_state(wire.state(packet))
-        self._received += self._read_replies(tcp)
-        for reply in wire.replies(self._received):
+        for reply in self._read_replies(tcp):
             self._finish_motion(reply)
         self._repeat_stop()
 
@@ -200,16 +199,15 @@ class FciHand:
         if self._next:
             self._start_next()
 
-    def _read_replies(self, tcp: socket.socket) -> bytes:
+    def _read_replies(self, tcp: socket.socket) -> list[wire.Reply]:
+        """Replies that are complete by now; Fault for a lost connection or a malformed reply."""
         try:
-            received = tcp.recv(4096)
+            self._received += _received(tcp)
+            return wire.replies(self._received)
         except BlockingIOError:
-            return b""
+            return []
         except OSError as error:
             raise _hand_lost(self._address, error) from error
-        if not received:
-            raise _hand_lost(self._address, ConnectionResetError("it closed the connection"))
-        return received
 
     def _open_links(self) -> tuple[socket.socket, socket.socket]:
         if self._tcp is None or self._udp is None:
@@ -224,30 +222,42 @@ class FciHand:
 
 def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
     """Connections (TCP and UDP) to the hand at `address`, and its first state."""
-    udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    tcp = socket.create_connection((address, PORT), CONNECT_TIMEOUT)
-    with suppress(OSError):
-        tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    udp.bind((tcp.getsockname()[0], 0))
-    tcp.sendall(wire.connect(0, udp.getsockname()[1]))
+    with ExitStack() as opened:  # which closes both if anything fails
+        udp = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        tcp = opened.enter_context(socket.create_connection((address, PORT), CONNECT_TIMEOUT))
+        with suppress(OSError):
+            tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        udp.bind((tcp.getsockname()[0], 0))
+        tcp.sendall(wire.connect(0, udp.getsockname()[1]))
+        answer = _first_reply(tcp)
+        if answer.status != HandStatus.SUCCESS:
+            raise Fault(
+                "hand_version",
+                f"the hand at {address} speaks version {answer.version} of its interface, "
+                f"the cell speaks {PROTOCOL_VERSION}; update the robot's system image or the cell",
+            )
+        udp.settimeout(CONNECT_TIMEOUT)
+        while (first := wire.state(udp.recv(256))) is None:
+            continue
+        tcp.setblocking(False)
+        udp.setblocking(False)
+        opened.pop_all()
+        return tcp, udp, first
+
+
+def _first_reply(tcp: socket.socket) -> wire.Reply:
     received = bytearray()
     while not (answers := wire.replies(received)):
-        more = tcp.recv(64)
-        if not more:
-            raise ConnectionResetError("it closed the connection")
-        received += more
-    if answers[0].status != HandStatus.SUCCESS:
-        raise Fault(
-            "hand_version",
-            f"the hand at {address} speaks version {answers[0].version} of its interface, "
-            f"the cell speaks {PROTOCOL_VERSION}; update the robot's system image or the cell",
-        )
-    udp.settimeout(CONNECT_TIMEOUT)
-    while (first := wire.state(udp.recv(256))) is None:
-        continue
-    tcp.setblocking(False)
-    udp.setblocking(False)
-    return tcp, udp, first
+        received += _received(tcp)
+    return answers[0]
+
+
+def _received(tcp: socket.socket) -> bytes:
+    """Bytes from the connection; ConnectionResetError where the hand has closed it."""
+    received = tcp.recv(4096)
+    if not received:
+        raise ConnectionResetError("it closed the connection")
+    return received
 
 
 def _next_datagram(udp: socket.socket) -> bytes | None:

@@ -16,6 +16,7 @@ from drivers.franka.hand_protocol import (
 )
 
 NUMBER = Struct("<H")  # a status or a version
+LONGEST_REPLY = 64  # bytes; version 3 sends at most 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +67,17 @@ def grasp(number: int, thinnest: float, thickest: float, speed: float, force: fl
 
 
 def replies(received: bytearray) -> list[Reply]:
-    """Remove the complete replies from the front of `received` and return them."""
+    """Remove the complete replies from the front of `received` and return them.
+
+    Raises ConnectionError for a reply of a size that none has, after which no other can be read.
+    """
     found: list[Reply] = []
     version_at = HEADER.size + NUMBER.size  # behind the status
     while len(received) >= version_at:
         command, number, size = HEADER.unpack_from(received)
-        if len(received) < size or size < version_at:
+        if not version_at <= size <= LONGEST_REPLY:
+            raise ConnectionError(f"it sent a reply of {size} bytes")
+        if len(received) < size:
             break
         (status,) = NUMBER.unpack_from(received, HEADER.size)
         has_version = size >= version_at + NUMBER.size

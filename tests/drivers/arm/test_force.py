@@ -67,6 +67,10 @@ def test_push_on_the_arm_itself_is_felt_by_its_joint(joint: int) -> None:
     push[joint] = -11.0
     assert f"joint {joint + 1} met 11.0 N m" in guard.objection(state(torques=push))
     assert guard.objection(state(torques=0.8 * push)) == ""
+    push[joint] = np.nan
+    assert f"joint {joint + 1} met nan N m" in guard.objection(state(torques=push))
+    with pytest.raises(Failed, match="no numbers"):
+        Tare.of([state(torques=push)] * 3, 10.0)
 
 
 def test_loop_guards_and_reports_force_beyond_the_tare() -> None:

@@ -1,7 +1,9 @@
 """The hand as users report it: not homed, missing thin things, deaf to stops; never waited for."""
 
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -10,7 +12,7 @@ from drivers.arm.settings import HandLimits
 from drivers.clock import WallClock
 from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer
-from drivers.franka.hand_protocol import HandCommand
+from drivers.franka.hand_protocol import HEADER, HandCommand
 from drivers.types import HandState
 
 DENIM = HandLimits().around(0.0008, 0.001)
@@ -139,3 +141,26 @@ def test_silent_hand_grows_old_though_it_last_said_that_it_holds() -> None:
         state = hand.state()
         assert state.grasped
         assert state.arrival - state.stamp > 0.1
+
+
+@pytest.mark.parametrize("size", [0, 11, 65, 2**32 - 1])
+def test_reply_of_a_size_that_none_has_is_a_lost_hand(size: int) -> None:
+    with driven(None, DENIM) as (_, hand, _):
+        hand.state()
+        ours, theirs = socket.socketpair()
+        ours.setblocking(False)
+        with hand._tcp, ours, theirs:
+            hand._tcp = ours
+            theirs.send(HEADER.pack(HandCommand.MOVE, 1, size) + bytes(2))
+            with pytest.raises(Fault, match=f"a reply of {size} bytes") as fault:
+                hand.state()
+    assert fault.value.name == "hand_lost"
+
+
+def test_connection_that_fails_leaves_no_socket_open() -> None:
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    hand = FciHand("127.0.0.77", DENIM, WallClock())
+    with pytest.raises(Fault, match="does not answer") as fault:
+        hand.state()
+    assert fault.value.name == "hand_lost"
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
