@@ -39,7 +39,7 @@ PROFILE_START = HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1
 START_TIMEOUT = 60.0  # s for the process to start, its libraries included
 ENDING_TIMEOUT = 1.0  # s for it to end
 ENDED = "the process for images has ended"
-PENDING, MEASURED, FAILED = b"?", b"s", b"!"  # messages; an error's text follows FAILED
+ASK_MESSAGE, SEEN_MESSAGE, ERROR_MESSAGE = b"?", b"s", b"!"  # the last: before its text
 # before what only records or shows, where this user may; never real-time, since it computes
 NICE = -10
 
@@ -168,13 +168,13 @@ class Beside:
         self._values[:HEADER_SIZE] = (request, *stamps, *pose, 0.0)
         self._asked = now
         try:
-            self._pipe.send_bytes(PENDING)
+            self._pipe.send_bytes(ASK_MESSAGE)
         except OSError:
             self._dead = self._dead or ENDED
 
     def answer(self) -> Seen | None:
         """Results from the image handed over last, returned once; None until they are ready."""
-        return _unpack(self._values) if self._next_message() == MEASURED else None
+        return _unpack(self._values) if self._next_message() == SEEN_MESSAGE else None
 
     def checks(self) -> tuple[PreflightCheck, ...] | None:
         """Preflight checks of the image handed over last, returned once; None until ready.
@@ -224,7 +224,7 @@ class Beside:
             self._dead = ENDED
             return None
         self._asked = None
-        if message[:1] == FAILED:
+        if message[:1] == ERROR_MESSAGE:
             self._dead = message[1:].decode(errors="replace")
             return None
         return message
@@ -249,7 +249,7 @@ def serve(subject: Subject, made: Maker, pipe: Connection, image: Any, numbers: 
     except (EOFError, OSError):
         return
     except Exception as error:  # noqa: BLE001  an edge: the loop stops the arm, and says why
-        pipe.send_bytes(FAILED + f"{type(error).__name__}: {error}".encode())
+        pipe.send_bytes(ERROR_MESSAGE + f"{type(error).__name__}: {error}".encode())
 
 
 def _go_first() -> None:
@@ -271,7 +271,7 @@ def _measure(sight: Sight, pixels: Any, values: Array) -> bytes:
         checks = [asdict(check) for check in sight.inspect(frame)]
         return json.dumps(checks, default=np.generic.item).encode()
     _pack(values, sight.look(frame, Pose(x, z, pitch), touches=request == TRACK))
-    return MEASURED
+    return SEEN_MESSAGE
 
 
 def _size() -> int:

@@ -34,23 +34,23 @@ class Region:
 
     @property
     def origin(self) -> Array:
-        """(2,) the image point of its first pixel."""
+        """Image point (2,) [px] of the region's first pixel."""
         return np.array([self.left, self.top], dtype=np.float64)
 
     def of(self, image: NDArray[T]) -> NDArray[T]:
-        """The part of `image` (h, w, ...), a view."""
+        """View of the part of `image` (height, width, ...) within the region."""
         return image[self.top : self.bottom, self.left : self.right]
 
     def cells(self, cell: int) -> tuple[int, int]:
-        """Rows and columns of cells of `cell` [px] that cover it."""
+        """Number of rows and columns of cells, `cell` [px] wide, that cover the region."""
         return -(-(self.bottom - self.top) // cell), -(-(self.right - self.left) // cell)
 
 
 def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: int) -> Region:
-    """The region in which a strip of `length` [m], fixed at x = 0 and held by the gripper, can
-    appear, in whole cells of `cell` [px].
+    """Region in which a strip of `length` [m] can appear, in whole cells of `cell` [px].
 
-    It ends on the right half way between the strip's length and the gripper.
+    The strip is fixed at x = 0 and held by the gripper: the region ends on the right half way
+    between its length and the gripper.
     """
     top = max(gripper.z + ABOVE_GRIPPER, FOLD)
     right = float(np.clip((length + gripper.x) / 2, length / 2, length)) + BEYOND
@@ -65,12 +65,12 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: i
 
 
 def whole(image: Image) -> Region:
-    """All of `image` (height, width, ...)."""
+    """Region of the whole `image` (height, width, ...)."""
     return Region(0, 0, image.shape[1], image.shape[0])
 
 
 def way_of(calibration: Calibration, length: float) -> Image:
-    """Mask (height, width) of the background along the motion of a strip of `length` [m].
+    """Mask (height, width) of the background along the motion of a strip, `length` [m] long.
 
     Above the desk; where the hand waits before the grasp only the low part.
     """
@@ -88,8 +88,9 @@ def way_of(calibration: Calibration, length: float) -> Image:
 
 @dataclass(frozen=True, slots=True)
 class Zones:
-    """Masks (height, width) of the whole image, 255 inside: `strip`, where one can lie or hang;
-    `lifted`, the part of it high enough to be clear of its shadow.
+    """Masks (height, width) of the whole image, 255 inside, in which a strip can appear.
+
+    `strip` is where one can lie or hang, `lifted` the part high enough to be clear of its shadow.
     """
 
     strip: Image
@@ -97,7 +98,7 @@ class Zones:
 
 
 def zones(calibration: Calibration, length: float, shadow_height: float) -> Zones:
-    """The zones of a strip of `length` [m] whose shadow reaches up to `shadow_height` [m]."""
+    """Zones of a strip, `length` [m] long, whose shadow reaches up to `shadow_height` [m]."""
     return Zones(*(_zone(calibration, length, low) for low in (-BELOW, shadow_height)))
 
 
@@ -116,7 +117,7 @@ def _fill(calibration: Calibration, corners: Array) -> Image:
 
 
 def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Image:
-    """Mask (h, w) of `region`, 0 where the hand is in the way and 255 elsewhere."""
+    """Mask (h, w) of `region`, 0 where the hand may hide the strip and 255 elsewhere."""
     approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
     aside = np.array([-approach[1], approach[0]])
     (finger, slim), (hand, wide) = FINGER_SIZE, HAND_SIZE
