@@ -51,7 +51,7 @@ class FoldContext:
 
 @dataclass(slots=True)
 class CalibrationContext:
-    """Context of a calibration of the map to the plane: lens, settings, results.
+    """Context of a homography calibration: settings, lens, operator, and the results so far.
 
     The `operator` is asked before the arm moves, `watch` receives all news. `plan` replaces the
     poses of the settings. Only a run that `remembers` leaves `landmarks`. With an `old` calibration
@@ -79,7 +79,7 @@ class CalibrationContext:
 
 @dataclass(slots=True)
 class ManualContext:
-    """Context of a `motion` by hand, made from its first snapshot, and the pose at its `end`."""
+    """Context of a manual motion: `motion` makes it of a snapshot, `end` is the last pose."""
 
     settings: CellSettings
     motion: Callable[[Snapshot], Motion]
