@@ -73,7 +73,7 @@ class CalibrationContext:
 
     @property
     def desk(self) -> float:
-        """End of the desk along the strip [m], for the hand."""
+        """Position x [m] at which the desk ends for the hand."""
         return desk_end(self.settings.installation)
 
 
@@ -88,7 +88,7 @@ class ManualContext:
 
     @property
     def desk(self) -> float:
-        """End of the desk along the strip [m], for the hand."""
+        """Position x [m] at which the desk ends for the hand."""
         return desk_end(self.settings.installation)
 
 

@@ -23,10 +23,7 @@ USUAL_AGE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Limits of the monitors and of the arm's motion, and the cell's workspace.
-
-    `desk` [m] is where the desk ends for the hand, 0 where the arm has none.
-    """
+    """Limits that the monitors enforce; `desk` [m] is where it ends for the hand, 0 without one."""
 
     limits: MonitorLimits
     workspace: Workspace
@@ -124,13 +121,10 @@ def _reading_overdue(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
-    limits = rules.limits
-    if (
-        snapshot.view.doubtful_since is None
-        or snapshot.time - snapshot.view.doubtful_since <= limits.doubt
-    ):
+    limits, view = rules.limits, snapshot.view
+    if view.doubtful_since is None or snapshot.time - view.doubtful_since <= limits.doubt:
         return None
-    seen = snapshot.view.measurement.confidence if snapshot.view.measurement is not None else 0.0
+    seen = view.measurement.confidence if view.measurement is not None else 0.0
     return (
         f"confidence in the images is {seen:.2f}, below {limits.confidence:.2f} "
         f"for more than {limits.doubt:.1f} s"

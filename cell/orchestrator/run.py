@@ -65,9 +65,8 @@ class Run:
         self._rests = False
         self._command: Command | None = None
         self._stopped: StopReason | None = None
-        self._safe_stop = SafeStop(
-            devices, round(settings.fold.stop_timeout * settings.fold.control_rate)
-        )
+        braking_turns = round(settings.fold.stop_timeout * settings.fold.control_rate)
+        self._safe_stop = SafeStop(devices, braking_turns)
         self._snapshot: Snapshot | None = None
         self._arm_history = ArmHistory()
         self._vision = Vision(devices.camera, settings.monitors)

@@ -120,10 +120,7 @@ def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) 
 
 
 def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | None:
-    """Binned profiles (n, BINS, POINTS, 2) [m] of the n `models` moved along the path of `fold`.
-
-    None if the simulation of one fails.
-    """
+    """Binned profiles (n, BINS, POINTS, 2) of `models` on the path of `fold`; None if one fails."""
     times = np.arange(fold.t[0] + DT, fold.t[-1] + 0.5 * DT, DT)
     path = np.stack([np.interp(times, fold.t, column) for column in fold.poses.T], axis=1)
     rod = Rod(SEGMENTS, strict=False)

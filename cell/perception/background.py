@@ -77,10 +77,7 @@ class Place:
 def learn_background(
     image: Image, calibration: Calibration, place: Place, about: int
 ) -> Background:
-    """Background of `image` (height, width, 3), with the strip at `place` replaced by desk.
-
-    Light is the median over `about` (odd) by `about` patches.
-    """
+    """Background of `image` (height, width, 3), with the strip at `place` replaced by desk."""
     x = np.linspace(0.0, place.length + END_MARGIN, 60)
     ends = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
     columns = np.arange(max(int(ends[0]), 0), min(int(ends[1]) + 1, image.shape[1] - 1))

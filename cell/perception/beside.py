@@ -295,17 +295,10 @@ def _unpack(values: Array) -> Seen:
     stamp, sequence, contact_x, contact_confidence, profile_confidence = numbers[:5]
     tip_x, tip_z, gap, gap_x, gripper_x, gripper_z = numbers[5:NUMBERS]
     shift, *touch, count = numbers[NUMBERS:]
-    points = values[PROFILE_START : PROFILE_START + 2 * int(count)].reshape(int(count), 2)
+    points = values[PROFILE_START : PROFILE_START + 2 * int(count)].reshape(int(count), 2).copy()
+    contact, profile = (contact_x, contact_confidence), (points, profile_confidence)
+    tip, gripper = (tip_x, tip_z), (gripper_x, gripper_z)
     measurement = StripMeasurement(
-        stamp=stamp,
-        sequence=int(sequence),
-        contact_x=contact_x,
-        contact_confidence=contact_confidence,
-        profile=points.copy(),
-        profile_confidence=profile_confidence,
-        tip=(tip_x, tip_z),
-        gap=gap,
-        gap_x=gap_x,
-        gripper=(gripper_x, gripper_z),
+        stamp, int(sequence), *contact, *profile, tip, gap, gap_x, gripper
     )
     return Seen(measurement, None if np.isnan(touch[0]) else SeenTouch(*touch), shift)

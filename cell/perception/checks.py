@@ -123,10 +123,8 @@ def background_contrast(
 def check_exposure(seen: Samples) -> PreflightCheck:
     """Check whether strip, desk and backdrop are neither over- nor underexposed."""
     pixels = np.vstack([seen.strip, seen.desk, seen.backdrop])
-    white, black = (
-        (pixels > WHITE_LEVEL).any(axis=1).mean(),
-        (pixels < BLACK_LEVEL).all(axis=1).mean(),
-    )
+    white = (pixels > WHITE_LEVEL).any(axis=1).mean()
+    black = (pixels < BLACK_LEVEL).all(axis=1).mean()
     return PreflightCheck(
         "exposure",
         max(white, black) <= BURNT,

@@ -83,21 +83,19 @@ def bridge(image: Image, columns: Columns, top: Columns, bottom: Columns, edge: 
 
 @entry
 def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Floats:
-    """Brightness (rows, columns) of the patches of `image` (h, w, 3): the sum of their channels.
+    """Sum of the channels (rows, columns) of each patch of `image` (h, w, 3), a mean of 4 pixels.
 
-    It is the mean of four pixels about a patch's middle. The first patch begins at column `left`
-    and row `top` [px].
+    These are about the patch's middle; the first patch begins at column `left`, row `top` [px].
     """
     found = np.empty((rows, columns), np.float32)
+    half = PATCH_PX // 2
     for i in range(rows):
         for j in range(columns):
             total = np.int32(0)
             for v in range(2):
-                row = min(top + PATCH_PX * i + PATCH_PX // 2 + 4 * v - 3, image.shape[0] - 1)
+                row = min(top + PATCH_PX * i + half + 4 * v - 3, image.shape[0] - 1)
                 for u in range(2):
-                    column = min(
-                        left + PATCH_PX * j + PATCH_PX // 2 + 4 * u - 3, image.shape[1] - 1
-                    )
+                    column = min(left + PATCH_PX * j + half + 4 * u - 3, image.shape[1] - 1)
                     for c in range(3):
                         total += np.int32(image[row, column, c])
             found[i, j] = np.float32(total) / 4
@@ -148,8 +146,8 @@ def _load_cell(
 ) -> None:
     """Load the pixels of one `cell`, row and column, into `pixels` (7, CELL_PX^2).
 
-    Per pixel the difference of B, G, R, in even light, from the background's, these themselves,
-    and their shade; `light` (n + 2, m + 2) of cells with a border is interpolated.
+    Rows: the difference of B, G, R, in even light, from the background's, these themselves, their
+    shade; `light` (n + 2, m + 2) of cells with a border is interpolated.
     """
     (left, top), (i, j) = corner, cell
     half = np.float32(0.5) / np.float32(CELL_PX) + np.float32(0.5)
@@ -287,10 +285,7 @@ def _find_peak(line: Array, offsets: Array, width: float) -> Any:
 
 @kernel
 def _find_flanks(line: Array, peak: int, latest: int, level: float) -> Any:
-    """Samples of `line` (m,) before and after which it passes `level` around its `peak`.
-
-    The last one below before `latest`, and the first one below after the peak, m where none is.
-    """
+    """Last sample of `line` (m,) below `level` before its `peak`, first one after it or m."""
     rise = 0
     for j in range(min(max(peak, 1), latest)):
         rise = rise if line[j] > level else j

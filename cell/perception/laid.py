@@ -16,10 +16,7 @@ TOP = 5  # points of the profile whose mean height is the loop's
 
 
 class Loop(NamedTuple):
-    """Dimensions [m] of the loop of a laid fold: x of its rightmost point, height and width.
-
-    The width is that from where the lower layer leaves the desk.
-    """
+    """Loop of a laid fold [m]: x of its tip, its height, its width from the desk contact."""
 
     tip_x: float
     height: float

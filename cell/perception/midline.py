@@ -114,12 +114,9 @@ def _level_centres(mask: Mask, distance: Array, step: float) -> Array:
 
 def _smooth(points: Array, reach: int) -> Array:
     """Moving average of points (n, 2) over 2 reach + 1 of them; the end points stay."""
-    mirrored = [
-        2 * points[0] - points[reach:0:-1],
-        points,
-        2 * points[-1] - points[-2 : -reach - 2 : -1],
-    ]
-    sums = np.cumsum(np.vstack([np.zeros((1, 2)), *mirrored]), axis=0)
+    before = 2 * points[0] - points[reach:0:-1]  # the points mirrored at either end
+    after = 2 * points[-1] - points[-2 : -reach - 2 : -1]
+    sums = np.cumsum(np.vstack([np.zeros((1, 2)), before, points, after]), axis=0)
     window = 2 * reach + 1
     return cast(Array, (sums[window:] - sums[:-window]) / window)
 

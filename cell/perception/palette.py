@@ -37,10 +37,7 @@ def match_none(samples: Array, colours: Array) -> NDArray[np.bool_]:
 
 
 def _standard_distances(samples: Array, colours: Array) -> Array:
-    """Distances (n, k) of samples (n, 3) from colours (k, 3), in standard deviations.
-
-    Brightness counts less than colour.
-    """
+    """Distances (n, k) of `samples` and `colours` in sigma; brightness counts less than colour."""
     away = samples[:, None] - colours
     bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
     along = (away * bright).sum(axis=2)
@@ -61,12 +58,9 @@ def _refine(samples: Array, colours: Array) -> Array:
     """Move each colour (k, 3) to the median of its nearest samples, until convergence."""
     for _ in range(ROUNDS):
         nearest: Indices = _standard_distances(samples, colours).argmin(axis=1)
-        medians = np.array(
-            [
-                np.median(samples[nearest == k], axis=0) if (nearest == k).any() else colour
-                for k, colour in enumerate(colours)
-            ]
-        )
+        medians = colours.copy()
+        for k in np.unique(nearest):
+            medians[k] = np.median(samples[nearest == k], axis=0)
         if np.allclose(medians, colours, atol=0.1):
             break
         colours = medians

@@ -11,13 +11,12 @@ from cell.perception.silhouette import Side
 from cell.perception.sizes import Sizes
 from drivers.types import Array, Image
 
+KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five points
+
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """Imaging geometry of a strip: calibration, thickness and width [m], window, pixel sizes.
-
-    `origin` (2,) [px] is that of the window in which outlines are given.
-    """
+    """Imaging geometry of a strip, thickness and width [m], and `origin` (2,) [px] of its window."""
 
     calibration: Calibration
     thickness: float
@@ -72,10 +71,7 @@ def midline_points(levels: Image, side: Side, geometry: Geometry) -> MidlinePoin
 def _midline(
     place: Array, out: Array, lever: Array, seen: Crossings, geometry: Geometry, scale: float
 ) -> Array:
-    """Midline points (n, 2) [m]: those of the outer side, `place`, shifted along the normals `out`.
-
-    Wide bands are placed by their borders, narrow ones by their centre of mass.
-    """
+    """Midline points (n, 2) [m], by the borders of wide bands, by the mass of narrow ones."""
     half, sizes = geometry.thickness / 2, geometry.sizes
     swept = np.abs(lever) * geometry.sweep
     by_near_edge = -seen.outer * scale - half  # [m] along `out`, as all below
@@ -93,11 +89,7 @@ def _midline(
 def _by_far_edge(
     predicted: Array, seen: Crossings, lever: Array, half: float, sizes: Sizes, scale: float
 ) -> Array:
-    """Midline (n,) [m] along the normals where the outer side is the far edge.
-
-    By the near edge behind it where that is visible, else `predicted` (n,) from the sweep, with the
-    offset that the points with both show.
-    """
+    """Midline (n,) [m] along the normals behind a far edge: by the near edge, else `predicted`."""
     behind = -seen.inner * scale + half
     predicted = predicted + _far_offset((behind - predicted)[lever < 0], sizes.agree * scale)
     off = np.abs(behind - predicted) / scale
@@ -107,10 +99,9 @@ def _by_far_edge(
 
 
 def _far_offset(differences: Array, most: float) -> float:
-    """Offset [m] of the far edge from where it is predicted, the median of `differences` (n,).
+    """Median [m] of `differences` (n,) between a midline by the near edge and the predicted one.
 
-    Only those under `most` [m] count, from points that show both edges; errors of stated width and
-    thickness cause it.
+    Only those under `most` [m] count; errors of stated width and thickness cause it.
     """
     both = differences[np.abs(differences) < most]
     return float(np.median(both)) if len(both) >= 10 else 0.0
@@ -141,9 +132,6 @@ def resample(points: Array, count: int) -> Array:
     at = np.linspace(0.0, travel[-1], count)
     even = np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)
     return _savgol(even)
-
-
-KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five points
 
 
 def _savgol(points: Array) -> Array:

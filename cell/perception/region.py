@@ -75,14 +75,8 @@ def way_of(calibration: Calibration, length: float) -> Image:
     Above the desk; where the hand waits before the grasp only the low part.
     """
     start, middle, end, top = (share * length for share in WAY)
-    outline = [
-        (start, LOW_HEIGHT),
-        (end, LOW_HEIGHT),
-        (end, HIGH_HEIGHT),
-        (middle, HIGH_HEIGHT),
-        (middle, top),
-        (start, top),
-    ]
+    outline = [(start, LOW_HEIGHT), (end, LOW_HEIGHT), (end, HIGH_HEIGHT)]
+    outline += [(middle, HIGH_HEIGHT), (middle, top), (start, top)]
     return _fill(calibration, np.array(outline))
 
 

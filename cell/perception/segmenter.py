@@ -95,10 +95,7 @@ class Segmenter:
         return cells
 
     def separation(self, where: Image) -> Floats:
-        """Separation (k, n) of the k colours from the background in the n pixels of a mask.
-
-        In standard deviations.
-        """
+        """Separation (k, n) [sigma] of the k colours from the background in the mask's n pixels."""
         behind, shade = self.background.image[where > 0], self.background.shade[where > 0]
         return np.stack([separation(c, behind, shade, self.smooth) for c in self.colours])
 

@@ -113,10 +113,7 @@ class Standing:
 
 
 def _choose_patches(sigma: Array) -> tuple[list[tuple[int, int]], list[float]]:
-    """Corners, column and row [px], and weights [1/px^2] of patches that do not overlap.
-
-    The ones of least `sigma` (h, w) [px] first, which is set to inf around each.
-    """
+    """Corners (column, row) [px] and weights of the surest patches; `sigma` (h, w) is used up."""
     corners, weights = list[tuple[int, int]](), list[float]()
     while len(corners) < MOST_PATCHES and sigma.min() <= PATCH_SIGMA:
         v, u = np.unravel_index(int(sigma.argmin()), sigma.shape)
@@ -129,10 +126,9 @@ def _choose_patches(sigma: Array) -> tuple[list[tuple[int, int]], list[float]]:
 
 
 def _deviation(grey: Image, noise: float) -> Array:
-    """Standard deviation (h, w) [px] of the place of a patch about each pixel.
+    """Standard deviation (h, w) [px] of a patch's place about each pixel, by the Cramer-Rao bound.
 
-    In its less sure direction, by the Cramer-Rao bound; `noise` [grey levels] is that of two
-    pixels' difference.
+    In its less sure direction; `noise` [grey levels] is that of two pixels' difference.
     """
     seen = grey.astype(np.float32)
     dx, dz = cv2.Scharr(seen, -1, 1, 0, scale=1 / 32), cv2.Scharr(seen, -1, 0, 1, scale=1 / 32)
