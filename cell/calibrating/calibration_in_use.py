@@ -59,7 +59,7 @@ def use_calibration(cell_file: Path, calibration: Path) -> None:
 def check_current(
     calibration: Calibration, allowed_days: float, now: datetime, *, on_twin: bool
 ) -> None:
-    """Refuse a calibration that is implausible, from the future, or on hardware expired.
+    """Refuse a calibration that is implausible, from the future, or, on hardware, expired.
 
     Raises ConfigurationError and PreflightRefused.
     """

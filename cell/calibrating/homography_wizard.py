@@ -239,7 +239,7 @@ def lens_of(folder: Path) -> Lens:
 
 
 def read_poses(path: Path) -> tuple[Pose, ...]:
-    """Poses in a poses.yaml, edited perhaps; raises ConfigurationError for a broken file."""
+    """Read the poses of a poses.yaml; raises ConfigurationError for a broken file."""
     return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
 
 

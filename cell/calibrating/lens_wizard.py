@@ -166,7 +166,7 @@ def _show_board(
 
 
 def _restore_views(views: BoardViews, folder: Path, session: Session) -> None:
-    """Accept the views of an interrupted session; raises ConfigurationError for a lost board."""
+    """Accept the views of an interrupted session; raises ConfigurationError without a board."""
     for row, image in taken_images(folder, session, ()):
         if views.restore(row.number, image) is None:
             raise ConfigurationError(

@@ -55,9 +55,9 @@ class WizardPanel:
         answer = news.answer
         self._news = news
         if answer:
-            news_text = answer.partition(": ")[2]
-            kept = [line for line in self._answers if line.partition(": ")[2] != news_text]
-            self._answers = [*kept[1 - RECENT :], answer]
+            text = answer.partition(": ")[2]  # an answer replaces an earlier one of this text
+            others = [line for line in self._answers if line.partition(": ")[2] != text]
+            self._answers = [*others[1 - RECENT :], answer]
         if self._live is not None:
             self._live.update(self.draw(news), refresh=True)
         elif answer:

@@ -79,10 +79,10 @@ def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Reques
 
 
 def check_requests(wanted: Sequence[Request]) -> Sequence[Request]:
-    """Check `wanted`, which differ in plant and seed, with cell and strip read once for all.
+    """Check the requests of a batch and return them with the files read once for all.
 
-    Reads every file that they name: raises ConfigurationError before anything has moved, not in the
-    middle of the folds.
+    They differ in plant and seed. Every file that they name is read: raises ConfigurationError
+    before anything has moved, not in the middle of the folds.
     """
     first = wanted[0]
     files = first.read_files()

@@ -20,6 +20,7 @@ from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
 from cell.orchestrator.interrupt import Interrupt
 from cell.orchestrator.snapshot import Snapshot
+from cell.record.documents import write_document
 from cell.record.run import read_run
 from drivers.errors import CellError
 from drivers.installation import Installation
@@ -69,19 +70,17 @@ class Striker:
         if self._scene().cell.now >= begun + FAULT_DELAY:
             self._strike()
 
-    def note(self, _time: float, kind: str, facts: dict[str, object]) -> None:
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:  # noqa: ARG002
         """Note when states begin, and the first fault that the cell reports."""
-        state, time = self._blow.state, self._scene().cell.now
+        state, now = self._blow.state, self._scene().cell.now
         if kind == "fault" and self.fault is None:
-            self.fault = (time, str(facts["name"]), str(facts["reason"]))
+            self.fault = (now, str(facts["name"]), str(facts["reason"]))
         if kind != "state":
             return
         if facts["state"] == state and state in ("TOUCHED", "STOPPING"):
             self._strike()
         elif facts["state"] == ("FOLD" if state == "STOPPING" else state):
-            self._begun = time
-
-    handle_event = note
+            self._begun = now
 
     def _strike(self) -> None:
         if self.at is None:
@@ -203,8 +202,6 @@ def _request(blow: Blow, folder: Path) -> Request:
 
 def _configure(folder: Path) -> Path:
     """Write this campaign's cell files to `folder`: fewer images, shorter time for a policy."""
-    from cell.record.documents import write_document
-
     made = folder / "configs"
     if made.exists():
         return made

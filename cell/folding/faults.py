@@ -37,11 +37,11 @@ class FailingPolicy:
         self._policy.reset(strip, speed, count)
 
     def lift(self) -> Path:
-        """The path whose first section lifts the edge."""
+        """Path of the policy, whose first section lifts the edge."""
         return self._policy.lift()
 
     def decide(self, observation: Observation) -> Decision:
-        """The decision as the fault alters it."""
+        """Decision of the policy as the fault alters it."""
         return self.otherwise(self._policy.decide(observation))
 
 
@@ -59,7 +59,7 @@ Strike = Callable[[Scene], None]
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """Injection of a fault, the `arm` that can suffer it, and whether it `spares` the record."""
+    """Fault to `strike` with, the `arm` that can suffer it, and whether it `spares` the record."""
 
     strike: Strike
     arm: str = "twin"
@@ -190,18 +190,18 @@ def hanging(_: Decision) -> Decision:
 
 
 def full_disk(_: Scene) -> None:
-    """Fault of the machine: files take no more bytes, as on a full disk, until lifted."""
+    """Fault of the machine: files take no more bytes, as on a full disk."""
     hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
     resource.setrlimit(resource.RLIMIT_FSIZE, (DISK_ROOM, hard))
 
 
 def slow(scene: Scene) -> None:
-    """Fault of the record: each write to its disk takes 0.2 s while the cell's clock goes on."""
+    """Fault of the record: a write to its disk takes 0.2 s while the cell's clock goes on."""
     scene.cell.clock.wait_until(scene.cell.clock.now() + 0.2)
 
 
 def dying_viewer(_: Scene) -> None:
-    """Fault of an observer: a viewer that dies, as a RuntimeError."""
+    """Fault of an observer: the viewer raises a RuntimeError."""
     raise RuntimeError("the viewer died")
 
 

@@ -213,7 +213,7 @@ def conduct(
     if timing:
         run_suppressed(lambda: recorder.describe(arm_timing=dict(timing)))
     run_suppressed(lambda: recorder.joints(devices.arm_joints()))
-    content = result_content(outcome)
+    content = result_content(outcome)  # for a review that is interrupted
     try:
         outcome = review(outcome, recorder)
         content = result_content(outcome)
@@ -231,7 +231,7 @@ def conduct(
 def result_content(outcome: Outcome) -> dict[str, Any]:
     """Content of result.yaml for an outcome."""
     content: dict[str, Any] = {"outcome": outcome.name, "reason": outcome.reason}
-    content |= {"duration": outcome.duration}
+    content["duration"] = outcome.duration
     if outcome.touch is not None:
         content |= outcome.touch.facts()
     if outcome.edge_offset is not None:
@@ -284,7 +284,7 @@ def run_header(
 def _complete_folder(
     outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page: bool
 ) -> Outcome:
-    """Write the truth (on the twin) and the page; returns the outcome, with any failure of that."""
+    """Write the truth (on the twin) and the page; returns the outcome, with a failure to write."""
     try:
         if truth:
             write_truth(folder, truth)
@@ -306,7 +306,7 @@ def _plant_hash(choice: DeviceSelection, strip: StripFile) -> str:
 
 
 def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
-    """Entry of run.yaml about a checkpoint that replaced the committed weights, empty without."""
+    """Entry of run.yaml about a checkpoint in place of the committed weights; empty for None."""
     if checkpoint is None:
         return {}
     digest = hashlib.sha256(read_bytes(checkpoint, CHECKPOINT_BYTES)).hexdigest()
@@ -314,7 +314,7 @@ def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
 
 
 def _warning(outcome: Outcome, preflight: str) -> str | None:
-    """Warning for the operator about strip or camera, which `preflight` found; None without."""
+    """Warnings for the operator, on an unlike strip and from `preflight`; None without any."""
     agreed = outcome.agreement
     unlike = "" if agreed is None or agreed.like_model else agreed.sentence()
     return "\n  ".join(filter(None, (unlike, preflight))) or None

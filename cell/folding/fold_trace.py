@@ -1,4 +1,4 @@
-"""Trace of a fold, by which strip and model are compared after it."""
+"""Trace of a fold, recorded to compare the strip with the model afterwards."""
 
 from dataclasses import asdict, replace
 
@@ -42,7 +42,7 @@ class FoldTrace:
         """Ignore an event."""
 
     def review(self, outcome: Outcome, record: Record) -> Outcome:
-        """Add the agreement of strip and model to `outcome`; disagreement fails a good fold."""
+        """Add the agreement of strip and model to `outcome`, which fails where they disagree."""
         agreed = self._agreement(outcome, record.origin)
         outcome = replace(outcome, agreement=agreed)
         if agreed is None or agreed.like_model:

@@ -1,4 +1,4 @@
-"""Measures a film of a fold with the cell's perception, without an arm, as a run folder."""
+"""Reads a film of a fold, made without the cell's arm, into a run folder."""
 
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -43,10 +43,7 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True)
 class Observed:
-    """Result of reading a film: its run `folder`, the layer touch or None, and two counts.
-
-    `images` counts those up to the touch, `read` the ones read with confidence.
-    """
+    """Result of reading a film: number of images up to the `touch`, and of those well `read`."""
 
     folder: Path
     images: int
@@ -95,7 +92,7 @@ def observe(
 
 
 def _frames(film: Path, calibration: Calibration) -> Iterator[Frame]:
-    """Yield the images at the calibration's size; raises ConfigurationError for unlike ones."""
+    """Yield images at the calibration's size; raises ConfigurationError for unlike or no images."""
     lens, any_frame = calibration.lens, False
     for frame in Film(film).frames():
         height, width = frame.image.shape[:2]
@@ -137,7 +134,7 @@ def _read(
     overlay: FilmWriter,
     progress: Progress,
 ) -> tuple[list[Held], SeenTouch | None]:
-    """Measure the images up to the layer touch, after which nobody holds the end; returns both."""
+    """Measure the images up to the layer touch; returns the measurements, and the touch or None."""
     read: list[Held] = []
     touch: SeenTouch | None = None
     for frame in frames:
@@ -215,7 +212,7 @@ def _header(cell: CellFile, strip: StripFile, calibration: Calibration) -> dict[
 
 
 def _held_path(read: Sequence[Held], strip: StripFile) -> tuple[Array, Array, Array]:
-    """Interpolate the held end: times (n,) [s] in rows, x and z (n,) [m], first lying flat."""
+    """Interpolated path of the held end: times (n,) [s], x and z (n,) [m], from lying flat on."""
     ends = [(held.measurement.stamp, held.end) for held in read if _is_confident(held)]
     lifted = ends[0][0]
     before = [held.measurement for held in read if held.measurement.stamp < lifted]

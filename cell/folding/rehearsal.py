@@ -107,7 +107,7 @@ def rehearsal(
 
 
 def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
-    """Carry out the motion of `request` in the air, without a strip and a check of the grasp."""
+    """Carry out the motion of `request` in the air: no strip is held, no grasp is checked."""
     settings, strip = request.files_of_run()
     folds = simulate_policy(request, settings, strip, [strip])
     path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))

@@ -79,7 +79,7 @@ class CalibrationContext:
 
 @dataclass(slots=True)
 class ManualContext:
-    """Context of a manual motion: `motion` makes it of a snapshot, `end` is the last pose."""
+    """Context of a manual motion, which `motion` makes from a snapshot; `end` is the last pose."""
 
     settings: CellSettings
     motion: Callable[[Snapshot], Motion]

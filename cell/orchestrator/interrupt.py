@@ -10,7 +10,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupted(CellError):
-    """Error of an operation that was interrupted from the keyboard; folds record that instead."""
+    """Error of an operation, other than a fold, that was interrupted from the keyboard."""
 
     exit_code = 130
 

@@ -1,4 +1,4 @@
-"""Safety of every command: it is slowed as images age, then each monitor may stop the arm."""
+"""Safety checks of each command: it slows down as images age, and any monitor stops the arm."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ USUAL_AGE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Limits that the monitors enforce; `desk` [m] is where it ends for the hand, 0 without one."""
+    """Limits that the monitors enforce; `desk` is x [m] of the desk's end, 0 for no hand."""
 
     limits: MonitorLimits
     workspace: Workspace

@@ -11,7 +11,7 @@ from policies.prediction import FoldPrediction
 
 @dataclass(frozen=True, slots=True)
 class StopReason:
-    """Why a run stops, with the exit code of the command line."""
+    """Reason why a run stops, with the exit code of the command line."""
 
     name: str
     reason: str

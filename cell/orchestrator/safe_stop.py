@@ -25,7 +25,7 @@ class SafeStop:
     """
 
     def __init__(self, devices: Devices, turns: int) -> None:
-        """Stop the arm of `devices` within at most `turns` cycles of the control loop."""
+        """Prepare to stop the arm of `devices` within `turns` cycles of the control loop."""
         self._devices = devices
         self._left = turns
         self._heard_stop = False

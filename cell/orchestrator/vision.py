@@ -163,18 +163,18 @@ class Vision:
         read = self._read(state, now, arm, reader)
         self._note_age(now)
         return View(
-            self._frame,
-            fresh,
-            self._identical,
-            self._measurement,
-            self._touch,
-            self._doubtful_since,
-            read,
-            None if reader is None else reader.since,
-            "" if reader is None else reader.dead,
-            self._shift,
-            self._moved,
-            self._stale_since,
+            frame=self._frame,
+            fresh=fresh,
+            identical=self._identical,
+            measurement=self._measurement,
+            touch=self._touch,
+            doubtful_since=self._doubtful_since,
+            read=read,
+            reading_since=None if reader is None else reader.since,
+            dead="" if reader is None else reader.dead,
+            shift=self._shift,
+            moved=self._moved,
+            stale_since=self._stale_since,
         )
 
     def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:

@@ -39,7 +39,8 @@ class Background:
         rows, columns = region.cells(PATCH_PX)
         patches = (region.left, region.top, rows, columns)
         now, then = brightness(image, *patches), brightness(self.image, *patches)
-        clear = visible[PATCH_PX // 2 :: PATCH_PX, PATCH_PX // 2 :: PATCH_PX] > 0
+        middles = slice(PATCH_PX // 2, None, PATCH_PX)
+        clear = visible[middles, middles] > 0
         known = np.ones((rows, columns), np.float32)
         known[: clear.shape[0], : clear.shape[1]] = clear
         ratio = np.asarray(now / np.maximum(then, DARKEST), dtype=np.float32)
@@ -51,7 +52,7 @@ class Background:
         return np.asarray(cv2.copyMakeBorder(cells[:n, :m], 1, 1, 1, 1, cv2.BORDER_REPLICATE))
 
     def _fill_holes(self, values: Floats, known: Floats) -> Floats:
-        """Replace the unknown of `values` (n, m) by the mean of known neighbours, 1 without any."""
+        """Replace unknown `values` (n, m) by the mean of known neighbours, or by 1 without any."""
         if known.all():
             return values
         size = (3 * self.about, 3 * self.about)
@@ -77,12 +78,12 @@ class Place:
 def learn_background(
     image: Image, calibration: Calibration, place: Place, about: int
 ) -> Background:
-    """Background of `image` (height, width, 3), with the strip at `place` replaced by desk."""
+    """Background of `image` (height, width, 3), with the strip at `place` interpolated over."""
     x = np.linspace(0.0, place.length + END_MARGIN, 60)
     ends = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
     columns = np.arange(max(int(ends[0]), 0), min(int(ends[1]) + 1, image.shape[1] - 1))
     bottom, top = (
-        np.interp(columns, *calibration.to_image(np.column_stack([x, 0 * x + z])).T)
+        np.interp(columns, *calibration.to_image(np.column_stack([x, np.full_like(x, z)])).T)
         for z in (place.low, place.high)
     )
     empty = image.copy()

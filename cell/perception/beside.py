@@ -34,8 +34,7 @@ NUMBERS = 11  # numbers of a measurement beside its profile
 SHIFT_SIZE = 1
 TOUCH_SIZE = 6
 MOST_POINTS = 500  # of a profile
-# numbers before a profile's points, their count included
-PROFILE_START = HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1
+PROFILE_START = HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1  # 1: the number of points
 START_TIMEOUT = 60.0  # s for the process to start, its libraries included
 ENDING_TIMEOUT = 1.0  # s for it to end
 ENDED = "the process for images has ended"
@@ -97,7 +96,7 @@ class StripSight:
         return *seen.checks, self._standing.check()
 
     def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> Seen:
-        """Measure the strip in `frame`; raises Fault `no_perception` before `inspect` accepted."""
+        """Measure the strip in `frame`; raises Fault `no_perception` before an accepted image."""
         if self._perception is None or self._standing is None:
             raise Fault("no_perception", "images are to be read before a picture was judged")
         measurement = self._perception.look(frame, gripper)
@@ -253,7 +252,7 @@ def serve(subject: Subject, made: Maker, pipe: Connection, image: Any, numbers: 
 
 
 def _go_first() -> None:
-    """Raise the priority of this process among ordinary ones, not to real-time.
+    """Raise the priority of this process among ordinary processes, not to real time.
 
     A process that computes without a pause must not have real-time priority: it would use up what
     the kernel leaves to all such processes, and for 50 ms in a second none of them runs, the

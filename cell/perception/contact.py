@@ -41,7 +41,7 @@ class SearchLine:
         """Search line over `span` [m] of x for a midline that is `height` [m] over its rest."""
         x = np.arange(span[0], span[1], SAMPLE_SPACING)
         z = appearance.rest_height(x) + height - thickness / 2
-        near = x[: len(x) // 2 : 20]
+        near = x[: len(x) // 2 : 20]  # some points in front of the strip's fixed half
         front = np.column_stack([near, np.full_like(near, FRONT_HEIGHT)])
         pixels = calibration.to_image(np.column_stack([x, z]))
         return cls(x, pixels, calibration.to_image(front))
@@ -82,9 +82,9 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
 
 
 def _sharpness(along: Array, end: int, reach: int) -> float:
-    """Confidence in the strip's end after sample `end`: 0 for a step of 0.3 in its share, 1 of 0.8.
+    """Confidence in the strip's end after sample `end`, by the step in its shares `along` (n,).
 
-    The shares of strip `along` (n,) the line are compared over `reach` samples to either side.
+    It is 0 for a step of 0.3, and 1 for 0.8, over `reach` samples to either side.
     """
     before, after = along[max(end - reach, 0) : end + 1].max(), along[end + 1 : end + reach].min()
     return float(np.clip(2 * (before - after) - 0.6, 0.0, 1.0))

@@ -101,7 +101,7 @@ class HeldEnd:
         return Held(measurement, None)
 
     def _end(self, measurement: StripMeasurement) -> Pose | None:
-        """Pose at the strip's whole length along the extrapolated profile; None without one."""
+        """Pose at the strip's full length along the extrapolated profile; None without profile."""
         curve = measurement.profile
         if len(curve) < 2:
             return None

@@ -15,8 +15,7 @@ EVEN_LIGHT = 120  # level of light as bright as at preflight
 SHADE = 0.15  # share of brightness by which the strip's own colour changes as it turns
 # separation under which a colour cannot be distinguished from what is behind it
 LEAST_SEPARATION = 2.0
-# px about a band of the expected width, within which its strongest share and its mass lie
-PEAK_REACH, MASS_REACH = 1.0, 3.0
+PEAK_REACH, MASS_REACH = 1.0, 3.0  # px about a band, within which its peak and its mass lie
 
 Floats = NDArray[np.float32]
 Offsets = NDArray[np.int64]
@@ -83,9 +82,9 @@ def bridge(image: Image, columns: Columns, top: Columns, bottom: Columns, edge: 
 
 @entry
 def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Floats:
-    """Sum of the channels (rows, columns) of each patch of `image` (h, w, 3), a mean of 4 pixels.
+    """Brightness (rows, columns), summed over the channels, of each patch of `image` (h, w, 3).
 
-    These are about the patch's middle; the first patch begins at column `left`, row `top` [px].
+    A mean of 4 pixels about its middle; the first patch begins at column `left`, row `top` [px].
     """
     found = np.empty((rows, columns), np.float32)
     half = PATCH_PX // 2
@@ -285,7 +284,7 @@ def _find_peak(line: Array, offsets: Array, width: float) -> Any:
 
 @kernel
 def _find_flanks(line: Array, peak: int, latest: int, level: float) -> Any:
-    """Last sample of `line` (m,) below `level` before its `peak`, first one after it or m."""
+    """Nearest samples of `line` (m,) below `level` on both sides of its `peak`, 0 and m if none."""
     rise = 0
     for j in range(min(max(peak, 1), latest)):
         rise = rise if line[j] > level else j

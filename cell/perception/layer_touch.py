@@ -67,7 +67,7 @@ class LayerTouch:
         return later and fall.x + fall.to_grasped < self._most
 
     def _find_touch(self) -> SeenTouch | None:
-        """Touch by the falls so far; None while a signal is missing or the two disagree."""
+        """Detect the touch in the falls so far; None while a signal is missing or they disagree."""
         t = np.array([fall.time for fall in self._falls])
         gap = np.array([fall.gap for fall in self._falls])
         recent = gap[-RECENT_FALLS:]
@@ -103,7 +103,7 @@ class LayerTouch:
         return seen if self._is_a_fold(seen) else None
 
     def _is_a_fold(self, touch: SeenTouch) -> bool:
-        """Whether the lengths of the layers are plausible, not those of a fold near the end."""
+        """Whether both lengths are plausible: a fold near the strip's end is a misreading."""
         return touch.to_fixed > 0 and abs(touch.displacement) <= UNEVEN * self._length
 
 

@@ -54,7 +54,7 @@ def _brightness(image: Image) -> Image:
 
 
 def _find_object(grey: Image) -> tuple[Mask, float]:
-    """Mask (h, w) of the bright region at the left border, without fluff, and its width [px]."""
+    """Mask (h, w) of the bright region at the left border, without threads, and its width [px]."""
     smooth = cv2.medianBlur(grey, 5)
     _, bright = cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     uniform = bright.min() == bright.max()
@@ -86,7 +86,7 @@ def _geodesic_distance(mask: Mask) -> Array:
     index[mask] = np.arange(mask.sum())
     height, width = mask.shape
     rows, columns, lengths = [], [], []
-    for dv, du in ((0, 1), (1, 0), (1, 1), (-1, 1)):
+    for dv, du in ((0, 1), (1, 0), (1, 1), (-1, 1)):  # half of a pixel's eight neighbours
         here = index[max(0, -dv) : height - max(0, dv), : width - du]
         there = index[max(0, dv) : height - max(0, -dv), du:]
         joined = (here >= 0) & (there >= 0)

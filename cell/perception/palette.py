@@ -37,7 +37,7 @@ def match_none(samples: Array, colours: Array) -> NDArray[np.bool_]:
 
 
 def _standard_distances(samples: Array, colours: Array) -> Array:
-    """Distances (n, k) of `samples` and `colours` in sigma; brightness counts less than colour."""
+    """Distances (n, k) [sigma] of `samples` from `colours`; brightness counts less than colour."""
     away = samples[:, None] - colours
     bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
     along = (away * bright).sum(axis=2)

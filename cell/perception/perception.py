@@ -100,7 +100,7 @@ class Perception:
     def _levels(
         self, frame: Frame, gripper: Pose, around: float = 0.0
     ) -> tuple[Image, Image, Region]:
-        """Matte levels (h, w), the same smoothed, and the region of the image that they cover.
+        """Matte levels (h, w), smoothed matte levels, and the image region that both cover.
 
         `around` [m] is masked around the hand too.
         """

@@ -16,7 +16,7 @@ KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five 
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """Imaging geometry of a strip, thickness and width [m], and `origin` (2,) [px] of its window."""
+    """Imaging geometry of a strip: thickness and width [m], and `origin` (2,) [px] of a window."""
 
     calibration: Calibration
     thickness: float
@@ -71,7 +71,7 @@ def midline_points(levels: Image, side: Side, geometry: Geometry) -> MidlinePoin
 def _midline(
     place: Array, out: Array, lever: Array, seen: Crossings, geometry: Geometry, scale: float
 ) -> Array:
-    """Midline points (n, 2) [m], by the borders of wide bands, by the mass of narrow ones."""
+    """Midline points (n, 2) [m], from the borders of wide bands and the centres of narrow bands."""
     half, sizes = geometry.thickness / 2, geometry.sizes
     swept = np.abs(lever) * geometry.sweep
     by_near_edge = -seen.outer * scale - half  # [m] along `out`, as all below
@@ -89,7 +89,7 @@ def _midline(
 def _by_far_edge(
     predicted: Array, seen: Crossings, lever: Array, half: float, sizes: Sizes, scale: float
 ) -> Array:
-    """Midline (n,) [m] along the normals behind a far edge: by the near edge, else `predicted`."""
+    """Midline offset (n,) [m] along the normals where the outer side is the strip's far edge."""
     behind = -seen.inner * scale + half
     predicted = predicted + _far_offset((behind - predicted)[lever < 0], sizes.agree * scale)
     off = np.abs(behind - predicted) / scale

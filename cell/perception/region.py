@@ -59,7 +59,7 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: i
     lens = calibration.lens
     size = np.array([lens.width, lens.height])
     first = np.clip(pixels.min(axis=0), 0, size - 2).astype(int) // cell * cell
-    last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size).astype(int)
+    last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size).astype(int)  # rounded up to cells next
     right_bottom = np.minimum(-(-last // cell) * cell, size)
     return Region(*first.tolist(), *right_bottom.tolist())
 

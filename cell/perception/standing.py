@@ -49,7 +49,7 @@ class Standing:
         settings: PerceptionSettings,
         strip: StripFile,
     ) -> Self:
-        """Choose the patches of surest place, below the waiting hand and where no strip can be."""
+        """Choose the patches whose position is surest, below the waiting hand and off the strip."""
         grey = grey_of(appearance.scene.background.image)
         sigma = _deviation(grey, appearance.scene.sensor)
         strip_zone = zones(calibration, strip.length, settings.shadow_height).strip
@@ -113,7 +113,7 @@ class Standing:
 
 
 def _choose_patches(sigma: Array) -> tuple[list[tuple[int, int]], list[float]]:
-    """Corners (column, row) [px] and weights of the surest patches; `sigma` (h, w) is used up."""
+    """Corners (column, row) [px] and weights of the surest patches; overwrites `sigma` (h, w)."""
     corners, weights = list[tuple[int, int]](), list[float]()
     while len(corners) < MOST_PATCHES and sigma.min() <= PATCH_SIGMA:
         v, u = np.unravel_index(int(sigma.argmin()), sigma.shape)
