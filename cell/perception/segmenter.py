@@ -92,7 +92,7 @@ class Segmenter:
         )
         cells = cv2.dilate(cells, np.ones((3, 3), np.uint8))
         cells[0, 0] |= not cells.any()  # never an empty part
-        return cells
+        return np.asarray(cells)
 
     def separation(self, where: Image) -> Floats:
         """Separation (k, n) [sigma] of the k colours from the background in the mask's n pixels."""
