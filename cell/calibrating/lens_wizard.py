@@ -157,7 +157,7 @@ def _show_board(
             continue
         frame = source(wanted)
         result = views.tell(frame)
-        if result.waits:
+        if result.waits:  # the next image decides
             frame = source(wanted)
             result = views.tell(frame)
         seen = result.seen

@@ -75,10 +75,10 @@ class WizardPanel:
     def draw(self, news: News) -> RenderableType:
         """Render the panel, no higher than the terminal: a higher live view leaves lines behind."""
         body = views_table(news) if isinstance(news, ViewNews) else touches_map(news)
-        says = (("next", news.request, "bold"), ("why ", news.why, ""))
+        rows = (("next", news.request, "bold"), ("why ", news.why, ""))
         head = [
             Text(f"{word}  {text}", style=style)
-            for word, text, style in says
+            for word, text, style in rows
             if text not in self._question
         ]
         if self._question:

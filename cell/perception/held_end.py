@@ -17,6 +17,7 @@ PROFILE_CONFIDENCE = 0.5  # confidence in a profile from which the end is taken 
 CLOSE = 0.001  # m by which the end may still move when it counts as found
 ROUNDS = 6
 TANGENT_LENGTH = 0.02  # m at the profile's end that give its tangent
+MOST_STEPS = 5.0  # times the last motion of the end, by which it is extrapolated
 UPRIGHT_HEIGHT = 0.1  # m of lift after which the end hangs upright
 LIFTS = (0.03, 0.045, 0.06, 0.08)  # m of height at which an end that was just lifted is looked for
 SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about where it should be, when it is not there
@@ -82,10 +83,10 @@ class HeldEnd:
     def _predict(self, stamp: float) -> Pose:
         if len(self._past) < 2:
             return self._past[-1][1]
-        (before, one), (then, two) = self._past[-2:]
-        share = (stamp - then) / (then - before)
-        ahead = two.as_array() + min(share, 5.0) * (two.as_array() - one.as_array())
-        return Pose(float(ahead[0]), max(float(ahead[1]), 0.0), two.pitch)
+        (before, start), (then, last) = self._past[-2:]
+        steps = min((stamp - then) / (then - before), MOST_STEPS)
+        ahead = last.as_array() + steps * (last.as_array() - start.as_array())
+        return Pose(float(ahead[0]), max(float(ahead[1]), 0.0), last.pitch)
 
     def _settle(self, frame: Frame, guess: Pose) -> Held:
         """Measure strip and end by fixed-point iteration from `guess`; end None if it diverges."""

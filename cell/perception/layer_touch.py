@@ -113,7 +113,7 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
         return None
     points = np.vstack([measurement.profile, [(gripper.x, gripper.z)]])
     steps = np.hypot(*np.diff(points, axis=0).T)
-    remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
+    remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])  # to the gripper
     tip = int(np.argmax(points[:, 0]))
     upper = points[tip:]
     past = np.flatnonzero(upper[:, 0] <= measurement.gap_x)

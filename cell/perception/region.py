@@ -43,7 +43,8 @@ class Region:
 
     def cells(self, cell: int) -> tuple[int, int]:
         """Number of rows and columns of cells, `cell` [px] wide, that cover the region."""
-        return -(-(self.bottom - self.top) // cell), -(-(self.right - self.left) // cell)
+        height, width = self.bottom - self.top, self.right - self.left
+        return -(-height // cell), -(-width // cell)  # rounded up
 
 
 def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: int) -> Region:
@@ -59,8 +60,8 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: i
     lens = calibration.lens
     size = np.array([lens.width, lens.height])
     first = np.clip(pixels.min(axis=0), 0, size - 2).astype(int) // cell * cell
-    last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size).astype(int)  # rounded up to cells next
-    right_bottom = np.minimum(-(-last // cell) * cell, size)
+    last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size).astype(int)
+    right_bottom = np.minimum(-(-last // cell) * cell, size)  # rounded up to whole cells
     return Region(*first.tolist(), *right_bottom.tolist())
 
 

@@ -109,20 +109,20 @@ def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float
 def learn(
     image: Image,
     noise: float,
-    strip: Array,
+    samples: Array,
     calibration: Calibration,
-    stated: StripFile,
+    strip: StripFile,
     place: Place,
 ) -> Segmenter:
     """Learn the segmentation model from `image` (h, w, 3) with the strip at `place`.
 
-    `strip` (n, 3) are pixels of the strip, `noise` [grey levels] is that of the image.
+    `samples` (n, 3) are pixels of the strip, `noise` [grey levels] is that of the image.
     """
     sensor = max(noise, LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
     about = Sizes.of(calibration, PATCH_PX).light
     behind = learn_background(image, calibration, place, about)
-    colours, scene = palette(strip), behind.image[way_of(calibration, stated.length) > 0]
+    colours, scene = palette(samples), behind.image[way_of(calibration, strip.length) > 0]
     return Segmenter(colours, behind, sensor, smooth, _share_noise(colours, scene, smooth) * sensor)
 
 
