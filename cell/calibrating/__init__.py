@@ -1,1 +1,1 @@
-"""Calibrating a cell: lens, homography, the check of both, by wizards or on the twin."""
+"""Calibration of a cell: lens, homography and their check, by wizards or on the twin."""

@@ -1,4 +1,4 @@
-"""Calibration of a cell's camera, by the orchestrator, under its monitors."""
+"""Calibration of a cell's camera without an operator, under the orchestrator's monitors."""
 
 import fcntl
 import hashlib
@@ -37,7 +37,7 @@ def calibration_of(
     report: Callable[[str], None] = lambda _: None,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> Calibration:
-    """The calibration that this cell uses.
+    """Load the calibration that the cell uses, or make one on the twin.
 
     That of the cell file if it names one; else, on the twin, one made with boards and touched
     points and kept for the next run. `report` is called with a message when one is made, and when
@@ -62,7 +62,7 @@ def calibration_of(
 def calibrate_anew(
     settings: CellFile, interrupted: Callable[[], bool] = lambda: False
 ) -> tuple[Calibration, Path]:
-    """A new calibration of the twin, kept for later runs, and the path of its file."""
+    """Calibrate the twin and keep the result for later runs; returns it and its file's path."""
     path = kept_calibration(settings)
     made = calibrate_now(settings, interrupted)
     save_calibration(made, path)
@@ -70,7 +70,7 @@ def calibrate_anew(
 
 
 def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibration:
-    """A calibration of the twin that is not kept."""
+    """Calibrate the twin without keeping the result."""
     twin = DeviceSelection(arm="twin", camera="twin")
     devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
     return calibrate(settings, devices, interrupted)
@@ -78,7 +78,7 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
 
 @contextmanager
 def _file_lock(path: Path) -> Iterator[None]:
-    """Hold a lock while the file at `path` is made, for other processes, where locks exist."""
+    """Within the block, lock the file at `path` against other processes, where locks exist."""
     with ExitStack() as held:
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -89,7 +89,7 @@ def _file_lock(path: Path) -> Iterator[None]:
 
 
 def kept_calibration(settings: CellFile) -> Path:
-    """Path of the kept calibration of this cell and camera."""
+    """Path at which the twin's calibration is kept, unique to cell and camera settings."""
     facts = settings.model_dump_json(include={"twin", "touches", "boards", "latency"})
     identity = hashlib.sha256(facts.encode()).hexdigest()[:12]
     return cache_folder() / "calibration" / f"{settings.name}-{identity}.yaml"
@@ -98,7 +98,7 @@ def kept_calibration(settings: CellFile) -> Path:
 def calibrate(
     settings: CellFile, devices: Devices, interrupted: Callable[[], bool] = lambda: False
 ) -> Calibration:
-    """Calibrate lens and map to the plane now.
+    """Calibrate lens and homography of the twin's camera.
 
     Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
     Interrupted when the operator did.
@@ -114,7 +114,7 @@ def calibrate(
 
 
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
-    """The lens from as many views of the board as it takes; raises CellError where it is poor."""
+    """Fit the lens to as many board views as it takes; raises CellError for a poor result."""
     views = BoardViews(settings.boards)
     while (pose := views.ask()) is not None:
         views.tell(aids.show_board(pose))

@@ -20,7 +20,7 @@ ANEW = "run `cell calibrate camera` and `cell calibrate homography --use`"
 
 
 def age_days(calibration: Calibration, now: datetime) -> float:
-    """Age [days] at `now`; a date that cannot be read is a ConfigurationError."""
+    """Age [days] of `calibration` at `now`; raises ConfigurationError for an unreadable date."""
     try:
         made = datetime.fromisoformat(calibration.date)
     except ValueError:
@@ -59,8 +59,7 @@ def use_calibration(cell_file: Path, calibration: Path) -> None:
 def check_current(
     calibration: Calibration, allowed_days: float, now: datetime, *, on_twin: bool
 ) -> None:
-    """Refuse a calibration that no camera of a cell can have, one from the future, and on hardware
-    one that has expired.
+    """Refuse a calibration that is implausible, from the future, or, on hardware, expired.
 
     Raises ConfigurationError and PreflightRefused.
     """
@@ -78,7 +77,7 @@ def check_current(
 
 
 def _check_plausible(calibration: Calibration) -> None:
-    """Refuse numbers that no wizard gives, so that nothing moves by them, whoever wrote them."""
+    """Refuse a calibration with numbers that no wizard gives, so that no arm moves by them."""
     for key, value, (low, high), unit in (
         ("latency", calibration.latency, LATENCY_RANGE, "s"),
         ("residual_mm", calibration.residual_mm, RESIDUAL_RANGE, "mm"),

@@ -1,6 +1,4 @@
-"""`cell calibrate homography` and `check`: touches points, fits the map to the plane or checks
-it.
-"""
+"""`cell calibrate homography` and `check`: touch points, then fit a homography or check one."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -82,7 +80,7 @@ def calibrate_homography(
     accept_anyway: bool = False,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> TouchSession:
-    """Touch, step and measure under the orchestrator's monitors; keep everything in `folder`.
+    """Calibrate homography and latency with the arm, and keep the session in `folder`.
 
     A session that was interrupted there goes on with the points that it lacks.
     Raises Fault when a monitor stopped the arm and Interrupted when the operator did; the data
@@ -109,7 +107,7 @@ def calibrate_homography(
 def _start_or_resume(
     settings: CellFile, devices: Devices, lens: Lens, folder: Path, plan: Sequence[Pose] | None
 ) -> tuple[Session, tuple[Pose, ...]]:
-    """Start a new session with its poses, or those of `plan`; or resume the one in `folder`."""
+    """Start a session with the settings' poses or those of `plan`, or resume that in `folder`."""
     facts = {"lens": CameraFile.of(lens, devices.camera_identity), "touches": settings.touches}
     facts |= {"latency": settings.latency}
     size, locks = (lens.width, lens.height), dict(devices.camera_locks())
@@ -125,7 +123,7 @@ def _start_or_resume(
 def _keep_picture(
     folder: Path, newest: News | None, lens: Lens, verdict: TouchVerdict | None
 ) -> None:
-    """Draw all points into the newest image, where there is one."""
+    """Draw all touched points into the newest image and write it, where there is one."""
     if isinstance(newest, TouchNews) and newest.frame is not None and verdict is not None:
         drawn = touches_picture(newest.frame.image, newest.touches, lens, verdict)
         write_image(folder / PICTURE_FILE, drawn)
@@ -139,11 +137,10 @@ def homography_again(
     *,
     accept_anyway: bool = False,
 ) -> TouchSession:
-    """Map and latency of the session in `folder`, `without` some points, and the calibration where
-    it is accepted; into `out` where given.
+    """Fit homography and latency of the session in `folder` again, `without` some points.
 
-    The pointer is detected anew in the saved images. Raises ConfigurationError for broken files or
-    a session without a lens.
+    The pointer is detected anew in the saved images; verdict and accepted calibration are written
+    to `out`, if given. Raises ConfigurationError for broken files or a session without a lens.
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
     session, lens = read_session(folder, "homography"), lens_of(folder)
@@ -173,7 +170,7 @@ def check_calibration(
     watch: Watcher,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> CheckVerdict:
-    """The verdict on `calibration` after a touch of each pose of the check's plan.
+    """Touch each pose of the check's plan and return the verdict on `calibration`.
 
     Raises ConfigurationError for one of another camera, Fault when a monitor stopped the arm, and
     Interrupted when the operator did.
@@ -193,7 +190,7 @@ def check_calibration(
 
 
 def touch(devices: Devices, context: CalibrationContext, interrupted: Callable[[], bool]) -> None:
-    """Run the calibration of `context`; raises Interrupted and Fault where it was stopped."""
+    """Run the calibration of `context`; raises Interrupted or Fault where it was stopped."""
     try:
         devices.connect()
         outcome = Run(devices, context, Record(), interrupted=interrupted).execute()
@@ -215,11 +212,11 @@ def assemble(
     landmarks: Landmarks | None = None,
     accept_anyway: bool = False,
 ) -> Calibration:
-    """Make a calibration from these parts; defects are a CellError, or recorded if overridden."""
+    """Make a calibration of these parts; raises CellError for defects that nobody overrides."""
     reasons = refusals(touches, latency)
     if touches is None or touches.homography is None or (reasons and not accept_anyway):
         raise CellError("homography failed: " + "; ".join(reasons))
-    measured = latency is not None and latency.latency == latency.latency
+    measured = latency is not None and not np.isnan(latency.latency)
     return make_calibration(
         lens,
         touches.homography,
@@ -234,7 +231,7 @@ def assemble(
 
 
 def lens_of(folder: Path) -> Lens:
-    """The lens of the session of touches in `folder`; without one a ConfigurationError."""
+    """Lens of the touch session in `folder`; raises ConfigurationError where it has none."""
     session = read_session(folder, "homography")
     if session.lens is None:
         raise ConfigurationError(f"{folder}: session.yaml: lens: is missing; add it")
@@ -242,7 +239,7 @@ def lens_of(folder: Path) -> Lens:
 
 
 def read_poses(path: Path) -> tuple[Pose, ...]:
-    """The poses of an edited poses.yaml; a broken file is a ConfigurationError."""
+    """Read the poses of a poses.yaml; raises ConfigurationError for a broken file."""
     return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
 
 
@@ -273,7 +270,7 @@ def _make_calibration(
 
 
 def _keep_verdict(folder: Path, found: TouchSession, speed: float) -> None:
-    """Write the verdict, and the calibration where it was accepted."""
+    """Write the verdict on a session, and its calibration where accepted, to `folder`."""
     made, touches = found.calibration, found.touches
     content = {
         "accepted": made is not None,
@@ -287,7 +284,7 @@ def _keep_verdict(folder: Path, found: TouchSession, speed: float) -> None:
 
 
 def _accepted_points(folder: Path, session: Session, without: Collection[int]) -> list[Touched]:
-    """Accepted points of a session; the last touch of a pose counts."""
+    """Accepted points of a session, one for each pose: that of its last touch."""
     touches: dict[tuple[int, bool], Touched] = {}
     for row, image in taken_images(folder, session, without):
         if row.pose is None:

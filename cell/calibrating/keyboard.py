@@ -1,4 +1,4 @@
-"""The operator's answers: single keys at a terminal, and simulated hands on the twin."""
+"""Operators of a calibration: single keys at a terminal, and simulated hands on the twin."""
 
 import os
 import select
@@ -14,17 +14,20 @@ from cell.orchestrator.operator import Answer, Ask, Operator, Question, Unattend
 
 CTRL_D = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character
 ENTER = "\n"
+KEY_HELP = "Enter go on | s leave out | r the last one again | a go on alone"
+POLL_INTERVAL = 0.1  # s between looks at Ctrl-C
+ANSWERS = {ENTER: Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
 
 
 class Keys:
-    """Keys typed at `stream`: single ones within `single_keys` at a terminal, else whole lines."""
+    """Reader of keys from `stream`: single ones within `single_keys`, else whole lines."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._pending = b""
 
     def read(self, seconds: float) -> str | None:
-        """Next key in lower case, ENTER, or END of input; None when none came in `seconds` [s]."""
+        """Next key in lower case, ENTER, or CTRL_D at the end; None if none comes in `seconds`."""
         number = _descriptor(self._stream)
         if number is None:  # text in memory: all of it is there
             return _key(self._stream.readline())
@@ -46,7 +49,7 @@ class Keys:
 
 @contextmanager
 def single_keys(stream: TextIO) -> Iterator[None]:
-    """A terminal that passes on each key as it is typed; nothing changes for other streams."""
+    """Within the block, let a terminal at `stream` pass on each key as it is typed."""
     number = _descriptor(stream)
     if number is None or not os.isatty(number):
         yield
@@ -77,20 +80,15 @@ def _key(text: str) -> str:
     return text.strip().lower() or ENTER
 
 
-KEY_HELP = "Enter go on | s leave out | r the last one again | a go on alone"
-POLL_INTERVAL = 0.1  # s between looks at Ctrl-C
-ANSWERS = {ENTER: Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
-
-
 class TwinOperator:
-    """Simulated hands: performs on the twin what `person` agrees to."""
+    """Operator with simulated hands, who performs on the twin what `person` agrees to."""
 
     def __init__(self, aids: CalibrationAids, person: Operator) -> None:
         self._aids = aids
         self._person = person
 
     def answer(self, question: Question) -> Answer | None:
-        """The person's answer, after the pointer was mounted or removed on the twin."""
+        """Answer of the person, after the pointer was mounted or removed on the twin."""
         answer = self._person.answer(question)
         if answer is not None and question.ask in {Ask.POINTER_IN, Ask.POINTER_OUT}:
             self._aids.hold_pointer(question.ask is Ask.POINTER_IN)
@@ -98,8 +96,7 @@ class TwinOperator:
 
 
 class Keyboard:
-    """Keys of a terminal: Enter continues, s skips, r repeats, a continues without further
-    questions.
+    """Operator at a terminal: Enter continues, s skips, r repeats, a continues without questions.
 
     On the twin, whose time stands still, it `waits` for a key until `interrupted`; on hardware it
     polls, and the arm stays monitored. At the end of the input it continues without questions.
@@ -121,7 +118,7 @@ class Keyboard:
         self._alone = False
 
     def answer(self, question: Question) -> Answer | None:
-        """The answer to `question`; None until a key was typed, or when interrupted."""
+        """Answer to `question`; None until a key was typed, or when interrupted."""
         if self._alone:
             return Answer.GO
         if question != self._asked:
@@ -151,7 +148,7 @@ def operator_of(
     *,
     interactive: bool,
 ) -> Operator:
-    """The operator of a run: a person at a real cell, and on the twin on request; else nobody."""
+    """Make a run's operator: a person at a real cell, or on the twin on request; else nobody."""
     keys = Keys(sys.stdin)
     if devices.aids is None:
         return Keyboard(keys, prompt, waits=False, interrupted=interrupted)

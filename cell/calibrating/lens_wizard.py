@@ -1,4 +1,4 @@
-"""`cell calibrate camera`: views of the board, the lens fitted from them, both kept."""
+"""`cell calibrate camera`: takes views of the board, fits the lens to them, and keeps both."""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
@@ -121,7 +121,7 @@ def lens_again(folder: Path, without: Collection[int], out: Path | None) -> Lens
 
 
 def newest_lens(folder: Path, camera: str) -> Path:
-    """The newest lens of `camera` among the sessions in `folder`; none is a ConfigurationError."""
+    """Newest lens file of `camera` under `folder`; raises ConfigurationError without one."""
     for path in sorted(folder.glob(f"*/{ROS}"), reverse=True):
         if f"camera_name: {camera}\n" in path.read_text(encoding="utf-8"):
             return path
@@ -157,7 +157,7 @@ def _show_board(
             continue
         frame = source(wanted)
         result = views.tell(frame)
-        if result.waits:
+        if result.waits:  # the next image decides
             frame = source(wanted)
             result = views.tell(frame)
         seen = result.seen
@@ -166,7 +166,7 @@ def _show_board(
 
 
 def _restore_views(views: BoardViews, folder: Path, session: Session) -> None:
-    """Accept the views that an interrupted session took."""
+    """Accept the views of an interrupted session; raises ConfigurationError without a board."""
     for row, image in taken_images(folder, session, ()):
         if views.restore(row.number, image) is None:
             raise ConfigurationError(
@@ -181,7 +181,7 @@ def _check(interrupted: Callable[[], bool]) -> None:
 
 
 def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
-    """Write the verdict, and the lens in ROS and OpenCV formats if it passed."""
+    """Write the verdict to `folder`, and the lens in ROS and OpenCV formats if it passed."""
     content = {
         "passed": verdict.passed,
         "lines": [line.text for line in lens_lines(verdict)],
@@ -195,7 +195,7 @@ def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
 
 
 def _live_images(devices: Devices) -> Source:
-    """Images of the live camera, a tenth of a second apart, while a person holds the board."""
+    """Source of live images, PERIOD apart, while a person holds the board."""
     newest = [-1.0]
 
     def look(_: WantedView) -> Frame:

@@ -29,7 +29,7 @@ MARK_LEGEND = "o fitted   h held out   x twice touched   > wanted   . to come"
 
 
 class WizardPanel:
-    """A live view in a terminal; without one, a plain line for each result."""
+    """Live view of a calibration in a terminal; elsewhere, a plain line for each result."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -45,26 +45,26 @@ class WizardPanel:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the live view, leaving the last one visible, without a question."""
+        """End the live view, whose last state stays visible without a question."""
         if self._live is not None:
             self.ask("")
             self._live.stop()
 
     def __call__(self, news: News) -> None:
-        """Show the wizard's news."""
+        """Show the progress that the wizard reports."""
         answer = news.answer
         self._news = news
         if answer:
-            news_text = answer.partition(": ")[2]
-            kept = [line for line in self._answers if line.partition(": ")[2] != news_text]
-            self._answers = [*kept[1 - RECENT :], answer]
+            text = answer.partition(": ")[2]  # an answer replaces an earlier one of this text
+            others = [line for line in self._answers if line.partition(": ")[2] != text]
+            self._answers = [*others[1 - RECENT :], answer]
         if self._live is not None:
             self._live.update(self.draw(news), refresh=True)
         elif answer:
             self._console.print(answer, markup=False, highlight=False, soft_wrap=True)
 
     def ask(self, words: str) -> None:
-        """Show a question in the panel, where it stays until the next; empty: it is answered."""
+        """Show a question in the panel, until the next one or an empty text replaces it."""
         self._question = words
         if self._live is not None:
             view = Text(words) if self._news is None else self.draw(self._news)
@@ -73,20 +73,19 @@ class WizardPanel:
             self._console.print(words, markup=False, highlight=False, soft_wrap=True)
 
     def draw(self, news: News) -> RenderableType:
-        """The panel, no higher than the terminal: a higher live view leaves lines behind."""
+        """Render the panel, no higher than the terminal: a higher live view leaves lines behind."""
         body = views_table(news) if isinstance(news, ViewNews) else touches_map(news)
-        says = (("next", news.request, "bold"), ("why ", news.why, ""))
+        rows = (("next", news.request, "bold"), ("why ", news.why, ""))
         head = [
             Text(f"{word}  {text}", style=style)
-            for word, text, style in says
+            for word, text, style in rows
             if text not in self._question
         ]
         if self._question:
             head = [Text(self._question, style="bold reverse"), *head]
         for kept in range(len(self._answers), -1, -1):
-            recent = [
-                Text(line, style="dim") for line in self._answers[len(self._answers) - kept :]
-            ]
+            newest = self._answers[len(self._answers) - kept :]
+            recent = [Text(line, style="dim") for line in newest]
             panel = Panel(Group(*head, Text(), body, *recent), title=news.title)
             if self._height(panel) < self._console.height:
                 break
@@ -97,7 +96,7 @@ class WizardPanel:
 
 
 def verdict_text(lines: Iterable[Line]) -> Text:
-    """Coloured text of a verdict, a line a fact."""
+    """Coloured text of a verdict, one line for each fact."""
     text = Text()
     for line in lines:
         text.append(f"{MARKS[line.level]} {line.text}\n", style=STYLES[line.level])
@@ -105,11 +104,10 @@ def verdict_text(lines: Iterable[Line]) -> Text:
 
 
 def views_table(news: ViewNews) -> Table:
-    """Table of the coverage by views, beside the board as requested and as seen."""
+    """Table of the gates of coverage, with a sketch of the board as requested and as seen."""
     table = Table.grid(padding=(0, 2))
-    table.add_row(
-        gates_table(news.gates), *([] if news.sketch is None else [sketch_text(news.sketch)])
-    )
+    sketch = [] if news.sketch is None else [sketch_text(news.sketch)]
+    table.add_row(gates_table(news.gates), *sketch)
     return table
 
 
@@ -142,7 +140,7 @@ def _braille_line(corners: Array | None, scale: Array) -> NDArray[np.intp]:
 
 
 def gates_table(gates: Sequence[Gate]) -> Table:
-    """Table of the coverage by views: a bar for each gate."""
+    """Table of the gates of coverage: name, bar and ratio of each."""
     table = Table.grid(padding=(0, 1))
     for _ in range(3):
         table.add_column(no_wrap=True, overflow="ellipsis")
@@ -155,7 +153,7 @@ def gates_table(gates: Sequence[Gate]) -> Table:
 
 
 def touches_map(news: TouchNews) -> RenderableType:
-    """Map of the planned poses in the plane, one character for each."""
+    """Map of the planned poses in the plane, one character for the state of each."""
     touched = {point.number: point for point in news.touches}
     heights = sorted({round(pose.z, 3) for pose in news.plan}, reverse=True)
     table = Table.grid(padding=(0, 2))

@@ -1,1 +1,1 @@
-"""Folding: one fold, batches, replay, prediction, the standard runs."""
+"""Commands around a fold: one fold, batches, prediction, replay, the standard runs."""

@@ -17,10 +17,14 @@ from drivers.strip.describe import load_plant
 from drivers.strip.validity import doubts
 from policies.registry import make_policy
 
+POLL_INTERVAL = 0.1  # s between looks at the keyboard
+
 
 class Worker(process.Worker):
-    """A process that folds; the first `stop` requests a controlled stop of the fold under way, as
-    does the death of the parent process; a second one stops it at once.
+    """Worker process that folds one request at a time.
+
+    The first `stop` requests a controlled stop of the fold under way, as does the death of the
+    parent process; a second one stops it at once.
     """
 
     def __init__(self) -> None:
@@ -34,7 +38,7 @@ class Worker(process.Worker):
         self.begin(_fold_one, request, calibration)
 
     def fold_result(self) -> FoldResult | CellError:
-        """Wait for and return the result of its task; a process that died is a Fault."""
+        """Wait for the result of the task and return it, a Fault where the process died."""
         try:
             made: FoldResult | CellError = self.result()
         except process.Died as died:
@@ -62,9 +66,6 @@ def _fold_one(
         return Unexpected(error)
 
 
-POLL_INTERVAL = 0.1  # s between looks at the keyboard
-
-
 def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Request, ...]:
     """Requests of a batch: fold number i, plants outermost, then repeats, uses seed S + i."""
     lying: Sequence[Path | None] = plants or [None]
@@ -78,10 +79,10 @@ def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Reques
 
 
 def check_requests(wanted: Sequence[Request]) -> Sequence[Request]:
-    """Check `wanted`, which differ in plant and seed, with cell and strip read once for all.
+    """Check the requests of a batch and return them with the files read once for all.
 
-    Reads every file that they name: raises ConfigurationError before anything has moved, not in the
-    middle of the folds.
+    They differ in plant and seed. Every file that they name is read: raises ConfigurationError
+    before anything has moved, not in the middle of the folds.
     """
     first = wanted[0]
     files = first.read_files()
@@ -95,7 +96,7 @@ def check_requests(wanted: Sequence[Request]) -> Sequence[Request]:
 
 
 def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
-    """Sentences on strips and plants outside the range in which an engine was validated."""
+    """Warnings about strips and plants outside the range in which an engine was validated."""
     _, named = wanted[0].read_files()
     plants = [load_plant(r.choice.plant) for r in wanted if r.choice.plant is not None]
     return tuple(dict.fromkeys(doubt for strip in (named, *plants) for doubt in doubts(strip)))
@@ -104,7 +105,7 @@ def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
 def side_by_side(
     wanted: Sequence[Request], jobs: int, interrupted: Callable[[], bool] = lambda: False
 ) -> Iterator[FoldResult]:
-    """Results in the order of the requests, `jobs` folds at a time.
+    """Fold the requests, `jobs` at a time, and yield their results in order.
 
     Like `each_of`, but raises the CellError of the first fold that failed, and ends the others.
     """
@@ -120,7 +121,7 @@ def each_of(
     interrupted: Callable[[], bool],
     calibration: Calibration | None,
 ) -> Iterator[FoldResult | CellError]:
-    """Result or error of each request, in their order, `jobs` folds at a time.
+    """Fold the requests, `jobs` at a time, and yield their results or errors in order.
 
     Once `interrupted`, the folds under way stop under control and no other begins; after a
     KeyboardInterrupt they stop at once.
@@ -146,20 +147,20 @@ class WorkerPool:
         self._calibration = calibration
         self._waiting = deque(enumerate(wanted))
         self._done: dict[int, FoldResult | CellError] = {}
-        self._told = 0
+        self._stops = 0
 
     def result(self, number: int, interrupted: Callable[[], bool]) -> FoldResult | CellError | None:
-        """The result of fold `number`; None when it was not started and will not be."""
+        """Wait for the result of fold `number`; None where it will not be started."""
         while number not in self._done:
             try:
-                if interrupted() and not self._told:
+                if interrupted() and not self._stops:
                     self._stop()
                 self._begin()
                 if not self._busy_workers:
                     return None
                 self._collect()
             except KeyboardInterrupt:
-                if self._told > 1:
+                if self._stops > 1:
                     raise
                 self._stop()
         return self._done.pop(number)
@@ -189,7 +190,7 @@ class WorkerPool:
                 self._done[number] = worker.fold_result()
 
     def _stop(self) -> None:
-        self._told += 1
+        self._stops += 1
         self._waiting.clear()
         for worker in self._workers:
             worker.stop()

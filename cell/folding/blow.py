@@ -1,4 +1,4 @@
-"""One fold under a fault of the campaign, and its result."""
+"""Runs a fold with an injected fault of the campaign, and evaluates how the cell reacted."""
 
 import resource
 from collections.abc import Callable, Iterator, Mapping
@@ -20,6 +20,7 @@ from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
 from cell.orchestrator.interrupt import Interrupt
 from cell.orchestrator.snapshot import Snapshot
+from cell.record.documents import write_document
 from cell.record.run import read_run
 from drivers.errors import CellError
 from drivers.installation import Installation
@@ -33,12 +34,13 @@ REST_SPEED = 0.002  # m/s below which a gripper rests
 DISPLACEMENT_TOLERANCE = 0.003
 RATE_SAMPLES = 5  # looks at the gripper over which its rate is judged: it follows a robot in steps
 LIMIT_FACTOR = 1.02  # of a limit, for what sampling makes of it
+BOX_MARGIN = 0.005  # m about the workspace
 CAMERA_RATE = 20.0  # Hz: an image is the dearest part of a simulated fold
 
 
 @dataclass(frozen=True, slots=True)
 class Blow:
-    """A case of the campaign: the fault called `fault` in `state`, seeded by `seed`."""
+    """Case of the campaign: the injection of `fault` in `state`, with the random `seed`."""
 
     fault: str
     state: str
@@ -46,7 +48,7 @@ class Blow:
 
 
 class Striker:
-    """Observer that triggers the fault once: a while after `state` began, or at once."""
+    """Observer that injects the fault once, FAULT_DELAY after its state began or at once."""
 
     def __init__(self, blow: Blow, scene: Callable[[], Scene]) -> None:
         """Observe the fold that `scene` gives once it is opened; times are the world's [s]."""
@@ -57,30 +59,28 @@ class Striker:
 
     @property
     def stops(self) -> bool:
-        """Whether the operator stops the run, so that the fault can strike while it does."""
+        """Whether the operator stops the run now, for a fault that strikes during the stop."""
         return self._blow.state == "STOPPING" and self._begun is not None
 
     def see(self, snapshot: Snapshot) -> None:  # noqa: ARG002
-        """Trigger the fault when it is due."""
+        """Inject the fault when it is due."""
         begun = self._begun
         if begun is None or self.at is not None or self._blow.state == "STOPPING":
             return
         if self._scene().cell.now >= begun + FAULT_DELAY:
             self._strike()
 
-    def note(self, _time: float, kind: str, facts: dict[str, object]) -> None:
-        """Note the states, and the fault as the cell names it."""
-        state, time = self._blow.state, self._scene().cell.now
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:  # noqa: ARG002
+        """Note when states begin, and the first fault that the cell reports."""
+        state, now = self._blow.state, self._scene().cell.now
         if kind == "fault" and self.fault is None:
-            self.fault = (time, str(facts["name"]), str(facts["reason"]))
+            self.fault = (now, str(facts["name"]), str(facts["reason"]))
         if kind != "state":
             return
         if facts["state"] == state and state in ("TOUCHED", "STOPPING"):
             self._strike()
         elif facts["state"] == ("FOLD" if state == "STOPPING" else state):
-            self._begun = time
-
-    handle_event = note
+            self._begun = now
 
     def _strike(self) -> None:
         if self.at is None:
@@ -89,24 +89,23 @@ class Striker:
 
 
 def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, Any]:
-    """Result of `blow` in a fold recorded in `folder`; plain values [s, m].
+    """Fold with the fault of `blow`, recorded in `folder`; returns the result in plain values.
 
     `verdict` is stopped (by a named fault), harmless (the fold went through and its measurement is
-    right), not struck (the state never came), else undetected.
+    right), not struck (the state never came), else undetected. Times in s, lengths in m.
     """
     scenes: list[Scene] = []
     striker = Striker(blow, lambda: scenes[0])
     policies: list[FailingPolicy] = []
-    cells: list[Failing] = []
 
-    def open_failing(settings: CellFile, *rest: Any, **options: Any) -> Devices:
-        cells.append(Failing(open_cell(settings, *rest, **options)))
-        scenes.append(Scene(cells[0], policies[0], _pixels_of_two_mm(calibration)))
-        return cells[0].devices
-
-    def leads(policy: Policy) -> Policy:
+    def wrap_policy(policy: Policy) -> Policy:  # `fold` calls it before it opens the cell
         policies.append(FailingPolicy(policy))
         return policies[0]
+
+    def open_failing(settings: CellFile, *rest: Any, **options: Any) -> Devices:
+        failing = Failing(open_cell(settings, *rest, **options))
+        scenes.append(Scene(failing, policies[0], _pixels_of_two_mm(calibration)))
+        return failing.devices
 
     cell = find_configs(_configure(folder)).cell()
     calibration = replace(calibration, camera=cell.twin.camera.identity)  # but for its rate
@@ -115,43 +114,41 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
             result = fold(
                 _request(blow, folder), lambda _f, _s: (striker,),
                 lambda: interrupted() or striker.stops, calibration,
-                opened=open_failing, leads=leads, page=False,
+                opened=open_failing, leads=wrap_policy, page=False,
             )  # fmt: skip
         except CellError as error:
             result = FoldResult.refusal("denim", "triangular", blow.seed, error)
-    for cell_struck in cells:
-        cell_struck.look()
-    moves = np.array(cells[0].motion) if cells else np.zeros((0, 4))
-    return _result_values(blow, striker, result, moves, cell.installation)
+    for scene in scenes:
+        scene.cell.look()
+    motion = np.array(scenes[0].cell.motion) if scenes else np.zeros((0, 4))
+    return _result_values(blow, striker, result, motion, cell.installation)
 
 
 def _result_values(
     blow: Blow, striker: Striker, result: FoldResult, motion: Array, place: Installation
 ) -> Mapping[str, Any]:
-    """The result as plain values; `motion` (n, 4) as in `Failing`."""
-    whole = _record_is_whole(result, spares=FAULTS[blow.fault].spares)
+    """Result of the fold as plain values; `motion` (n, 4) as in `Failing`."""
     facts = {
         "verdict": _verdict(striker, result),
         "outcome": result.outcome,
         "exit_code": result.exit_code,
         "message": result.reason,
-        "whole": whole,
+        "whole": _record_is_whole(result, spares=FAULTS[blow.fault].spares),
     }
     if striker.at is None:
         return facts
+    times = motion[1:, 0]
     rates = np.diff(motion[:, 1:], axis=0) / PERIOD
-    whole_steps = np.diff(motion[::RATE_SAMPLES, 1:], axis=0) / (RATE_SAMPLES * PERIOD)
-    after = motion[1:, 0] > striker.at
     speed = np.hypot(rates[:, 0], rates[:, 1])
+    after = times > striker.at
+    moving = times[after & (speed > REST_SPEED)]
     stopped = facts["verdict"] == "stopped"
-    late = motion[1:, 0][after & (speed > REST_SPEED)]
-    path = float(PERIOD * speed[after].sum())
     return facts | {
         "stop": striker.fault[0] - striker.at if stopped and striker.fault else None,
-        "rest": float(late.max() - striker.at) if stopped and late.size else None,
-        "distance": path if stopped else None,
+        "rest": float(moving.max() - striker.at) if stopped and moving.size else None,
+        "distance": float(PERIOD * speed[after].sum()) if stopped else None,
         "resting": bool((speed[-1:] < REST_SPEED).all()),
-        "within": _within_limits(motion, whole_steps, place),
+        "within": _within_limits(motion, place),
     }
 
 
@@ -167,22 +164,23 @@ def _verdict(striker: Striker, result: FoldResult) -> str:
     return "harmless" if right or result.exit_code == 1 else "undetected"
 
 
-def _within_limits(motion: Array, rates: Array, place: Installation) -> bool:
-    """Whether the arm stayed within its limits and its workspace."""
+def _within_limits(motion: Array, place: Installation) -> bool:
+    """Whether the arm stayed within its speed limits and its workspace in `motion` (n, 4)."""
     limits, box = place.limits, place.workspace
+    rates = np.diff(motion[::RATE_SAMPLES, 1:], axis=0) / (RATE_SAMPLES * PERIOD)
     quick = all(
         np.abs(rates[:, i]).max() <= LIMIT_FACTOR * axis.velocity
         for i, axis in enumerate(limits.axes)
     )
     inside = all(
-        low - 0.005 <= motion[:, 1 + i].min() and motion[:, 1 + i].max() <= high + 0.005
+        low - BOX_MARGIN <= motion[:, 1 + i].min() and motion[:, 1 + i].max() <= high + BOX_MARGIN
         for i, (low, high) in enumerate((box.x, box.z))
     )
     return bool(quick and inside)
 
 
 def _record_is_whole(result: FoldResult, *, spares: bool) -> bool:
-    """Whether the record is readable, with the outcome unless the fault hit the record."""
+    """Whether the record can be read and holds the outcome, unless the fault hits the record."""
     try:
         run = read_run(Path(result.run)) if result.run else None
     except CellError:
@@ -194,7 +192,7 @@ def _record_is_whole(result: FoldResult, *, spares: bool) -> bool:
 
 
 def _request(blow: Blow, folder: Path) -> Request:
-    """A quick fold of denim with the arm that can suffer the fault."""
+    """Request of a quick fold of denim with the arm that can suffer the fault."""
     choice = DeviceSelection(arm=FAULTS[blow.fault].arm, seed=blow.seed)
     return Request(
         "denim", "triangular", None, choice, folder / "runs", _configure(folder), "none",
@@ -203,9 +201,7 @@ def _request(blow: Blow, folder: Path) -> Request:
 
 
 def _configure(folder: Path) -> Path:
-    """Folder with this campaign's cell: fewer images, and a policy that may hang less long."""
-    from cell.record.documents import write_document
-
+    """Write this campaign's cell files to `folder`: fewer images, shorter time for a policy."""
     made = folder / "configs"
     if made.exists():
         return made
@@ -229,7 +225,7 @@ def _pixels_of_two_mm(calibration: Calibration) -> tuple[float, float]:
 
 @contextmanager
 def _free_disk() -> Iterator[None]:
-    """Remove the limit on file sizes that fills the disk."""
+    """Restore the file-size limit after the block, in which a fault may simulate a full disk."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         yield

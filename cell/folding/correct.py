@@ -14,7 +14,7 @@ WORDS = ("auto", "on", "off")
 
 
 def with_correction(request: Request, learning: str | None) -> Request:
-    """`request` with the correction that its fold uses, and whether the cell learns from it.
+    """Copy of `request` with the correction for its fold, and with the choice to learn from it.
 
     `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None for the
     cell's own setting. Raises ConfigurationError for other text.
@@ -43,7 +43,7 @@ def _should_learn(
 
 
 def learn_from_ruler(run: Path, edges: float, cell: str, folder: Path | None = None) -> Experience:
-    """Update the bias of `cell` by a ruler: the edges of `run` are `edges` [m] apart.
+    """Learn the bias of `cell` from a ruler's reading: the edges of `run` lie `edges` [m] apart.
 
     `folder` as in `Memory`. Raises ConfigurationError as `ruler_experience` does, and where nothing
     can be kept.

@@ -1,4 +1,4 @@
-"""The faults of the campaign by name: how each changes a running cell."""
+"""Faults of the campaign by name, each with the injection that changes a running cell."""
 
 import math
 import os
@@ -7,6 +7,7 @@ import signal
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from policies.policy import Decision, Observation, Policy
 
 HOLLOW = 60.0  # N of a false reading
 DISK_ROOM = 4096  # bytes that a full disk still takes in a file
+LONGEST_TICK = 0.02  # s between two velocities, of which a lagging arm takes account
+T = TypeVar("T")
 
 
 class FailingPolicy:
@@ -34,17 +37,17 @@ class FailingPolicy:
         self._policy.reset(strip, speed, count)
 
     def lift(self) -> Path:
-        """The path whose first section lifts the edge."""
+        """Path of the policy, whose first section lifts the edge."""
         return self._policy.lift()
 
     def decide(self, observation: Observation) -> Decision:
-        """The decision as the fault alters it."""
+        """Decision of the policy as the fault alters it."""
         return self.otherwise(self._policy.decide(observation))
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """All devices of one fold that can fail; `moved` [px] is the image shift of 2 mm."""
+    """Devices and policy of one fold that can fail; `moved` [px] is the image shift of 2 mm."""
 
     cell: Failing
     policy: FailingPolicy
@@ -56,7 +59,7 @@ Strike = Callable[[Scene], None]
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """A fault: its trigger, the `arm` that can suffer it, and whether it `spares` the record."""
+    """Fault to `strike` with, the `arm` that can suffer it, and whether it `spares` the record."""
 
     strike: Strike
     arm: str = "twin"
@@ -88,33 +91,46 @@ def reports(change: Callable[[ArmState], ArmState]) -> Injection:
 
 def stale(scene: Scene) -> None:
     """Fault of the arm: it repeats its first state from now on."""
-    kept: list[ArmState] = []
+    scene.cell.arm.reports = _repeat_first(ArmState)
 
-    def change(state: ArmState) -> ArmState:
-        kept.append(state)
-        return kept[0]
 
-    scene.cell.arm.reports = change
+def _repeat_first(_: type[T]) -> Callable[[T], T]:
+    """Make a function that returns the argument of its first call on every call."""
+    states: list[T] = []
+
+    def repeat(state: T) -> T:
+        states.append(state)
+        return states[0]
+
+    return repeat
+
+
+@dataclass(slots=True)
+class _Lag:
+    """Arm that moves at half of each velocity, and reports the pose that was commanded."""
+
+    now: Callable[[], float]
+    last: float = 0.0  # s, when a velocity last came
+    lost_x: float = 0.0  # m, not moved so far
+    lost_z: float = 0.0
+
+    def follow(self, velocity: Velocity) -> Velocity:
+        now = self.now()
+        span = min(now - self.last, LONGEST_TICK)
+        self.last = now
+        self.lost_x += 0.5 * velocity.vx * span
+        self.lost_z += 0.5 * velocity.vz * span
+        return replace(velocity, vx=0.5 * velocity.vx, vz=0.5 * velocity.vz)
+
+    def report(self, state: ArmState) -> ArmState:
+        due = state.commanded
+        return replace(state, commanded=replace(due, x=due.x + self.lost_x, z=due.z + self.lost_z))
 
 
 def lagging(scene: Scene) -> None:
     """Fault of the arm: it follows at half of each velocity, and reports the commanded pose."""
-    lost = [0.0, 0.0, 0.0]
-    last = [0.0]
-
-    def follows(velocity: Velocity) -> Velocity:
-        now = scene.cell.clock.now()
-        span = min(now - last[0], 0.02)
-        last[0] = now
-        lost[0] += 0.5 * velocity.vx * span
-        lost[1] += 0.5 * velocity.vz * span
-        return replace(velocity, vx=0.5 * velocity.vx, vz=0.5 * velocity.vz)
-
-    def change(state: ArmState) -> ArmState:
-        due = state.commanded
-        return replace(state, commanded=replace(due, x=due.x + lost[0], z=due.z + lost[1]))
-
-    scene.cell.arm.follows, scene.cell.arm.reports = follows, change
+    lag = _Lag(scene.cell.clock.now)
+    scene.cell.arm.follows, scene.cell.arm.reports = lag.follow, lag.report
 
 
 def refusing(scene: Scene) -> None:
@@ -123,12 +139,12 @@ def refusing(scene: Scene) -> None:
 
 
 def deaf(scene: Scene) -> None:
-    """Fault of the arm: it ignores velocities."""
+    """Fault of the arm: it ignores velocity commands."""
     scene.cell.arm.follows = lambda _: None
 
 
 def beside(state: ArmState) -> ArmState:
-    """Fault of the arm: it reports a pose outside the workspace as measured and commanded."""
+    """Fault of the arm: it reports a pose outside the workspace, measured and commanded."""
     place = Pose(state.pose.x, -0.05, state.pose.pitch)
     return replace(state, pose=place, commanded=place)
 
@@ -144,13 +160,7 @@ def hand(change: Callable[[HandState], HandState]) -> Injection:
 
 def silent_hand(scene: Scene) -> None:
     """Fault of the hand: it repeats its first state from now on."""
-    kept: list[HandState] = []
-
-    def change(state: HandState) -> HandState:
-        kept.append(state)
-        return kept[0]
-
-    scene.cell.hand.reports = change
+    scene.cell.hand.reports = _repeat_first(HandState)
 
 
 def stuck_hand(scene: Scene) -> None:
@@ -180,18 +190,18 @@ def hanging(_: Decision) -> Decision:
 
 
 def full_disk(_: Scene) -> None:
-    """Fault of the machine: files take no more bytes, as on a full disk, until lifted."""
+    """Fault of the machine: files take no more bytes, as on a full disk."""
     hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
     resource.setrlimit(resource.RLIMIT_FSIZE, (DISK_ROOM, hard))
 
 
 def slow(scene: Scene) -> None:
-    """Fault of the record: each write to its disk takes 0.2 s while the cell's clock goes on."""
+    """Fault of the record: a write to its disk takes 0.2 s while the cell's clock goes on."""
     scene.cell.clock.wait_until(scene.cell.clock.now() + 0.2)
 
 
 def dying_viewer(_: Scene) -> None:
-    """Fault of an observer: a viewer that dies, as a RuntimeError."""
+    """Fault of an observer: the viewer raises a RuntimeError."""
     raise RuntimeError("the viewer died")
 
 
@@ -205,12 +215,12 @@ def jump(by: float) -> Injection:
 
 
 def send(number: signal.Signals) -> Injection:
-    """Fault of the machine: this process gets a signal."""
+    """Fault of the machine: this process receives the signal `number`."""
     return Injection(lambda _: os.kill(os.getpid(), number))
 
 
 def suffers(**facts: object) -> Injection:
-    """Fault of the emulated robot: one of its fault script, reported through its own library."""
+    """Fault of the emulated robot, with the `facts` of an entry of its fault script."""
     return Injection(lambda scene: scene.cell.strike_robot(**facts), "fci")
 
 

@@ -22,8 +22,6 @@ SEGMENTS = 60  # of the model that draws the path; millimetres do not matter her
 ARM_REACH = 0.78  # m from its base that a Panda's hand reaches over a desk, pointing down
 PATH_ERROR = 0.005  # m that the path may be drawn wrong by
 APPROACH_POINTS, RETREAT_POINTS = 3, 3  # of the gripper's path, before and after the fold
-
-
 WIDTH_RANGE = (0.005, 0.20)  # m, both ends folded through images, seen within 1 mm of the truth
 THICKNESS_RANGE = (0.0, 0.004)  # m
 
@@ -46,10 +44,10 @@ def check_feasible(
     calibration: Calibration,
     desk: float = 0.0,
 ) -> None:
-    """Raise PreflightRefused for a strip that this cell cannot see, reach or fold, or where the
-    hand would meet a desk that ends at `desk` [m], 0 for an arm without a hand's body.
+    """Raise PreflightRefused for a strip that this cell cannot see, reach or fold.
 
-    The gripper's path is that of `policy` in the model; it is reset.
+    Also where the hand would meet a desk that ends at `desk` [m], 0 for an arm without a hand's
+    body. The gripper's path is that of `policy` in the model; it is reset.
     """
     path = gripper_path(settings, strip, policy)
     problems = [
@@ -67,7 +65,7 @@ def check_feasible(
 def _desk_collisions(
     path: Array, settings: CellSettings, strip: StripFile, desk: float
 ) -> Iterator[str]:
-    carry = path[APPROACH_POINTS - 1 : -RETREAT_POINTS]
+    carry = path[APPROACH_POINTS - 1 : -RETREAT_POINTS]  # from the grasp on
     home, limits = settings.fold.clear_height, settings.installation.limits
     whole, _ = whole_path(strip.length, home, settings.fold, limits, carry)
     try:
@@ -77,7 +75,7 @@ def _desk_collisions(
 
 
 def gripper_path(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
-    """Positions (n, 2) [m] of the gripper: approach, the fold as the model predicts it, retreat."""
+    """Gripper positions (n, 2) [m] of approach, the fold as the model predicts it, and retreat."""
     beyond, aside = strip.length + settings.fold.approach, settings.fold.approach
     before = [(beyond, settings.fold.clear_height), (beyond, 0.0), (strip.length, 0.0)]
     after = [(0.0, 0.0), (-aside, 0.0), (-aside, 2 * aside)]
@@ -85,12 +83,13 @@ def gripper_path(settings: CellSettings, strip: StripFile, policy: Policy) -> Ar
 
 
 def _fold_path(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
+    """Gripper positions (n, 2) [m] of the simulated fold; those of the lift where that fails."""
     speed = settings.fold.speed
-    made = Rollout(speed=speed, sensing=Sensing(delay=(0.03, 0.03)))
+    rollout = Rollout(speed=speed, sensing=Sensing(delay=(0.03, 0.03)))
     rng = np.random.default_rng(0)
     try:
         model = [describe(strip, settings.effects)]
-        folds = roll_out(policy, Rod(SEGMENTS), strip, model, settings=made, rng=rng)
+        folds = roll_out(policy, Rod(SEGMENTS), strip, model, settings=rollout, rng=rng)
     except CellError:  # the model cannot follow this strip; the path to begin with is known
         policy.reset(strip, speed, 1)
         return policy.lift().points

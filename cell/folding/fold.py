@@ -83,7 +83,7 @@ class Request:
         return configs.cell(), configs.strip(self.strip)
 
     def files_of_run(self) -> tuple[CellFile, StripFile]:
-        """Cell and strip as the run uses them: `settings_of_run`."""
+        """Settings of the cell and the strip as the run uses them, by `settings_of_run`."""
         stated, strip = self.read_files()
         return settings_of_run(stated, self.choice, self.speed, full_speed=self.full_speed), strip
 
@@ -137,7 +137,7 @@ def fold(
 
 @contextmanager
 def _measuring_process(context: FoldContext, devices: Devices, sight: Maker) -> Iterator[None]:
-    """Run a process beside the loop, on the wall clock, that measures the images of `context`."""
+    """Within the block, run a process that measures images, if the run is on the wall clock."""
     if not devices.real_time:
         yield
         return
@@ -159,7 +159,7 @@ def _record_fold(
     *,
     page: bool,
 ) -> tuple[Outcome, Mapping[str, Any]]:
-    """Fold with a record: the outcome, with its folder complete, and the plant's truth."""
+    """Fold with a record and complete its folder; returns the outcome and the plant's truth."""
     strip, folder = context.strip, writer.folder
     save_calibration(context.calibration, folder / CALIBRATION)
     if request.checkpoint is not None:
@@ -195,7 +195,7 @@ def conduct(
     recorder: Recorder,
     review: Callable[[Outcome, Record], Outcome] = lambda outcome, _: outcome,
 ) -> Outcome:
-    """Execute `run`; in every case the devices are closed and the record states the outcome.
+    """Execute `run`, close the devices and record the outcome, whatever happens.
 
     `review` adds to the outcome what is found out only afterwards.
     """
@@ -213,7 +213,7 @@ def conduct(
     if timing:
         run_suppressed(lambda: recorder.describe(arm_timing=dict(timing)))
     run_suppressed(lambda: recorder.joints(devices.arm_joints()))
-    content = result_content(outcome)
+    content = result_content(outcome)  # for a review that is interrupted
     try:
         outcome = review(outcome, recorder)
         content = result_content(outcome)
@@ -231,7 +231,7 @@ def conduct(
 def result_content(outcome: Outcome) -> dict[str, Any]:
     """Content of result.yaml for an outcome."""
     content: dict[str, Any] = {"outcome": outcome.name, "reason": outcome.reason}
-    content |= {"duration": outcome.duration}
+    content["duration"] = outcome.duration
     if outcome.touch is not None:
         content |= outcome.touch.facts()
     if outcome.edge_offset is not None:
@@ -252,8 +252,7 @@ def run_header(
     calibration: Calibration,
     camera_rate: float,
 ) -> dict[str, Any]:
-    """Content of run.yaml: what a reader needs, and the versions of the run; of the plant only a
-    hash.
+    """Content of run.yaml: all that readers need, versions, and a hash of the plant.
 
     `camera_rate` is that of the open camera [Hz].
     """
@@ -285,7 +284,7 @@ def run_header(
 def _complete_folder(
     outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page: bool
 ) -> Outcome:
-    """The outcome after writing truth (on the twin) and page; their failures are added to it."""
+    """Write the truth (on the twin) and the page; returns the outcome, with a failure to write."""
     try:
         if truth:
             write_truth(folder, truth)
@@ -307,7 +306,7 @@ def _plant_hash(choice: DeviceSelection, strip: StripFile) -> str:
 
 
 def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
-    """Checkpoint that replaced the committed weights, if any; a copy of it lies in the run."""
+    """Entry of run.yaml about a checkpoint in place of the committed weights; empty for None."""
     if checkpoint is None:
         return {}
     digest = hashlib.sha256(read_bytes(checkpoint, CHECKPOINT_BYTES)).hexdigest()
@@ -315,7 +314,7 @@ def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
 
 
 def _warning(outcome: Outcome, preflight: str) -> str | None:
-    """Warning for the operator, on the strip and from `preflight`; None without one."""
+    """Warnings for the operator, on an unlike strip and from `preflight`; None without any."""
     agreed = outcome.agreement
     unlike = "" if agreed is None or agreed.like_model else agreed.sentence()
     return "\n  ".join(filter(None, (unlike, preflight))) or None

@@ -1,4 +1,4 @@
-"""Trace of a fold, kept until it is over, to judge whether the strip behaved like the model."""
+"""Trace of a fold, recorded to compare the strip with the model afterwards."""
 
 from dataclasses import asdict, replace
 
@@ -29,7 +29,7 @@ class FoldTrace:
         self._profiles: list[np.ndarray] = []
 
     def see(self, snapshot: Snapshot) -> None:
-        """Keep one tick."""
+        """Store pose and profile of one tick."""
         if snapshot.state not in MOVING_STATES:
             return
         pose, seen = snapshot.arm.pose, snapshot.view.measurement
@@ -42,7 +42,7 @@ class FoldTrace:
         """Ignore an event."""
 
     def review(self, outcome: Outcome, record: Record) -> Outcome:
-        """Add to `outcome` whether strip and model agree; where not, that is the outcome."""
+        """Add the agreement of strip and model to `outcome`, which fails where they disagree."""
         agreed = self._agreement(outcome, record.origin)
         outcome = replace(outcome, agreement=agreed)
         if agreed is None or agreed.like_model:
@@ -54,7 +54,7 @@ class FoldTrace:
         return outcome.but(StopReason(UNLIKE_REASON, reason, 1))
 
     def _agreement(self, outcome: Outcome, origin: float) -> Agreement | None:
-        """Agreement of strip and model; None without prediction, touch or solution."""
+        """Agreement of strip and model; None without prediction, touch or a fit."""
         if outcome.predicted is None or outcome.touch is None or not self._stamps:
             return None
         path, touch = np.array(self._path), outcome.touch.time + origin

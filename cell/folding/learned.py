@@ -13,12 +13,9 @@ NOTABLE_YIELD = 5.0  # 1/m of yield curvature, from which friction is worth a li
 
 
 def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> StripFile:
-    """`strip` with a fold's estimates noted, each with its interval and source."""
-    length, time, friction = (
-        predicted.bending_length,
-        predicted.retardation_time,
-        predicted.yield_curvature,
-    )
+    """Copy of `strip` with the estimates of a fold, each with its interval and source."""
+    length, time = predicted.bending_length, predicted.retardation_time
+    friction = predicted.yield_curvature
     source = f"fold {run}, as the policy judged it at the touch"
     notes = {
         "bending_length": length.text(1.0, 4) + " m",
@@ -30,16 +27,14 @@ def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Stri
         notes["effects.bending_hysteresis.yield_curvature"] = friction.text(1.0, 0) + " 1/m"
     kept = [entry for entry in strip.provenance if entry.key not in notes]
     new = [Provenance(key=key, source=source, note=f"68 %: {text}") for key, text in notes.items()]
+    intervals = {"bending_length": (length.low, length.high)}
+    intervals |= {"retardation_time": (time.low, time.high)}
     return strip.model_copy(
         update={
             "bending_length": round(length.value, 5),
             "retardation_time": round(time.value, 4),
             "effects": effects,
-            "spread": strip.spread
-            | {
-                "bending_length": (length.low, length.high),
-                "retardation_time": (time.low, time.high),
-            },
+            "spread": strip.spread | intervals,
             "provenance": (*kept, *new),
         }
     )

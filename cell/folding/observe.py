@@ -1,4 +1,4 @@
-"""Reads a film of a fold by the cell's perception into a run folder, without an arm."""
+"""Reads a film of a fold, made without the cell's arm, into a run folder."""
 
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -43,9 +43,7 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True)
 class Observed:
-    """What a film gave: the run's `folder`, the number of images up to the touch and of those read
-    with confidence, and the touch of the layers where one was seen.
-    """
+    """Result of reading a film: number of images up to the `touch`, and of those well `read`."""
 
     folder: Path
     images: int
@@ -94,7 +92,7 @@ def observe(
 
 
 def _frames(film: Path, calibration: Calibration) -> Iterator[Frame]:
-    """The images at the calibration's size; ConfigurationError for other proportions, or none."""
+    """Yield images at the calibration's size; raises ConfigurationError for unlike or no images."""
     lens, any_frame = calibration.lens, False
     for frame in Film(film).frames():
         height, width = frame.image.shape[:2]
@@ -119,7 +117,7 @@ def _appearance(
     settings: PerceptionSettings,
     strip: StripFile,
 ) -> Appearance:
-    """Appearance of the strip in the film's first image; ConfigurationError where none is seen."""
+    """Appearance of the strip in the `first` image; raises ConfigurationError without a strip."""
     checked = inspect(first, calibration, settings, strip)
     if checked.appearance is not None:
         return checked.appearance
@@ -136,7 +134,7 @@ def _read(
     overlay: FilmWriter,
     progress: Progress,
 ) -> tuple[list[Held], SeenTouch | None]:
-    """Measurements from images up to the touch of the layers, after which nobody holds the end."""
+    """Measure the images up to the layer touch; returns the measurements, and the touch or None."""
     read: list[Held] = []
     touch: SeenTouch | None = None
     for frame in frames:
@@ -153,7 +151,7 @@ def _read(
 
 
 def _draw_measurement(image: Image, held: Held, calibration: Calibration) -> Image:
-    """A copy of `image` (h, w, 3) with its measurements drawn, and a cross at the held end."""
+    """Copy of `image` (h, w, 3) with its measurement drawn, and a cross at the held end."""
     seen = held.measurement
     curve = seen.profile if _is_confident(held) else np.empty((0, 2))
     drawn = draw_sight(image, calibration, curve, seen.contact_x, np.array(seen.tip))
@@ -185,7 +183,7 @@ def _write(
     calibration: Calibration,
     touch: SeenTouch | None,
 ) -> None:
-    """Write the run: t = 0 is the film's first image; the held end is interpolated to rows."""
+    """Write tables, calibration and result of the run: t = 0 is the film's first image."""
     rows = [sight_row(held.measurement) for held in read if _is_confident(held)]
     sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
     t, x, z = _held_path(read, strip)
@@ -214,16 +212,12 @@ def _header(cell: CellFile, strip: StripFile, calibration: Calibration) -> dict[
 
 
 def _held_path(read: Sequence[Held], strip: StripFile) -> tuple[Array, Array, Array]:
-    """Times (n,) [s] and the held end's x and z (n,) [m], from where the strip lies flat."""
+    """Interpolated path of the held end: times (n,) [s], x and z (n,) [m], from lying flat on."""
     ends = [(held.measurement.stamp, held.end) for held in read if _is_confident(held)]
-    flat = [
-        held.measurement.stamp
-        for held in read
-        if held.measurement.stamp < ends[0][0]
-        and held.measurement.contact_x > strip.length - FLAT_LENGTH
-    ]
-    begin = sorted({0.0, *flat[-1:]})
-    knots = [(stamp, strip.length, 0.0) for stamp in begin if stamp < ends[0][0]]
+    lifted = ends[0][0]
+    before = [held.measurement for held in read if held.measurement.stamp < lifted]
+    flat = [seen.stamp for seen in before if seen.contact_x > strip.length - FLAT_LENGTH]
+    knots = [(stamp, strip.length, 0.0) for stamp in sorted({0.0, *flat[-1:]}) if stamp < lifted]
     knots += [(stamp, end.x, end.z) for stamp, end in ends if end is not None]
     stamps, x, z = np.array(knots).T
     t = np.arange(stamps[0], stamps[-1], ROW_PERIOD)

@@ -31,7 +31,7 @@ UNKNOWN_SPREADS = {"bending_length": 0.1, "retardation_time": 0.5}
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Predicted result [m]; `low` and `high` over the strip's uncertainty, None without a touch."""
+    """Predicted displacement [m] with its bounds, None without a touch, and extent of the path."""
 
     strip: str
     policy: str
@@ -42,7 +42,7 @@ class Prediction:
     arm: ArmPrediction | None = None
 
     def line(self) -> dict[str, Any]:
-        """The prediction as the object that `cell fold --dry-run --json` prints."""
+        """Object that `cell fold --dry-run --json` prints."""
         x_min, x_max, z_min, z_max = self.reach
         return {
             "strip": self.strip,
@@ -68,7 +68,7 @@ class Prediction:
 
 
 def predict(request: Request) -> Prediction:
-    """Simulate the fold of `request` in the rod; ConfigurationError for a path beyond limits."""
+    """Simulate the fold of `request`; raises ConfigurationError for a path beyond its limits."""
     settings, strip = request.read_files()
     _check_calibration(settings, request)
     folds = simulate_policy(request, settings, strip, [strip, *_corner_strips(strip)])
@@ -87,7 +87,7 @@ def predict(request: Request) -> Prediction:
 
 
 def _check_calibration(settings: CellFile, request: Request) -> None:
-    """Refuse what the fold itself would refuse of the calibration that the cell file names."""
+    """Apply the fold's own checks to the calibration that the cell file names."""
     if settings.calibration is None:
         return
     calibration = load_calibration(Path(settings.calibration))
@@ -98,7 +98,7 @@ def _check_calibration(settings: CellFile, request: Request) -> None:
 def simulate_policy(
     request: Request, settings: CellFile, strip: StripFile, variants: Sequence[StripFile]
 ) -> Folds:
-    """The policy of `request` in the rod, folding `variants` of the `strip` that it believes in."""
+    """Simulate the policy of `request`, which assumes `strip`, on rods like each of `variants`."""
     return roll_out(
         make_policy(request.policy, request.checkpoint, in_rod=True),
         Rod(),
@@ -129,13 +129,13 @@ def _displacement(value: float | None) -> str:
 
 
 def _corner_strips(strip: StripFile) -> list[StripFile]:
-    """Corners of the uncertainty of the strip's parameters."""
-    spans = [
-        strip.spread.get(key, (getattr(strip, key) * (1 - u), getattr(strip, key) * (1 + u)))
-        for key, u in UNKNOWN_SPREADS.items()
-    ]
-    corners = product(*spans)
-    return [strip.model_copy(update=dict(zip(UNKNOWN_SPREADS, c, strict=True))) for c in corners]
+    """Copies of `strip` at the corners of its parameters' uncertainty."""
+    spans = []
+    for key, spread in UNKNOWN_SPREADS.items():
+        value = getattr(strip, key)
+        spans.append(strip.spread.get(key, (value * (1 - spread), value * (1 + spread))))
+    corners = [dict(zip(UNKNOWN_SPREADS, corner, strict=True)) for corner in product(*spans)]
+    return [strip.model_copy(update=corner) for corner in corners]
 
 
 def _reach(folds: Folds) -> tuple[float, float, float, float]:

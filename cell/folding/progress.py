@@ -25,21 +25,20 @@ class ProgressLine:
         self._count = 0
 
     def see(self, snapshot: Snapshot) -> None:
-        """Show a tick, at most a few times a second."""
+        """Show every TICKS_BETWEEN_LOOKS-th tick."""
         self._count += 1
         if self._count % TICKS_BETWEEN_LOOKS:
             return
         pose = snapshot.arm.pose
         text = f"{self._strip.name}  {snapshot.state:<9} {snapshot.time:5.1f} s"
         text += f"   gripper x {1e3 * pose.x:4.0f}  z {1e3 * pose.z:4.0f} mm"
-        if snapshot.view.measurement is not None and math.isfinite(
-            snapshot.view.measurement.contact_x
-        ):
-            text += f"   desk contact {1e3 * snapshot.view.measurement.contact_x:4.0f} mm"
+        seen = snapshot.view.measurement
+        if seen is not None and math.isfinite(seen.contact_x):
+            text += f"   desk contact {1e3 * seen.contact_x:4.0f} mm"
         self._status.update(text)
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Show an event; a fault stays on the screen."""
+        """Print a fault on a line of its own, which stays; other events are not shown."""
         if kind == "fault":
             text = f"{time:.2f} s  {facts['name']}: {facts['reason']}"
             self._status.console.print(text, markup=False, soft_wrap=True)

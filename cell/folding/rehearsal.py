@@ -28,6 +28,7 @@ RAMP = 0.3  # s to take up speed and to let go of it: without, the gripper overs
 CORNER = 0.7  # cosine of the angle by which the path turns, below which the gripper rests there
 OVER_POINT = 2  # first points of a fold: over the strip
 APPROACH_POINT = 3  # left out here; then to the grasp
+LOOKAHEAD = 0.02  # s over which the path's velocity is taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ class Rehearsal:
     limits: MotionLimits
 
     def motion(self, _: Snapshot) -> Motion:
-        """The whole motion: approach, grasp, fold, lay, release, retreat."""
+        """Move through approach, grasp, fold, lay, release and retreat."""
         begin, end = APPROACH_POINT - 1, len(self.path) - 2
         yield from move(Pose(*self.path[0].tolist()))
         yield from open_hand()
@@ -70,11 +71,11 @@ class Rehearsal:
         most = np.array([axis.velocity for axis in self.limits.axes])
         snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
         begun = snapshot.time
-        while snapshot.time - begun < due[-1] + min(RAMP, due[-1]):
-            soonest = (snapshot.time - begun + ahead for ahead in (0.0, 0.02))
-            here, soon = (_pose_at(_eased_time(time, due[-1]), due, poses) for time in soonest)
+        while (now := snapshot.time - begun) < due[-1] + min(RAMP, due[-1]):
+            here = _pose_at(_eased_time(now, due[-1]), due, poses)
+            soon = _pose_at(_eased_time(now + LOOKAHEAD, due[-1]), due, poses)
             away = here - snapshot.arm.commanded.as_array()
-            rate = np.clip((soon - here) / 0.02 + GAIN * away, -most, most)
+            rate = np.clip((soon - here) / LOOKAHEAD + GAIN * away, -most, most)
             snapshot = yield Drive(Velocity(*rate.tolist()))
         return (yield from move(Pose(*poses[-1].tolist())))
 
@@ -82,7 +83,7 @@ class Rehearsal:
 def rehearsal(
     settings: CellFile, strip: StripFile, path: Array, speeds: Array, elbow: float | None = None
 ) -> Rehearsal:
-    """The fold along `path` (n, 3) at `speeds` (n,) [m/s], raised by HOVER_HEIGHT.
+    """Rehearsal of the fold along `path` (n, 3) at `speeds` (n,) [m/s], raised by HOVER_HEIGHT.
 
     What only avoids a lying strip is left out: the way over it at the begin, the rise at the end.
     With an `elbow` [rad] it must be followed by a Franka arm. Raises ConfigurationError where the
@@ -106,7 +107,7 @@ def rehearsal(
 
 
 def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
-    """Carry out the motion of `request` in the air: without a strip, without judging the grasp."""
+    """Carry out the motion of `request` in the air: no strip is held, no grasp is checked."""
     settings, strip = request.files_of_run()
     folds = simulate_policy(request, settings, strip, [strip])
     path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))

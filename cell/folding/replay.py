@@ -1,4 +1,4 @@
-"""Repeats perception and decisions of a run on its stored images, and compares."""
+"""Repeats perception and decisions of a run on its stored images, and compares the results."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -31,7 +31,7 @@ POSE_ROUNDING = 1e-9  # m, rad: what rounding may change, times being shifted by
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Counts of repeated images and decisions, and the ones that differ."""
+    """Result of a replay: counts of repeated images and decisions, and their differences."""
 
     images: int
     decisions: int
@@ -50,10 +50,8 @@ def replay(folder: Path) -> Replay:
     data: a laboratory's run, or one that ended before any decision.
     """
     run = read_run(folder)
-    settings, strip = (
-        _header_entry(run, "config", CellFile),
-        _header_entry(run, "strip_file", StripFile),
-    )
+    settings = _header_entry(run, "config", CellFile)
+    strip = _header_entry(run, "strip_file", StripFile)
     decided = [_Decision.of(event, run) for event in run.events() if event.kind == "decision"]
     if not decided:
         raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
@@ -92,7 +90,7 @@ class _Decision:
 def _repeat_perception(
     run: Run, settings: CellFile, strip: StripFile, sights: Sights
 ) -> tuple[int, list[str]]:
-    """Number of stored images read again, and differences from the recorded measurements."""
+    """Measure the stored images again; returns their number, and differences from the record."""
     frames = run.frames()
     before = next(frames, None)
     if before is None and run.frame_index():
@@ -128,11 +126,8 @@ def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
 
 
 def _differences(measurement: StripMeasurement, sights: Sights, row: int) -> Iterator[str]:
-    now = {
-        "contact_x": measurement.contact_x,
-        "tip_x": measurement.tip[0],
-        "tip_z": measurement.tip[1],
-    }
+    now = {"contact_x": measurement.contact_x}
+    now |= {"tip_x": measurement.tip[0], "tip_z": measurement.tip[1]}
     now |= {"gap": measurement.gap, "gap_x": measurement.gap_x}
     for name, value in now.items():
         then = float(getattr(sights, name)[row])
@@ -143,7 +138,7 @@ def _differences(measurement: StripMeasurement, sights: Sights, row: int) -> Ite
 def _other_decisions(
     run: Run, settings: CellFile, strip: StripFile, decided: list[_Decision], sights: Sights
 ) -> Iterator[str]:
-    """Decisions that the policy would now make differently."""
+    """Decide again on the recorded measurements; yields what the policy now decides otherwise."""
     policy = make_policy(str(_header_value(run, "policy")), _checkpoint(run))
     correction_of(run.header.learning).apply(policy)
     policy.reset(strip, settings.fold.speed, 1)
@@ -163,7 +158,7 @@ def _other_decisions(
 def _observe(
     then: _Decision, run: Run, sights: Sights, row: int, curves: dict[float, Array]
 ) -> Observation:
-    """The policy's observation: the recorded measurement in `row`, and the gripper as measured."""
+    """Observation for the policy: the recorded measurement in `row`, the gripper as measured."""
     stamp = float(sights.stamp[row])
     gripper = _gripper(run, stamp)
     return Observation(

@@ -18,7 +18,7 @@ LINE_DIGITS |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
 
 @dataclass(frozen=True, slots=True)
 class FoldResult:
-    """Result of one fold. Lengths [m], times [s]; None where not available.
+    """Result of one fold: lengths [m], times [s]; None where not available.
 
     `displacement` is as measured by the camera, `edge_offset` the offset between the laid edges
     with the sign of d; values named true come from the twin only. `predicted` is the policy's
@@ -54,7 +54,7 @@ class FoldResult:
         return cls("", strip, policy, seed, stopped.name, stopped.reason, stopped.exit_code)
 
     def line(self) -> dict[str, Any]:
-        """The result as the object of `cell fold --json`, with the contract's keys only."""
+        """Object that `cell fold --json` prints, with the contract's keys only."""
         values = {name: getattr(self, name) for name in LINE_COLUMNS}
         values |= {key: values[key] or None for key in ("run", "calibration")}
         for key, digits in LINE_DIGITS.items():
@@ -63,7 +63,7 @@ class FoldResult:
         return values
 
     def sentence(self) -> str:
-        """The result as text for the operator."""
+        """Text of the result for the operator."""
         if self.displacement is None:
             warning = "" if self.warning is None else f"\n  {self.warning}"
             return f"{self.strip}: {self.outcome}: {self.reason}{warning}"

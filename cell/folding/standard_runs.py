@@ -22,7 +22,7 @@ and how the strip lies afterwards is not compared with anything.
 
 
 def standard_requests(base: Request) -> tuple[Request, ...]:
-    """Requests of the standard runs: number i has seed S + i and index i, shuffled by S."""
+    """Requests of the standard runs, shuffled by the seed S; number i has seed S + i, index i."""
     order = standard_order(np.random.default_rng(base.choice.seed))
     return tuple(
         replace(
@@ -41,7 +41,7 @@ def fold_runs(
     interrupted: Callable[[], bool] = lambda: False,
     lay_again: Callable[[], None] = lambda: None,
 ) -> Iterator[FoldResult]:
-    """Results of the runs in their order, `jobs` at a time; none begins once `interrupted`.
+    """Carry out the runs, `jobs` at a time, until `interrupted`; yields their results in order.
 
     One robot folds one after the other; `lay_again` waits for the strip before each but the first.
     """
@@ -66,5 +66,5 @@ def check_empty(folder: Path) -> None:
 
 
 def went_as_planned(result: FoldResult) -> bool:
-    """Whether the whole run can be used for a fit."""
+    """Whether a standard run ended so that all of it can be used for a fit."""
     return result.outcome in AS_PLANNED

@@ -15,7 +15,7 @@ TURNS = 0.0005  # s after which a thread that computes hands the interpreter on
 
 @contextmanager
 def without_long_collections() -> Iterator[None]:
-    """Keep the garbage collector within the block from looking at any object made before it.
+    """Within the block, exclude all objects made before it from garbage collection.
 
     A whole collection looks at some half a million objects of the libraries and takes longer than
     an arm follows a velocity target; what a run itself leaves is looked at in under a millisecond.
@@ -30,10 +30,10 @@ def without_long_collections() -> Iterator[None]:
 
 @contextmanager
 def punctual(real_time: bool) -> Iterator[None]:
-    """Within the block, give the control loop's thread precedence over threads that record or show;
-    `real_time` is false where no wall clock matters. Threads get real-time priority where this user
-    may have it, else short slices of processor time; memory is locked, and garbage collection is
-    short.
+    """Within the block, keep the control loop's thread on time, if the run is in `real_time`.
+
+    It takes precedence over threads that record or show: by real-time priority where this user may
+    have it, else by short slices of processor time; memory is locked, garbage collection is short.
     """
     if not real_time:
         yield

@@ -1,1 +1,1 @@
-"""Runs one fold: the control loop, and a generator for each state."""
+"""Orchestration of a run: the control loop, its monitors, and a generator for each state."""

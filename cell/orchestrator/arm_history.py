@@ -21,7 +21,7 @@ class ArmHistory:
         self._states.append(state)
 
     def pose_at(self, stamp: float) -> Pose:
-        """The gripper's pose at `stamp` [s], interpolated between the arm's own stamps."""
+        """Gripper pose at `stamp` [s], interpolated between the stamps of the arm's states."""
         states, last = self._states, len(self._states) - 1
         after = bisect_right(states, stamp, 1, max(last, 1), key=lambda state: state.stamp)
         pair = states[after - 1], states[min(after, last)]

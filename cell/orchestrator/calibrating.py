@@ -1,4 +1,4 @@
-"""Phase of a run that calibrates the map to the plane: touches, latency steps, landmarks."""
+"""Phase of a run that calibrates the homography: touches, latency steps, landmarks."""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -34,6 +34,7 @@ Answering = Generator[Command, Snapshot, Answer]
 POINTER_IN = Question(Ask.POINTER_IN, "put the pointer between the fingers, its disc to the camera")
 STEPS_QUESTION = Question(Ask.STEPS, "the arm now steps to and fro to measure the camera's latency")
 POINTER_OUT = Question(Ask.POINTER_OUT, "take the pointer out and keep clear of the hand")
+STEP_REST = 0.3  # s at rest after a step of the latency measurement
 
 
 def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -> Phase:
@@ -43,7 +44,7 @@ def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -
 
 
 def calibrate(cell: CalibrationContext, record: Record, begin: Snapshot) -> Phase:
-    """Phase that measures the map to the plane, the latency, and the landmarks; or checks one."""
+    """Phase that measures homography, latency and landmarks, or checks an old calibration."""
     points = _make_points(cell)
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
     require_clear([first, *points.plan], cell.desk)
@@ -66,7 +67,7 @@ def calibrate(cell: CalibrationContext, record: Record, begin: Snapshot) -> Phas
 
 
 def _make_points(cell: CalibrationContext) -> TouchedPoints:
-    """The points to touch: those to be fitted, or the few that check an old calibration."""
+    """Points to touch: those to be fitted, or the few that check an old calibration."""
     settings = cell.settings.touches
     if cell.old is None:
         return TouchedPoints(cell.lens, settings, cell.plan)
@@ -74,7 +75,7 @@ def _make_points(cell: CalibrationContext) -> TouchedPoints:
 
 
 def _touch_all(cell: CalibrationContext, points: TouchedPoints, record: Record) -> Doing:
-    """Touch every requested pose, and those that disagreed once more."""
+    """Touch every requested pose, and once more each point that disagrees with the others."""
     while (pose := points.ask()) is not None:
         why = _reason(points)
         cell.watch(_news(points, pose, why))
@@ -103,7 +104,7 @@ def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record, why:
 
 
 def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
-    """Step back and forth, passing arm states and images to the wizard."""
+    """Step the arm back and forth, and measure how late the images show it."""
     yield from _wait_for_answer(cell, STEPS_QUESTION)
     steps = LatencySteps(cell.settings.latency)
     while (pose := steps.ask()) is not None:
@@ -117,20 +118,20 @@ def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
 
 
 def _step(steps: LatencySteps, pose: Pose) -> Doing:
-    """Move to `pose` and rest there briefly, passing on every state and image."""
-    rest, still = 0.3, float("inf")
+    """Move to `pose` and rest there briefly, passing every arm state and image to `steps`."""
+    arrived: float | None = None
     snapshot = yield MoveTo(pose)
-    while snapshot.time < still + rest:
+    while arrived is None or snapshot.time < arrived + STEP_REST:
         snapshot = yield MoveTo(pose)
         steps.tell_arm(snapshot.arm)
         if snapshot.view.fresh and snapshot.view.frame is not None:
             steps.tell_frame(snapshot.view.frame)
-        if still == float("inf") and is_at(snapshot, pose):
-            still = snapshot.time
+        if arrived is None and is_at(snapshot, pose):
+            arrived = snapshot.time
 
 
 def _take_landmarks(cell: CalibrationContext, points: TouchedPoints) -> Doing:
-    """Record landmarks from a picture of the empty hand; none where no finger tip is visible."""
+    """Record landmarks from an image of the empty hand; none where no finger tip is visible."""
     yield from open_hand()
     yield from _wait_for_answer(cell, POINTER_OUT)
     pose = cell.settings.landmarks.pose

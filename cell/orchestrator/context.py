@@ -51,7 +51,7 @@ class FoldContext:
 
 @dataclass(slots=True)
 class CalibrationContext:
-    """Context of a calibration of the map to the plane: lens, settings, results.
+    """Context of a homography calibration: settings, lens, operator, and the results so far.
 
     The `operator` is asked before the arm moves, `watch` receives all news. `plan` replaces the
     poses of the settings. Only a run that `remembers` leaves `landmarks`. With an `old` calibration
@@ -73,13 +73,13 @@ class CalibrationContext:
 
     @property
     def desk(self) -> float:
-        """End of the desk along the strip [m], for the hand."""
+        """Position x [m] at which the desk ends for the hand."""
         return desk_end(self.settings.installation)
 
 
 @dataclass(slots=True)
 class ManualContext:
-    """Context of a `motion` by hand, made from its first snapshot, and the pose at its `end`."""
+    """Context of a manual motion, which `motion` makes from a snapshot; `end` is the last pose."""
 
     settings: CellSettings
     motion: Callable[[Snapshot], Motion]
@@ -88,7 +88,7 @@ class ManualContext:
 
     @property
     def desk(self) -> float:
-        """End of the desk along the strip [m], for the hand."""
+        """Position x [m] at which the desk ends for the hand."""
         return desk_end(self.settings.installation)
 
 

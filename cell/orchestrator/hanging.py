@@ -1,4 +1,4 @@
-"""The pause after a lift: until gripper and strip hang still, as far as the camera can see."""
+"""Pause after a lift until gripper and strip hang still, as far as the camera can see."""
 
 from collections import deque
 
@@ -18,7 +18,7 @@ RESTING_WAY = 0.0005  # m, the way of the profile's mean under which a strip res
 
 
 def hang_still(longest: float, record: Record) -> Motion:
-    """Bring the gripper to rest, upright, and wait for the strip, at most `longest` [s].
+    """Bring the gripper to rest, upright, and wait at most `longest` [s] until the strip rests.
 
     Returns the snapshot at the end of the pause. The event `hanging` says whether the strip came
     to rest, and how far it still moved [m].
@@ -44,11 +44,11 @@ class Swing:
 
     @property
     def still(self) -> bool:
-        """Whether enough images exist in which the strip moved less than `RESTING_WAY`."""
+        """Whether the strip has moved less than `RESTING_WAY` over enough images."""
         return self.moved < RESTING_WAY
 
     def see(self, snapshot: Snapshot, since: float) -> None:
-        """Add an image taken after `since` [s] in which the strip was measured."""
+        """Add the measurement in `snapshot`, if it is new and from an image after `since` [s]."""
         seen = snapshot.view.measurement
         if not snapshot.view.read or seen is None or seen.stamp < since:
             return
@@ -62,7 +62,7 @@ class Swing:
         self.moved = self._way() if whole else float("nan")
 
     def _way(self) -> float:
-        """Largest distance [m] of running means over a few images from their middle."""
+        """Largest distance [m] of the profile's running mean from its mean over all images."""
         means = np.array([mean for _, mean in self._seen])
         sums = np.cumsum(np.concatenate([np.zeros((1, 2)), means]), axis=0)
         smooth = (sums[AVERAGED_IMAGES:] - sums[:-AVERAGED_IMAGES]) / AVERAGED_IMAGES

@@ -1,4 +1,4 @@
-"""Ctrl-C, or a signal that ends programs: first a controlled stop, then a stop at once."""
+"""Handling of Ctrl-C and terminating signals: first a controlled stop, then a stop at once."""
 
 import signal
 from types import FrameType
@@ -10,7 +10,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupted(CellError):
-    """An operation was interrupted from the keyboard; a fold records that itself."""
+    """Error of an operation, other than a fold, that was interrupted from the keyboard."""
 
     exit_code = 130
 

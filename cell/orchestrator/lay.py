@@ -1,4 +1,4 @@
-"""The lay: the grasped edge goes down to the desk behind the touch, and is pushed to its place."""
+"""Lay motion: lowers the grasped edge to the desk behind the touch and pushes it to its place."""
 
 from math import sqrt
 
@@ -22,15 +22,18 @@ PULL = 0.01  # m by which an upper layer that is too short is pulled along at mo
 
 
 def edge_place(touch: SeenTouch, place: float = 0.0) -> float:
-    """Position [m] for the grasped edge: `place`, within `PULL` of the edge of the taut upper
-    layer. The fixed edge is at x = 0; where images mislead, the place for the other is not.
+    """Target x [m] of the grasped edge: `place`, at most `PULL` from the taut upper layer's edge.
+
+    The fixed edge is at x = 0; where images mislead, the place for the other is not.
     """
     return min(max(place, _taut_edge(touch) - PULL), _taut_edge(touch) + PULL)
 
 
 def lay_path(touch: SeenTouch, gripper: Pose, rest: float, end: float, fold: FoldSettings) -> Path:
-    """Path from `gripper` straight to `lay_height` above `end` [m], and down to `rest` [m] above
-    the desk, `lay_beyond` past the edge of the taut upper layer, from where it is pushed to `end`.
+    """Path of the gripper that lowers the grasped edge past the taut upper layer's edge.
+
+    Straight to `lay_height` above `end` [m], unless the gripper is below that, and down to `rest`
+    [m] above the desk, `lay_beyond` past that edge, from where it is pushed to `end`.
 
     From that height the upper layer comes down as a lid, in part lifted, where friction does not
     hold it. One that the fold has rolled along is too long: let down at its end it keeps a hump at
@@ -40,8 +43,8 @@ def lay_path(touch: SeenTouch, gripper: Pose, rest: float, end: float, fold: Fol
     40 mm.
     """
     down = min(end, _taut_edge(touch) - fold.lay_beyond)
-    points = [(gripper.x, gripper.z), (end, fold.lay_height), (down, rest)]
-    return Path.through(np.array(points if gripper.z > fold.lay_height else points[::2]))
+    above = [(end, fold.lay_height)] if gripper.z > fold.lay_height else []
+    return Path.through(np.array([(gripper.x, gripper.z), *above, (down, rest)]))
 
 
 def _taut_edge(touch: SeenTouch) -> float:
@@ -49,10 +52,10 @@ def _taut_edge(touch: SeenTouch) -> float:
 
 
 def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
-    """Follow the lay path, turning the pitch from hanging to lying backward, most of it at the end:
-    an edge that lies back early pushes what hangs from it.
+    """Follow the lay path while the pitch turns from hanging to lying backward.
 
-    It slows down in time: a gripper that brakes at the end of the path only meets the desk.
+    Most of the turn comes at the end: an edge that lies back early pushes what hangs from it. The
+    gripper slows down in time: one that brakes at the end of the path only meets the desk.
     """
     follower = Follower(path, 1)
     snapshot, pace = (yield Drive(begin.velocity)), speed

@@ -1,4 +1,4 @@
-"""Safety of every command: slower as images age, then a list of monitors, any of which stops."""
+"""Safety checks of each command: it slows down as images age, and any monitor stops the arm."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -23,9 +23,7 @@ USUAL_AGE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Limits of the monitors and of the arm's motion, and the cell's workspace; `desk` [m] is where
-    the desk ends for the hand, 0 where the arm has none.
-    """
+    """Limits that the monitors enforce; `desk` is x [m] of the desk's end, 0 for no hand."""
 
     limits: MonitorLimits
     workspace: Workspace
@@ -34,8 +32,10 @@ class Rules:
 
     @property
     def tracking_turn(self) -> float:
-        """Allowed error of the pitch [rad]: the arm's turn while it moves by the allowed position
-        error, both at full speed, at most the turn of a lift on that way.
+        """Allowed tracking error of the pitch [rad], derived from that of the position.
+
+        It is the arm's turn while it moves by the position error, both at full speed, at most the
+        turn of a lift on that way.
         """
         axes = self.motion
         ratio = axes.pitch.velocity / max(axes.x.velocity, axes.z.velocity)
@@ -121,13 +121,10 @@ def _reading_overdue(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
-    limits = rules.limits
-    if (
-        snapshot.view.doubtful_since is None
-        or snapshot.time - snapshot.view.doubtful_since <= limits.doubt
-    ):
+    limits, view = rules.limits, snapshot.view
+    if view.doubtful_since is None or snapshot.time - view.doubtful_since <= limits.doubt:
         return None
-    seen = snapshot.view.measurement.confidence if snapshot.view.measurement is not None else 0.0
+    seen = view.measurement.confidence if view.measurement is not None else 0.0
     return (
         f"confidence in the images is {seen:.2f}, below {limits.confidence:.2f} "
         f"for more than {limits.doubt:.1f} s"
@@ -250,27 +247,30 @@ MONITORS: tuple[Monitor, ...] = (
 
 
 def slow_for_images(command: Command, snapshot: Snapshot, limits: MonitorLimits) -> Command:
-    """The `command`, slower by how far the newest image is older than usual: at the allowed age, or
-    where the newest image repeats the one before, a driven arm stands, and a move to a pose is held
-    until a younger or another image has come.
+    """Slow `command` down by how far the newest image is older than usual.
 
-    An image that cannot be read does not hold the arm: what comes of where the strip stands passes
-    by moving on, and would last at rest.
+    At the allowed age, or where the newest image repeats the one before, a driven arm stands, and a
+    move to a pose is held until a younger or another image has come. An image that cannot be read
+    does not hold the arm: what comes of where the strip stands passes by moving on, and would last
+    at rest.
     """
     frame = snapshot.view.frame
     if frame is None or snapshot.state not in SEEING:
         return command
-    left = (limits.image_age - (snapshot.time - frame.stamp)) / (1.0 - USUAL_AGE) / limits.image_age
+    age = snapshot.time - frame.stamp
+    share = (limits.image_age - age) / (1.0 - USUAL_AGE) / limits.image_age  # of the speed
     if snapshot.view.identical > 1:
-        left = -1.0
-    if isinstance(command, Drive) and left < 1.0:
-        share, rate = max(left, 0.0), command.velocity
+        share = -1.0
+    if isinstance(command, MoveTo) and share < 0.0:
+        return Hold()
+    if isinstance(command, Drive) and share < 1.0:
+        share, rate = max(share, 0.0), command.velocity
         return Drive(Velocity(share * rate.vx, share * rate.vz, share * rate.pitch_rate))
-    return Hold() if isinstance(command, MoveTo) and left < 0.0 else command
+    return command
 
 
 def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
-    """Evaluate every monitor of this state and the command; raise Fault for the first to trip."""
+    """Check `command` and all monitors of this state; raises Fault for the first that trips."""
     reasons = [
         (monitor.name, reason)
         for monitor in MONITORS

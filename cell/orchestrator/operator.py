@@ -1,4 +1,4 @@
-"""Protocol of the person at the cell: questions, and answers that may come later."""
+"""Protocol of the operator at the cell: questions, and answers that may come later."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class Ask(StrEnum):
-    """Kinds of questions."""
+    """Kinds of questions to the operator."""
 
     VIEW = "view"
     POINTER_IN = "pointer_in"
@@ -16,7 +16,7 @@ class Ask(StrEnum):
 
 
 class Answer(StrEnum):
-    """Kinds of answers: continue, skip, repeat the previous one."""
+    """Kinds of answers by the operator: continue, skip, repeat the previous one."""
 
     GO = "go"
     SKIP = "skip"
@@ -25,17 +25,17 @@ class Answer(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A kind of question with its text."""
+    """Question to the operator: its kind and its text."""
 
     ask: Ask
     words: str
 
 
 class Operator(Protocol):
-    """Answers questions. A run polls on each tick while its monitors stay active."""
+    """Protocol of an operator, polled by a run on each tick while its monitors stay active."""
 
     def answer(self, question: Question) -> Answer | None:
-        """The answer, or None until there is one."""
+        """Answer to `question`, or None until there is one."""
 
 
 class Unattended:

@@ -11,7 +11,7 @@ from policies.prediction import FoldPrediction
 
 @dataclass(frozen=True, slots=True)
 class StopReason:
-    """Why a run stops, with the exit code of the command line."""
+    """Reason why a run stops, with the exit code of the command line."""
 
     name: str
     reason: str
@@ -19,7 +19,7 @@ class StopReason:
 
     @classmethod
     def by(cls, error: Exception) -> Self:
-        """The reason for an exception; an unexpected one is an `internal_error`."""
+        """Stop reason for an exception; an unexpected one is an `internal_error`."""
         if isinstance(error, Fault):
             return cls(error.name, error.reason, error.exit_code)
         if isinstance(error, CellError):
@@ -56,7 +56,7 @@ class Outcome:
         return cls(stopped.name, stopped.reason, stopped.exit_code, None, None, duration)
 
     def but(self, stopped: StopReason) -> Self:
-        """Add a later failure to this outcome; the first failure is kept."""
+        """Outcome with the name and reason of a later failure, and the higher exit code."""
         if self.name == stopped.name:
             return self
         code = max(self.exit_code, stopped.exit_code)

@@ -45,6 +45,7 @@ from policies.profile import seen_profile
 
 # of the arm's acceleration, with which the pitch comes to rest at the lift's end
 BRAKING_SHARE = 0.7
+SLOPE_TRAVEL = 0.01  # m of the lift over which its turn per metre is taken
 
 
 def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
@@ -72,7 +73,7 @@ def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
 def _inspect(
     cell: FoldContext, frame: Frame
 ) -> "Generator[Command, Snapshot, tuple[tuple[PreflightCheck, ...], Reader | None]]":
-    """The checks of the strip before the grasp, and the reader of its images where they passed."""
+    """Check the strip before the grasp; returns the checks, and a reader of its images or None."""
     if cell.beside is None:
         seen = inspect(frame, cell.calibration, cell.settings.perception, cell.strip)
         if seen.appearance is None:
@@ -89,7 +90,7 @@ def _inspect(
 
 
 def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
-    """Approach from beyond the free edge and close the fingers on it; Fault where they miss it."""
+    """Approach the free edge from beyond and grasp it; raises Fault where the fingers miss it."""
     length = cell.strip.length
     approach = cell.settings.fold.approach
     yield from open_hand()
@@ -111,7 +112,7 @@ def lift(cell: FoldContext, record: Record, _begin: Snapshot) -> Phase:
     speed = cell.settings.fold.speed
     cell.policy.reset(cell.strip, speed, 1)
     follower = Follower(cell.policy.lift(), 1)
-    turning = cell.settings.installation.limits.pitch.acceleration
+    acceleration = cell.settings.installation.limits.pitch.acceleration
     snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
     while snapshot.arm.pose.z < cell.settings.fold.takeover_height:
         pose = snapshot.arm.pose
@@ -119,7 +120,8 @@ def lift(cell: FoldContext, record: Record, _begin: Snapshot) -> Phase:
         if decision.done[0]:
             return Event.PATH_DONE
         travel = float(follower.progress[0])
-        snapshot = yield drive(decision, _lift_pitch_rate(travel, speed, pose.pitch, turning))
+        rate = _lift_pitch_rate(travel, speed, pose.pitch, acceleration)
+        snapshot = yield drive(decision, rate)
     if cell.settings.fold.start == "hanging":
         snapshot = yield from hang_still(cell.settings.fold.longest_rest, record)
         record.begin(snapshot.time)
@@ -147,7 +149,7 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 
 
 def _note_predicted(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
-    """Store and record the policy's prediction; note when predictions stop or begin."""
+    """Store and record the policy's prediction, and an event when it loses or regains sight."""
     if not isinstance(cell.policy, Predicting):
         return
     before, cell.predicted = cell.predicted, cell.policy.prediction()
@@ -199,7 +201,7 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
 def _laid_strip(
     cell: FoldContext, frame: Frame, edge: Pose
 ) -> "Generator[Command, Snapshot, StripMeasurement | None]":
-    """The laid strip in `frame`, with its grasped edge released near `edge`."""
+    """Measure the laid strip in `frame`, its grasped edge released near `edge`."""
     if cell.reader is None:
         return None
     cell.reader.begin(frame, edge, frame.arrival, touches=False)
@@ -210,7 +212,7 @@ def _laid_strip(
 
 
 def _visible_loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | None:
-    """The loop of the laid strip in the image; None where no fold of its length is visible."""
+    """Loop of the laid strip; None where no fold of the strip's length is visible."""
     if seen is None:
         return None
     missing = abs(laid_length(seen) - cell.strip.length)
@@ -218,7 +220,7 @@ def _visible_loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | No
 
 
 def move_by_hand(context: ManualContext, _: Record, snapshot: Snapshot) -> Phase:
-    """Carry out the one requested motion."""
+    """Carry out the one motion of a manual run."""
     context.end = (yield from context.motion(snapshot)).arm.pose
     return Event.MOVED
 
@@ -249,7 +251,7 @@ def phases_of(context: Context) -> dict[State, PhaseFactory]:
 
 
 def observe(snapshot: Snapshot) -> Observation:
-    """The policy's observation: the gripper now, the strip in the newest image.
+    """Observation for the policy: the gripper now, the strip in the newest image.
 
     Raises Fault without an image.
     """
@@ -270,12 +272,13 @@ def observe(snapshot: Snapshot) -> Observation:
 
 
 def _lift_pitch_rate(travel: float, speed: float, pitch: float, most: float) -> float:
-    """Rate [rad/s] that follows the pitch of the lift and comes to rest upright, braking in time
-    with what an arm gives that accelerates at `most` [rad/s^2].
+    """Pitch rate [rad/s] that follows the lift's pitch over `travel` [m] and comes to rest upright.
+
+    It brakes in time with what an arm gives that accelerates at `most` [rad/s^2].
     """
     wanted = float(lift_pitch(travel))
-    ahead = float(lift_pitch(travel + 0.01)) - wanted
-    rate = ahead / 0.01 * speed + TURN_GAIN * (wanted - pitch)
+    ahead = float(lift_pitch(travel + SLOPE_TRAVEL)) - wanted
+    rate = ahead / SLOPE_TRAVEL * speed + TURN_GAIN * (wanted - pitch)
     return min(rate, sqrt(2.0 * BRAKING_SHARE * most * max(HANGING - pitch, 0.0)))
 
 

@@ -1,4 +1,4 @@
-"""Interface of the record for the orchestrator; measured time begins with the lift, or after it."""
+"""Recording interface of the orchestrator; measured time begins with the lift, or after it."""
 
 from dataclasses import replace
 from typing import Any
@@ -13,7 +13,7 @@ from policies.policy import Decision
 
 
 class Record:
-    """How a run writes its record, times on the cell's clock [s]; this one discards everything."""
+    """Interface of a run's record, times on the cell's clock [s]; this one discards everything."""
 
     @property
     def origin(self) -> float:
@@ -24,7 +24,7 @@ class Record:
         """Add facts to the header that were not known at the start."""
 
     def begin(self, clock: float) -> None:
-        """Start measured time at the lift; called again, measured time starts here."""
+        """Start measured time at `clock` [s], that of the lift; a second call starts it anew."""
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
         """Add one cycle of the control loop that took `cost` [s] to compute."""
@@ -43,7 +43,7 @@ class Record:
 
 
 class Recorder(Record):
-    """Converts the cell's clock to run time: t = 0 where the strip is still and held.
+    """Record that is written in run time: t = 0 where the strip is still and held.
 
     Ticks and measurements are recorded from the lift on. Earlier images are kept until then and get
     negative times; events carry the cell's clock, and the event `origin` states where t = 0 is. A
@@ -101,11 +101,12 @@ class Recorder(Record):
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
         """Add the policy's decision on the newest measurement, for `cell replay`."""
         seen = snapshot.view.measurement
-        if seen is not None:
-            facts = {"sequence": seen.sequence, "x": snapshot.arm.pose.x}
-            facts |= {"z": snapshot.arm.pose.z, "time": snapshot.time - self.origin}
-            facts |= {"direction": float(decision.direction[0]), "done": bool(decision.done[0])}
-            self._writer.event(snapshot.time, "decision", **facts)
+        if seen is None:
+            return
+        pose, time = snapshot.arm.pose, snapshot.time - self.origin
+        facts = {"sequence": seen.sequence, "x": pose.x, "z": pose.z, "time": time}
+        facts |= {"direction": float(decision.direction[0]), "done": bool(decision.done[0])}
+        self._writer.event(snapshot.time, "decision", **facts)
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
         """Add an event at `clock` [s]."""
@@ -117,7 +118,7 @@ class Recorder(Record):
             self._writer.joints(rows, self.origin)
 
     def finish(self, result: dict[str, Any]) -> None:
-        """Complete the record; allowed twice."""
+        """Complete the record with `result`; may be called twice."""
         self._flush_early()
         self._writer.finish(result)
 

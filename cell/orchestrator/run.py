@@ -1,4 +1,4 @@
-"""One run: snapshot, monitors, command, record, at the control rate, until it ends."""
+"""Control loop of one run: sense, decide, check, command and record at the control rate."""
 
 import signal
 import threading
@@ -40,7 +40,7 @@ class Observer(Protocol):
 
 
 class Run:
-    """Drives the devices through the states of one fold and records everything."""
+    """Drives the devices through the states of one run and records everything."""
 
     def __init__(
         self,
@@ -65,9 +65,8 @@ class Run:
         self._rests = False
         self._command: Command | None = None
         self._stopped: StopReason | None = None
-        self._safe_stop = SafeStop(
-            devices, round(settings.fold.stop_timeout * settings.fold.control_rate)
-        )
+        braking_turns = round(settings.fold.stop_timeout * settings.fold.control_rate)
+        self._safe_stop = SafeStop(devices, braking_turns)
         self._snapshot: Snapshot | None = None
         self._arm_history = ArmHistory()
         self._vision = Vision(devices.camera, settings.monitors)
@@ -279,10 +278,10 @@ def at_most(limit: float) -> Iterator[None]:
         yield
         return
 
-    def rang(_number: int, _frame: FrameType | None) -> None:
+    def expire(_number: int, _frame: FrameType | None) -> None:
         raise Fault("turn_overtime", f"a turn of the control loop takes longer than {limit:g} s")
 
-    before = signal.signal(signal.SIGALRM, rang)
+    before = signal.signal(signal.SIGALRM, expire)
     signal.setitimer(signal.ITIMER_REAL, limit)
     try:
         yield

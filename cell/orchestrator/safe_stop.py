@@ -25,7 +25,7 @@ class SafeStop:
     """
 
     def __init__(self, devices: Devices, turns: int) -> None:
-        """Stop the arm of `devices` within at most `turns` cycles of the control loop."""
+        """Prepare to stop the arm of `devices` within `turns` cycles of the control loop."""
         self._devices = devices
         self._left = turns
         self._heard_stop = False
@@ -37,7 +37,7 @@ class SafeStop:
             run_suppressed(self._devices.hand.stop)
 
     def turn(self, due: float) -> ArmState | None:
-        """Brake for one cycle, at `due` [s]; the arm's state, None where it is silent."""
+        """Brake for one cycle, at `due` [s]; returns the arm's state, None where it is silent."""
         self._left -= 1
         run_suppressed(lambda: self._devices.clock.wait_until(due))
         seen: list[ArmState] = []
@@ -47,7 +47,7 @@ class SafeStop:
         return seen[0] if seen else None
 
     def has_ended(self, arm: ArmState | None) -> bool:
-        """Whether the arm is at rest, or its time has passed.
+        """Whether the arm is at rest, or its cycles to stop are used up.
 
         An arm that has come as near as it was commanded may still creep there.
         """

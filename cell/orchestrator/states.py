@@ -68,13 +68,13 @@ TRANSITIONS: dict[tuple[State, Event], State] = {**_FORWARD, **_STOPS}
 
 
 class Machine:
-    """The current state; changes only along `TRANSITIONS`."""
+    """State machine of a run, whose `state` changes only along `TRANSITIONS`."""
 
     def __init__(self) -> None:
         self.state = State.IDLE
 
     def take(self, event: Event) -> State:
-        """Apply `event`; a Fault when this state has no transition for it."""
+        """Apply `event` and return the new state; raises Fault where it has no transition."""
         try:
             self.state = TRANSITIONS[self.state, event]
         except KeyError:

@@ -34,21 +34,21 @@ class Reader(Protocol):
 
     @property
     def since(self) -> float | None:
-        """Start [s] of the measurement under way; None while none is."""
+        """Time [s] at which the measurement under way began; None while idle."""
 
     @property
     def dead(self) -> str:
-        """Reason why no image is measured any more; empty while they are."""
+        """Reason why the reader no longer measures images; empty while it works."""
 
     def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
-        """Start to measure `frame`, taken at `gripper`; with `touches` watch the layers."""
+        """Start to measure `frame`, taken at `gripper`; `touches` also detects layer touch."""
 
     def take(self) -> Seen | None:
-        """Result of the last image, once; None until it is known."""
+        """Results from the last image, returned once; None until they are ready."""
 
 
 class StripReader:
-    """Measures images within the turn of the control loop, as suits a virtual clock."""
+    """Reader that measures images within the control loop's cycle, as suits a virtual clock."""
 
     since: float | None = None
     dead = ""
@@ -56,7 +56,7 @@ class StripReader:
     def __init__(
         self, perception: Perception, touch: LayerTouch, latency: float, standing: Standing
     ) -> None:
-        """Start with the colours in `perception` and `standing` things of preflight."""
+        """Measure the strip with `perception`, and motion of the camera with `standing`."""
         self._perception, self._touch, self.latency = perception, touch, latency
         self.standing = standing
         self._seen: Seen | None = None
@@ -69,39 +69,39 @@ class StripReader:
         calibration: Calibration,
         appearance: Appearance,
     ) -> Self:
-        """A reader of `strip` with its appearance at preflight."""
+        """Make a reader of `strip` with its `appearance` at preflight."""
         perception = Perception(calibration, settings.perception, strip, appearance)
         standing = Standing.of(appearance, calibration, settings.perception, strip)
         touch = LayerTouch(settings.perception, strip)
         return cls(perception, touch, calibration.latency, standing)
 
     def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:  # noqa: ARG002
-        """Measure `frame` now."""
+        """Measure `frame` at once."""
         measurement = self._perception.look(frame, gripper)
         touch = self._touch.update(measurement, gripper) if touches else None
         self._seen = Seen(measurement, touch, self.standing.shift(frame.image, gripper))
 
     def take(self) -> Seen | None:
-        """Result of the last image, once."""
+        """Results from the last image, returned once."""
         seen, self._seen = self._seen, None
         return seen
 
 
 class ReaderBeside:
-    """Measures images in a process beside the control loop, as suits the wall clock."""
+    """Reader that measures images in a separate process, as suits the wall clock."""
 
     def __init__(self, process: Beside, latency: float) -> None:
-        """Measure by `process`, which has accepted an image of the strip."""
+        """Measure with `process`, which has accepted an image of the strip."""
         self._process, self.latency = process, latency
 
     @property
     def since(self) -> float | None:
-        """Time [s] at which the image under way was handed over; None while none is."""
+        """Time [s] at which the measurement under way began; None while idle."""
         return self._process.since
 
     @property
     def dead(self) -> str:
-        """Reason why no image is measured any more; empty while they are."""
+        """Reason why the process no longer measures images; empty while it works."""
         return self._process.dead
 
     def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
@@ -109,7 +109,7 @@ class ReaderBeside:
         self._process.ask(TRACK if touches else LOOK, frame, gripper, now)
 
     def take(self) -> Seen | None:
-        """Result of the last image, once; None until it is known."""
+        """Results from the last image, returned once; None until they are ready."""
         return self._process.answer()
 
 
@@ -144,7 +144,7 @@ class Vision:
     """Takes the newest frame on each tick and measures the strip where the state needs it."""
 
     def __init__(self, camera: Camera, limits: MonitorLimits) -> None:
-        """Read from `camera`; `limits` of the confidence in a measurement and of moving shadows."""
+        """Read from `camera`; `limits` are those of confidence, camera shift and image age."""
         self._camera = camera
         self._limits = limits
         self._shift, self._moved = nan, 0
@@ -158,23 +158,23 @@ class Vision:
         self._waiting: Frame | None = None  # the newest one to be read
 
     def look(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> View:
-        """The view at `now` [s] in `state`; raises Fault where images are due and unreadable."""
+        """Update the view at `now` [s] in `state`; raises Fault where a due image has no reader."""
         fresh = self._take_frame(state, now, arm)
         read = self._read(state, now, arm, reader)
         self._note_age(now)
         return View(
-            self._frame,
-            fresh,
-            self._identical,
-            self._measurement,
-            self._touch,
-            self._doubtful_since,
-            read,
-            None if reader is None else reader.since,
-            "" if reader is None else reader.dead,
-            self._shift,
-            self._moved,
-            self._stale_since,
+            frame=self._frame,
+            fresh=fresh,
+            identical=self._identical,
+            measurement=self._measurement,
+            touch=self._touch,
+            doubtful_since=self._doubtful_since,
+            read=read,
+            reading_since=None if reader is None else reader.since,
+            dead="" if reader is None else reader.dead,
+            shift=self._shift,
+            moved=self._moved,
+            stale_since=self._stale_since,
         )
 
     def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:
@@ -190,8 +190,9 @@ class Vision:
         return True
 
     def _read(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> bool:
-        """Whether an image has been measured by this tick; the newest one is begun where none is
-        under way, also where that finishes in the same tick.
+        """Begin and finish measurements due at this tick; returns whether one has finished.
+
+        The newest image is begun where none is under way, also after one that has just finished.
         """
         read = False
         if self._waiting is not None and reader is None:

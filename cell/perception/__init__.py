@@ -1,1 +1,1 @@
-"""Measures the strip in one image, touch and laid fold in a sequence, and if the model holds."""
+"""Image processing: measures strip, layer touch and laid fold, and checks the strip model."""

@@ -1,4 +1,4 @@
-"""Agreement of a strip with the model: a rod of the estimated strip against the images."""
+"""Agreement of a strip with the model: fits a simulated rod to profiles measured in images."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -49,14 +49,15 @@ class AgreementLimits(Settings):
 
 @cache
 def agreement_limits() -> AgreementLimits:
-    """Limits of agreement that the package ships."""
+    """Load the limits of agreement that ship with the package."""
     return load(LIMITS, AgreementLimits)
 
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Fit of a rod to a fold: rms `residual` [m] of its profiles, beyond the noise of the images,
-    and the `yield_curvature` [1/m] that it needs.
+    """Result of fitting a rod to a fold: rms `residual` [m] and fitted `yield_curvature` [1/m].
+
+    The residual is that of the profiles, beyond the noise of the images.
     """
 
     residual: float
@@ -64,7 +65,7 @@ class Agreement:
 
     @property
     def like_model(self) -> bool:
-        """Whether the fold could be one of a strip that the policy was trained for."""
+        """Whether both values are within the limits, so that the policy's strip model applies."""
         most = agreement_limits()
         return self.residual <= most.residual and self.yield_curvature <= most.yield_curvature
 
@@ -87,89 +88,93 @@ class Agreement:
 
 
 def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
-    """Agreement of a rod like `strip`, with the parameters `predicted`, with a measured `fold`.
+    """Fit a rod like `strip` to a measured `fold`, starting from the `predicted` parameters.
 
-    The rod is fitted within the belief's intervals, with a constant bias of the images and an
-    error of their stamps; what remains is neither. None where too little was measured, or where the
-    rod cannot follow.
+    The parameters stay near their predicted intervals; a constant bias of the images and an error
+    of their stamps are fitted too. None where too little was measured, or where the rod cannot
+    follow.
     """
     return _fit_strip(strip, predicted, fold) if fold.usable else None
 
 
 def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
-    seen = fold.bin_curves(fold.profile)
-    middle = _parameters(predicted)
+    """Gauss-Newton fit of the rod's three parameters to the binned profiles of `fold`."""
+    measured = fold.bin_curves(fold.profile)
+    prior = _parameters(predicted)
     sigma = np.maximum(_sigmas(predicted), SMALLEST_SIGMA)
-    at, residual = middle, np.nan
+    at, residual = prior, np.nan
     for _ in range(PASSES):
-        curves = simulate_profiles(
-            [_model(strip, each) for each in (at, *(at + np.diag(GRADIENT_STEPS)))], fold
-        )
+        steps = at + np.diag(GRADIENT_STEPS)  # (3, 3): each parameter changed by its step
+        curves = simulate_profiles([_model(strip, each) for each in (at, *steps)], fold)
         if curves is None:
             return None
-        design, off = _design(curves, fold.spacing), seen - curves[0]
+        design, off = _design(curves, fold.spacing), measured - curves[0]
         known = np.isfinite(off).all(axis=(1, 2)) & np.isfinite(design).all(axis=(1, 2, 3))
         if not known.any():
             return None
-        change, left = _solve(design[known], off[known], at - middle, sigma)
+        change, left = _solve(design[known], off[known], at - prior, sigma)
         residual = float(np.sqrt(max((left**2).sum(axis=-1).mean() - fold.noise**2, 0.0)))
         at = at + np.clip(change, -3.0 * sigma, 3.0 * sigma)
-        at[2] = max(at[2], 0.0)
+        at[2] = max(at[2], 0.0)  # friction is not negative
     return Agreement(residual, YIELD_UNIT * float(np.expm1(at[2])))
 
 
 def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | None:
-    """Binned profiles (n, BINS, POINTS, 2) of rods along the path of `fold`; None if one fails."""
+    """Binned profiles (n, BINS, POINTS, 2) of `models` on the path of `fold`; None if one fails."""
     times = np.arange(fold.t[0] + DT, fold.t[-1] + 0.5 * DT, DT)
     path = np.stack([np.interp(times, fold.t, column) for column in fold.poses.T], axis=1)
     rod = Rod(SEGMENTS, strict=False)
     rod.reset(models)
-    shown = rod.follow(np.repeat(path[:, None], len(models), axis=1), DT, SHAPE_STRIDE)
+    motion = rod.follow(np.repeat(path[:, None], len(models), axis=1), DT, SHAPE_STRIDE)
     if rod.failed.any():
         return None
-    kept = slice(SHAPE_STRIDE - 1, None, SHAPE_STRIDE)
-    times, grip, contact, arc = times[kept], path[kept, :2], shown.contact_x[kept], rod.arc()
+    kept = slice(SHAPE_STRIDE - 1, None, SHAPE_STRIDE)  # the steps of which there are shapes
+    times, grip, contact, arc = times[kept], path[kept, :2], motion.contact_x[kept], rod.arc()
     j = np.clip(np.searchsorted(times, fold.stamp) - 1, 0, len(times) - 2)
     part = ((fold.stamp - times[j]) / (times[j + 1] - times[j]))[:, None, None]
-    found = []
+    binned = []
     for i in range(len(models)):
         arcs = np.broadcast_to(arc[i], (len(times), arc.shape[1]))
-        curves = profiles(shown.shapes[:, i], arcs, contact[:, i], grip)
-        found.append(fold.bin_curves((1.0 - part) * curves[j] + part * curves[j + 1]))
-    return np.array(found)
+        curves = profiles(motion.shapes[:, i], arcs, contact[:, i], grip)
+        at_stamps = (1.0 - part) * curves[j] + part * curves[j + 1]
+        binned.append(fold.bin_curves(at_stamps))
+    return np.array(binned)
 
 
 def _design(curves: Array, spacing: float) -> Array:
-    """How a profile (BINS, POINTS, 2) responds to each of seven unknowns, the last axis: the
-    strip's three parameters, shifts of all points along x and z and of the contact along x, and a
-    delay.
+    """Jacobian (BINS, POINTS, 2, 7) of a binned profile with respect to seven unknowns.
+
+    These are the strip's three parameters, shifts of the points along x and z and of the contact
+    along x, and a delay.
     """
     base = curves[0]
     by_strip = [
         (curve - base) / step for curve, step in zip(curves[1:], GRADIENT_STEPS, strict=True)
     ]
     shifts = np.zeros((3, *base.shape))
+    # the last point is the gripper's, which the arm measures without the images' bias
     shifts[0, :, :-1, 0] = shifts[1, :, :-1, 1] = shifts[2, :, 0, 0] = 1.0
     return np.stack([*by_strip, *shifts, np.gradient(base, spacing, axis=0)], axis=-1)
 
 
-def _solve(design: Array, off: Array, gone: Array, sigma: Array) -> tuple[Array, Array]:
-    """Change of the parameters (3,) that explains `off` (b, POINTS, 2) best, and what it leaves.
+def _solve(design: Array, off: Array, moved: Array, sigma: Array) -> tuple[Array, Array]:
+    """Least-squares change (3,) of the parameters, and the residuals (b, POINTS, 2) that remain.
 
-    `gone` (3,) is how far they are from the belief already, `sigma` (3,) the belief's.
+    `off` (b, POINTS, 2) are the residuals before it, `moved` (3,) is the parameters' distance from
+    their prior so far, `sigma` (3,) the prior's standard deviation.
     """
     prior = np.concatenate([sigma, IMAGE_SIGMAS])
     a, b = design.reshape(-1, len(prior)), off.ravel()
     rows = np.vstack([a / POINT_NOISE, np.diag(1.0 / prior)])
     wanted = np.concatenate(
-        [b / POINT_NOISE, -np.concatenate([gone, np.zeros(len(IMAGE_SIGMAS))]) / prior]
+        [b / POINT_NOISE, -np.concatenate([moved, np.zeros(len(IMAGE_SIGMAS))]) / prior]
     )
     change = np.linalg.lstsq(rows, wanted, rcond=None)[0]
     return change[: len(sigma)], (b - a @ change).reshape(-1, POINTS, 2)
 
 
 def _model(strip: StripFile, at: Array) -> StripModel:
-    """Model of the strip with the parameters `at` (3,); its other effects stay."""
+    """Strip model with the fit's parameters `at` (3,) in place of those of `strip`."""
     effects = {name: given for name, given in strip.effects.items() if name != "bending_hysteresis"}
     friction = YIELD_UNIT * float(np.expm1(max(at[2], 0.0)))
     if friction > 0:
@@ -179,16 +184,20 @@ def _model(strip: StripFile, at: Array) -> StripModel:
 
 
 def _parameters(predicted: FoldPrediction) -> Array:
+    """The fit's parameters (3,): ln length, ln time, ln(1 + y / YIELD_UNIT)."""
     friction = np.log1p(predicted.yield_curvature.value / YIELD_UNIT)
     lengths = predicted.bending_length.value, predicted.retardation_time.value
     return np.array([*np.log(lengths), friction])
 
 
 def _sigmas(predicted: FoldPrediction) -> Array:
-    def half(estimate: Estimate) -> float:
-        return 0.5 * float(np.log(estimate.high / estimate.low))
-
+    """Standard deviations (3,) of the fit's parameters: half of each predicted interval."""
     friction = predicted.yield_curvature
     low, high = (np.log1p(value / YIELD_UNIT) for value in (friction.low, friction.high))
-    times = half(predicted.bending_length), half(predicted.retardation_time)
-    return np.array([*times, 0.5 * (high - low)])
+    length = _log_half_width(predicted.bending_length)
+    time = _log_half_width(predicted.retardation_time)
+    return np.array([length, time, 0.5 * (high - low)])
+
+
+def _log_half_width(estimate: Estimate) -> float:
+    return 0.5 * float(np.log(estimate.high / estimate.low))

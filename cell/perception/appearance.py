@@ -10,7 +10,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Appearance:
-    """The `scene` learnt before a fold, and where the strip rested in it.
+    """Appearance model learnt before a fold: the `scene`, and the `rest` line of the strip in it.
 
     `rest` (k,) are polynomial coefficients, constant first, of the resting midline's height [m]
     over x [m] as the homography maps it.

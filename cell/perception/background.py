@@ -11,6 +11,8 @@ from cell.perception.region import Region
 from drivers.types import Image
 
 EDGE = 3  # rows of desk that are averaged to either side of the strip
+END_MARGIN = 0.012  # m past the strip's free edge that are replaced too
+DARKEST = 3.0  # summed grey levels, to which darker patches are raised: their ratio is noise
 LIFTED_SHADE, DESK_SHADE = 0.06, 0.15  # shares of brightness by which evened light may be off
 
 
@@ -28,19 +30,21 @@ class Background:
     about: int
 
     def light(self, image: Image, region: Region, visible: Image) -> Floats:
-        """(n + 2, m + 2) brightness in the cells of `region` and a border of one, EVEN_LIGHT where
-        unchanged since preflight.
+        """Relative brightness (n + 2, m + 2) of the cells of `region` and a border of one cell.
 
-        Shadow and flicker are smooth, a strip is thin: the median over a neighbourhood is light
-        only. Pixels where `visible` (h, w) is 0, such as the hand, are not used.
+        EVEN_LIGHT where unchanged since preflight. Shadow and flicker are smooth, a strip is thin:
+        the median over a neighbourhood is light only. Pixels where `visible` (h, w) is 0, such as
+        the hand, are not used.
         """
         rows, columns = region.cells(PATCH_PX)
         patches = (region.left, region.top, rows, columns)
         now, then = brightness(image, *patches), brightness(self.image, *patches)
-        clear = visible[PATCH_PX // 2 :: PATCH_PX, PATCH_PX // 2 :: PATCH_PX] > 0
+        middles = slice(PATCH_PX // 2, None, PATCH_PX)
+        clear = visible[middles, middles] > 0
         known = np.ones((rows, columns), np.float32)
         known[: clear.shape[0], : clear.shape[1]] = clear
-        ratio = self._fill_holes(np.asarray(now / np.maximum(then, 3.0), dtype=np.float32), known)
+        ratio = np.asarray(now / np.maximum(then, DARKEST), dtype=np.float32)
+        ratio = self._fill_holes(ratio, known)
         steps = np.rint(np.clip(EVEN_LIGHT * ratio, 1, 255)).astype(np.uint8)
         smooth = cv2.blur(cv2.medianBlur(steps, self.about).astype(np.float32), (3, 3))
         cells = cv2.resize(smooth, (columns * PATCH_PX // CELL_PX, rows * PATCH_PX // CELL_PX))
@@ -48,7 +52,7 @@ class Background:
         return np.asarray(cv2.copyMakeBorder(cells[:n, :m], 1, 1, 1, 1, cv2.BORDER_REPLICATE))
 
     def _fill_holes(self, values: Floats, known: Floats) -> Floats:
-        """Values (n, m) where `known`, the mean of neighbouring known ones elsewhere."""
+        """Replace unknown `values` (n, m) by the mean of known neighbours, or by 1 without any."""
         if known.all():
             return values
         size = (3 * self.about, 3 * self.about)
@@ -59,9 +63,10 @@ class Background:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the resting strip is seen in the plane of its near edge: from x = 0 to `length` [m],
-    between the heights `low` and `high` [m], its blur and shadow included; its midline lies `rise`
-    [m] over the desk's.
+    """Rectangle [m] in the plane of the near edge in which the resting strip appears.
+
+    From x = 0 to `length`, between the heights `low` and `high`, its blur and shadow included; its
+    midline lies `rise` over the desk's.
     """
 
     length: float
@@ -73,12 +78,12 @@ class Place:
 def learn_background(
     image: Image, calibration: Calibration, place: Place, about: int
 ) -> Background:
-    """The scene of `image` (height, width, 3) with the strip at `place` taken out."""
-    x = np.linspace(0.0, place.length + 0.012, 60)
+    """Background of `image` (height, width, 3), with the strip at `place` interpolated over."""
+    x = np.linspace(0.0, place.length + END_MARGIN, 60)
     ends = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
     columns = np.arange(max(int(ends[0]), 0), min(int(ends[1]) + 1, image.shape[1] - 1))
     bottom, top = (
-        np.interp(columns, *calibration.to_image(np.column_stack([x, 0 * x + z])).T)
+        np.interp(columns, *calibration.to_image(np.column_stack([x, np.full_like(x, z)])).T)
         for z in (place.low, place.high)
     )
     empty = image.copy()

@@ -1,4 +1,4 @@
-"""Measures images in a process beside the control loop, which keeps its rate whatever they cost."""
+"""Image measurement in a separate process, so that the control loop keeps its rate."""
 
 import ctypes
 import gc
@@ -7,7 +7,7 @@ import os
 import signal
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from io import FileIO
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -34,17 +34,18 @@ NUMBERS = 11  # numbers of a measurement beside its profile
 SHIFT_SIZE = 1
 TOUCH_SIZE = 6
 MOST_POINTS = 500  # of a profile
+PROFILE_START = HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1  # 1: the number of points
 START_TIMEOUT = 60.0  # s for the process to start, its libraries included
 ENDING_TIMEOUT = 1.0  # s for it to end
 ENDED = "the process for images has ended"
-NICE = (
-    -10
-)  # before what only records or shows, where this user may; never real-time, since it computes
+ASK_MESSAGE, SEEN_MESSAGE, ERROR_MESSAGE = b"?", b"s", b"!"  # the last: before its text
+# before what only records or shows, where this user may; never real-time, since it computes
+NICE = -10
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Findings of one image; `shift` [m] is the camera's apparent motion, NaN where unknown."""
+    """Results from one image; `shift` [m] is the camera's apparent motion, NaN where unknown."""
 
     measurement: StripMeasurement
     touch: SeenTouch | None
@@ -52,30 +53,30 @@ class Seen:
 
 
 class Sight(Protocol):
-    """Judges the strip before a fold and measures it in the images of the fold."""
+    """Protocol of an image reader: checks the strip before a fold, then measures each image."""
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
-        """Check an image before the grasp, and keep the strip's colours."""
+        """Check the image taken before the grasp, and store the strip's colours for `look`."""
 
     def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> Seen:
-        """Measure the strip in `frame`, and with `touches` whether its layers touch."""
+        """Measure the strip in `frame`; with `touches`, also detect whether its layers touch."""
 
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Everything known before the fold of a strip that is to be measured."""
+    """Inputs of strip measurement that are known before a fold."""
 
     calibration: Calibration
     settings: PerceptionSettings
     strip: StripFile
 
     def shape(self) -> tuple[int, int, int]:
-        """Height and width of the calibrated images [px], and their channels."""
+        """Height and width [px] of the calibrated images, and their number of channels."""
         return self.calibration.lens.height, self.calibration.lens.width, 3
 
 
 class StripSight:
-    """Measures `subject` once an image of it was accepted."""
+    """Image reader of the cell: measures `subject` once `inspect` has accepted an image."""
 
     def __init__(self, subject: Subject) -> None:
         self._subject = subject
@@ -84,17 +85,18 @@ class StripSight:
         self._touch = LayerTouch(subject.settings, subject.strip)
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
-        """Check an image before the grasp, and keep the strip's colours."""
-        s = self._subject
-        seen = inspect(frame, s.calibration, s.settings, s.strip)
+        """Check the image taken before the grasp, and store the strip's colours for `look`."""
+        subject = self._subject
+        known = subject.calibration, subject.settings, subject.strip
+        seen = inspect(frame, *known)
         if seen.appearance is None:
             return seen.checks
-        self._perception = Perception(s.calibration, s.settings, s.strip, seen.appearance)
-        self._standing = Standing.of(seen.appearance, s.calibration, s.settings, s.strip)
+        self._perception = Perception(*known, seen.appearance)
+        self._standing = Standing.of(seen.appearance, *known)
         return *seen.checks, self._standing.check()
 
     def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> Seen:
-        """Measure the strip in `frame`; Fault `no_perception` before an image was accepted."""
+        """Measure the strip in `frame`; raises Fault `no_perception` before an accepted image."""
         if self._perception is None or self._standing is None:
             raise Fault("no_perception", "images are to be read before a picture was judged")
         measurement = self._perception.look(frame, gripper)
@@ -106,7 +108,7 @@ Maker = Callable[[Subject], Sight]
 
 
 class Beside:
-    """A process that measures one image at a time; the loop hands it the newest when it is free.
+    """Handle of a process that measures one image at a time, handed over by the control loop.
 
     Image and answer lie in shared memory, which belongs to either side in turn: a message of a few
     bytes passes it on. So nothing is torn, and nothing waits: a process that hangs keeps its answer
@@ -114,7 +116,7 @@ class Beside:
     """
 
     def __init__(self, subject: Subject, made: Maker = StripSight) -> None:
-        """Start the process; Fault `image_reader_dead` where it does not come up in time."""
+        """Start the process; raises Fault `image_reader_dead` where it does not start in time."""
         context = get_context("spawn")
         h, w, _ = self._shape = subject.shape()
         image: Any = context.RawArray(ctypes.c_uint8, h * w * 3)
@@ -138,60 +140,55 @@ class Beside:
 
     @property
     def since(self) -> float | None:
-        """When the image under way was handed over [s]; None while nothing is."""
+        """Time [s] at which the image being measured was handed over; None while idle."""
         return self._asked
 
     @property
     def dead(self) -> str:
-        """Why no image is measured any more; empty while they are."""
+        """Reason why the process no longer measures images; empty while it works."""
         return self._dead
 
     @property
     def process(self) -> int | None:
-        """Process ID."""
+        """ID of the process that measures images."""
         return self._process.pid
 
     def ask(self, request: int, frame: Frame, gripper: Pose, now: float) -> None:
-        """Hand over `frame` at `now` [s]; nothing may be under way. Raises Fault `image_size` for
-        one that is not as large as the calibrated ones.
+        """Hand over `frame` to the idle process at `now` [s].
+
+        Raises Fault `image_size` for an image of another size than the calibrated ones.
         """
         if frame.image.shape != self._shape:
             h, w, _ = self._shape
             raise Fault("image_size", f"an image of {frame.image.shape[:2]} pixels, not {h} x {w}")
         np.copyto(self._pixels, frame.image)
+        stamps = (frame.stamp, frame.arrival, frame.sequence)
         pose = (gripper.x, gripper.z, gripper.pitch)
-        self._values[:HEADER_SIZE] = (
-            request,
-            frame.stamp,
-            frame.arrival,
-            frame.sequence,
-            *pose,
-            0.0,
-        )
+        self._values[:HEADER_SIZE] = (request, *stamps, *pose, 0.0)
         self._asked = now
         try:
-            self._pipe.send_bytes(b"?")
+            self._pipe.send_bytes(ASK_MESSAGE)
         except OSError:
             self._dead = self._dead or ENDED
 
     def answer(self) -> Seen | None:
-        """Findings of the image under way, None until they are known."""
-        return _unpack(self._values) if self._news() == b"s" else None
+        """Results from the image handed over last, returned once; None until they are ready."""
+        return _unpack(self._values) if self._next_message() == SEEN_MESSAGE else None
 
     def checks(self) -> tuple[PreflightCheck, ...] | None:
-        """The checks of the image under way; None until they are known.
+        """Preflight checks of the image handed over last, returned once; None until ready.
 
-        Raises Fault `image_reader_dead` where they never will be.
+        Raises Fault `image_reader_dead` where the process has ended.
         """
-        news = self._news()
+        message = self._next_message()
         if self._dead:
             raise Fault("image_reader_dead", self._dead)
-        if not news:
+        if not message:
             return None
-        return tuple(PreflightCheck(**check) for check in json.loads(news))
+        return tuple(PreflightCheck(**check) for check in json.loads(message))
 
     def close(self) -> None:
-        """End the process; calling it twice is allowed."""
+        """End the process; may be called twice."""
         self._pipe.close()
         self._memory.close()
         self._process.join(ENDING_TIMEOUT)
@@ -199,8 +196,8 @@ class Beside:
             self._process.kill()
             self._process.join(ENDING_TIMEOUT)
 
-    def _news(self) -> bytes:
-        """The message of the process, empty for none."""
+    def _next_message(self) -> bytes:
+        """Next message of the process; empty while there is none."""
         if self._dead:
             return b""
         ends = self._ends()  # looked at first: what it said before that is still heard
@@ -210,8 +207,9 @@ class Beside:
         return b""
 
     def _ends(self) -> bool:
-        """Whether the process has ended or is about to: a killed one first gives its memory back,
-        for some ten milliseconds, and only then closes its pipe.
+        """Whether the process has ended or is about to end.
+
+        A killed one first frees its memory, for some 10 ms, and only then closes its pipe.
         """
         try:
             return os.pread(self._memory.fileno(), 64, 0).startswith(b"0 ")
@@ -225,15 +223,16 @@ class Beside:
             self._dead = ENDED
             return None
         self._asked = None
-        if message[:1] == b"!":
+        if message[:1] == ERROR_MESSAGE:
             self._dead = message[1:].decode(errors="replace")
             return None
         return message
 
 
 def serve(subject: Subject, made: Maker, pipe: Connection, image: Any, numbers: Any) -> None:
-    """Measure what is handed over until the other end of `pipe` closes; `image` and `numbers` are
-    the shared memory.
+    """Main loop of the process: measures each image handed over until `pipe` is closed.
+
+    `image` and `numbers` are the shared memory.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the cell decides when this ends
     _go_first()
@@ -249,11 +248,11 @@ def serve(subject: Subject, made: Maker, pipe: Connection, image: Any, numbers: 
     except (EOFError, OSError):
         return
     except Exception as error:  # noqa: BLE001  an edge: the loop stops the arm, and says why
-        pipe.send_bytes(f"!{type(error).__name__}: {error}".encode())
+        pipe.send_bytes(ERROR_MESSAGE + f"{type(error).__name__}: {error}".encode())
 
 
 def _go_first() -> None:
-    """Take precedence among ordinary processes.
+    """Raise the priority of this process among ordinary processes, not to real time.
 
     A process that computes without a pause must not have real-time priority: it would use up what
     the kernel leaves to all such processes, and for 50 ms in a second none of them runs, the
@@ -264,46 +263,41 @@ def _go_first() -> None:
 
 
 def _measure(sight: Sight, pixels: Any, values: Array) -> bytes:
-    """Measure the image handed over, and the message that says so."""
+    """Process the image handed over and return the message for the control loop."""
     request, stamp, arrival, sequence, x, z, pitch, _ = values[:HEADER_SIZE].tolist()
     frame = Frame(stamp, arrival, "shared", int(sequence), pixels)
     if request == INSPECT:
         checks = [asdict(check) for check in sight.inspect(frame)]
         return json.dumps(checks, default=np.generic.item).encode()
     _pack(values, sight.look(frame, Pose(x, z, pitch), touches=request == TRACK))
-    return b"s"
+    return SEEN_MESSAGE
 
 
 def _size() -> int:
-    return HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1 + 2 * MOST_POINTS
+    return PROFILE_START + 2 * MOST_POINTS
 
 
 def _pack(values: Array, seen: Seen) -> None:
     """Write `seen` into the shared numbers (n,): the measurement, the touch or NaN, the profile."""
-    m, t = seen.measurement, seen.touch
+    m = seen.measurement
     points = m.profile[:MOST_POINTS]
-    one = [m.stamp, m.sequence, m.contact_x, m.contact_confidence, m.profile_confidence, *m.tip]
-    one += [m.gap, m.gap_x, *m.gripper, seen.shift]
-    nothing = [np.nan] * TOUCH_SIZE
-    touch = nothing if t is None else [t.time, t.x, t.to_grasped, t.to_fixed, t.confidence]
-    touch += [] if t is None else [t.distance]
-    start = HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1
-    values[HEADER_SIZE:start] = [*one, *touch, len(points)]
-    values[start : start + 2 * len(points)] = points.ravel()
+    confidences = (m.contact_confidence, m.profile_confidence)
+    numbers = [m.stamp, m.sequence, m.contact_x, *confidences, *m.tip, m.gap, m.gap_x, *m.gripper]
+    touch = [np.nan] * TOUCH_SIZE if seen.touch is None else astuple(seen.touch)
+    values[HEADER_SIZE:PROFILE_START] = [*numbers, seen.shift, *touch, len(points)]
+    values[PROFILE_START : PROFILE_START + 2 * len(points)] = points.ravel()
 
 
 def _unpack(values: Array) -> Seen:
-    """Findings of an image from the shared numbers (n,)."""
-    start = HEADER_SIZE + NUMBERS + SHIFT_SIZE + TOUCH_SIZE + 1
-    one, touch = values[HEADER_SIZE:start].tolist(), None
-    stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[:NUMBERS]
-    count = int(one[-1])
-    touching = one[NUMBERS + SHIFT_SIZE : -1]
-    if not np.isnan(touching[0]):
-        touch = SeenTouch(*touching)
-    points = values[start : start + 2 * count].reshape(count, 2).copy()
-    tip = (tip_x, tip_z)
+    """Results from an image, read from the shared numbers (n,)."""
+    numbers = values[HEADER_SIZE:PROFILE_START].tolist()
+    stamp, sequence, contact_x, contact_confidence, profile_confidence = numbers[:5]
+    tip_x, tip_z, gap, gap_x, gripper_x, gripper_z = numbers[5:NUMBERS]
+    shift, *touch, count = numbers[NUMBERS:]
+    points = values[PROFILE_START : PROFILE_START + 2 * int(count)].reshape(int(count), 2).copy()
+    contact, profile = (contact_x, contact_confidence), (points, profile_confidence)
+    tip, gripper = (tip_x, tip_z), (gripper_x, gripper_z)
     measurement = StripMeasurement(
-        stamp, int(sequence), contact_x, contact, points, profile, tip, gap, gap_x, (x, z)
+        stamp, int(sequence), *contact, *profile, tip, gap, gap_x, gripper
     )
-    return Seen(measurement, touch, one[NUMBERS])
+    return Seen(measurement, None if np.isnan(touch[0]) else SeenTouch(*touch), shift)

@@ -24,11 +24,14 @@ BURNT = 0.1  # share of pixels that may be so
 SOLID = 0.5  # share of strip that every part of it shows
 ALIKE_SHARE = 0.04  # share of the background that may look like the strip
 SEPARATION = 3.0  # separation from what is behind it, standard deviations
+END_LENGTH = 0.01  # m at the free edge, which need not be seen
+PRESENT_SHARE = 0.9  # share of its place along which the strip is seen at least
+BLOT_SIZE = 61  # px over which what looks like the strip is counted
 
 
 @dataclass(frozen=True, slots=True)
 class PreflightCheck:
-    """One named check: its finding, and the remedy when it failed."""
+    """Result of one named check: the finding, and the remedy for a failure."""
 
     name: str
     passed: bool
@@ -76,8 +79,9 @@ def desk_contrast(scene: Segmenter, desk: Array, settings: PerceptionSettings) -
 
 
 def solid(levels: Image, calibration: Calibration, strip: StripFile, rise: float) -> PreflightCheck:
-    """Whether no part of the strip, whose midline rests at a height `rise` [m], looks like desk in
-    the smoothed matte `levels` (h, w).
+    """Check whether every part of the strip stands out from the desk in `levels` (h, w).
+
+    These are the smoothed matte; the strip's midline rests at a height `rise` [m].
     """
     least = float(np.quantile(shares_along(levels, calibration, strip, rise), 0.05))
     return PreflightCheck(
@@ -92,7 +96,7 @@ def solid(levels: Image, calibration: Calibration, strip: StripFile, rise: float
 def background_contrast(
     scene: Segmenter, calibration: Calibration, strip: StripFile
 ) -> PreflightCheck:
-    """Whether the background along the strip's motion differs from each of its colours."""
+    """Check whether the background along the strip's motion differs from the strip's colours."""
     way = way_of(calibration, strip.length)
     alike = (scene.separation(way) < SEPARATION).mean(axis=0)
     share = float(alike.mean())
@@ -117,12 +121,10 @@ def background_contrast(
 
 
 def check_exposure(seen: Samples) -> PreflightCheck:
-    """Whether strip, desk and backdrop are neither over- nor underexposed."""
+    """Check whether strip, desk and backdrop are neither over- nor underexposed."""
     pixels = np.vstack([seen.strip, seen.desk, seen.backdrop])
-    white, black = (
-        (pixels > WHITE_LEVEL).any(axis=1).mean(),
-        (pixels < BLACK_LEVEL).all(axis=1).mean(),
-    )
+    white = (pixels > WHITE_LEVEL).any(axis=1).mean()
+    black = (pixels < BLACK_LEVEL).all(axis=1).mean()
     return PreflightCheck(
         "exposure",
         max(white, black) <= BURNT,
@@ -133,11 +135,11 @@ def check_exposure(seen: Samples) -> PreflightCheck:
 
 
 def lies_there(seen: Underside, strip: StripFile, *, clear: bool) -> PreflightCheck:
-    """Whether the strip is seen along its expected place; `clear` where it can be."""
-    there = float(seen.present[seen.x < strip.length - 0.01].mean())
+    """Check whether the strip is seen along its expected place; `clear` where it can be."""
+    there = float(seen.present[seen.x < strip.length - END_LENGTH].mean())
     return PreflightCheck(
         "strip lies there",
-        clear and there > 0.9,
+        clear and there > PRESENT_SHARE,
         f"seen along {100 * there:.0f} % of its place",
         "lay the strip along the x-axis, its fixed edge at x = 0, its side on the marked line",
     )
@@ -146,7 +148,7 @@ def lies_there(seen: Underside, strip: StripFile, *, clear: bool) -> PreflightCh
 def rests_well(
     seen: Underside, appearance: Appearance, settings: PerceptionSettings, strip: StripFile
 ) -> tuple[PreflightCheck, ...]:
-    """Whether the strip lies flat, in the calibrated plane, with the stated length."""
+    """Check whether the strip lies flat, in the calibrated plane, with the stated length."""
     x, z = seen.x[seen.present], seen.z[seen.present]
     bump = float(np.abs(z - appearance.rest_height(x)).max())
     high = float(np.abs(appearance.rest_height(x)).max())
@@ -175,14 +177,14 @@ def rests_well(
 
 
 def _heaviest(alike: Floats) -> Array:
-    """(2,) pixel u, v around which most of `alike` (h, w) lies."""
-    near = cv2.blur(alike, (61, 61))
+    """Pixel (2,), u and v, around which most of the mask `alike` (h, w) lies."""
+    near = cv2.blur(alike, (BLOT_SIZE, BLOT_SIZE))
     v, u = np.unravel_index(int(np.argmax(near)), near.shape)
     return np.array([float(u), float(v)])
 
 
 def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightCheck:
-    """Check whether the camera has moved since its calibration, by its landmarks."""
+    """Check whether the `shift` of the landmarks shows that the camera has been moved."""
     seen = np.isfinite([shift.x, shift.z]).all()
     desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
     moved = f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}"

@@ -1,4 +1,4 @@
-"""desk_contact in an image: search along the strip's line, refined on its underside."""
+"""Desk contact in an image: the end of the strip on the line where its underside would rest."""
 
 from dataclasses import dataclass
 
@@ -19,8 +19,7 @@ HALF_LEVEL = ZERO_LEVEL + LEVEL_SPAN // 2  # level of which half is strip
 
 @dataclass(frozen=True, slots=True)
 class SearchLine:
-    """The line along which the strip's underside is searched, where its midline is `height` over
-    rest.
+    """Line of sample points along the strip's underside, on which the desk contact is searched.
 
     `x` (n,) [m] and raw image points `pixels` (n, 2), projected once; `front` (k, 2) [px] lie on
     the desk in front of the strip, where no strip can be.
@@ -39,10 +38,10 @@ class SearchLine:
         thickness: float,
         span: tuple[float, float],
     ) -> "SearchLine":
-        """The line over `span` [m] of x."""
+        """Search line over `span` [m] of x for a midline that is `height` [m] over its rest."""
         x = np.arange(span[0], span[1], SAMPLE_SPACING)
         z = appearance.rest_height(x) + height - thickness / 2
-        near = x[: len(x) // 2 : 20]
+        near = x[: len(x) // 2 : 20]  # some points in front of the strip's fixed half
         front = np.column_stack([near, np.full_like(near, FRONT_HEIGHT)])
         pixels = calibration.to_image(np.column_stack([x, z]))
         return cls(x, pixels, calibration.to_image(front))
@@ -50,14 +49,14 @@ class SearchLine:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """x of the desk contact [m], NaN when not seen, and the sharpness of the transition to desk."""
+    """Position `x` [m] of the desk contact, NaN when not seen, and its confidence, 0 to 1."""
 
     x: float
     confidence: float
 
 
 def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
-    """First point along the line, from the fixed end, where strip changes to desk.
+    """Find the first point along `line`, from the fixed end, where strip changes to desk.
 
     In images that are shifted the line begins beside the strip, and crosses its end.
     `levels` (h, w) is the smoothed matte of the window whose first pixel is `origin` (2,) [px].
@@ -69,27 +68,36 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     strip = along > 0.5
     if not strip[: len(strip) // 8].any():
         return Contact(float("nan"), 0.0)
-    ahead = int(SURE_LENGTH / SAMPLE_SPACING)
-    clear = np.convolve(strip, np.ones(ahead), mode="full")[ahead - 1 : ahead - 1 + len(strip)]
-    held = np.convolve(strip, np.ones(ahead), mode="full")[: len(strip)]
-    ends = np.flatnonzero(strip[:-1] & (held[:-1] >= ahead - 1) & ~strip[1:] & (clear[1:] == 0))
+    run = int(SURE_LENGTH / SAMPLE_SPACING)  # samples
+    counts = np.convolve(strip, np.ones(run), mode="full")  # of strip in the run up to each sample
+    before, following = counts[: len(strip)], counts[run - 1 : run - 1 + len(strip)]
+    ends = np.flatnonzero(strip[:-1] & (before[:-1] >= run - 1) & ~strip[1:] & (following[1:] == 0))
     if len(ends) == 0:
         x = float(line.x[-1]) if strip[-1] else float("nan")
         return Contact(x, 1.0 if strip[-1] else 0.0)
     i = int(ends[0])
     part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
-    before, after = along[max(i - 4 * ahead, 0) : i + 1].max(), along[i + 1 : i + 4 * ahead].min()
-    confidence = float(np.clip(2 * (before - after) - 0.6, 0.0, 1.0))
+    confidence = _sharpness(along, i, 4 * run)
     return Contact(float(line.x[i] + part * SAMPLE_SPACING), confidence)
 
 
+def _sharpness(along: Array, end: int, reach: int) -> float:
+    """Confidence in the strip's end after sample `end`, by the step in its shares `along` (n,).
+
+    It is 0 for a step of 0.3, and 1 for 0.8, over `reach` samples to either side.
+    """
+    before, after = along[max(end - reach, 0) : end + 1].max(), along[end + 1 : end + reach].min()
+    return float(np.clip(2 * (before - after) - 0.6, 0.0, 1.0))
+
+
 def _sample(levels: Image, pixels: Array) -> Image:
+    """Grey levels (n,) of `levels` (h, w) at `pixels` (n, 2), ZERO_LEVEL outside."""
     at = pixels.astype(np.float32)[None]
     sampled = cv2.remap(levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO_LEVEL)
     return np.asarray(sampled[0], dtype=np.uint8)
 
 
 def _average(values: Image) -> Array:
-    """Moving average of AVERAGE samples (n,), the ends repeated."""
+    """Moving average (n,) of `values` (n,) over AVERAGE samples, the ends repeated."""
     samples = values[None].astype(np.float64)
     return np.asarray(cv2.blur(samples, (AVERAGE, 1), borderType=cv2.BORDER_REPLICATE)[0])

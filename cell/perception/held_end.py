@@ -1,4 +1,4 @@
-"""The held end of a strip, found in images alone: where no arm says where it is."""
+"""Tracking of a strip's held end in images alone, where no arm reports its pose."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -17,20 +17,22 @@ PROFILE_CONFIDENCE = 0.5  # confidence in a profile from which the end is taken 
 CLOSE = 0.001  # m by which the end may still move when it counts as found
 ROUNDS = 6
 TANGENT_LENGTH = 0.02  # m at the profile's end that give its tangent
+MOST_STEPS = 5.0  # times the last motion of the end, by which it is extrapolated
+UPRIGHT_HEIGHT = 0.1  # m of lift after which the end hangs upright
 LIFTS = (0.03, 0.045, 0.06, 0.08)  # m of height at which an end that was just lifted is looked for
 SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about where it should be, when it is not there
 
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Measurement of an image with the pose of the held end; None where it was not found."""
+    """Measurement of one image, and the pose of the held `end`, None where it was not found."""
 
     measurement: StripMeasurement
     end: Pose | None
 
 
 class HeldEnd:
-    """Follows the held end from image to image.
+    """Tracks the held end of a strip from image to image.
 
     Of a strip of known length, what is missing between the seen profile and the whole length lies
     in the grip: the end is the point at that length along the profile. It moves where the profile
@@ -49,7 +51,7 @@ class HeldEnd:
         self._past: list[tuple[float, Pose]] = []
 
     def look(self, frame: Frame) -> Held:
-        """Measure the strip in `frame` and its held end; images are given in their order."""
+        """Measure the strip and its held end in `frame`; frames must come in their order."""
         first, *others = self._guesses(frame.stamp)
         best = self._settle(frame, first)
         for guess in others:
@@ -63,11 +65,12 @@ class HeldEnd:
         return best
 
     def _guesses(self, stamp: float) -> Iterator[Pose]:
-        """Guesses of the held end: where it was going, about there, or just lifted."""
+        """Guesses of the held end's pose: extrapolated, last, and nearby; at first, just lifted."""
         if not self._past:
             yield Pose(self._length, 0.0, 0.0)
             for height in LIFTS:
-                yield Pose(self._length - height / 2, height, min(height / 0.1, 1.0) * np.pi / 2)
+                pitch = min(height / UPRIGHT_HEIGHT, 1.0) * np.pi / 2
+                yield Pose(self._length - height / 2, height, pitch)
             return
         last = self._past[-1][1]
         expected = self._predict(stamp)
@@ -80,13 +83,13 @@ class HeldEnd:
     def _predict(self, stamp: float) -> Pose:
         if len(self._past) < 2:
             return self._past[-1][1]
-        (before, one), (then, two) = self._past[-2:]
-        share = (stamp - then) / (then - before)
-        ahead = two.as_array() + min(share, 5.0) * (two.as_array() - one.as_array())
-        return Pose(float(ahead[0]), max(float(ahead[1]), 0.0), two.pitch)
+        (before, start), (then, last) = self._past[-2:]
+        steps = min((stamp - then) / (then - before), MOST_STEPS)
+        ahead = last.as_array() + steps * (last.as_array() - start.as_array())
+        return Pose(float(ahead[0]), max(float(ahead[1]), 0.0), last.pitch)
 
     def _settle(self, frame: Frame, guess: Pose) -> Held:
-        """The strip read with the end where it comes to rest, begun from `guess`."""
+        """Measure strip and end by fixed-point iteration from `guess`; end None if it diverges."""
         for _ in range(ROUNDS):
             measurement = self._perception.look(frame, guess)
             end = self._end(measurement)
@@ -99,23 +102,23 @@ class HeldEnd:
         return Held(measurement, None)
 
     def _end(self, measurement: StripMeasurement) -> Pose | None:
-        """The point at the strip's length along the profile and on; None without a profile."""
+        """Pose at the strip's full length along the extrapolated profile; None without profile."""
         curve = measurement.profile
         if len(curve) < 2:
             return None
         steps = np.hypot(*np.diff(curve, axis=0).T)
         along = measurement.contact_x + np.concatenate([[0.0], np.cumsum(steps)])
-        whole = curve[along <= self._length]
-        if len(whole) < 2:
+        within = curve[along <= self._length]
+        if len(within) < 2:
             return None
-        return _beyond(whole, self._length - float(along[len(whole) - 1]))
+        return _extrapolate(within, self._length - float(along[len(within) - 1]))
 
 
-def _beyond(curve: Array, rest: float) -> Pose:
-    """The point `rest` [m] beyond the end of a curve (n, 2) [m], along its last stretch."""
+def _extrapolate(curve: Array, distance: float) -> Pose:
+    """Pose at `distance` [m] beyond the end of a curve (n, 2) [m], along its last stretch."""
     back = np.hypot(*(curve - curve[-1]).T)
     begin = int(np.flatnonzero(back >= min(TANGENT_LENGTH, float(back.max())))[-1])
     way = curve[-1] - curve[begin]
     way = way / max(float(np.hypot(*way)), 1e-9)
-    point = curve[-1] + rest * way
+    point = curve[-1] + distance * way
     return Pose(float(point[0]), float(point[1]), float(np.arctan2(way[1], way[0])))

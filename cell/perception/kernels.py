@@ -1,4 +1,4 @@
-"""Compiled loops over pixels: which cells changed, the share of strip in their pixels."""
+"""Compiled loops over pixels: change detection by cells, matting of the strip, its borders."""
 
 from typing import Any
 
@@ -15,6 +15,7 @@ EVEN_LIGHT = 120  # level of light as bright as at preflight
 SHADE = 0.15  # share of brightness by which the strip's own colour changes as it turns
 # separation under which a colour cannot be distinguished from what is behind it
 LEAST_SEPARATION = 2.0
+PEAK_REACH, MASS_REACH = 1.0, 3.0  # px about a band, within which its peak and its mass lie
 
 Floats = NDArray[np.float32]
 Offsets = NDArray[np.int64]
@@ -25,9 +26,9 @@ Columns = NDArray[np.int64]
 def _fisher(
     mixed: Any, of_own: Any, of_scene: Any, shade: Any, variance: Any
 ) -> tuple[Any, Any, Any]:
-    """Fisher's direction a colour + b scene that separates strip from scene: a and b, and the
-    scatter's determinant, by which both are multiplied.
+    """Fisher's linear discriminant of strip and scene: factors a and b of the two colours.
 
+    Its direction is (a own + b scene) / det, where det, returned too, is the scatter's determinant.
     The products of colours are `mixed` (own by scene), `of_own` and `of_scene`; the scatter is the
     sensor's `variance`, SHADE of the strip's brightness and `shade` of the scene's.
     """
@@ -39,11 +40,11 @@ def _fisher(
 
 @entry
 def discriminants(colour: Floats, scene: Floats, shade: Floats, variance: float) -> Floats:
-    """Fisher's a and b, the squared separation and the direction's length, (n, 4), of `colour` (3,)
-    from each background (n, 3).
+    """Fisher's linear discriminants (n, 4) of `colour` (3,) and each background `scene` (n, 3).
 
-    Fisher's direction is a colour + b scene. `shade` (n,) is the share of brightness by which the
-    background may differ, `variance` the sensor's [grey levels squared].
+    The columns are a and b of the direction a colour + b scene, the squared separation, and the
+    direction's length. `shade` (n,) is the share of brightness by which the background may differ,
+    `variance` the sensor's [grey levels squared].
     """
     found = np.empty((len(scene), 4), np.float32)
     c0, c1, c2 = colour
@@ -62,8 +63,9 @@ def discriminants(colour: Floats, scene: Floats, shade: Floats, variance: float)
 
 @entry
 def bridge(image: Image, columns: Columns, top: Columns, bottom: Columns, edge: int) -> None:
-    """Interpolate every one of `columns` (n,) between its rows `top` and `bottom` (n,), from the
-    means of `edge` rows beyond, in place.
+    """Fill `columns` (n,) of `image` (h, w, 3) in place from rows `top` to `bottom` (n,).
+
+    By linear interpolation between the means of `edge` rows above and below.
     """
     for k in range(len(columns)):
         u, first, last = columns[k], top[k], bottom[k]
@@ -80,19 +82,19 @@ def bridge(image: Image, columns: Columns, top: Columns, bottom: Columns, edge: 
 
 @entry
 def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Floats:
-    """(rows, columns) sum of the channels in the middle of each patch of `image` (h, w, 3), of
-    which the first begins at column `left` and row `top` [px].
+    """Brightness (rows, columns), summed over the channels, of each patch of `image` (h, w, 3).
+
+    A mean of 4 pixels about its middle; the first patch begins at column `left`, row `top` [px].
     """
     found = np.empty((rows, columns), np.float32)
+    half = PATCH_PX // 2
     for i in range(rows):
         for j in range(columns):
             total = np.int32(0)
             for v in range(2):
-                row = min(top + PATCH_PX * i + PATCH_PX // 2 + 4 * v - 3, image.shape[0] - 1)
+                row = min(top + PATCH_PX * i + half + 4 * v - 3, image.shape[0] - 1)
                 for u in range(2):
-                    column = min(
-                        left + PATCH_PX * j + PATCH_PX // 2 + 4 * u - 3, image.shape[1] - 1
-                    )
+                    column = min(left + PATCH_PX * j + half + 4 * u - 3, image.shape[1] - 1)
                     for c in range(3):
                         total += np.int32(image[row, column, c])
             found[i, j] = np.float32(total) / 4
@@ -103,8 +105,9 @@ def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Fl
 def changed_cells(
     seen: Image, behind: Image, light: Image, left: int, top: int, limit: float
 ) -> Image:
-    """(n, m) 1 where a cell differs by more than `limit` [grey levels] a channel in the mean.
+    """Mask (n, m), 1 where a cell differs by more than `limit` [grey levels] per channel, else 0.
 
+    The difference is the mean over the cell's pixels.
     Every fourth row of the images (h, 3 w) counts, B, G, R in turn; `light` (n, m) is that of the
     cells, of which the first begins at column `left` and row `top` [px].
     """
@@ -131,7 +134,7 @@ def changed_cells(
 
 
 @kernel
-def _spread(
+def _load_cell(
     seen: Image,
     behind: Image,
     shade: Floats,
@@ -140,10 +143,10 @@ def _spread(
     cell: tuple[int, int],
     pixels: Floats,
 ) -> None:
-    """Into `pixels` (7, CELL_PX^2) those of `cell`, row and column: the difference of B, G, R, in
-    even light, from the background's, these themselves, and their shade.
+    """Load the pixels of one `cell`, row and column, into `pixels` (7, CELL_PX^2).
 
-    `light` (n + 2, m + 2) of cells with a border is interpolated.
+    Rows: the difference of B, G, R, in even light, from the background's, these themselves, their
+    shade; `light` (n + 2, m + 2) of cells with a border is interpolated.
     """
     (left, top), (i, j) = corner, cell
     half = np.float32(0.5) / np.float32(CELL_PX) + np.float32(0.5)
@@ -169,8 +172,9 @@ def _spread(
 
 @kernel
 def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> None:
-    """Into `shares` (n,) the most of any of `colours` (k, 3) that is seen in `pixels` (7, n).
+    """Write the share of strip in each of `pixels` (7, n) to `shares` (n,).
 
+    It is the largest over the strip's `colours` (k, 3), of those that the scene does not resemble.
     Without branches in the inner loop, so that it is compiled to vectors of pixels.
     """
     d0, d1, d2, s0, s1, s2 = pixels[0], pixels[1], pixels[2], pixels[3], pixels[4], pixels[5]
@@ -201,8 +205,9 @@ def segment(
     variance: float,
     corner: tuple[int, int],
 ) -> Image:
-    """Matte levels (CELL_PX n, CELL_PX m) where `cells` (n, m) is not 0, else ZERO_LEVEL.
+    """Matte levels (CELL_PX n, CELL_PX m) of the strip, in those `cells` (n, m) that are not 0.
 
+    Other cells have ZERO_LEVEL.
     The images (height, width, 3) and `shade` (height, width) are whole, `light` (n + 2, m + 2)
     that of the cells and a border of one, of which the first inside begins at `corner`, column
     and row [px]. Of `colours` (k, 3) the one counts that a pixel shows most of.
@@ -215,7 +220,7 @@ def segment(
         for j in range(columns):
             if cells[i, j] == 0:
                 continue
-            _spread(seen, behind, shade, light, corner, (i, j), pixels)
+            _load_cell(seen, behind, shade, light, corner, (i, j), pixels)
             _shares(pixels, colours, np.float32(variance), shares)
             for n in range(CELL_PX * CELL_PX):
                 level = np.float32(ZERO_LEVEL) + np.float32(LEVEL_SPAN) * shares[n]
@@ -228,10 +233,11 @@ def segment(
 def silhouette_of(
     levels: Image, strip: Image, lifted: Image, lines: Offsets, solid: int, faint: int
 ) -> Image:
-    """Mask (h, w), 255 in the zone `strip` where `levels` exceed `solid`, and where in the zone
-    `lifted` their mean exceeds `faint` along one of `lines` (k, n, 2) of rows and columns.
+    """Mask (h, w) of the strip, 255 inside, from matte `levels` (h + n - 1, w + n - 1).
 
-    `levels` (h + n - 1, w + n - 1) have a border that is as wide as the lines reach.
+    In the zone `strip` where the levels exceed `solid`, in its part `lifted` also where their mean
+    exceeds `faint` along one of `lines` (k, n, 2) of rows and columns. The levels have a border
+    that is as wide as the lines reach.
     """
     (h, w), (count, length) = strip.shape, lines.shape[:2]
     flat, width, reach = levels.reshape(-1), levels.shape[1], length // 2
@@ -259,42 +265,58 @@ def silhouette_of(
 
 @kernel
 def _crossing(line: Array, offsets: Array, left: int, level: float) -> Any:
-    """Where `line` (m,) crosses `level` between sample `left` and the next, by their `offsets`."""
+    """Offset [px] at which `line` (m,) crosses `level` between the sample `left` and the next."""
     right = min(left + 1, len(line) - 1)
     change = line[right] - line[left]
     part = (level - line[left]) / (change if abs(change) >= 1e-6 else 1e-6)
     return offsets[left] + (offsets[1] - offsets[0]) * min(max(part, 0.0), 1.0)
 
 
+@kernel
+def _find_peak(line: Array, offsets: Array, width: float) -> Any:
+    """Sample and share of the strongest point of `line` (m,) within a band of `width` [px]."""
+    peak, most = 0, -1.0
+    for j in range(len(line)):
+        if -PEAK_REACH <= offsets[j] <= width + PEAK_REACH and line[j] > most:
+            most, peak = line[j], j
+    return peak, most
+
+
+@kernel
+def _find_flanks(line: Array, peak: int, latest: int, level: float) -> Any:
+    """Nearest samples of `line` (m,) below `level` on both sides of its `peak`, 0 and m if none."""
+    rise = 0
+    for j in range(min(max(peak, 1), latest)):
+        rise = rise if line[j] > level else j
+    fall = max(peak, rise + 1) + 1
+    while fall < len(line) and line[fall] > level:
+        fall += 1
+    return rise, fall
+
+
 @entry
 def borders(
     across: Array, offsets: Array, widths: Array, latest: Columns, plateau: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """Outer and inner border, NaN where there is none, and strength, (n, 3), of the band on lines
-    `across` (n, m) it, and the shares (n, m) of it alone.
+    """Outer and inner border [px] and strength, (n, 3), of a band crossed by n sampled lines.
 
-    `offsets` (m,) [px] are those of the samples. The outer border comes before the sample `latest`
-    (n,) and lies where the share passes half of the strongest one within the band's `widths` (n,)
-    [px], kept within the `plateau`; the inner one where it falls below that again.
+    Also returns the shares (n, m) of the band alone out of those `across` (n, m) it. `offsets` (m,)
+    [px] are those of the samples. The outer border comes before the sample `latest` (n,) and lies
+    where the share passes half of the strongest one within the band's `widths` (n,) [px], kept
+    within the `plateau`; the inner one, NaN where there is none, where it falls below that again.
     """
     n, m = across.shape
     found, mass = np.full((n, 3), np.nan), np.zeros((n, m))
     for i in range(n):
-        line, peak, most = across[i], 0, -1.0
-        for j in range(m):
-            if -1.0 <= offsets[j] <= widths[i] + 1.0 and line[j] > most:
-                most, peak = line[j], j
-            if -3.0 <= offsets[j] <= widths[i] + 3.0:
-                mass[i, j] = max(line[j], 0.0)
+        line = across[i]
+        peak, most = _find_peak(line, offsets, widths[i])
         strength = max(most, 0.0)
         level = 0.5 * min(max(strength, plateau[0]), plateau[1])
-        rise = 0
-        for j in range(min(max(peak, 1), latest[i])):
-            rise = rise if line[j] > level else j
-        fall = max(peak, rise + 1) + 1
-        while fall < m and line[fall] > level:
-            fall += 1
+        rise, fall = _find_flanks(line, peak, latest[i], level)
         found[i, 0], found[i, 2] = _crossing(line, offsets, rise, level), strength
         if fall < m:
             found[i, 1] = _crossing(line, offsets, fall - 1, level)
+        for j in range(m):
+            if -MASS_REACH <= offsets[j] <= widths[i] + MASS_REACH:
+                mass[i, j] = max(line[j], 0.0)
     return found, mass

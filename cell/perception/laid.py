@@ -1,4 +1,4 @@
-"""Offset between the edges of a laid fold, from its loop."""
+"""Offset between the edges of a laid fold, estimated from the loop that the camera sees."""
 
 from functools import cache
 from pathlib import Path
@@ -16,9 +16,7 @@ TOP = 5  # points of the profile whose mean height is the loop's
 
 
 class Loop(NamedTuple):
-    """The loop of a laid fold [m]: x of its rightmost point, its height, and its width from where
-    the lower layer leaves the desk.
-    """
+    """Loop of a laid fold [m]: x of its tip, its height, its width from the desk contact."""
 
     tip_x: float
     height: float
@@ -26,7 +24,7 @@ class Loop(NamedTuple):
 
     @classmethod
     def seen_in(cls, measurement: StripMeasurement) -> Self | None:
-        """The loop in the image of a laid strip, None where it is not visible."""
+        """Loop of a laid strip from its `measurement`; None where it is not visible."""
         tip_x, heights = measurement.tip[0], np.sort(measurement.profile[:, 1:].ravel())
         if len(heights) < TOP or not np.isfinite(tip_x + measurement.contact_x):
             return None
@@ -34,8 +32,10 @@ class Loop(NamedTuple):
 
 
 class LaidWeights(Settings):
-    """What a loop holds beyond its length [m]: a constant [m], and per m of its height, its width
-    and the strip's thickness. Written by `cell study unknown`, with what it was fitted to.
+    """Weights of a linear model for the strip length [m] in a loop beyond the loop's own length.
+
+    A constant [m], and per m of its height, its width and the strip's thickness. Written by
+    `cell study unknown`, with what it was fitted to.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")
@@ -49,32 +49,32 @@ class LaidWeights(Settings):
     belongs_to: str
 
     def of(self, loop: Loop, thickness: float) -> float:
-        """Length of strip [m] in a `loop` beyond its own length, of layers of `thickness` [m]."""
+        """Strip length [m] in a `loop` beyond its own length, for layers of `thickness` [m]."""
         seen = self.constant + self.height * loop.height + self.width * loop.width
         return seen + self.thickness * thickness
 
 
 @cache
 def laid_weights() -> LaidWeights:
-    """Weights of a laid loop that the package ships."""
+    """Load the weights of a laid loop that ship with the package."""
     return load(WEIGHTS_FILE, LaidWeights)
 
 
 def laid_length(measurement: StripMeasurement) -> float:
-    """Length [m] of a laid strip as it is seen, to where the gripper let go; NaN without a profile.
+    """Measured length [m] of a laid strip up to its release point; NaN without a profile.
 
     Along every PROFILE_STRIDE-th point of the profile: of layers that lie on one another the points
     in between hold noise, which makes the curve longer by a tenth.
     """
     if len(measurement.profile) == 0:
         return float("nan")
-    ends = np.array([(measurement.contact_x, 0.0)]), np.array([measurement.gripper])
-    curve = np.concatenate([ends[0], measurement.profile[::PROFILE_STRIDE], ends[1]])
+    contact, release = np.array([(measurement.contact_x, 0.0)]), np.array([measurement.gripper])
+    curve = np.concatenate([contact, measurement.profile[::PROFILE_STRIDE], release])
     return float(measurement.contact_x + np.hypot(*np.diff(curve, axis=0).T).sum())
 
 
 def edge_offset(length: float, thickness: float, loop: Loop) -> float:
-    """Offset of the grasped edge beyond the fixed one [m], with the sign of d.
+    """Offset [m] of the grasped edge beyond the fixed one, with the sign of the displacement d.
 
     For a folded strip of `length` and `thickness` [m]. Its layers lie flat, so a tip 1 mm to the
     left leaves 2 mm more for the upper layer. What the loop holds follows from its size as seen,

@@ -1,4 +1,4 @@
-"""Checks that a fold lies as it was laid: its edges are seen where the gripper released them."""
+"""Check that a fold lies as it was laid: the camera sees its edges where they were released."""
 
 from dataclasses import dataclass
 
@@ -7,17 +7,17 @@ EDGE_TOLERANCE = 0.015  # m between the grasped edge as seen and where the gripp
 
 @dataclass(frozen=True, slots=True)
 class LaidFold:
-    """The laid fold: `released` and `seen` are the offset of the grasped edge from the fixed one
-    [m], with the sign of d, where the gripper opened and as the camera sees it after the retreat.
+    """Offsets [m] of the grasped edge from the fixed one in a laid fold, with the sign of d.
 
-    `seen` is None where the image shows no loop that can be measured.
+    `released` is that where the gripper opened, `seen` the one that the camera sees after the
+    retreat, None where the image shows no loop that can be measured.
     """
 
     released: float
     seen: float | None
 
     def complaint(self) -> tuple[str, str] | None:
-        """Outcome and reason of a strip that is not folded; None where it lies as it was laid."""
+        """Outcome name and reason where the fold failed; None where it lies as it was laid."""
         if self.seen is None:
             return (
                 "edges_not_seen",

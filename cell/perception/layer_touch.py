@@ -1,4 +1,4 @@
-"""layer_touch from a sequence of images: the visible gap closes and the falling fold stops."""
+"""Detection of layer_touch in an image sequence: the gap closes and the falling fold stops."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,13 +12,17 @@ from drivers.types import Array, Pose
 
 LARGEST_RATIO = 4.0  # times `touch_agreement`, from where on the two signals show different events
 THINNEST = 0.001  # m, the distance at which layers of a thin strip are seen to touch
+FEWEST_FALLS = 6  # measurements of the fall, before which nothing is decided
+RECENT_FALLS = 3  # of them, the last, that must show closed layers
+RISE_SHARE = 0.25  # of the fall between two images, by which a gap is still above that at rest
 UNEVEN = 0.5  # of the strip's length that the layers may differ by, where anyone speaks of a fold
 
 
 @dataclass(frozen=True, slots=True)
 class Fall:
-    """One frame of the falling fold: time [s], gap [m] at x [m], arc length [m] from there along
-    the upper layer to the gripper point.
+    """Falling fold in one frame, at `time` [s]: the `gap` [m] between the layers at `x` [m].
+
+    `to_grasped` [m] is the arc length from there along the upper layer to the gripper point.
     """
 
     time: float
@@ -46,7 +50,7 @@ class LayerTouch:
         self._touch: SeenTouch | None = None
 
     def update(self, measurement: StripMeasurement, gripper: Pose) -> SeenTouch | None:
-        """Add a measurement; the touch from the frame that completes its evidence on, else None.
+        """Add a measurement; returns the touch once the evidence for it is complete, else None.
 
         `gripper` is the measured pose at the measurement's stamp. The touch's own time is earlier.
         """
@@ -58,33 +62,36 @@ class LayerTouch:
         return self._touch
 
     def _follows(self, fall: Fall) -> bool:
-        """Whether a fall is later than the ones before, and consistent with the strip's length."""
+        """Whether `fall` is later than all before it, and consistent with the strip's length."""
         later = not self._falls or fall.time > self._falls[-1].time
         return later and fall.x + fall.to_grasped < self._most
 
     def _find_touch(self) -> SeenTouch | None:
-        t = np.array([f.time for f in self._falls])
-        gap = np.array([f.gap for f in self._falls])
-        distance = float(np.clip(np.median(gap[-3:]), *self._distances))
+        """Detect the touch in the falls so far; None while a signal is missing or they disagree."""
+        t = np.array([fall.time for fall in self._falls])
+        gap = np.array([fall.gap for fall in self._falls])
+        recent = gap[-RECENT_FALLS:]
+        distance = float(np.clip(np.median(recent), *self._distances))
         level = distance + self._settings.touch_margin
-        if len(gap) < 6 or not (gap[-3:] < level).all():
+        if len(gap) < FEWEST_FALLS or not (recent < level).all():
             return None
         closing = _closing(t, gap, level, distance)
         if closing is None:
             return None
         time, speed = closing
         after = t >= time
-        if after.sum() < 3:
+        if after.sum() < RECENT_FALLS:
             return None
-        left = -float(np.polyfit(t[after], gap[after], 1)[0])
-        if left > self._settings.touch_stop * speed:
+        speed_after = -float(np.polyfit(t[after], gap[after], 1)[0])
+        if speed_after > self._settings.touch_stop * speed:
             return None
         apart = abs(_knee(t, gap, time, speed) - time) / self._settings.touch_agreement
         if apart > LARGEST_RATIO:
             return None
         # both lengths err alike where the fold's place is misread: their difference is filtered
-        x = _at(time, t, _without_spikes([f.x for f in self._falls]))
-        displacement = _at(time, t, _without_spikes([f.to_grasped - f.x for f in self._falls]))
+        falls = self._falls
+        x = _at(time, t, _without_spikes([fall.x for fall in falls]))
+        displacement = _at(time, t, _without_spikes([fall.to_grasped - fall.x for fall in falls]))
         seen = SeenTouch(
             time=time,
             x=x,
@@ -96,17 +103,17 @@ class LayerTouch:
         return seen if self._is_a_fold(seen) else None
 
     def _is_a_fold(self, touch: SeenTouch) -> bool:
-        """Whether the layers can lie so: a fold near the strip's end is a misreading."""
+        """Whether both lengths are plausible: a fold near the strip's end is a misreading."""
         return touch.to_fixed > 0 and abs(touch.displacement) <= UNEVEN * self._length
 
 
 def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
-    """The falling fold in one measurement, or None where no gap is seen."""
+    """Falling fold in one measurement, or None where no gap is seen."""
     if not np.isfinite(measurement.gap) or len(measurement.profile) < 4:
         return None
     points = np.vstack([measurement.profile, [(gripper.x, gripper.z)]])
     steps = np.hypot(*np.diff(points, axis=0).T)
-    remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
+    remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])  # to the gripper
     tip = int(np.argmax(points[:, 0]))
     upper = points[tip:]
     past = np.flatnonzero(upper[:, 0] <= measurement.gap_x)
@@ -115,12 +122,12 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
     j = tip + int(past[0])
     ahead, behind = points[j - 1, 0], points[j, 0]
     share = (ahead - measurement.gap_x) / (ahead - behind)
-    l1 = remaining[j - 1] + share * (remaining[j] - remaining[j - 1])
-    return Fall(measurement.stamp, measurement.gap, measurement.gap_x, float(l1))
+    to_grasped = remaining[j - 1] + share * (remaining[j] - remaining[j - 1])
+    return Fall(measurement.stamp, measurement.gap, measurement.gap_x, float(to_grasped))
 
 
 def _closing(t: Array, gap: Array, level: float, end: float) -> tuple[float, float] | None:
-    """When the closing gap reached `end` [m] and how fast [m/s], or None if it never closed.
+    """Time [s] at which the gap closed to `end` [m], and its speed [m/s]; None if it did not.
 
     The line through the last three gaps above `level` is extrapolated to `end`: later ones may be
     at rest already.
@@ -140,16 +147,17 @@ def _closing(t: Array, gap: Array, level: float, end: float) -> tuple[float, flo
 
 
 def _knee(t: Array, gap: Array, time: float, speed: float) -> float:
-    """End of the fall: the intersection of its line with the level of the gap at rest."""
+    """Time [s] at which the fall ended, by the intersection of its line with the gap at rest."""
     rest = float(np.median(gap[t >= time]))
-    moving = gap > rest + 0.25 * speed * float(np.median(np.diff(t)))
+    moving = gap > rest + RISE_SHARE * speed * float(np.median(np.diff(t)))
     j = int(np.argmin(moving)) - 1  # noise at rest may rise again: the first stop counts
     return float(t[j]) + (float(gap[j]) - rest) / speed
 
 
 def _without_spikes(values: Sequence[float]) -> Array:
-    """Running medians of three of `values` (n,): a single wild image at the touch moves nothing,
-    and what only rises or falls stays as it is.
+    """Running median (n,) over three of `values` (n,), which drops single outliers.
+
+    Values that only rise or only fall stay as they are.
     """
     threes = np.lib.stride_tricks.sliding_window_view(np.pad(values, 1, mode="edge"), 3)
     return np.asarray(np.median(threes, axis=1))

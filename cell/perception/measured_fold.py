@@ -15,7 +15,9 @@ TOUCH_MARGIN = 0.03  # s before the touch in which images do not count: the laye
 
 
 class MeasuredFold(NamedTuple):
-    """Gripper `poses` (m, 3) at times `t` (m,) [s] from the rest to the touch; `profile`
+    """Measured gripper path and strip profiles of one fold.
+
+    Gripper `poses` (m, 3) at times `t` (m,) [s] from the rest to the touch; `profile`
     (k, POINTS, 2) [m] at the stamps `stamp` (k,) [s], the take-over to just before the touch.
     """
 
@@ -26,10 +28,10 @@ class MeasuredFold(NamedTuple):
 
     @classmethod
     def until(cls, touch: float, t: Array, poses: Array, stamp: Array, profile: Array) -> Self:
-        """The measured fold before the `touch` [s], of poses at `t` and profiles at `stamp`."""
+        """Measured fold up to the `touch` [s], from poses (m, 3) and profiles (k, POINTS, 2)."""
         seen = (stamp < touch - TOUCH_MARGIN) & np.isfinite(profile).all(axis=(1, 2))
-        moved = t <= touch
-        return cls(t[moved], poses[moved], stamp[seen], profile[seen])
+        before = t <= touch
+        return cls(t[before], poses[before], stamp[seen], profile[seen])
 
     @property
     def usable(self) -> bool:
@@ -37,7 +39,7 @@ class MeasuredFold(NamedTuple):
         return len(self.t) > 1 and len(self.stamp) >= BINS * FEWEST_IMAGES
 
     def bin_curves(self, curves: Array) -> Array:
-        """`curves` (k, POINTS, 2) in the middle of each bin (BINS, POINTS, 2); NaN where few.
+        """Robust average (BINS, POINTS, 2) of `curves` (k, POINTS, 2) in each bin; NaN where few.
 
         Medians of what the bin's images show besides an even motion: a median of what moves rests
         on the few images in its middle.
@@ -54,15 +56,15 @@ class MeasuredFold(NamedTuple):
 
     @property
     def noise(self) -> float:
-        """Noise [m] that is left in a point of `bin_curves`, along x and z together, rms."""
+        """Noise [m] of a point of `bin_curves`, root mean square along x and z together."""
         steps = np.abs(np.diff(self.profile, n=2, axis=0))  # what moves evenly leaves no trace
-        sigma = MAD * np.median(steps, axis=0) / np.sqrt(6.0)
-        of_median = 0.5 * np.pi * BINS / len(self.stamp)
-        return float(np.sqrt(of_median * (sigma**2).sum(axis=-1).mean()))
+        sigma = MAD * np.median(steps, axis=0) / np.sqrt(6.0)  # variances of 1, -2, 1 add to 6
+        variance_share = 0.5 * np.pi * BINS / len(self.stamp)  # of a median of a bin's images
+        return float(np.sqrt(variance_share * (sigma**2).sum(axis=-1).mean()))
 
     @property
     def spacing(self) -> float:
-        """Time from bin to bin [s]."""
+        """Time [s] from one bin to the next."""
         return float(self.stamp[-1] - self.stamp[0]) / BINS
 
     def _bins(self) -> NDArray[np.intp]:

@@ -7,7 +7,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class StripMeasurement:
-    """One frame's measurement. Lengths [m], NaN where not seen; confidences 0 to 1.
+    """Strip measured in one frame: lengths [m], NaN where not seen; confidences 0 to 1.
 
     `profile` (m, 2) is the visible midline from the desk contact to the gripper; `tip` the fold's
     rightmost point; `gap` the smallest visible vertical distance between the layers' midlines and
@@ -49,10 +49,10 @@ class SeenTouch:
 
     @property
     def displacement(self) -> float:
-        """d = l1 - l2 [m]."""
+        """Displacement d = l1 - l2 [m] of the fold."""
         return self.to_grasped - self.to_fixed
 
     def facts(self) -> dict[str, float]:
-        """The touch as result.yaml states it: time [s], lengths [m], confidence."""
+        """Entries of result.yaml about the touch: time [s], lengths [m], confidence."""
         lengths = {"displacement": self.displacement, "l1": self.to_grasped, "l2": self.to_fixed}
         return {"t_layer_touch": self.time, **lengths, "confidence": self.confidence}

@@ -15,6 +15,8 @@ from drivers.types import Array, Image
 WORKING_HEIGHT = 1200  # px; larger pictures are shrunk for tracing, then refined in full size
 CONTRAST = 40  # grey levels between object and background
 FLUFF = 0.35  # of the width: threads thinner than this are not the object
+BORDER = 8  # px by which the object is continued over the left border
+END_POINTS = 8  # points of the midline that give the direction to the tip
 
 Mask = NDArray[np.bool_]
 
@@ -33,15 +35,15 @@ class Midline:
 
 
 def extract_midline(image: Image, count: int = 200) -> Midline:
-    """`count` points of the midline of the object that enters `image` (h, w, 3) at its left border.
+    """Trace the midline, `count` points, of the object at the left border of `image` (h, w, 3).
 
     Fluff, specks and background gradients are ignored. An image without such an object is a
     ConfigurationError.
     """
     scale = max(1.0, image.shape[0] / WORKING_HEIGHT)
     small = cv2.resize(image, None, fx=1 / scale, fy=1 / scale, interpolation=cv2.INTER_AREA)
-    mask, width = _object(_brightness(small))
-    rough = _level_centres(mask, _travel(mask), 0.5 * width)
+    mask, width = _find_object(_brightness(small))
+    rough = _level_centres(mask, _geodesic_distance(mask), 0.5 * width)
     fine = _centre(_brightness(small), _resample(_smooth(rough, 2), count), width)
     whole = _to_ends(mask, fine, width)
     return Midline((_resample(whole, count) + 0.5) * scale - 0.5, width * scale)
@@ -51,20 +53,18 @@ def _brightness(image: Image) -> Image:
     return cast(Image, image.max(axis=2) if image.ndim == 3 else image)
 
 
-def _object(grey: Image) -> tuple[Mask, float]:
-    """The bright region that touches the left border, without fluff, and its width."""
+def _find_object(grey: Image) -> tuple[Mask, float]:
+    """Mask (h, w) of the bright region at the left border, without threads, and its width [px]."""
     smooth = cv2.medianBlur(grey, 5)
     _, bright = cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     uniform = bright.min() == bright.max()
     if uniform or smooth[bright > 0].mean() - smooth[bright == 0].mean() < CONTRAST:
         raise ConfigurationError("picture: no bright object on a dark background")
-    padded = cv2.copyMakeBorder(bright, 0, 0, 8, 0, cv2.BORDER_REPLICATE)
-    depth = cv2.distanceTransform(padded, cv2.DIST_L2, 5)
-    ridge = depth[(depth > 1) & (depth >= cv2.dilate(depth, np.ones((3, 3))))]
-    width = 2 * float(np.percentile(ridge, 75))
+    padded = cv2.copyMakeBorder(bright, 0, 0, BORDER, 0, cv2.BORDER_REPLICATE)
+    width = _width(padded)
     size = 2 * int(FLUFF * width / 2) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    bodies = cv2.morphologyEx(padded, cv2.MORPH_OPEN, kernel)[:, 8:]
+    bodies = cv2.morphologyEx(padded, cv2.MORPH_OPEN, kernel)[:, BORDER:]
     _, labels, statistics, _ = cv2.connectedComponentsWithStats(bodies, connectivity=4)
     entering = np.setdiff1d(np.unique(labels[:, 0]), [0])
     if len(entering) == 0:
@@ -73,13 +73,20 @@ def _object(grey: Image) -> tuple[Mask, float]:
     return labels == largest, width
 
 
-def _travel(mask: Mask) -> Array:
-    """Geodesic distance inside the mask from its entry at the left border [px], inf outside."""
+def _width(bright: Image) -> float:
+    """Width [px] of the objects in a mask (h, w): twice their depth along the middle."""
+    depth = cv2.distanceTransform(bright, cv2.DIST_L2, 5)
+    ridge = depth[(depth > 1) & (depth >= cv2.dilate(depth, np.ones((3, 3))))]
+    return 2 * float(np.percentile(ridge, 75))
+
+
+def _geodesic_distance(mask: Mask) -> Array:
+    """Distance (h, w) [px] inside the mask from its entry at the left border, inf outside."""
     index = np.full(mask.shape, -1)
     index[mask] = np.arange(mask.sum())
     height, width = mask.shape
     rows, columns, lengths = [], [], []
-    for dv, du in ((0, 1), (1, 0), (1, 1), (-1, 1)):
+    for dv, du in ((0, 1), (1, 0), (1, 1), (-1, 1)):  # half of a pixel's eight neighbours
         here = index[max(0, -dv) : height - max(0, dv), : width - du]
         there = index[max(0, dv) : height - max(0, -dv), du:]
         joined = (here >= 0) & (there >= 0)
@@ -90,42 +97,39 @@ def _travel(mask: Mask) -> Array:
     links = (np.concatenate(rows), np.concatenate(columns))
     graph = coo_matrix((np.concatenate(lengths), links), shape=(count, count)).tocsr()
     entry = index[:, 0][index[:, 0] >= 0]
-    travel = np.full(mask.shape, np.inf)
-    travel[mask] = dijkstra(graph, directed=False, indices=entry, min_only=True)
-    return travel
+    distance = np.full(mask.shape, np.inf)
+    distance[mask] = dijkstra(graph, directed=False, indices=entry, min_only=True)
+    return distance
 
 
-def _level_centres(mask: Mask, travel: Array, step: float) -> Array:
-    """Centres (n, 2) of the bands of equal distance, `step` wide [px]."""
-    reached = mask & np.isfinite(travel)
+def _level_centres(mask: Mask, distance: Array, step: float) -> Array:
+    """Centroids (n, 2), u and v [px], of the mask's bands of equal distance, `step` [px] wide."""
+    reached = mask & np.isfinite(distance)
     v, u = np.nonzero(reached)
-    band = (travel[reached] / step).astype(int)
+    band = (distance[reached] / step).astype(int)
     weight = np.maximum(np.bincount(band), 1)
     centres = np.stack([np.bincount(band, u), np.bincount(band, v)], axis=1) / weight[:, None]
     return centres[np.bincount(band) > 0]
 
 
 def _smooth(points: Array, reach: int) -> Array:
-    """Moving average over 2 reach + 1 points that keeps the ends."""
-    odd = [
-        2 * points[0] - points[reach:0:-1],
-        points,
-        2 * points[-1] - points[-2 : -reach - 2 : -1],
-    ]
-    sums = np.cumsum(np.vstack([np.zeros((1, 2)), *odd]), axis=0)
+    """Moving average of points (n, 2) over 2 reach + 1 of them; the end points stay."""
+    before = 2 * points[0] - points[reach:0:-1]  # the points mirrored at either end
+    after = 2 * points[-1] - points[-2 : -reach - 2 : -1]
+    sums = np.cumsum(np.vstack([np.zeros((1, 2)), before, points, after]), axis=0)
     window = 2 * reach + 1
     return cast(Array, (sums[window:] - sums[:-window]) / window)
 
 
 def _resample(points: Array, count: int) -> Array:
-    """`count` points at equal steps along a polyline (n, 2)."""
+    """Resample a polyline (n, 2) to `count` points at equal steps along it."""
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     at = np.linspace(0.0, travel[-1], count)
     return np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)
 
 
 def _centre(grey: Image, points: Array, width: float) -> Array:
-    """Points moved along their normals to the centre of brightness across the object."""
+    """Shift points (n, 2) along their normals to the centroid of brightness across the object."""
     tangent = np.gradient(_smooth(points, 3), axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
@@ -141,13 +145,13 @@ def _centre(grey: Image, points: Array, width: float) -> Array:
 
 
 def _to_ends(mask: Mask, points: Array, width: float) -> Array:
-    """The midline extended to the left border's cut, and straight to the tip."""
+    """Extend a midline (n, 2) to the left border, and in a straight line to the object's tip."""
     cut = np.flatnonzero(mask[:, 0])
     entry = np.array([0.0, cut.mean()])
     clear = np.hypot(*(points - entry).T) > 0.8 * width
     kept = points[int(np.argmax(clear)) :]
     tip = kept[-1]
-    onward = tip - kept[-8]
+    onward = tip - kept[-END_POINTS]
     onward /= np.linalg.norm(onward)
     steps = tip + np.arange(1.0, 2 * width)[:, None] * onward
     cells = np.rint(steps).astype(int)

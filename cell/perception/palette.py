@@ -18,9 +18,10 @@ Indices = NDArray[np.signedinteger[Any]]
 
 
 def palette(samples: Array) -> Array:
-    """(k, 3) the fewest colours that explain `samples` (n, 3), MOST_COLOURS or fewer, by frequency.
+    """Smallest set of colours (k, 3), most frequent first, that explains `samples` (n, 3).
 
-    Samples between two colours, as at the border of a stripe, may stay unexplained.
+    At most MOST_COLOURS. Samples between two colours, as at the border of a stripe, may stay
+    unexplained.
     """
     colours = np.median(samples, axis=0)[None]
     while match_none(samples, colours).mean() > BLENDS and len(colours) < MOST_COLOURS:
@@ -31,12 +32,12 @@ def palette(samples: Array) -> Array:
 
 
 def match_none(samples: Array, colours: Array) -> NDArray[np.bool_]:
-    """Which samples (n, 3) match none of the colours (k, 3)."""
+    """Mask (n,) of the samples (n, 3) that match none of the colours (k, 3)."""
     return np.asarray(_standard_distances(samples, colours).min(axis=1) > OTHER_COLOUR)
 
 
 def _standard_distances(samples: Array, colours: Array) -> Array:
-    """(n, k) in standard deviations; brightness counts less than colour."""
+    """Distances (n, k) [sigma] of `samples` from `colours`; brightness counts less than colour."""
     away = samples[:, None] - colours
     bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
     along = (away * bright).sum(axis=2)
@@ -46,7 +47,7 @@ def _standard_distances(samples: Array, colours: Array) -> Array:
 
 
 def _farthest(samples: Array, colours: Array) -> Array:
-    """Median colour of the tenth of the samples that are explained worst."""
+    """Median colour (3,) of the twentieth of the samples nearest to the worst explained one."""
     distance = _standard_distances(samples, colours).min(axis=1)
     worst = samples[int(np.argmax(distance))]
     near = np.argsort(np.linalg.norm(samples - worst, axis=1), kind="stable")
@@ -54,16 +55,13 @@ def _farthest(samples: Array, colours: Array) -> Array:
 
 
 def _refine(samples: Array, colours: Array) -> Array:
-    """Colours moved to the median of the samples nearest to each, until convergence."""
+    """Move each colour (k, 3) to the median of its nearest samples, until convergence."""
     for _ in range(ROUNDS):
         nearest: Indices = _standard_distances(samples, colours).argmin(axis=1)
-        moved = np.array(
-            [
-                np.median(samples[nearest == k], axis=0) if (nearest == k).any() else colour
-                for k, colour in enumerate(colours)
-            ]
-        )
-        if np.allclose(moved, colours, atol=0.1):
+        medians = colours.copy()
+        for k in np.unique(nearest):
+            medians[k] = np.median(samples[nearest == k], axis=0)
+        if np.allclose(medians, colours, atol=0.1):
             break
-        colours = moved
+        colours = medians
     return colours

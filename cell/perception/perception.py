@@ -1,4 +1,4 @@
-"""Reads one measurement of the strip from one frame."""
+"""Measurement of the strip in one camera frame."""
 
 from dataclasses import dataclass
 
@@ -22,6 +22,7 @@ from drivers.types import Array, Frame, Image, Pose
 
 NAN = float("nan")
 HAND_DEPTH = 0.015  # m around the hand's front in which its side may be seen
+FEWEST_POINTS = 8  # of the lifted midline, from which it is a profile
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ UNSEEN = Curve(np.empty((0, 2)), 0.0)
 
 
 class Perception:
-    """Reads frames of one strip under one calibration; has no state between frames."""
+    """Measures one strip in frames of one calibrated camera; has no state between frames."""
 
     def __init__(
         self,
@@ -63,7 +64,7 @@ class Perception:
         self._contact_bias = settings.contact_bias + calibration.contact_bias
 
     def look(self, frame: Frame, gripper: Pose) -> StripMeasurement:
-        """The strip in `frame`; `gripper` is the measured pose at the frame's stamp.
+        """Measure the strip in `frame`; `gripper` is the measured pose at the frame's stamp.
 
         Never raises because of an image: what is not seen is NaN with confidence 0.
         """
@@ -99,7 +100,7 @@ class Perception:
     def _levels(
         self, frame: Frame, gripper: Pose, around: float = 0.0
     ) -> tuple[Image, Image, Region]:
-        """Matte levels (h, w) of the part of the image that holds strip, smoothed ones, that part.
+        """Matte levels (h, w), smoothed matte levels, and the image region that both cover.
 
         `around` [m] is masked around the hand too.
         """
@@ -118,7 +119,7 @@ class Perception:
     def _curve(
         self, levels: Image, smooth: Image, region: Region, contact: Contact, gripper: Pose
     ) -> Curve:
-        """The lifted strip's midline in the window `levels` of the image."""
+        """Midline of the lifted strip from the matte `levels` (h, w) of `region`."""
         if not np.isfinite(contact.x):
             return UNSEEN
         if np.hypot(gripper.x - contact.x, gripper.z) < self._settings.little:
@@ -132,24 +133,24 @@ class Perception:
         midline = midline_points(levels, side, geometry)
         points = order_points(midline, self._settings.spacing)
         lifted = points[_first_lifted(points, contact.x) :]
-        if len(lifted) < 8:
+        if len(lifted) < FEWEST_POINTS:
             return UNSEEN
         even = resample(lifted, self._settings.profile_points)
-        reach = np.hypot(*(even[-1] - (gripper.x, gripper.z)))
-        length = contact.x + _arc(even)[-1] + reach
-        error = max(abs(length - self._strip.length), reach - self._settings.reach)
-        whole = np.clip(2 - error / self._settings.length_error, 0.0, 1.0)
-        return Curve(even, float(whole * midline.seen.mean()))
+        missing = np.hypot(*(even[-1] - (gripper.x, gripper.z)))
+        length = contact.x + _arc(even)[-1] + missing
+        error = max(abs(length - self._strip.length), missing - self._settings.reach)
+        plausible = np.clip(2 - error / self._settings.length_error, 0.0, 1.0)
+        return Curve(even, float(plausible * midline.seen.mean()))
 
     def _side(self, smooth: Image, region: Region, contact: Contact, gripper: Pose) -> Side | None:
-        """The lifted strip's outer side in the window."""
+        """Outer side of the lifted strip in the window; None where none is seen."""
         start, grip = self._ends(contact, gripper, region)
         return outer_side(
             self._mask(smooth, region), start, grip, self._settings.outline_step, self._sizes
         )
 
     def _fold(self, contact: Contact, curve: Curve) -> tuple[tuple[float, float], Gap | None]:
-        """The fold's rightmost point and the gap between the layers, where a profile was seen."""
+        """Rightmost point [m] of the fold, NaN without a profile, and the gap of its layers."""
         if len(curve.points) == 0:
             return (NAN, NAN), None
         x = np.arange(0.0, max(contact.x, 0.0), self._settings.spacing)
@@ -157,6 +158,7 @@ class Perception:
         return fold_tip(whole), layer_gap(whole, _arc(whole), self._settings.gap_opening)
 
     def _ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
+        """Ends of the outer side in the window: pixel (2,) of the desk contact, and the grip."""
         along = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
         held = np.array([gripper.x, gripper.z])
         view = self._calibration.viewpoint

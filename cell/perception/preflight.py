@@ -30,7 +30,7 @@ MARGINS = (0.005, 0.002)  # m about the resting strip: before its height is know
 
 @dataclass(frozen=True, slots=True)
 class Preflight:
-    """All checks of one image, and the colours found; `appearance` is None without a strip."""
+    """Checks of one image, and the `appearance` learnt from it, None where no strip is seen."""
 
     checks: tuple[PreflightCheck, ...]
     appearance: Appearance | None
@@ -44,7 +44,7 @@ class Preflight:
 def inspect(
     frame: Frame, calibration: Calibration, settings: PerceptionSettings, strip: StripFile
 ) -> Preflight:
-    """Checks of the image `frame` of a strip lying flat on the desk, not yet grasped.
+    """Check the image `frame` of a strip that lies flat on the desk, not yet grasped.
 
     The background is learnt pixel by pixel, and the strip's colours one by one: twice, since where
     it rests follows from the first.
@@ -78,7 +78,7 @@ def inspect(
 
 
 def _levels(scene: Segmenter, image: Image) -> Image:
-    """Matte levels (h, w) of all of `image` (h, w, 3), no hand being in the strip's way."""
+    """Matte levels (h, w) of the whole `image` (h, w, 3), where no hand hides the strip."""
     h, w = image.shape[:2]
     levels, everywhere = np.full((h, w), ZERO_LEVEL, np.uint8), np.full((h, w), 255, np.uint8)
     part, region = scene.levels(image, Region(0, 0, w, h), everywhere)

@@ -11,12 +11,12 @@ from cell.perception.silhouette import Side
 from cell.perception.sizes import Sizes
 from drivers.types import Array, Image
 
+KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five points
+
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """Imaging geometry of a strip: calibration, thickness and width [m], `origin` (2,) [px] of the
-    window in which outlines are given, and the camera's `sizes`.
-    """
+    """Imaging geometry of a strip: thickness and width [m], and `origin` (2,) [px] of a window."""
 
     calibration: Calibration
     thickness: float
@@ -25,19 +25,20 @@ class Geometry:
     sizes: Sizes
 
     def plane(self, pixels: Array) -> Array:
-        """(n, 2) [px] of the window -> (n, 2) x, z [m] in the plane of the near edge."""
+        """Points (n, 2), x and z [m], in the plane of the near edge from window pixels (n, 2)."""
         return self.calibration.to_plane(pixels + self.origin)
 
     @property
     def sweep(self) -> float:
-        """Fraction of the distance to the foot by which the far edge appears shifted."""
+        """Apparent shift of the far edge, as a share of the distance to the camera's foot point."""
         return self.calibration.viewpoint.sweep(self.width)
 
 
 @dataclass(frozen=True, slots=True)
 class MidlinePoints:
-    """Points (n, 2) of the midline [m] in order, unit `tangents` (n, 2), and `seen` (n,) whether
-    the band had the expected width; `scale` [m/px].
+    """Ordered points (n, 2) [m] of a midline, with unit `tangents` (n, 2).
+
+    `seen` (n,) masks those where the band had the expected width; `scale` [m/px].
     """
 
     points: Array
@@ -47,7 +48,7 @@ class MidlinePoints:
 
 
 def midline_points(levels: Image, side: Side, geometry: Geometry) -> MidlinePoints:
-    """The strip's midline at each point of its outer side in matte `levels` (h, w).
+    """Locate the strip's midline at each point of its outer side in matte `levels` (h, w).
 
     The outer side is the near edge where it faces away from the foot, the far edge elsewhere: a far
     edge is shifted back from the foot by the sweep, and the near edge is searched behind it.
@@ -70,18 +71,12 @@ def midline_points(levels: Image, side: Side, geometry: Geometry) -> MidlinePoin
 def _midline(
     place: Array, out: Array, lever: Array, seen: Crossings, geometry: Geometry, scale: float
 ) -> Array:
-    half = geometry.thickness / 2
-    sweep, sizes = geometry.sweep, geometry.sizes
-    swept = np.abs(lever) * sweep
-    border = -seen.outer * scale  # along `out`, of the outer border
-    near = border - half
-    far = border - half - swept
-    behind = -seen.inner * scale + half
-    far = far + _far_offset((behind - far)[lever < 0], sizes.agree * scale)
-    off = np.abs(behind - far) / scale
-    visible = np.clip((sizes.close[1] - off) / (sizes.close[1] - sizes.close[0]), 0.0, 1.0)
-    far = np.where(np.isfinite(behind), visible * behind + (1 - visible) * far, far)
-    by_border = np.where(lever > 0, near, far)
+    """Midline points (n, 2) [m], from the borders of wide bands and the centres of narrow bands."""
+    half, sizes = geometry.thickness / 2, geometry.sizes
+    swept = np.abs(lever) * geometry.sweep
+    by_near_edge = -seen.outer * scale - half  # [m] along `out`, as all below
+    by_far_edge = _by_far_edge(by_near_edge - swept, seen, lever, half, sizes, scale)
+    by_border = np.where(lever > 0, by_near_edge, by_far_edge)
     by_mass = -seen.middle * scale + np.sign(lever) * swept / 2
     band = (swept + geometry.thickness) / scale
     trust = np.clip((band - sizes.thin[0]) / (sizes.thin[1] - sizes.thin[0]), 0.0, 1.0)
@@ -91,16 +86,29 @@ def _midline(
     return np.asarray(place + shift[:, None] * out)
 
 
+def _by_far_edge(
+    predicted: Array, seen: Crossings, lever: Array, half: float, sizes: Sizes, scale: float
+) -> Array:
+    """Midline offset (n,) [m] along the normals where the outer side is the strip's far edge."""
+    behind = -seen.inner * scale + half
+    predicted = predicted + _far_offset((behind - predicted)[lever < 0], sizes.agree * scale)
+    off = np.abs(behind - predicted) / scale
+    visible = np.clip((sizes.close[1] - off) / (sizes.close[1] - sizes.close[0]), 0.0, 1.0)
+    mixed = visible * behind + (1 - visible) * predicted
+    return np.asarray(np.where(np.isfinite(behind), mixed, predicted))
+
+
 def _far_offset(differences: Array, most: float) -> float:
-    """Distance of the far edge from its prediction by the near edge [m], the median over all points
-    that show both; caused by errors of stated width and thickness.
+    """Median [m] of `differences` (n,) between a midline by the near edge and the predicted one.
+
+    Only those under `most` [m] count; errors of stated width and thickness cause it.
     """
     both = differences[np.abs(differences) < most]
     return float(np.median(both)) if len(both) >= 10 else 0.0
 
 
 def order_points(midline: MidlinePoints, spacing: float) -> Array:
-    """The midline's points (n, 2) at about equal `spacing` [m] in order, never doubling back.
+    """Order the midline's points by arc length and average them: (n, 2), about `spacing` [m] apart.
 
     Where the outer side changes from near to far edge, its points repeat a section of the midline:
     they are sorted by arc length and averaged.
@@ -119,18 +127,15 @@ def order_points(midline: MidlinePoints, spacing: float) -> Array:
 
 
 def resample(points: Array, count: int) -> Array:
-    """`count` points at equal steps along a polyline (n, 2), smoothed by local parabolas."""
+    """Resample a polyline (n, 2) to `count` points at equal steps, smoothed by local parabolas."""
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     at = np.linspace(0.0, travel[-1], count)
     even = np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)
     return _savgol(even)
 
 
-KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five points
-
-
 def _savgol(points: Array) -> Array:
-    """Every point replaced by the parabola through it and two neighbours on each side."""
+    """Smooth points (n, 2) by a parabola through each and two neighbours on either side."""
     smooth = points.copy()
     for c in range(points.shape[1]):
         smooth[2:-2, c] = np.convolve(points[:, c], KERNEL, mode="valid")

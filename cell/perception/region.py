@@ -34,23 +34,24 @@ class Region:
 
     @property
     def origin(self) -> Array:
-        """(2,) the image point of its first pixel."""
+        """Image point (2,) [px] of the region's first pixel."""
         return np.array([self.left, self.top], dtype=np.float64)
 
     def of(self, image: NDArray[T]) -> NDArray[T]:
-        """The part of `image` (h, w, ...), a view."""
+        """View of the part of `image` (height, width, ...) within the region."""
         return image[self.top : self.bottom, self.left : self.right]
 
     def cells(self, cell: int) -> tuple[int, int]:
-        """Rows and columns of cells of `cell` [px] that cover it."""
-        return -(-(self.bottom - self.top) // cell), -(-(self.right - self.left) // cell)
+        """Number of rows and columns of cells, `cell` [px] wide, that cover the region."""
+        height, width = self.bottom - self.top, self.right - self.left
+        return -(-height // cell), -(-width // cell)  # rounded up
 
 
 def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: int) -> Region:
-    """The region in which a strip of `length` [m], fixed at x = 0 and held by the gripper, can
-    appear, in whole cells of `cell` [px].
+    """Region in which a strip of `length` [m] can appear, in whole cells of `cell` [px].
 
-    It ends on the right half way between the strip's length and the gripper.
+    The strip is fixed at x = 0 and held by the gripper: the region ends on the right half way
+    between its length and the gripper.
     """
     top = max(gripper.z + ABOVE_GRIPPER, FOLD)
     right = float(np.clip((length + gripper.x) / 2, length / 2, length)) + BEYOND
@@ -60,36 +61,31 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: i
     size = np.array([lens.width, lens.height])
     first = np.clip(pixels.min(axis=0), 0, size - 2).astype(int) // cell * cell
     last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size).astype(int)
-    right_bottom = np.minimum(-(-last // cell) * cell, size)
+    right_bottom = np.minimum(-(-last // cell) * cell, size)  # rounded up to whole cells
     return Region(*first.tolist(), *right_bottom.tolist())
 
 
 def whole(image: Image) -> Region:
-    """All of `image` (height, width, ...)."""
+    """Region of the whole `image` (height, width, ...)."""
     return Region(0, 0, image.shape[1], image.shape[0])
 
 
 def way_of(calibration: Calibration, length: float) -> Image:
-    """Mask (height, width) of the background along the motion of a strip of `length` [m].
+    """Mask (height, width) of the background along the motion of a strip, `length` [m] long.
 
     Above the desk; where the hand waits before the grasp only the low part.
     """
     start, middle, end, top = (share * length for share in WAY)
-    outline = [
-        (start, LOW_HEIGHT),
-        (end, LOW_HEIGHT),
-        (end, HIGH_HEIGHT),
-        (middle, HIGH_HEIGHT),
-        (middle, top),
-        (start, top),
-    ]
+    outline = [(start, LOW_HEIGHT), (end, LOW_HEIGHT), (end, HIGH_HEIGHT)]
+    outline += [(middle, HIGH_HEIGHT), (middle, top), (start, top)]
     return _fill(calibration, np.array(outline))
 
 
 @dataclass(frozen=True, slots=True)
 class Zones:
-    """Masks (height, width) of the whole image, 255 inside: `strip`, where one can lie or hang;
-    `lifted`, the part of it high enough to be clear of its shadow.
+    """Masks (height, width) of the whole image, 255 inside, in which a strip can appear.
+
+    `strip` is where one can lie or hang, `lifted` the part high enough to be clear of its shadow.
     """
 
     strip: Image
@@ -97,7 +93,7 @@ class Zones:
 
 
 def zones(calibration: Calibration, length: float, shadow_height: float) -> Zones:
-    """The zones of a strip of `length` [m] whose shadow reaches up to `shadow_height` [m]."""
+    """Zones of a strip, `length` [m] long, whose shadow reaches up to `shadow_height` [m]."""
     return Zones(*(_zone(calibration, length, low) for low in (-BELOW, shadow_height)))
 
 
@@ -116,7 +112,7 @@ def _fill(calibration: Calibration, corners: Array) -> Image:
 
 
 def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Image:
-    """Mask (h, w) of `region`, 0 where the hand is in the way and 255 elsewhere."""
+    """Mask (h, w) of `region`, 0 where the hand may hide the strip and 255 elsewhere."""
     approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
     aside = np.array([-approach[1], approach[0]])
     (finger, slim), (hand, wide) = FINGER_SIZE, HAND_SIZE

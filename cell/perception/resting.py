@@ -1,4 +1,4 @@
-"""The resting strip in one image: its colours, its underside, its end."""
+"""Measurement of the resting strip in one image: colours, underside, free edge."""
 
 from dataclasses import dataclass
 
@@ -18,13 +18,15 @@ SEARCH = 0.008  # m above and below rest in which the underside is looked for
 FACE = 0.7  # share of the strip's face, from the near edge on, that shows its colour
 INNER = (0.3, 0.6)  # shares of it that lie well within
 DEGREE = 3  # of the polynomial that the homography's remainder follows
+PAST_END = 0.06  # m past its stated length up to which the strip is looked for
 NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
 class Underside:
-    """Position of the strip's lower border: `x` (n,) [m], midline height `z` (n,) [m] by it, NaN
-    without a strip, and `end` [m], x of the strip's free edge.
+    """Lower border of the resting strip, as midline heights `z` (n,) [m] at `x` (n,) [m].
+
+    `z` is NaN where no strip is seen; `end` [m] is x of the strip's free edge.
     """
 
     x: Array
@@ -39,7 +41,7 @@ class Underside:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Pixels (n, 3) BGR of the resting strip, of the desk before it, of the scene above it."""
+    """Pixels (n, 3) BGR of the resting strip, the desk before it and the backdrop above it."""
 
     strip: Array
     desk: Array
@@ -52,7 +54,7 @@ class Samples:
 
 
 def samples(image: Image, calibration: Calibration, strip: StripFile) -> Samples:
-    """Pixels of `image` (h, w, 3) where strip, desk and backdrop are expected."""
+    """Sample `image` (h, w, 3) where strip, desk and backdrop are expected."""
     lower = max(strip.thickness - THIN, 0.0) / 2
     front = (FRONT_HEIGHTS[0] - lower, FRONT_HEIGHTS[1] - lower)
     face = face_height(calibration, strip)
@@ -103,8 +105,9 @@ def _grid(x: Array, z: Array) -> Array:
 
 
 def shares_along(levels: Image, calibration: Calibration, strip: StripFile, rise: float) -> Array:
-    """(n,) share of strip along its near side, whose midline rests at a height `rise` [m], in the
-    smoothed matte `levels` (h, w) of the image.
+    """Shares of strip (n,) along its near side, from the smoothed matte `levels` (h, w).
+
+    The midline rests at a height `rise` [m].
     """
     x = np.arange(*_span(strip, 0.0), 0.001)
     z = rise + np.linspace(-strip.thickness / 4, INNER[0] * face_height(calibration, strip), 5)
@@ -112,24 +115,24 @@ def shares_along(levels: Image, calibration: Calibration, strip: StripFile, rise
 
 
 def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Underside:
-    """The lower border of the strip in smoothed matte `levels` (h, w) of the whole image."""
-    x = np.arange(0.005, strip.length + 0.06, 0.002)
+    """Locate the strip's lower border in the smoothed matte `levels` (h, w) of the whole image."""
+    x = np.arange(0.005, strip.length + PAST_END, 0.002)
     z = np.arange(-SEARCH, SEARCH, 0.0001)
     across = share(_sample(levels, calibration, _grid(x, z)))
-    solid = across > 0.5
-    first = solid.argmax(axis=1)
+    is_strip = across > 0.5
+    first = is_strip.argmax(axis=1)  # sample from below, where there is strip at all
     rows = np.arange(len(x))
     before = across[rows, np.maximum(first - 1, 0)]
     part = (0.5 - before) / np.maximum(across[rows, first] - before, 1e-6)
     low = z[0] + (first - 1 + part) * (z[1] - z[0])
-    found = solid.any(axis=1) & (first > 0)
+    found = is_strip.any(axis=1) & (first > 0)
     height = np.where(found, low + strip.thickness / 2, NAN)
     return Underside(x, height, _end(levels, calibration, strip))
 
 
 def _end(levels: Image, calibration: Calibration, strip: StripFile) -> float:
-    """x [m] of the strip's end along the near edge's own line."""
-    x = np.arange(0.1, strip.length + 0.06, 0.0003)
+    """Position x [m] of the strip's free edge along its near edge; NaN where none is seen."""
+    x = np.arange(0.1, strip.length + PAST_END, 0.0003)
     heights = np.array([0.0, 0.0005, 0.001])
     along = share(_sample(levels, calibration, _grid(x, heights)).max(axis=1))
     inside = np.flatnonzero(along > 0.5)
@@ -137,7 +140,7 @@ def _end(levels: Image, calibration: Calibration, strip: StripFile) -> float:
 
 
 def resting_line(seen: Underside) -> Array:
-    """Polynomial (DEGREE + 1,) of the resting midline's height over x, robust to a bump."""
+    """Fit a polynomial (DEGREE + 1,) of x to the resting midline's height, robust to a bump."""
     x, z = seen.x[seen.present], seen.z[seen.present]
     kept = np.ones(len(x), dtype=bool)
     fit: Array = np.zeros(DEGREE + 1)

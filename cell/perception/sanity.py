@@ -15,8 +15,9 @@ STRIDE = 64  # rows from one to the next that are compared first
 
 @dataclass(frozen=True, slots=True)
 class ImageHealth:
-    """Age [s] of the newest image, and number of successive images that equal it byte for byte
-    although the gripper moved; 1 for a new image.
+    """Age [s] of the newest image, and number of images in a row that are identical with it.
+
+    Equal ones count, byte for byte, between which the gripper moved; 1 for a new image.
     """
 
     age: float
@@ -24,7 +25,7 @@ class ImageHealth:
 
 
 class ImageSanity:
-    """Detects a frozen camera: processes every frame and remembers one.
+    """Detects a frozen camera by comparing every frame with the one before.
 
     A camera is frozen when it repeats the same image although the gripper has moved. Equal images
     of a scene at rest prove nothing: a camera without noise delivers them.
@@ -32,11 +33,11 @@ class ImageSanity:
 
     def __init__(self) -> None:
         self._last: Frame | None = None
-        self._shown: Pose | None = None
+        self._gripper: Pose | None = None
         self._identical = 0
 
     def update(self, frame: Frame, now: float, gripper: Pose) -> ImageHealth:
-        """Health after `frame`, checked when the clock says `now` [s].
+        """Compare `frame` with the one before at `now` [s]; returns the health of the images.
 
         `gripper` is the measured pose at the frame's stamp.
         """
@@ -47,14 +48,14 @@ class ImageSanity:
         return ImageHealth(now - frame.stamp, self._identical)
 
     def _compare(self, last: Frame | None, frame: Frame, gripper: Pose) -> None:
-        if last is None or not _equal(last.image, frame.image) or self._shown is None:
-            self._shown, self._identical = gripper, 1
-        elif _distance(self._shown, gripper) > MOVED_DISTANCE:
+        if last is None or not _equal(last.image, frame.image) or self._gripper is None:
+            self._gripper, self._identical = gripper, 1
+        elif _distance(self._gripper, gripper) > MOVED_DISTANCE:
             self._identical += 1
 
 
 def _equal(one: Image, other: Image) -> bool:
-    """Whether two images are the same: unlike ones are known by a few rows."""
+    """Whether two images are equal; a few rows are compared first, which mostly suffices."""
     first = slice(None, None, STRIDE)
     return np.array_equal(one[first], other[first]) and np.array_equal(one, other)
 

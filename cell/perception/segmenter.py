@@ -30,11 +30,12 @@ CHANGE_RATIO = 1.2  # times the noise's mean difference in a cell, from which th
 DIFFERENCE = 2**0.5  # of two noisy pictures: the background is one too
 NOISE_SHARE = 0.5  # of its noise is left in a picture after `soft`
 AVERAGING_WINDOW = 5  # px over which a picture is averaged to leave its noise
+SCALE_ENDS = (20, 235)  # grey levels beyond which a camera clips its noise
 
 
 @dataclass(frozen=True, slots=True)
 class Segmenter:
-    """Learnt scene: `colours` (k, 3) BGR of the strip, and the `background`.
+    """Segmentation model of a scene: `colours` (k, 3) BGR of the strip, and the `background`.
 
     `sensor` [grey levels] is the noise of a pixel's difference from the background, `smooth` what
     is left of it where borders are read, `noise` that of the pixel's share of strip: standard
@@ -48,25 +49,15 @@ class Segmenter:
     noise: float
 
     def levels(self, image: Image, region: Region, visible: Image) -> tuple[Image, Region]:
-        """Matte levels (h, w), and the part of `region` of whole cells of the whole `image`
-        (height, width, 3) that holds all but background.
+        """Matte levels (h, w) of the strip in `image` (height, width, 3), and their region.
 
-        Only cells that differ from the background in this light, and their neighbours, are
-        compared with the strip's colours. Pixels masked out by `visible`, of the region's size,
-        are background.
+        That is the part of `region`, in whole cells, that holds all but background. Only cells
+        that differ from the background in this light, and their neighbours, are compared with the
+        strip's colours. Pixels masked out by `visible`, of the region's size, are background.
         """
-        image, behind = np.ascontiguousarray(image), self.background.image
-        light, height = self.background.light(image, region, visible), image.shape[0]
-        cells = changed_cells(
-            image.reshape(height, -1),
-            behind.reshape(height, -1),
-            np.rint(light[1:-1, 1:-1]).astype(np.uint8),
-            region.left,
-            region.top,
-            CHANGE_RATIO * GAUSSIAN * self.sensor,
-        )
-        cells = cv2.dilate(cells, np.ones((3, 3), np.uint8))
-        cells[0, 0] |= not cells.any()  # never an empty part
+        image = np.ascontiguousarray(image)
+        light = self.background.light(image, region, visible)
+        cells = self._changed_cells(image, light, region)
         j, i, columns, rows = cv2.boundingRect(cells)
         part = Region(
             region.left + CELL_PX * j,
@@ -76,7 +67,7 @@ class Segmenter:
         )
         found = segment(
             image,
-            behind,
+            self.background.image,
             self.background.shade,
             np.ascontiguousarray(light[i : i + rows + 2, j : j + columns + 2]),
             np.ascontiguousarray(cells[i : i + rows, j : j + columns]),
@@ -88,14 +79,29 @@ class Segmenter:
         clear = visible[CELL_PX * i : CELL_PX * i + h, CELL_PX * j : CELL_PX * j + w]
         return cv2.max(cv2.min(found[:h, :w], clear), ZERO_LEVEL), part
 
+    def _changed_cells(self, image: Image, light: Floats, region: Region) -> Image:
+        """Mask (n, m) of the cells that differ from the background, and of their neighbours."""
+        height = image.shape[0]
+        cells = changed_cells(
+            image.reshape(height, -1),
+            self.background.image.reshape(height, -1),
+            np.rint(light[1:-1, 1:-1]).astype(np.uint8),
+            region.left,
+            region.top,
+            CHANGE_RATIO * GAUSSIAN * self.sensor,
+        )
+        cells = cv2.dilate(cells, np.ones((3, 3), np.uint8))
+        cells[0, 0] |= not cells.any()  # never an empty part
+        return np.asarray(cells)
+
     def separation(self, where: Image) -> Floats:
-        """(k, n) distance of each colour from the background in a mask's n pixels, in sigma."""
+        """Separation (k, n) [sigma] of the k colours from the background in the mask's n pixels."""
         behind, shade = self.background.image[where > 0], self.background.shade[where > 0]
         return np.stack([separation(c, behind, shade, self.smooth) for c in self.colours])
 
 
 def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float) -> Floats:
-    """(n,) distance of `colour` (3,) from colours (n, 3) of the scene, in standard deviations."""
+    """Separation (n,) of `colour` (3,) from scene colours (n, 3), in standard deviations."""
     found = discriminants(_floats(colour), _floats(scene), shade, sensor**2)
     return np.sqrt(found[:, 2])
 
@@ -103,31 +109,32 @@ def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float
 def learn(
     image: Image,
     noise: float,
-    strip: Array,
+    samples: Array,
     calibration: Calibration,
-    stated: StripFile,
+    strip: StripFile,
     place: Place,
 ) -> Segmenter:
-    """The scene in `image` (h, w, 3) of a `noise` [grey levels] with the strip at `place`, whose
-    pixels are `strip` (n, 3).
+    """Learn the segmentation model from `image` (h, w, 3) with the strip at `place`.
+
+    `samples` (n, 3) are pixels of the strip, `noise` [grey levels] is that of the image.
     """
     sensor = max(noise, LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
     about = Sizes.of(calibration, PATCH_PX).light
     behind = learn_background(image, calibration, place, about)
-    colours, scene = palette(strip), behind.image[way_of(calibration, stated.length) > 0]
+    colours, scene = palette(samples), behind.image[way_of(calibration, strip.length) > 0]
     return Segmenter(colours, behind, sensor, smooth, _share_noise(colours, scene, smooth) * sensor)
 
 
 def resting_place(calibration: Calibration, strip: StripFile, rise: float, margin: float) -> Place:
-    """Where `strip` rests, its midline `rise` [m] over the desk plane's, with a `margin` [m]."""
+    """Place where `strip` rests, its midline `rise` [m] over the desk's, with a `margin` [m]."""
     half = strip.thickness / 2
     top = half + face_height(calibration, strip)
     return Place(strip.length, rise, rise - half - margin, rise + top + margin)
 
 
 def sensor_noise(image: Image) -> float:
-    """Standard deviation of the noise of `image` (h, w, 3) [grey levels], alike in most of it.
+    """Standard deviation [grey levels] of the sensor noise in `image` (h, w, 3).
 
     The median over cells of the deviation from a moving average. Cells at either end of the scale
     are left out, since they show none.
@@ -137,13 +144,14 @@ def sensor_noise(image: Image) -> float:
     size = (image.shape[1] // CELL_PX, image.shape[0] // CELL_PX)
     power = cv2.resize(rest * rest, size, interpolation=cv2.INTER_AREA)
     level = cv2.resize(seen, size, interpolation=cv2.INTER_AREA)
-    good = power[(level > 20) & (level < 235)]
+    good = power[(level > SCALE_ENDS[0]) & (level < SCALE_ENDS[1])]
     return float(np.sqrt(np.median(good) / (1 - AVERAGING_WINDOW**-2))) if len(good) else 0.0
 
 
 def _share_noise(colours: Array, behind: Image, smooth: float) -> float:
-    """Noise of a pixel's share of strip before `behind` (n, 3), per grey level of the sensor's, for
-    the worst colour.
+    """Noise of a pixel's share of strip per grey level of sensor noise, for the worst colour.
+
+    `colours` (k, 3) are the strip's, `behind` (n, 3) those of the scene.
     """
     scene, worst = _floats(behind), 0.0
     shade = np.full(len(scene), LIFTED_SHADE, dtype=np.float32)

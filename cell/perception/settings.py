@@ -1,4 +1,4 @@
-"""Settings of perception, each with its origin."""
+"""Settings of perception, with their units and ranges."""
 
 from pydantic import Field
 
@@ -6,7 +6,7 @@ from drivers.settings import Settings
 
 
 class PerceptionSettings(Settings):
-    """Parameters of image reading; lengths [m] in the cell frame unless a name says pixels."""
+    """Parameters of image processing; lengths [m] in the cell frame unless marked px."""
 
     contact_height: float = Field(0.001, gt=0, le=0.01)  # m above rest, the definition
     # m, measured minus true: what blur and shadow leave, the mean over ten strips and their

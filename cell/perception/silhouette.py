@@ -16,14 +16,17 @@ from drivers.types import Array, Image
 SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk
 SLANTS = (0.0, -65.0, -45.0, -25.0, 25.0, 45.0, 65.0)  # degrees from the columns
 FACING = 0.8  # cosine within which two tips point at each other
+AT_GRIP = 6  # px from the gripper at which a region needs no bridge to another
 
 Outline = NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """The outer side in order from the desk contact to the gripper: `points` (n, 2) [px] in the
-    window, unit `normals` (n, 2) out of the strip; `missing` [px] between its end and the grip.
+    """Outer side of the strip in order from the desk contact to the gripper.
+
+    `points` (n, 2) [px] in the window, unit `normals` (n, 2) out of the strip; `missing` [px]
+    between its end and the grip.
     """
 
     points: Array
@@ -33,9 +36,10 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """Where the fingers cover the strip, in the window: the gripper point (2,) [px], its unit
-    `approach` (2,), and the `clearance` [px] in front of it and `aside` of it within which nothing
-    is used.
+    """Part of the image window that the fingers cover, in which no outline is used.
+
+    The gripper point (2,) [px], its unit `approach` (2,), and how far the part reaches in front of
+    the point, `clearance` [px], and `aside` of it [px].
     """
 
     point: Array
@@ -44,7 +48,7 @@ class Grip:
     aside: float
 
     def cuts(self, outline: Array) -> NDArray[np.bool_]:
-        """Which points (n, 2) of an outline are within the fingers' reach."""
+        """Mask (n,) of the points (n, 2) of an outline that the fingers cover."""
         away = outline - self.point
         along = away @ self.approach
         aside = np.abs(away @ np.array([-self.approach[1], self.approach[0]]))
@@ -52,11 +56,11 @@ class Grip:
 
 
 def silhouette(soft: Image, faint: float, strip: Image, lifted: Image, length: int) -> Image:
-    """Mask (h, w) of the strip from smoothed matte levels (h, w): share SOLID in the zone
-    `strip`, `faint` where it is `lifted`.
+    """Mask (h, w) of the strip from smoothed matte levels (h, w), with one threshold per zone.
 
-    On the backdrop there is no shadow, and an edge-on strip is fainter than its colour: averaging
-    over `length` [px] along the way on which it hangs raises it above the noise.
+    The share of strip is SOLID in the zone `strip`, `faint` in its part `lifted`: on the backdrop
+    there is no shadow, and an edge-on strip is fainter than its colour. Averaging over `length`
+    [px] along the way on which it hangs raises it above the noise.
     """
     solid, least = (round(ZERO_LEVEL + LEVEL_SPAN * share) for share in (SOLID, faint))
     reach = length // 2
@@ -66,7 +70,7 @@ def silhouette(soft: Image, faint: float, strip: Image, lifted: Image, length: i
 
 @lru_cache
 def lines(length: int) -> Offsets:
-    """(k, n, 2) rows and columns of `length` [px] points on lines at the angles of SLANTS."""
+    """Rows and columns (k, n, 2) [px] of lines at the angles of SLANTS, of n = `length` points."""
     steps = np.arange(length) - length // 2
     ways = [(np.cos(angle), np.sin(angle)) for angle in np.radians(SLANTS)]
     return np.rint(steps[None, :, None] * np.array(ways)[:, None]).astype(np.int64)
@@ -107,27 +111,16 @@ def _smooth(ring: Array, reach: int) -> Array:
 
 
 def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | None:
-    """Outline (n, 2) of the region at the contact, counter-clockwise as seen, with breaks bridged:
-    between regions, and in one whose parts are connected elsewhere, as touching layers are.
+    """Outline (n, 2) [px] of the strip at the contact, counter-clockwise as seen.
+
+    Breaks are bridged in `mask` (h, w): between regions, and in one whose parts are connected
+    elsewhere, as touching layers are. None where no region is large enough.
     """
     outlines = _outlines(mask, sizes.speck)
     if not outlines:
         return None
     body = _nearest(outlines, contact)
-    others = [o for o in outlines if o is not body]
-    bridged = False
-    while others and np.hypot(*(body - gripper).T).min() > 6:
-        nearest, here, there = min(
-            ((other, *_closest(body, other)) for other in others),
-            key=lambda found: float(np.hypot(*(found[1] - found[2]))),
-        )
-        if np.hypot(*(here - there)) > sizes.bridge:
-            break
-        cv2.line(mask, here.tolist(), there.tolist(), 255, 1)
-        others = [o for o in others if o is not nearest]
-        body = np.vstack([body, nearest])
-        bridged = True
-    if bridged:
+    if _bridge_regions(mask, body, outlines, gripper, sizes.bridge):
         body = _nearest(_outlines(mask, sizes.speck), contact)
     for here, there in _breaks(body, sizes):
         cv2.line(mask, here.tolist(), there.tolist(), 255, 1)
@@ -138,17 +131,40 @@ def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | 
     return np.asarray((body if area < 0 else body[::-1]), dtype=np.float64)
 
 
+def _bridge_regions(
+    mask: Image, body: Outline, outlines: list[Outline], gripper: Array, longest: float
+) -> bool:
+    """Join `body` in `mask` to its next regions by lines, until one reaches the gripper.
+
+    Returns whether a line was drawn; none is drawn over more than `longest` [px].
+    """
+    others = [outline for outline in outlines if outline is not body]
+    bridged = False
+    while others and np.hypot(*(body - gripper).T).min() > AT_GRIP:
+        pairs = [_closest(body, other) for other in others]
+        lengths = [float(np.hypot(*(here - there))) for here, there in pairs]
+        nearest = int(np.argmin(lengths))
+        if lengths[nearest] > longest:
+            break
+        here, there = pairs[nearest]
+        cv2.line(mask, here.tolist(), there.tolist(), 255, 1)
+        body = np.vstack([body, others.pop(nearest)])
+        bridged = True
+    return bridged
+
+
 def _outlines(mask: Image, speck: int) -> list[Outline]:
+    """Outlines (n, 2) [px] of the regions of `mask` (h, w), of at least `speck` points."""
     found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return [outline.reshape(-1, 2) for outline in found if len(outline) >= speck]
 
 
 def _nearest(outlines: list[Outline], point: Array) -> Outline:
-    return min(outlines, key=lambda o: float(np.hypot(*(o - point).T).min()))
+    return min(outlines, key=lambda outline: float(np.hypot(*(outline - point).T).min()))
 
 
 def _breaks(outline: Outline, sizes: Sizes) -> list[tuple[Outline, Outline]]:
-    """Pairs of tips that point at each other over a break of the strip."""
+    """Pairs of an outline's tips (2,) that point at each other over a break of the strip."""
     tips, ways = _tips(outline, sizes.arm, sizes.turn)
     found = []
     for i, j in combinations(range(len(tips)), 2):
@@ -161,9 +177,9 @@ def _breaks(outline: Outline, sizes: Sizes) -> list[tuple[Outline, Outline]]:
 
 
 def _tips(outline: Outline, arm: int, near: float) -> tuple[Outline, Array]:
-    """Points (k, 2) where an outline turns back on itself, and unit directions (k, 2) outwards.
+    """Tips (k, 2) [px] where an outline turns back on itself, and unit directions (k, 2) outwards.
 
-    There it comes `near` to itself [px] from `arm` points before to `arm` points after.
+    There its points `arm` before and after are at most `near` [px] apart.
     """
     after, before = np.roll(outline, -arm, axis=0), np.roll(outline, arm, axis=0)
     way = outline - 0.5 * (after + before)

@@ -1,4 +1,4 @@
-"""Sizes of image reading, in pixels of one camera."""
+"""Sizes for image processing, in pixels of one camera."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -17,7 +17,7 @@ PROBE_DEPTH = 0.014
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Sizes in pixels of one camera of `scale` [m/px].
+    """Sizes for image processing, in pixels of one camera with a resolution of `scale` [m/px].
 
     The first are lengths on the strip, scaled by the camera; the others follow from the pixel grid
     and a lens's blur of about a pixel, alike for every camera.
@@ -43,7 +43,7 @@ class Sizes:
 
     @classmethod
     def of(cls, calibration: Calibration, patch: int) -> Self:
-        """The sizes for the camera of `calibration`, light being read by patches of `patch` [px].
+        """Sizes for the camera of `calibration`; brightness is read by patches, `patch` [px] wide.
 
         At least what a strip of two pixels needs, however coarse the camera is.
         """
@@ -59,7 +59,7 @@ class Sizes:
 
 
 def metres_per_pixel(calibration: Calibration) -> float:
-    """Metres per pixel at the camera's centre of view."""
+    """Resolution [m/px] of the calibrated camera at the centre of its image."""
     lens = calibration.lens
     middle = np.array([(lens.width / 2, lens.height / 2), (lens.width / 2 + 1, lens.height / 2)])
     return float(np.hypot(*np.diff(calibration.to_plane(middle), axis=0)[0]))

@@ -1,4 +1,4 @@
-"""How far the camera has moved since the image of the preflight, by what stands still in it."""
+"""Detection of camera motion since the preflight, by image patches of the still surroundings."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -29,8 +29,10 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Patches on the desk and about it that nothing hides for long: `corners` (n, 2), column and
-    row [px] of their first pixels, `patches`, their grey levels (PATCH_SIZE, PATCH_SIZE), and
+    """Image patches of the still surroundings, by which motion of the camera is detected.
+
+    They lie on the desk and about it, where nothing hides them for long: `corners` (n, 2), column
+    and row [px] of their first pixels, `patches`, their grey levels (PATCH_SIZE, PATCH_SIZE), and
     `weights` (n,), the inverse variances [1/px^2] of their places.
     """
 
@@ -47,30 +49,23 @@ class Standing:
         settings: PerceptionSettings,
         strip: StripFile,
     ) -> Self:
-        """The patches whose places are surest, below the waiting hand and where no strip can be."""
+        """Choose the patches whose position is surest, below the waiting hand and off the strip."""
         grey = grey_of(appearance.scene.background.image)
-        unsure = _deviation(grey, appearance.scene.sensor)
+        sigma = _deviation(grey, appearance.scene.sensor)
         strip_zone = zones(calibration, strip.length, settings.shadow_height).strip
-        unsure[cv2.dilate(strip_zone, np.ones((PATCH_SIZE, PATCH_SIZE), np.uint8)) > 0] = np.inf
+        sigma[cv2.dilate(strip_zone, np.ones((PATCH_SIZE, PATCH_SIZE), np.uint8)) > 0] = np.inf
         edge, middle = PATCH_SIZE // 2 + SEARCH_RADIUS, strip.length / 2
         top = calibration.to_image(np.array([[middle, HIGH_HEIGHT]]))[0, 1]
-        unsure[: max(int(top), 0) + edge], unsure[-edge:] = np.inf, np.inf
-        unsure[:, :edge], unsure[:, -edge:] = np.inf, np.inf
-        corners, weights = list[tuple[int, int]](), list[float]()
-        while len(corners) < MOST_PATCHES and unsure.min() <= PATCH_SIGMA:
-            v, u = np.unravel_index(int(unsure.argmin()), unsure.shape)
-            corners.append((int(u) - PATCH_SIZE // 2, int(v) - PATCH_SIZE // 2))
-            weights.append(float(unsure[v, u]) ** -2)
-            unsure[
-                max(v - PATCH_SIZE, 0) : v + PATCH_SIZE, max(u - PATCH_SIZE, 0) : u + PATCH_SIZE
-            ] = np.inf
+        sigma[: max(int(top), 0) + edge], sigma[-edge:] = np.inf, np.inf
+        sigma[:, :edge], sigma[:, -edge:] = np.inf, np.inf
+        corners, weights = _choose_patches(sigma)
         soft = _soft(grey)
         patches = tuple(soft[v : v + PATCH_SIZE, u : u + PATCH_SIZE].copy() for u, v in corners)
         places = np.array(corners, dtype=np.float64).reshape(-1, 2)
         return cls(places, patches, np.array(weights), calibration)
 
     def check(self) -> PreflightCheck:
-        """Whether a camera that is nudged would be noticed; a fold without it goes on."""
+        """Report whether enough patches are known to notice camera motion; always passes."""
         found = len(self.patches)
         watched = found >= FEWEST_PATCHES
         reason = f"{found} places that stand still are seen, {FEWEST_PATCHES} are needed"
@@ -84,22 +79,13 @@ class Standing:
         )
 
     def shift(self, image: Image, gripper: Pose) -> float:
-        """How far the scene appears moved in `image` (height, width, 3), in the plane of the near
-        edge [m]; NaN where too little of it is found again.
+        """Apparent shift [m] of the scene in `image` (height, width, 3), in the near edge's plane.
 
         The median over patches by their weights, where most of these have moved alike, so that a
-        shadow on some of them says nothing; brightness does not count. `gripper` is the measured
-        pose at the image's stamp.
+        shadow on some of them says nothing; brightness does not count. NaN where too few patches
+        are found again. `gripper` is the measured pose at the image's stamp.
         """
-        clear = without_hand(all_of(image), self.calibration, gripper)
-        moved = np.full(self.corners.shape, NAN)
-        for i, (u, v) in enumerate(self.corners.astype(int).tolist()):
-            if clear[v : v + PATCH_SIZE, u : u + PATCH_SIZE].all():
-                window = image[
-                    v - SEARCH_RADIUS : v + PATCH_SIZE + SEARCH_RADIUS,
-                    u - SEARCH_RADIUS : u + PATCH_SIZE + SEARCH_RADIUS,
-                ]
-                moved[i] = _find(_soft(grey_of(window)), self.patches[i])
+        moved = self._find_all(image, gripper)
         found = np.isfinite(moved[:, 0])
         if np.count_nonzero(found) < FEWEST_PATCHES:
             return NAN
@@ -112,10 +98,37 @@ class Standing:
         to_plane = self.calibration.to_plane
         return float(np.hypot(*(to_plane(here + common) - to_plane(here))[0]))
 
+    def _find_all(self, image: Image, gripper: Pose) -> Array:
+        """Shifts (n, 2) [px] of the patches in `image`, NaN of those hidden or not found."""
+        clear = without_hand(all_of(image), self.calibration, gripper)
+        moved = np.full(self.corners.shape, NAN)
+        for i, (u, v) in enumerate(self.corners.astype(int).tolist()):
+            if clear[v : v + PATCH_SIZE, u : u + PATCH_SIZE].all():
+                window = image[
+                    v - SEARCH_RADIUS : v + PATCH_SIZE + SEARCH_RADIUS,
+                    u - SEARCH_RADIUS : u + PATCH_SIZE + SEARCH_RADIUS,
+                ]
+                moved[i] = _find(_soft(grey_of(window)), self.patches[i])
+        return moved
+
+
+def _choose_patches(sigma: Array) -> tuple[list[tuple[int, int]], list[float]]:
+    """Corners (column, row) [px] and weights of the surest patches; overwrites `sigma` (h, w)."""
+    corners, weights = list[tuple[int, int]](), list[float]()
+    while len(corners) < MOST_PATCHES and sigma.min() <= PATCH_SIGMA:
+        v, u = np.unravel_index(int(sigma.argmin()), sigma.shape)
+        corners.append((int(u) - PATCH_SIZE // 2, int(v) - PATCH_SIZE // 2))
+        weights.append(float(sigma[v, u]) ** -2)
+        rows = slice(max(v - PATCH_SIZE, 0), v + PATCH_SIZE)
+        columns = slice(max(u - PATCH_SIZE, 0), u + PATCH_SIZE)
+        sigma[rows, columns] = np.inf
+    return corners, weights
+
 
 def _deviation(grey: Image, noise: float) -> Array:
-    """Standard deviation (h, w) [px] of the place of a patch about each pixel in its less sure
-    direction, by the Cramer-Rao bound; `noise` [grey levels] is that of two pixels' difference.
+    """Standard deviation (h, w) [px] of a patch's place about each pixel, by the Cramer-Rao bound.
+
+    In its less sure direction; `noise` [grey levels] is that of two pixels' difference.
     """
     seen = grey.astype(np.float32)
     dx, dz = cv2.Scharr(seen, -1, 1, 0, scale=1 / 32), cv2.Scharr(seen, -1, 0, 1, scale=1 / 32)
@@ -136,7 +149,7 @@ def _median(values: Array, weights: Array) -> float:
 
 
 def _find(window: Image, patch: Image) -> Array:
-    """Shift (2,) [px] of the `patch` in a `window` SEARCH_RADIUS larger, NaN where not found."""
+    """Shift (2,) [px] of `patch` (n, n) in a `window` SEARCH_RADIUS wider, NaN where not found."""
     scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
     _, best, _, (u, v) = cv2.minMaxLoc(scores)
     if not best >= MATCH_CORRELATION or not (
