@@ -1,4 +1,4 @@
-"""`python -m cell` and the `cell` command: the edge where errors become one line each."""
+"""Entry point of `python -m cell` and the command `cell`: prints each error in one line."""
 
 import sys
 from typing import Any
@@ -7,7 +7,7 @@ from drivers.errors import CellError, ConfigurationError
 
 
 def main() -> None:
-    """Run the command line; an error is one line and its exit code, never a traceback."""
+    """Run the command line; an error is printed in one line and sets the exit code."""
     from cell.cli.streams import guard_streams, why_lost
 
     out = guard_streams()

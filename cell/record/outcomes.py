@@ -1,4 +1,4 @@
-"""Valid names of outcomes, so that readers can refuse misspelt ones."""
+"""Valid names of a run's outcome, so that readers can refuse misspelt ones."""
 
 GOALS = frozenset({"layer_touch", "path_done", "calibrated"})
 NOT_FOLDED = frozenset({"edges_not_seen", "edges_apart", "unlike_model"})
