@@ -42,7 +42,8 @@ def write_session_page(folder: Path) -> Path:
     """
     verdict, path = read_yaml(folder / VERDICT_FILE), folder / REPORT
     passed = bool(verdict.get("passed", verdict.get("accepted")))
-    lines, made = [str(line) for line in verdict.get("lines", ())], folder / CALIBRATION
+    lines = [str(line) for line in verdict.get("lines", ())]
+    made = folder / CALIBRATION
     said = Verdict("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ())
     text = page(
         "report/templates/calibration.html",
@@ -69,7 +70,7 @@ def _picture(folder: Path) -> list[KeyPicture]:
 
 
 def calibration_report(calibration: Calibration, name: str) -> str:
-    """Page of `calibration`, called `name`."""
+    """HTML page of `calibration`, whose file is called `name`."""
     good = calibration.residual_mm <= GOOD_RESIDUAL and not calibration.accepted_anyway
     said = Verdict(
         "good" if good else "bad",

@@ -1,4 +1,4 @@
-"""Pages from templates: Jinja2 with escaping, files beside the code, everything inlined."""
+"""HTML pages from Jinja2 templates, with escaping and with all styles and scripts inlined."""
 
 import base64
 import re
@@ -18,14 +18,14 @@ Tone = Literal["good", "fair", "bad"]
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """Cell of a table that links to `href`, a path from the page."""
+    """Table cell that links to `href`, a path from the page."""
 
     text: str
     href: str
 
 
 def page(template: str, title: str, /, **facts: Any) -> str:
-    """Whole HTML document from `template`, a path in the package `cell`, filled with `facts`.
+    """Render `template`, a path in the package `cell`, with `facts` to a whole HTML document.
 
     What `title` and `facts` hold is escaped. Raises jinja2.UndefinedError for a fact that the
     template uses and that is not there.
