@@ -9,9 +9,8 @@ from cell.strips.rest_curvature import RestCurvaturePrior
 from drivers.strip.cantilever import Hanging, hang
 from drivers.types import Array
 
-LN_LENGTH, LEDGE, ROLL, CLAMP, X, Z, FIRST_FIELD = range(
-    7
-)  # place of each unknown; the rest are fields
+# place of each unknown, and of the first coefficient of the rest curvature's fields
+LN_LENGTH, LEDGE, ROLL, CLAMP, X, Z, FIRST_FIELD = range(7)
 TYPICAL = 0.02  # m, bending length
 LN_SPREAD = 1.5  # of ln(bending length) around the typical one
 LEDGE_WIDTHS, LEDGE_SPREAD = 0.7, 0.002  # widths, or m, between picture's border and ledge
@@ -54,7 +53,7 @@ class Problem:
         spreads[LEDGE] = max(LEDGE_WIDTHS * photograph.width, LEDGE_SPREAD)
         spreads[[ROLL, CLAMP]] = ROLL_SPREAD, CLAMP_SPREAD
         spreads[[X, Z]] = np.inf
-        self._inverse_spreads = 1 / spreads
+        self._weights = 1 / spreads  # of the normal priors
         self._local_frames = _local_frames(photograph)
 
     def trial(self, values: Array) -> Trial:
@@ -87,12 +86,8 @@ class Problem:
     def normal_equations(self, trial: Trial) -> tuple[Array, Array]:
         """Half the second derivative (p, p) of the cost, and the downhill direction (p,)."""
         weight = np.minimum(1.0, ROBUST / np.maximum(np.abs(trial.misses), 1e-12))
-        matrix = trial.slopes.T @ (weight[:, None] * trial.slopes) + np.diag(
-            self._inverse_spreads**2
-        )
-        return matrix, trial.slopes.T @ (
-            weight * trial.misses
-        ) - self._inverse_spreads**2 * trial.values
+        matrix = trial.slopes.T @ (weight[:, None] * trial.slopes) + np.diag(self._weights**2)
+        return matrix, trial.slopes.T @ (weight * trial.misses) - self._weights**2 * trial.values
 
     def _project_motion(self, motion: Array) -> Array:
         """Components (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
@@ -102,7 +97,7 @@ class Problem:
     def _cost(self, values: Array, misses: Array) -> float:
         z = np.abs(misses)
         data = np.where(z < ROBUST, z**2, 2 * ROBUST * z - ROBUST**2).sum()
-        return float(data + ((values * self._inverse_spreads) ** 2).sum())
+        return float(data + ((values * self._weights) ** 2).sum())
 
 
 class _Along:
