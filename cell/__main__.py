@@ -62,7 +62,7 @@ def _hint(error: Any) -> str:
 
 
 def _cell_error(error: Exception) -> CellError:
-    """`error` as a CellError: a missing library, or a defect of this program."""
+    """Convert `error` to a CellError: a missing library, or a defect of this program."""
     from cell.extras import FEATURES, missing_library
     from drivers.errors import Unexpected
 

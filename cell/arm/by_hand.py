@@ -53,7 +53,7 @@ def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
 
 
 def to(pose: Pose) -> Callable[[Snapshot], Motion]:
-    """Motion to rest at `pose`."""
+    """Motion that ends at rest at `pose`."""
     return lambda _: move(pose)
 
 

@@ -132,7 +132,7 @@ def accept(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Put what was named into the strip file, or into cell.yaml where it belongs to the cell.
+    """Put the named effects into the strip file, or into cell.yaml where they belong to the cell.
 
     Of a mechanism, into an MJCF beside its model, and into its file what MJCF cannot say.
     """

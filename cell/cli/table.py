@@ -46,7 +46,7 @@ def _row(cells: Sequence[str], widths: Sequence[int], text: int) -> str:
 
 
 def printable(text: str) -> str:
-    """`text` with terminal control characters escaped."""
+    """Escape the terminal control characters in `text`."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 

@@ -23,7 +23,7 @@ def whole_path(
     carry: Array,
     end: float | None = None,
 ) -> tuple[Array, Array]:
-    """Poses (n, 3) of x, z [m], pitch [rad], and the speeds (n,) [m/s] of the moves to them.
+    """Poses (n, 3) x, z [m], pitch [rad] of a whole fold, and speeds (n,) [m/s] of moves to each.
 
     From `home` [m] over the edge of a strip of `length` [m]; `carry` (k, 2) leads from the grasped
     edge to where the layers touch. Lay and retreat follow; the edge is laid at `end` [m], or where

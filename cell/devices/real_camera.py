@@ -23,7 +23,7 @@ def camera_settings(settings: CellFile) -> V4l2Settings:
 
 
 def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
-    """`devices` with the cell file's camera, on a clock that keeps step with the wall clock.
+    """Replace the camera of `devices` by the cell file's, on a clock in step with the wall clock.
 
     The camera does not see the twin's world, so the truth is not used for scoring.
     """

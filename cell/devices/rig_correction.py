@@ -21,7 +21,7 @@ AS_CALIBRATED = Observation()
 
 
 def correct_calibration(calibration: Calibration, model: StripModel) -> Calibration:
-    """The calibration compensated for the effects of `model`, so that it gives true positions.
+    """Compensate the calibration for the effects of `model`, so that it gives true positions.
 
     Corrects places, contact_x and stamps, all over the true desk. Without such effects the same
     object is returned; with some, a new calibration with its own id and without landmarks, which
@@ -49,7 +49,7 @@ def _true_points_matrix(model: StripModel) -> np.ndarray[tuple[int, int], np.dty
 def corrected_calibration(
     calibration: Calibration, settings: CellFile, strip: StripFile
 ) -> Calibration:
-    """The calibration compensated for the cell file's camera and desk effects."""
+    """Compensate the calibration for the cell file's camera and desk effects."""
     return correct_calibration(calibration, describe(strip, settings.effects))
 
 

@@ -17,7 +17,7 @@ DIGITS = 18  # of a whole number that fits 64 bits
 
 
 def json_line(content: Mapping[str, Any]) -> bytes:
-    """`content` as one line of JSON."""
+    """Encode `content` as one line of JSON."""
     text = json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": "))
     return text.encode(errors="backslashreplace") + b"\n"
 

@@ -1,4 +1,4 @@
-"""Arrow IPC streams, one row a message: rows written before a crash can be read after it."""
+"""Arrow IPC streams, one row per message: rows written before a crash can be read after it."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path

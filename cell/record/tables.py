@@ -21,7 +21,7 @@ TIME_ROUNDING = 1e-9  # s
 
 @dataclass(frozen=True, slots=True)
 class Tables:
-    """`ticks`, `profile` (points of the midlines) and `sights` (one row an image) of a run."""
+    """Tables of a run: `ticks`, `profile` (points of midlines), `sights` (one row per image)."""
 
     ticks: pa.Table
     profile: pa.Table
@@ -48,7 +48,7 @@ def assemble(folder: Path) -> Tables:
 
 
 def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
-    """The rows from `begin` [s] on, their column `time` counted from there; all of them for 0."""
+    """Rows from `begin` [s] on, with their column `time` relative to it; all rows for 0."""
     if begin == 0.0:
         return rows
     t = _numbers(rows, time) - begin
@@ -106,7 +106,7 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
 
 
 def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
-    """Rows (k,) of the increasing `t` (n,), two at least, nearest to `stamps` (k,)."""
+    """Rows (k,) of the two or more increasing `t` (n,) that are nearest to `stamps` (k,)."""
     after = np.clip(np.searchsorted(t, stamps), 1, t.size - 1)
     nearer = stamps - t[after - 1] <= t[after] - stamps
     return np.asarray(np.where(nearer, after - 1, after), dtype=np.intp)

@@ -112,13 +112,13 @@ class RunWriter:
         self._mark = False
 
     def event(self, t: float, kind: str, **facts: Any) -> None:
-        """Add something that happened at `t` [s]; the next image is kept to show it."""
+        """Add an event at `t` [s]; after a change of state the next image is kept to show it."""
         self._mark = self._mark or kind == "state"
         with self._recording():
             write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
 
     def joints(self, rows: Array, origin: float) -> None:
-        """Add a robot's joints at every tick, rows (n, 29) by the clock of `origin` [s]."""
+        """Add a robot's joints at every tick, rows (n, 29) on the same clock as `origin` [s]."""
         with self._recording():
             write_parquet(self.folder / JOINTS, joint_table(rows, origin))
 

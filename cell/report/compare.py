@@ -83,7 +83,7 @@ def _numbers(run: Run, place: Path) -> tuple[str | Link, ...]:
 
 
 def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Table of settings that differ among the runs: a row a setting, a column a run."""
+    """Heading and rows of the settings that differ: a row per setting, a column per run."""
     settings = [dict(facts(run)) | dict(_flatten(run.header.config or {}, "cell")) for run in runs]
     keys = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
     rows = [(key, *(each.get(key, NO_VALUE) for each in settings)) for key in keys]

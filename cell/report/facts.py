@@ -14,6 +14,7 @@ from cell.report.words import MINUS, NO_VALUE, event_title, millimetres, millise
 
 FREQUENT = 40  # more of one kind are counted, not listed
 LISTED_EVENTS = 400
+LONGEST_TEXT = 160  # characters of a value
 HEIGHT_ON_DESK = 0.01  # m, above which a gripper has lifted the strip
 PREFLIGHT = "preflight"
 LEFT_OUT = frozenset({"config", "preflight", "schema", "provenance", "spread"})
@@ -181,7 +182,7 @@ def _value(name: str, value: Any) -> str:
         return " ".join(f"{key.replace('_', ' ')} {_value(key, v)}" for key, v in value.items())
     if not isinstance(value, int | float) or isinstance(value, bool):
         text = str(value)
-        return text if len(text) <= 160 else f"{text[:157]}..."
+        return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 3]}..."
     if name in LENGTH_NAMES:
         return millimetres(value, signed=name in SIGNED)
     return f"{value:.6g} {SIGNAL_UNITS.get(name, '')}".strip()

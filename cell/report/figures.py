@@ -14,6 +14,7 @@ from cell.report.silhouettes import Silhouette
 from drivers.types import Array
 
 CURVES = 26  # profiles that are drawn, of all that were measured
+NAMED_SHARE = 0.05  # of the run's time, from which on a state has room for its name
 LEFT, RIGHT = 0.075, 0.995  # shares of the figure's width between which its signals lie
 LEGEND: dict[str, Any] = {
     "loc": "lower right",
@@ -149,14 +150,14 @@ def _draw_touch(axes: Any, run: Run) -> None:
 
 def _draw_lanes(axes: Any, ticks: Ticks) -> None:
     axes.set_axis_off()
-    place = 0
+    first = 0
     for state, rows in groupby(ticks.state):
-        count = len(list(rows))
-        start, end = ticks.t[place], ticks.t[min(place + count, ticks.t.size - 1)]
-        place += count
+        following = first + len(list(rows))
+        start, end = ticks.t[first], ticks.t[min(following, ticks.t.size - 1)]
+        first = following
         shade = STATE_SHADES.get(state, RULE)
         axes.barh(0, end - start, left=start, height=1, color=shade, lw=0, gid=state)
-        if end - start > 0.05 * (ticks.t[-1] - ticks.t[0]):
+        if end - start > NAMED_SHARE * (ticks.t[-1] - ticks.t[0]):
             middle = 0.5 * (start + end)
             axes.text(middle, 0, state, ha="center", va="center", fontsize=8, color="#20262d")
 

@@ -38,7 +38,7 @@ def page(template: str, title: str, /, **facts: Any) -> str:
 
 
 def jpeg_text(image: "Image", width: int = 640, quality: int = 82) -> str:
-    """`image` (h, w, 3) as a JPEG `width` [px] wide, base64."""
+    """Encode `image` (h, w, 3) as a JPEG `width` [px] wide, as base64 text."""
     import cv2
 
     size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
@@ -71,7 +71,7 @@ def _file(name: str) -> "Markup":
 
 
 def _keep_units(text: str) -> "Markup":
-    """`text` with no line break between a number and its unit or sign."""
+    """Mark up `text` so that no line breaks between a number and its unit or sign."""
     from markupsafe import Markup, escape
 
     kept = re.sub(r"(\d|±) (?=(?:mm|ms|s|%)\b|%|(?<=± )\d)", "\\1&nbsp;", str(escape(text)))
@@ -79,7 +79,7 @@ def _keep_units(text: str) -> "Markup":
 
 
 def _with_code(line: str) -> "Markup":
-    """`line` with text between backticks marked as code."""
+    """Mark up the text between backticks in `line` as code."""
     from markupsafe import Markup, escape
 
     parts = str(escape(line)).split("`")

@@ -136,7 +136,7 @@ def draw_sight(
 
 
 def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
-    """Place (k, 2) [px / 8] of those `points` (m, 2) [m] near the image; distant ones are slow."""
+    """Places (k, 2) [px / 8] in the image of those `points` (m, 2) [m] that lie near it."""
     near = points[np.isfinite(points).all(axis=1) & (np.abs(points) < FARTHEST_HAND).all(axis=1)]
     if len(near) == 0:
         return np.empty((0, 2), dtype=np.int32)

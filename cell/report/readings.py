@@ -119,16 +119,18 @@ def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
         label = container.get_label()
         name = "" if label.startswith("_") else f"{label} "
         for patch in getattr(container, "patches", ()):
-            box, wide, high = patch.get_window_extent(), patch.get_width(), patch.get_height()
-            named = not patch.reading.startswith("_")
-            if named or container.orientation == "vertical":
-                ends = ((box.x0, whole.y1), (box.x1, whole.y0))
-                span, reach = (_span(x, patch.get_x(), wide), _bar_value(y, patch.get_y(), high))
+            box = patch.get_window_extent()
+            along_x = (x, patch.get_x(), patch.get_width())
+            along_y = (y, patch.get_y(), patch.get_height())
+            is_named = not patch.reading.startswith("_")
+            if is_named or container.orientation == "vertical":
+                corners = ((box.x0, whole.y1), (box.x1, whole.y0))
+                label = f"{_span_text(*along_x)}: {name}{_value_text(*along_y)}"
             else:
-                ends = ((whole.x0, box.y1), (whole.x1, box.y0))
-                span, reach = (_span(y, patch.get_y(), high), _bar_value(x, patch.get_x(), wide))
-            places = (value for end in ends for value in _svg_point(figure, *end))
-            yield [*places, patch.reading if named else f"{span}: {name}{reach}"]
+                corners = ((whole.x0, box.y1), (whole.x1, box.y0))
+                label = f"{_span_text(*along_y)}: {name}{_value_text(*along_x)}"
+            places = (value for corner in corners for value in _svg_point(figure, *corner))
+            yield [*places, patch.reading if is_named else label]
 
 
 def _histogram_bins(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
@@ -140,17 +142,18 @@ def _histogram_bins(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list
         places = axes.transData.transform(np.column_stack([edges, np.ones_like(edges)]))[:, 0]
         for k, value in enumerate(values):
             ends = ((places[k], axes.bbox.y1), (places[k + 1], axes.bbox.y0))
-            label = f"{_span(x, edges[k], edges[k + 1] - edges[k])}: {_number(value)} {y['unit']}"
+            span = _span_text(x, edges[k], edges[k + 1] - edges[k])
+            label = f"{span}: {_number(value)} {y['unit']}"
             yield [*(v for end in ends for v in _svg_point(figure, *end)), label.strip()]
 
 
-def _bar_value(axis: Facts, start: float, size: float) -> str:
+def _value_text(axis: Facts, start: float, size: float) -> str:
     """Text of a bar's value, or of both its ends where it does not start at zero."""
     ends = f"{_number(start)} to {_number(start + size)}" if start else _number(size)
     return f"{ends} {axis['unit']}".strip()
 
 
-def _span(axis: Facts, start: float, size: float) -> str:
+def _span_text(axis: Facts, start: float, size: float) -> str:
     """Text on the part of an `axis` that a bar covers: the nearest word, or both ends."""
     if axis["words"]:
         return str(min(axis["words"], key=lambda word: abs(word[0] - start - 0.5 * size))[1])

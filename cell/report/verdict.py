@@ -34,13 +34,19 @@ def _sigma_lines(run: Run, *, laid: bool) -> str:
     sigma, source = run.header.sigma.displacement, "repeats"
     if laid and run.header.sigma.edge_offset is not None:
         sigma, source = run.header.sigma.edge_offset, "camera"
-    calibration, stated = run.calibration(), run.header.calibration
-    error = None if stated is None else stated.error
-    error = error if calibration is None else 1e-3 * calibration.residual_mm
+    error = _calibration_error(run)
     known = "calibration error not recorded"
     if error is not None:
         known = f"± {millimetres(error)} calibration"
     return f"± {millimetres(sigma)} {source}{LINE_BREAK}{known}"
+
+
+def _calibration_error(run: Run) -> float | None:
+    """Error [m] of the run's calibration, or else that in its header."""
+    calibration, stated = run.calibration(), run.header.calibration
+    if calibration is not None:
+        return 1e-3 * calibration.residual_mm
+    return None if stated is None else stated.error
 
 
 def verdict(run: Run) -> str:

@@ -180,7 +180,8 @@ def _overhang_warning(bending: Bending) -> str:
 def _width_warning(bending: Bending) -> str:
     """Warning about a strip that appears much wider in one overhang than in another."""
     photographs = [each.photograph for each in bending.fits]
-    thin, thick = (pick(photographs, key=lambda each: each.width) for pick in (min, max))
+    thin = min(photographs, key=lambda each: each.width)
+    thick = max(photographs, key=lambda each: each.width)
     if thick.width < SMALLEST_WIDTH_RATIO * thin.width:
         return ""
     return (

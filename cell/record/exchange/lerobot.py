@@ -249,7 +249,7 @@ def _info(parts: Sequence[Outgoing], features: Features, frames: int) -> dict[st
 
 
 def _rate(parts: Sequence[Outgoing]) -> int:
-    """Nominal number of rows a second."""
+    """Nominal number of rows per second [Hz]."""
     steps = np.concatenate([np.diff(part.tables["ticks"]["t"]) for part in parts])
     return max(round(1.0 / float(np.median(steps))), 1) if len(steps) else 1
 
