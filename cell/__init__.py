@@ -1,4 +1,4 @@
-"""The application: what an operator types, the orchestrator, its monitors and its record.
+"""The application of a cell that folds fabric strips: command line, Python API, record, report.
 
 `import cell` offers the functions of `cell.api`; they are imported when one is used.
 """
@@ -39,7 +39,7 @@ __all__ = (
 
 
 def __getattr__(name: str) -> Any:
-    """A function of `cell.api`; AttributeError for any other name."""
+    """Import a function of `cell.api` on first use; AttributeError for any other name."""
     if name not in __all__:
         raise AttributeError(f"module 'cell' has no attribute {name!r}")
     return getattr(importlib.import_module("cell.api"), name)

@@ -1,4 +1,4 @@
-"""`python -m cell` and the `cell` command: the edge where errors become one line each."""
+"""Entry point of `python -m cell` and the command `cell`: prints each error in one line."""
 
 import sys
 from typing import Any
@@ -7,7 +7,7 @@ from drivers.errors import CellError, ConfigurationError
 
 
 def main() -> None:
-    """Run the command line; an error is one line and its exit code, never a traceback."""
+    """Run the command line; an error is printed in one line and sets the exit code."""
     from cell.cli.streams import guard_streams, why_lost
 
     out = guard_streams()
@@ -62,7 +62,7 @@ def _hint(error: Any) -> str:
 
 
 def _cell_error(error: Exception) -> CellError:
-    """`error` as a CellError: a missing library, or a defect of this program."""
+    """Convert `error` to a CellError: a missing library, or a defect of this program."""
     from cell.extras import FEATURES, missing_library
     from drivers.errors import Unexpected
 

@@ -1,4 +1,4 @@
-"""The cell from Python: what `import cell` offers, typed, in SI units.
+"""Python interface of the cell, as `import cell` offers it, typed and in SI units.
 
 Every function raises CellError, of which ConfigurationError is one: `file: key: reason`, in one
 line. Paths may be text.
@@ -50,7 +50,7 @@ def fold(
     frames: Literal["all", "key", "none"] | None = None,
     truth: bool = True,
 ) -> FoldResult:
-    """Fold a strip once, as the command `cell fold`, and record it in a new folder under `runs`.
+    """Fold a strip once, as `cell fold` does, and record it in a new folder under `runs`.
 
     `strip` is a name, a path to a strip file, or `unknown:0.6` with a length [m]; `plant` the file
     of another strip on the twin's desk; `speed` [m/s] replaces the cell's own. An error before the
@@ -59,18 +59,27 @@ def fold(
     choice = DeviceSelection(arm, camera, None if plant is None else Path(plant), seed)
     return run_fold(
         Request(
-            strip, policy, None, choice, Path(runs), _path(configs), frames, truth, "off", speed
+            strip=strip,
+            policy=policy,
+            checkpoint=None,
+            choice=choice,
+            runs=Path(runs),
+            configs=_path(configs),
+            frames=frames,
+            truth=truth,
+            viz="off",
+            speed=speed,
         )
     )
 
 
 def read_run(folder: Place) -> Run:
-    """The run in `folder`, complete or not: `ticks`, `profile`, `result`, `header` as arrays."""
+    """Read the run in `folder`, complete or not: its header, ticks, profile and result."""
     return load_run(Path(folder))
 
 
 def list_runs(folder: Place = "runs", where: str = "", sort: str = "") -> tuple[RunRow, ...]:
-    """The runs in `folder` for which the SQL expression `where` holds, as `cell runs` lists them.
+    """Runs in `folder` for which the SQL expression `where` holds, as in `cell runs`.
 
     Oldest first, or by the column `sort`, downwards with a leading `-`.
     """
@@ -88,12 +97,12 @@ def table(part: Ticks | Profile | Sights) -> pa.Table:
 def import_runs(
     places: Sequence[Place], out: Place, mapping: Place | None = None
 ) -> tuple[Path, ...]:
-    """Run folders below `out`, made of CSV or Parquet tables, MCAP files or LeRobot data sets."""
+    """Convert tables, MCAP files or LeRobot data sets to run folders below `out`; returns these."""
     return take_in([Path(place) for place in places], _path(mapping), Path(out))
 
 
 def export_runs(runs: Sequence[Place], kind: Format, out: Place) -> tuple[Path, ...]:
-    """The files in the new folder `out` that hold `runs`: `lerobot`, `mcap` or `csv`."""
+    """Write `runs` in the format `kind` into the new folder `out`; returns the files."""
     return write_out([Path(run) for run in runs], kind, Path(out))
 
 
@@ -104,7 +113,7 @@ def observe(
     out: Place,
     configs: Place | None = None,
 ) -> Run:
-    """The run that the film of a fold gives, written into the new folder `out`.
+    """Measure the strip on the film of a fold; returns the run, written to the new folder `out`.
 
     The camera stands still, `calibration` is its own, and the strip lies flat at the beginning; no
     arm is needed. Profile, contact, tip and confidence are those of the cell's perception.
@@ -126,10 +135,11 @@ def fit_gap(
     configs: Place | None = None,
     progress: Callable[[str, float], None] = quiet,
 ) -> Verdict:
-    """The verdict on `runs` of a strip, or of a mechanism with its file `model`.
+    """Find which effects the model of a strip or mechanism misses in `runs`; returns the verdict.
 
-    Written into the folder `out` with report, overlay and patch, as `cell gap fit` does. Effects
-    `without` are withheld from the library. `progress` is called with a stage and its share.
+    `model` is the file of a mechanism. The verdict is written into the folder `out` with report,
+    overlay and patch, as `cell gap fit` does. Effects `without` are withheld
+    from the library. `progress` is called with a stage and its share.
     """
     file = (
         Path(model) if model is not None else find_configs(_path(configs)).strip_path(strip or "")
@@ -139,17 +149,17 @@ def fit_gap(
 
 
 def read_verdict(out: Place) -> Verdict:
-    """The verdict that a fit left in the folder `out`."""
+    """Read the verdict that `fit_gap` has written into the folder `out`."""
     return load_verdict(Path(out) / "verdict.json")
 
 
 def read_strip(name: str, configs: Place | None = None) -> StripFile:
-    """The strip file called `name`, or at that path, checked."""
+    """Read and check the strip file called `name`, or at that path."""
     return find_configs(_path(configs)).strip(name)
 
 
 def read_calibration(path: Place) -> Calibration:
-    """The calibration in a file, or of a run where `path` is its folder.
+    """Read a calibration from its file, or that of the run in the folder `path`.
 
     `to_image` maps points (n, 2) [m] of the strip's plane to pixels (n, 2), `to_plane` back.
     """
@@ -158,7 +168,7 @@ def read_calibration(path: Place) -> Calibration:
 
 
 def effects() -> Mapping[str, Effect]:
-    """The library of effects by name, those of installed plug-ins among them."""
+    """Library of effects by name, those of installed plug-ins included."""
     return registry()
 
 

@@ -36,12 +36,13 @@ def missing_library(module: str) -> ConfigurationError:
 
 
 def _requirements(module: str) -> list[str]:
-    """`module` and other libraries of its feature, with the package's version ranges."""
+    """Libraries, with version ranges, of the optional feature that needs `module`."""
     try:
-        stated = [line.partition(";") for line in requires("folding-cell") or []]
+        lines = [line.partition(";") for line in requires("folding-cell") or []]
     except PackageNotFoundError:
-        stated = []
-    of = [(line.strip(), EXTRA.findall(marker)) for line, _, marker in stated]
-    of = [(line, extra) for line, extra in of if extra and extra != ["test"]]
-    wanted = next((extra for line, extra in of if re.match(rf"{module}(?![\w-])", line)), None)
-    return [line for line, extra in of if extra == wanted] or [module]
+        lines = []
+    stated = [(library.strip(), EXTRA.findall(marker)) for library, _, marker in lines]
+    optional = [(library, extra) for library, extra in stated if extra and extra != ["test"]]
+    is_module = re.compile(rf"{module}(?![\w-])").match
+    own_extra = next((extra for library, extra in optional if is_module(library)), None)
+    return [library for library, extra in optional if extra == own_extra] or [module]

@@ -17,7 +17,7 @@ from drivers.errors import WorkersLost
 
 @contextmanager
 def workers(jobs: int) -> Iterator[Executor]:
-    """An executor over `jobs` processes, over a thread of this process for a single job.
+    """Open an executor over `jobs` processes, or over one thread of this process for a single job.
 
     Raises WorkersLost when a process dies.
     """
@@ -25,7 +25,7 @@ def workers(jobs: int) -> Iterator[Executor]:
         with ThreadPoolExecutor(1) as one:
             yield one
         return
-    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_ignore_keyboard) as pool:
+    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_prepare_worker) as pool:
         try:
             yield pool
         except BrokenProcessPool:
@@ -36,13 +36,13 @@ def workers(jobs: int) -> Iterator[Executor]:
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     allowed = getattr(os, "sched_getaffinity", None)
     return len(allowed(0)) if allowed is not None else os.cpu_count() or 1
 
 
-def _ignore_keyboard() -> None:
-    """Ignore SIGINT in workers; the main process handles it."""
+def _prepare_worker() -> None:
+    """Make this worker ignore SIGINT, which the main process handles, and end with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _end_with_parent(1)
 

@@ -1,1 +1,1 @@
-"""The arm by hand, its registration in the cell, and whether it reaches a fold."""
+"""Manual motion of the arm, its registration in the cell, and prediction of its reach."""

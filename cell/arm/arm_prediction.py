@@ -1,4 +1,4 @@
-"""A fold predicted for a Franka arm: joints, margins and clearance on the whole way."""
+"""Prediction of a fold by a Franka arm: joints, margins and clearance along the whole path."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -28,7 +28,7 @@ class ArmPrediction:
         return self.reach.allowed and self.clearance > 0
 
     def line(self) -> dict[str, Any]:
-        """The prediction as JSON, added to `cell fold --dry-run --arm fci --json`."""
+        """Facts of the prediction as JSON, added to `cell fold --dry-run --arm fci --json`."""
         return {
             "reachable": self.allowed,
             "hand_turned": self.reach.turned,
@@ -40,7 +40,7 @@ class ArmPrediction:
         }
 
     def text(self) -> str:
-        """The prediction in a line for the operator."""
+        """Text of the prediction for the operator."""
         reach = self.reach
         if not reach.allowed:
             problems = "\n    ".join(str(problem) for problem in reach.problems)

@@ -1,4 +1,4 @@
-"""The cell's settings for one run, as its speed and its arm change them."""
+"""Adaptation of the cell's settings to the speed and the arm of one run."""
 
 from cell.arm.real_robot import slow_down
 from cell.config.cell import CellFile
@@ -11,8 +11,9 @@ from drivers.settings import parse
 def settings_of_run(
     settings: CellFile, choice: DeviceSelection, speed: float | None, *, full_speed: bool
 ) -> CellFile:
-    """The cell's settings as a run uses them: at another path `speed` [m/s] if given, slowed down
-    for a real robot unless at `full_speed`, and suited to the chosen arm.
+    """The cell's settings for a run at path `speed` [m/s], if given, with the chosen arm.
+
+    A real robot is slowed down, unless at `full_speed`.
     """
     settings = at_speed(settings, speed)
     if is_real(settings, choice) and not full_speed:
@@ -29,11 +30,11 @@ def at_speed(settings: CellFile, speed: float | None) -> CellFile:
 
 
 def suit_to_arm(settings: CellFile, choice: DeviceSelection) -> CellFile:
-    """The cell's settings with the limits of its arm, and the start of measured time that suits it.
+    """The cell's settings with the limits of the chosen arm and its start of measured time.
 
-    Unless `fold.start` states it: the in-process arm follows the lift as planned, so that a model
-    can repeat it from the flat strip. A robot's own limits and reach bend its lift: there a run
-    begins once the strip hangs.
+    The start is `fold.start` where that is stated. If not, a run of the in-process arm begins flat:
+    it follows the lift as planned, so that a model can repeat it. That of a robot, whose own limits
+    and reach bend its lift, begins once the strip hangs.
     """
     is_robot = choice.arm_driver(settings).real
     changes: dict[str, object] = {}

@@ -1,4 +1,4 @@
-"""Moves the arm by hand: home, park, jog, open; under the monitors of every run."""
+"""Manual motions of the arm (home, park, jog, open) under the monitors of every run."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -31,7 +31,7 @@ def by_hand(
     interrupted: Asked = lambda: False,
     strip: StripFile = NO_STRIP,
 ) -> Outcome:
-    """Open the cell, carry out one `motion`, and close it; CellError before the motion."""
+    """Open the cell, carry out one `motion`, and close it; CellError for errors before it."""
     devices = open_cell(settings, strip, choice, calibrating=False)
     try:
         devices.arm.connect()
@@ -53,7 +53,7 @@ def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
 
 
 def to(pose: Pose) -> Callable[[Snapshot], Motion]:
-    """Motion to rest at `pose`."""
+    """Motion that ends at rest at `pose`."""
     return lambda _: move(pose)
 
 
@@ -92,7 +92,7 @@ def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
 
 
 def robot_task(settings: CellFile) -> "Task":
-    """Connection of the robot at the address in cell.yaml; ConfigurationError without one."""
+    """Specification of the connection to the cell's robot; ConfigurationError without address."""
     check_drivers(settings, DeviceSelection(arm="fci"))
     if settings.fci.address is None:
         raise ConfigurationError(

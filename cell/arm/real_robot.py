@@ -1,4 +1,4 @@
-"""Precautions for a real robot: the cell named by its operator, slow motion, strip laid again."""
+"""Precautions for a real robot: its operator's consent, slow motion, a strip laid again."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,7 +9,8 @@ from cell.devices.open import is_real
 from drivers.errors import PreflightRefused
 from drivers.limits import MotionLimits
 
-FIRST_RUN_SPEED = 0.1  # share of the speed of first runs
+FIRST_RUN_SPEED = 0.1  # share of the configured speeds at which first runs are made
+LEAST_SPEED = 0.005  # m/s, the least that FoldSettings allows
 TIME_LIMITS = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run may be given
 
 
@@ -32,7 +33,7 @@ def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
 def agree(
     settings: CellFile, choice: DeviceSelection, ask: Callable[[str], str], *, full_speed: bool
 ) -> tuple[CellFile, DeviceSelection]:
-    """Settings and selection, once the operator has agreed to the motion of a real robot.
+    """Have the operator agree to a real robot's motion; returns the settings and selection to use.
 
     Its speeds are then those of a first run, unless `full_speed`.
     """
@@ -55,11 +56,11 @@ def await_strip(ask: Callable[[str], str]) -> None:
 
 
 def slow_down(settings: CellFile) -> CellFile:
-    """The cell's settings with all speeds at FIRST_RUN_SPEED, and the time that a run needs."""
+    """The cell's settings at FIRST_RUN_SPEED of all speeds, with time limits for such a run."""
     fold = settings.fold.model_copy(
         update={
-            "speed": max(FIRST_RUN_SPEED * settings.fold.speed, 0.005),
-            "lay_speed": max(FIRST_RUN_SPEED * settings.fold.lay_speed, 0.005),
+            "speed": max(FIRST_RUN_SPEED * settings.fold.speed, LEAST_SPEED),
+            "lay_speed": max(FIRST_RUN_SPEED * settings.fold.lay_speed, LEAST_SPEED),
         }
     )
     axes = {

@@ -1,4 +1,4 @@
-"""The command line: one file a command; heavy modules are imported where they are used."""
+"""Assembly of the command line `cell`; commands import heavy modules only when they run."""
 
 import sys
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""`cell home`, `cell park`, `cell jog`, `cell open`, `cell register`: the arm by hand."""
+"""Commands that move the arm by hand: `cell home`, `park`, `jog`, `open`, `register`."""
 
 import sys
 from math import radians
@@ -44,7 +44,7 @@ def home(
     settings, choice = _agree_to_motion(found.cell(), arm, full_speed, recover=recover)
     lying = found.strip(strip)
     if _at_address(settings, choice):
-        share = 1.0 if full_speed else 0.1
+        share = _speed_share(full_speed=full_speed)
         joints = by_hand.home_joints(settings, lying)
         by_hand.go_joints(settings, joints, share, recover=recover, reset_tool=reset_tool)
         _print_result("the arm is home", settings, choice)
@@ -66,7 +66,7 @@ def park(
     found = find_configs(configs).cell()
     settings, choice = _agree_to_motion(found, arm, full_speed, recover=recover)
     if _at_address(settings, choice):
-        share = 1.0 if full_speed else 0.1
+        share = _speed_share(full_speed=full_speed)
         by_hand.go_joints(settings, by_hand.PARKED, share, recover=recover)
         _print_result("the arm is parked", settings, choice)
         return
@@ -117,7 +117,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
     for number, point in enumerate(TOUCH_POINTS, start=1):
         if not ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: "):
             raise ConfigurationError("the input ended before Enter was pressed; nothing is changed")
-        touched.append(hand_pose(task)[12:15])
+        touched.append(hand_pose(task)[12:15])  # the translation of a transform by columns
     mounting = mounting_from(np.array(touched), lying.length)
     path = write_mounting(found, mounting)
     sys.stdout.write(f"registered: {mounting}\n  {path}; the old mounting stands beside it\n")
@@ -126,8 +126,9 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 def _agree_to_motion(
     settings: "CellFile", arm: str | None, full_speed: bool, *, recover: bool = False
 ) -> "tuple[CellFile, DeviceSelection]":
-    """Settings and selection, once the operator has agreed to the motion of a real robot. The
-    doctor checks the robot first, except to `recover`, which must always be possible.
+    """Have the operator agree to a real robot's motion; returns the settings and selection.
+
+    The doctor checks the robot first, except to `recover`, which must always be possible.
     """
     from cell.arm.real_robot import agree
     from cell.devices.devices import DeviceSelection
@@ -137,6 +138,12 @@ def _agree_to_motion(
     if not recover:
         check_motion(settings, choice)
     return agree(settings, choice, ask, full_speed=full_speed)
+
+
+def _speed_share(*, full_speed: bool) -> float:
+    from cell.arm.real_robot import FIRST_RUN_SPEED
+
+    return 1.0 if full_speed else FIRST_RUN_SPEED
 
 
 def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:

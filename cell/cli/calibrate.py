@@ -110,7 +110,7 @@ def calibrate_camera(
 
     settings = _settings(configs)
     if print_to is not None:
-        _print(settings, print_to)
+        _print_board(settings, print_to)
         return
     if again is not None:
         verdict, folder = lens_again(again, without or (), out), out or again
@@ -240,7 +240,7 @@ def _settings(configs: Path | None) -> "CellFile":
 
 
 def _ask_length(text: str) -> float:
-    """The length [m] typed at a prompt, which asks again for anything else."""
+    """Read the length [m] typed at a prompt; BadParameter for other text, so that it asks again."""
     from drivers.errors import ConfigurationError
 
     try:
@@ -250,7 +250,7 @@ def _ask_length(text: str) -> float:
 
 
 def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str) -> Path:
-    """The folder of --resume or --out, or a new one named by time; refuses an existing --out."""
+    """Folder of --resume or --out, or a new one named by time; refuses an --out that is in use."""
     from datetime import UTC, datetime
 
     from calibration.wizard.session import SESSION_FILE
@@ -272,8 +272,9 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
 def _open_devices(
     settings: "CellFile", arm: str | None, camera: str | None, *, full_speed: bool = False
 ) -> "tuple[CellFile, Devices]":
-    """The cell's settings and devices for a calibration, without a strip, once the operator has
-    agreed to the motion of a real robot, at which the doctor has looked.
+    """Open the cell without a strip for a calibration; returns its settings and devices.
+
+    The doctor looks at a real robot first, and the operator has to agree to its motion.
     """
     from cell.arm.real_robot import agree
     from cell.calibrating.calibrate import NO_STRIP
@@ -288,7 +289,7 @@ def _open_devices(
 
 
 def _find_lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
-    """The lens of the resumed session, of the file, or the newest of this camera."""
+    """Lens of the session to `resume`, of the `file`, or else the newest of this camera."""
     from calibration.lens import read_lens
     from cell.calibrating.homography_wizard import lens_of
     from cell.calibrating.lens_wizard import newest_lens
@@ -316,7 +317,7 @@ def _check_writable(configs: Path | None, *, use: bool) -> None:
 def _use_calibration(
     configs: Path | None, found: "TouchSession", again: Path | None
 ) -> Path | None:
-    """Name the session's calibration in cell.yaml; None where there is none."""
+    """Name the session's calibration in cell.yaml; returns that file, None without calibration."""
     from calibration.calibration import load_calibration
     from cell.calibrating.calibration_in_use import use_calibration
     from cell.config.places import find_configs
@@ -332,7 +333,7 @@ def _use_calibration(
     return folder / "cell.yaml"
 
 
-def _print(settings: "CellFile", path: Path) -> None:
+def _print_board(settings: "CellFile", path: Path) -> None:
     from calibration.wizard.board_print import print_board
 
     sheet = print_board(settings.boards, path)
@@ -390,7 +391,7 @@ def _touch_facts(found: "TouchSession") -> dict[str, Any]:
 
 
 def _print_lines(lines: "Iterable[Line]") -> None:
-    """Print the verdict, in colour where the terminal supports it."""
+    """Print the `lines` of a verdict, in colour where the terminal supports it."""
     from rich.console import Console
 
     from cell.calibrating.wizard_panel import verdict_text

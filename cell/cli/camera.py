@@ -1,4 +1,4 @@
-"""`cell camera`: list cameras, or grab a picture."""
+"""The command `cell camera`: lists cameras, or takes a picture with one."""
 
 import json
 import sys
@@ -37,7 +37,7 @@ def camera(
 
 
 def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
-    """The cell file's camera, or suitable settings when `device` is another one."""
+    """Settings of the cell file's camera, or suitable ones where `device` is another camera."""
     from cell.config.places import find_configs
     from cell.devices.camera_check import suggest_settings
     from drivers.camera.kernel import Linux

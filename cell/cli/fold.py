@@ -168,8 +168,9 @@ def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
 
 
 def _fold_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> int:
-    """Fold repeatedly, each fold corrected by those before, until the edges lie as close as
-    `until`; returns the last fold's exit code, 1 where none came as close.
+    """Fold until the edges lie as close as `until`; returns the exit code, 1 where none does.
+
+    Each fold is corrected by those before it.
     """
     from cell.config.length import metres
     from cell.folding.correct import with_correction
@@ -187,7 +188,7 @@ def _fold_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> in
 
 
 def _laid_offset(made: "list[FoldResult]") -> float:
-    """Offset of the laid edges [m] of the newest fold, of its layers where no edge was seen."""
+    """Offset [m] of the newest fold's laid edges, of its layers where no edge was seen."""
     seen = [made[-1].edge_offset, made[-1].displacement] if made else []
     return next((abs(value) for value in seen if value is not None), float("inf"))
 
@@ -199,7 +200,7 @@ def _fold_each(
     *,
     as_json: bool,
 ) -> int:
-    """Fold, report and `keep` each result; the largest exit code."""
+    """Fold, report and `keep` each result; returns the largest exit code."""
     wanted = agree_to_fold(wanted)
     real, remark = wanted[0].choice.agreed, _emulation(wanted[0])
     code = 0
@@ -217,7 +218,7 @@ def _fold_each(
 
 
 def _name_strip(strip: str, length: float | None, thickness: float | None) -> str:
-    """The strip as requests name it: one without a file by its length, and thickness if known."""
+    """Name of the strip for requests; one without a file is named by length and thickness."""
     from cell.config.unknown import UNKNOWN_NAME, name_of
     from drivers.errors import ConfigurationError
 
@@ -233,7 +234,7 @@ def _name_strip(strip: str, length: float | None, thickness: float | None) -> st
 
 
 def agree_to_fold(wanted: "Sequence[Request]") -> "tuple[Request, ...]":
-    """The requests, once the operator of a real robot has agreed to its motion.
+    """Have the operator of a real robot agree to its motion; returns the requests with consent.
 
     Raises PreflightRefused where that was not typed, or a check of real hardware failed.
     """
@@ -257,27 +258,41 @@ def agree_to_fold(wanted: "Sequence[Request]") -> "tuple[Request, ...]":
 def _results(
     wanted: "Sequence[Request]", jobs: int, *, quiet: bool, real: bool
 ) -> "Iterator[FoldResult]":
-    from cell.arm.real_robot import await_strip
+    """Results of the folds as they end, made side by side or one after the other."""
+    if jobs > 1 and len(wanted) > 1:
+        return _results_side_by_side(wanted, jobs)
+    return _results_in_turn(wanted, quiet=quiet, real=real)
+
+
+def _results_side_by_side(wanted: "Sequence[Request]", jobs: int) -> "Iterator[FoldResult]":
     from cell.calibrating.calibrate import calibration_of
     from cell.folding.batch import each_of
+    from cell.orchestrator.interrupt import Interrupt
+
+    settings, _ = wanted[0].read_files()
+    with Interrupt() as interrupted:
+        calibration = calibration_of(settings, _print_remark, interrupted)
+        folds = each_of(wanted, jobs, interrupted, calibration)
+        for request, made in zip(wanted, folds, strict=False):  # an interrupt ends the folds
+            yield _as_result(request, made)
+
+
+def _results_in_turn(
+    wanted: "Sequence[Request]", *, quiet: bool, real: bool
+) -> "Iterator[FoldResult]":
+    from cell.arm.real_robot import await_strip
+    from cell.calibrating.calibrate import calibration_of
     from cell.folding.fold import fold as fold_once
     from cell.folding.progress import progress
     from cell.orchestrator.interrupt import Interrupt
 
     settings, _ = wanted[0].read_files()
-    if jobs > 1 and len(wanted) > 1:
-        with Interrupt() as interrupted:
-            calibration = calibration_of(settings, _print_remark, interrupted)
-            for request, made in zip(
-                wanted, each_of(wanted, jobs, interrupted, calibration), strict=False
-            ):
-                yield _as_result(request, made)
-        return
     for number, request in enumerate(wanted):
         if real and number > 0:
             await_strip(ask)
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:
             calibration = calibration_of(settings, _print_remark, interrupted)
+            made: FoldResult | CellError
             try:
                 made = fold_once(request, shown, interrupted, calibration)
             except CellError as error:
@@ -324,7 +339,7 @@ def _print_remark(text: str) -> None:
 
 
 def _rehearse(request: "Request", *, as_json: bool) -> int:
-    """Rehearse once and report; the exit code."""
+    """Rehearse the fold once and report it; returns the exit code."""
     from cell.folding.rehearsal import rehearse
     from cell.orchestrator.interrupt import Interrupt
 

@@ -132,7 +132,7 @@ def accept(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Put what was named into the strip file, or into cell.yaml where it belongs to the cell.
+    """Put the named effects into the strip file, or into cell.yaml where they belong to the cell.
 
     Of a mechanism, into an MJCF beside its model, and into its file what MJCF cannot say.
     """
@@ -185,7 +185,7 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
 
 
 def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
-    """Run-to-run differences, and whether fewer separate more than the `planned` sigma."""
+    """Lines on run-to-run spread: whether less of it separates more than `planned` [sigma]."""
     from cell.gap.report.repeats import remedies
     from cell.gap.verdict.accept import RECORD
     from cell.gap.verdict.stored import FitRecord, read_stored
@@ -196,7 +196,7 @@ def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
 
 
 def _verdict_lines(verdict: "Verdict") -> Iterator[str]:
-    """The verdict in a few lines, deviations from the file first."""
+    """Yield the verdict in a few lines, deviations from the file first."""
     from cell.gap.report.sentence import deviation
 
     if verdict.deviates:
@@ -224,7 +224,7 @@ def _verdict_lines(verdict: "Verdict") -> Iterator[str]:
 def _single_file(
     strip: str | None, model: Path | None, configs: Path | None, subject: str | None
 ) -> Path:
-    """The file that is fitted; ConfigurationError unless exactly one is given."""
+    """Path of the file to fit; ConfigurationError unless exactly one is given."""
     from drivers.errors import ConfigurationError
 
     if sum(given is not None for given in (strip, model, subject)) != 1:
@@ -240,7 +240,7 @@ def _single_file(
 
 
 def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> str:
-    """The command that the user types next."""
+    """Command that the user types next."""
     from cell.gap.verdict.accept import BASE_PATCH
 
     if verdict.verdict == "named" or (out / BASE_PATCH).is_file():
@@ -255,7 +255,7 @@ def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> s
 
 
 def _strip_file(named: str, configs: Path | None) -> Path:
-    """The file of the strip `named`: a path to any file, or a name in the configuration."""
+    """Path of the file of the strip `named` by a path, or by its name in the configuration."""
     from cell.config.places import find_configs
 
     if Path(named).exists() or "/" in named or Path(named).suffix:

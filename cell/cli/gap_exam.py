@@ -105,7 +105,7 @@ def exam(
 
 
 def _steps(*, make: bool, judge: bool) -> "Steps":
-    """The steps of the exam that are requested; both options alone are a ConfigurationError."""
+    """Steps of the exam that the options request; ConfigurationError for both options at once."""
     from drivers.errors import ConfigurationError
 
     if make and judge:
@@ -116,9 +116,10 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
 def _check_places(
     out: Path, report: Path | None, beside: "Sequence[Path]", *, made: bool
 ) -> "list[Entry]":
-    """Check that all places are writable, as an exam takes hours; the entries of exams `beside`.
+    """Check all places, as an exam takes hours; returns the entries of the exams `beside`.
 
-    Raises ConfigurationError where one cannot, or where `out` holds no runs that are to be `made`.
+    Raises ConfigurationError for a place of the wrong kind, or where runs must be `made` before and
+    `out` holds none.
     """
     from cell.exam.cases.answer_key import KEYS_FOLDER
     from cell.exam.run import LEDGER
@@ -148,7 +149,7 @@ def _repeat_command(
 
 
 def _entries_of(place: Path) -> "tuple[Entry, ...]":
-    """The entries of another exam: `place` is its folder or its ledger."""
+    """Entries of another exam, whose folder or ledger is `place`."""
     from cell.exam.run import LEDGER
     from cell.exam.scoring.results import Ledger
     from drivers.errors import ConfigurationError

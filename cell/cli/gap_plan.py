@@ -68,7 +68,7 @@ def plan(
 
 
 def _next_command(strip: str, folder: Path, configs: Path | None) -> str:
-    """The command that the user types next, with these files."""
+    """Command that the user types next to fit the runs in `folder`."""
     from cell.config.places import find_configs
 
     file = near(find_configs(configs).strip_path(strip))
@@ -91,7 +91,7 @@ def _print_plan(wanted: "tuple[Request, ...]") -> None:
 
 
 def _result_words(result: "FoldResult") -> str:
-    """Result of a run, in a few words."""
+    """Text of a run's outcome and displacement [mm]."""
     if result.displacement is None:
         return str(result.outcome)
     return f"{result.outcome}, displacement {1e3 * result.displacement:.1f} mm"

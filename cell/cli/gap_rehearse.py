@@ -1,4 +1,4 @@
-"""The command `cell gap rehearse`: which effects could these runs have revealed?"""
+"""The command `cell gap rehearse`: finds which effects given runs could have revealed."""
 
 import os
 import sys

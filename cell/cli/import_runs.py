@@ -1,4 +1,4 @@
-"""`cell import` and `cell export`: runs in the formats of other programs."""
+"""Commands `cell import` and `cell export`: convert runs from and to other formats."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`cell observe`: a film of a fold as a run."""
+"""The command `cell observe`: measures the strip on a film of a fold and writes a run."""
 
 import sys
 from pathlib import Path

@@ -23,7 +23,7 @@ INTERRUPTED_CODE = 130  # exit code
 
 
 def length_parser(option: str, bare: str = "m", least: float = -inf) -> "Callable[[str], float]":
-    """Parser of an `option` that takes a length [m] of `least` or more, as `metres` reads it."""
+    """Parser of an `option` that takes a length of `least` [m] or more, as `metres` reads it."""
 
     def parse(text: str) -> float:
         from cell.config.length import metres
@@ -47,9 +47,9 @@ def policy_names() -> list[str]:
 
 
 def strip_names(context: typer.Context) -> list[str]:
-    """Names of the strips in the folder that the command line names, for a shell that completes.
+    """Names of strips for completion by a shell, from the folder that the command line names.
 
-    None where that folder is no configuration: a shell shows no errors.
+    Empty where that folder is no configuration: a shell shows no errors.
     """
     from cell.config.places import find_configs
     from drivers.errors import ConfigurationError
@@ -115,7 +115,7 @@ Cluster = Annotated[
 
 
 def ask(question: str) -> str:
-    """The line that the operator types in answer to `question`."""
+    """Print `question` and return the line that the operator types in answer."""
     sys.stderr.write(question)
     sys.stderr.flush()
     return sys.stdin.readline()
@@ -130,7 +130,7 @@ def print_json(facts: "Mapping[str, Any]") -> None:
 
 @contextmanager
 def resumable(folder: Path) -> "Iterator[None]":
-    """On Ctrl-C, say what the command leaves in `folder`, and exit with code 130."""
+    """On Ctrl-C, print what the command leaves in `folder`, and exit with code 130."""
     try:
         yield
     except KeyboardInterrupt:
@@ -165,7 +165,7 @@ def while_busy(text: str, items: "Iterable[T]") -> "Iterator[T]":
 
 
 def engine(jobs: int, address: str | None, limit: float | None) -> "Engine":
-    """Engine of a campaign: `jobs` processes, or the cluster at `address`; a part has `limit` [s].
+    """Engine of a campaign over `jobs` processes or the cluster at `address`, `limit` [s] a part.
 
     Raises ConfigurationError for both.
     """

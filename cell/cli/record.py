@@ -1,4 +1,4 @@
-"""`cell report`, `cell note` and `cell viz`: pages on runs, tags, and a run in Rerun."""
+"""Commands on records: `cell report` (pages), `cell note` (tags) and `cell viz` (Rerun)."""
 
 import re
 import sys

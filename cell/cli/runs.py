@@ -1,4 +1,4 @@
-"""`cell runs`: list, filter and compare the runs of a folder, or delete old ones."""
+"""The command `cell runs`: lists and filters the runs of a folder, or deletes old ones."""
 
 import csv
 import json
@@ -78,7 +78,7 @@ def runs(
 
 @contextmanager
 def _catalogue(folder: Path) -> "Iterator[Catalogue]":
-    """The index of `folder`, which reports how many runs it has to read where these are many."""
+    """Open the index of `folder`, which reports its progress where it has many runs to read."""
     from cell.config.places import cache_folder
     from cell.record.catalogue import Catalogue
 
@@ -107,16 +107,26 @@ def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> Non
         _write_csv(RUN_COLUMNS, [values_of(row) for row in rows])
     elif as_json:
         for row in rows:
-            facts: dict[str, Any] = {"run": str(row.folder), "strip": row.strip}
-            facts |= {"policy": row.policy, "outcome": row.outcome}
-            facts |= {"began": row.began.isoformat()}
-            numbers = {"displacement": row.displacement, "edge_offset": row.edge_offset}
-            facts |= {**numbers, "duration": row.duration, "size": row.size}
-            if row.tags or row.note:
-                facts |= {"tags": row.tags.split(), "note": row.note}
-            print_json(facts)
+            print_json(_row_facts(row))
     else:
         _print_table(rows)
+
+
+def _row_facts(row: "RunRow") -> dict[str, Any]:
+    facts: dict[str, Any] = {
+        "run": str(row.folder),
+        "strip": row.strip,
+        "policy": row.policy,
+        "outcome": row.outcome,
+        "began": row.began.isoformat(),
+        "displacement": row.displacement,
+        "edge_offset": row.edge_offset,
+        "duration": row.duration,
+        "size": row.size,
+    }
+    if row.tags or row.note:
+        facts |= {"tags": row.tags.split(), "note": row.note}
+    return facts
 
 
 def _print_query(

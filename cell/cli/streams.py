@@ -11,7 +11,7 @@ GONE_ERRNOS = {errno.EPIPE, errno.EBADF, errno.EIO}  # nobody reads any more: no
 
 
 class Outlet(io.FileIO):
-    """A file that accepts every byte; `failure` is the system's message for the first one refused.
+    """File that accepts every byte; `failure` is the system's error for the first one refused.
 
     A fold does not end, and its exit code does not change, because the reader of its output has
     gone.
@@ -32,9 +32,9 @@ class Outlet(io.FileIO):
 
 
 def guard_streams() -> Outlet | None:
-    """Replace sys.stdout and sys.stderr by streams that never fail; what the first writes to.
+    """Replace sys.stdout and sys.stderr by streams that never fail; returns that of stdout.
 
-    None where they have been replaced already, by whoever called this from a program of his.
+    None where a calling program has replaced them already.
 
     Text that the encoding does not hold is escaped. A descriptor that was closed leads to
     nowhere from now on: else the next file to be opened, a record, would get what is printed.

@@ -1,4 +1,4 @@
-"""`cell strips`: list, measure and make strips."""
+"""Commands `cell strips`: list strips, measure one, make a new one."""
 
 import re
 import sys
@@ -154,7 +154,7 @@ def _check_name(strip: str) -> None:
 
 
 def _writable_configs(found: "Found") -> "Found":
-    """The folder of configuration, unless it is the package's own, which updates replace."""
+    """Return the folder of configuration, unless it is the package's own, which updates replace."""
     from cell.config.places import PACKAGED
     from drivers.errors import ConfigurationError
 

@@ -59,8 +59,7 @@ def study(
     kept = True
     for each in chosen:
         size = count or (max(each.quick, 1) if quick else each.usual)
-        folder = (out or Path("runs/studies")) if name is None or out is None else out
-        folder = folder / f"{each.name}-{seed}" if name is None or out is None else folder
+        folder = _study_folder(out, f"{each.name}-{seed}", alone=name is not None)
         asked = Asked(each, seed, size, folder)
         if show and not asked.journal.is_dir():
             raise ConfigurationError(
@@ -71,6 +70,13 @@ def study(
         held, lost = _print_study(asked, as_json=as_json)
         kept = (held or quick) and not (lost and shard is None) and kept
     sys.exit(0 if kept or show else 1)
+
+
+def _study_folder(out: Path | None, own: str, *, alone: bool) -> Path:
+    """Folder of a study: OUT itself for one that runs alone, or else the folder `own` in it."""
+    if out is not None and alone:
+        return out
+    return (out or Path("runs/studies")) / own
 
 
 def _print_studies(*, as_json: bool) -> None:
@@ -109,7 +115,7 @@ def _measure(
 
 
 def _print_study(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
-    """Print table or JSON and write the page; whether bars are kept, and whether cases failed."""
+    """Print a study and write its page; returns whether bars are kept, and whether cases failed."""
     from cell.studies.campaign import kept_outcomes
     from cell.studies.page import write_page
     from cell.studies.table import keeps_bars, markdown, rows

@@ -1,4 +1,4 @@
-"""Tables on a terminal of any width, without breaks inside names and numbers."""
+"""Printing of tables on terminals of any width, without breaks inside names and numbers."""
 
 import sys
 from collections.abc import Sequence
@@ -24,32 +24,34 @@ def print_table(
 
     shown = [[printable(cell) for cell in row] for row in rows]
     widths = [max(map(cell_len, column)) for column in zip(columns, *shown, strict=True)]
-    if sum(widths) + len(COLUMN_GAP) * (len(widths) - 1) > get_terminal_size().columns:
+    width = sum(widths) + len(COLUMN_GAP) * (len(widths) - 1)
+    available = get_terminal_size().columns
+    if width > available:
         sys.stdout.write(f"{title}\n" if title else "")
-        wide = get_terminal_size().columns
-        sys.stdout.writelines("\n".join(_lines(columns, row, wide)) + "\n" for row in shown)
+        sys.stdout.writelines("\n".join(_lines(columns, row, available)) + "\n" for row in shown)
         return
-    rule = "-" * (sum(widths) + len(COLUMN_GAP) * (len(widths) - 1)) + "\n"
+    rule = "-" * width + "\n"
     head, *body = (_row(row, widths, text) for row in (columns, *shown))
     sys.stdout.writelines([f"{title}\n" if title else "", rule, head, rule, *body, rule])
 
 
 def _row(cells: Sequence[str], widths: Sequence[int], text: int) -> str:
+    """Line of a table: the first `text` cells to the left, the others to the right."""
     from rich.cells import cell_len
 
     gaps = [" " * (width - cell_len(cell)) for cell, width in zip(cells, widths, strict=True)]
-    parts = [
-        c + gap if i < text else gap + c for i, (c, gap) in enumerate(zip(cells, gaps, strict=True))
-    ]
-    return COLUMN_GAP.join(parts).rstrip() + "\n"
+    words = [cell + gap for cell, gap in zip(cells[:text], gaps, strict=False)]
+    numbers = [gap + cell for cell, gap in zip(cells[text:], gaps[text:], strict=True)]
+    return COLUMN_GAP.join([*words, *numbers]).rstrip() + "\n"
 
 
 def printable(text: str) -> str:
-    """`text` with terminal control characters escaped."""
+    """Escape the terminal control characters in `text`."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _lines(columns: Sequence[str], row: Sequence[str], width: int) -> list[str]:
+    """Lines for one row on a narrow terminal: the first cell, then named cells as they fit."""
     lines = [row[0]]
     current = ""
     for name, cell in zip(columns[1:], row[1:], strict=True):
@@ -64,7 +66,7 @@ def _lines(columns: Sequence[str], row: Sequence[str], width: int) -> list[str]:
 
 
 def wide_console() -> "Console":
-    """A console that never wraps a line of a table; a narrower terminal wraps it visibly."""
+    """Console that wraps no line of a table; a narrower terminal wraps it visibly."""
     from rich.console import Console
 
     return Console(width=max(Console().width, LARGEST_WIDTH))

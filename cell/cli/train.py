@@ -1,4 +1,4 @@
-"""The command `cell train`: trains a policy in the rod."""
+"""The command `cell train`: trains a policy in the simulation of the strip as a rod."""
 
 import sys
 from pathlib import Path
@@ -111,7 +111,7 @@ def _only_adaptive(policy: Learned) -> None:
 def _transfer(
     checkpoint: Path, folder: Path, seed: int, folds: int, jobs: int | None, cluster: str | None
 ) -> dict[str, Any]:
-    """Fit the transfer to `folds` folds through images into a new checkpoint; the fit's facts."""
+    """Correct the weights by `folds` folds through images; returns facts on the new checkpoint."""
     from rich.console import Console
 
     from cell.campaign.progress import Meter
@@ -130,10 +130,11 @@ def _print_transfer(facts: dict[str, Any], *, as_json: bool) -> None:
     if as_json:
         print_json({"schema": 1, **facts})
         return
-    left = facts["left_out"]
+    held_out = facts["left_out"]
     sys.stdout.write(
-        f"{left['folds']} folds through images; of folds left out the displacement is "
-        f"{1e3 * left['bias']:.2f} mm rms off the prediction, {100 * left['within']:.0f} % within "
+        f"{held_out['folds']} folds through images; of folds left out the displacement is "
+        f"{1e3 * held_out['bias']:.2f} mm rms off the prediction, "
+        f"{100 * held_out['within']:.0f} % within "
         f"one sigma; {facts['checkpoint']}\n"
     )
 

@@ -1,4 +1,4 @@
-"""`cell twin serve`: the twin of the arm behind the robot's own network protocol."""
+"""The command `cell twin serve`: serves the arm's twin by the robot's own network protocol."""
 
 import sys
 from ipaddress import ip_address

@@ -1,4 +1,4 @@
-"""A wizard's session at a terminal: its panel, single keys, Ctrl-C, and the recording in Rerun."""
+"""Session of a calibration wizard at a terminal: panel, single keys, Ctrl-C, recording."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Sitting:
-    """A wizard's session: its terminal `panel`, observer `watch`, and `interrupted` by Ctrl-C."""
+    """Session of a wizard: its terminal `panel`, observer `watch`, and `interrupted` by Ctrl-C."""
 
     def __init__(self, panel: "WizardPanel", interrupted: "Callable[[], bool]") -> None:
         self.panel = panel
@@ -30,7 +30,7 @@ class Sitting:
         self.record("\n".join(line.text for line in lines))
 
     def operator(self, devices: "Devices", *, interactive: bool) -> "Operator":
-        """The operator who answers at the terminal."""
+        """Operator of `devices` who answers at this terminal."""
         from cell.calibrating.keyboard import operator_of
 
         return operator_of(devices, self.panel.ask, self.interrupted, interactive=interactive)
@@ -38,7 +38,7 @@ class Sitting:
 
 @contextmanager
 def terminal() -> Iterator[Sitting]:
-    """A terminal with the panel, single keys and Ctrl-C."""
+    """Open a session at the terminal, with panel, single keys and Ctrl-C."""
     from rich.console import Console
 
     from cell.calibrating.keyboard import single_keys
@@ -52,7 +52,7 @@ def terminal() -> Iterator[Sitting]:
 
 @contextmanager
 def sitting(folder: Path, kind: str, viz: Viz) -> Iterator[Sitting]:
-    """A wizard's terminal; unless `viz` is off, everything is drawn into wizard.rrd too.
+    """Open a wizard's session; unless `viz` is off, all is drawn into wizard.rrd too.
 
     Raises Interrupted that says what `folder` keeps, after one Ctrl-C as after two.
     """
@@ -79,7 +79,7 @@ def sitting(folder: Path, kind: str, viz: Viz) -> Iterator[Sitting]:
 
 
 def _resume_hint(folder: Path, kind: str) -> str:
-    """Text on an interrupted session: what it leaves, and how to resume it."""
+    """Text on an interrupted session: what `folder` keeps, and how to resume."""
     from calibration.wizard.session import ROWS_FILE, read_rows
     from cell.report.words import plural
 

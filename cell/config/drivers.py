@@ -26,7 +26,7 @@ class Driver:
     real: bool = True
 
     def load(self) -> Callable[..., Any]:
-        """The function that opens the driver, imported now."""
+        """Import and return the function that opens the driver."""
         loaded: Callable[..., Any] = EntryPoint("driver", self.opener, "folding_cell").load()
         return loaded
 

@@ -8,7 +8,7 @@ from drivers.settings import Settings
 
 
 class LearningSettings(Settings):
-    """Whether a cell learns, and one-sigma priors of its bias; lengths [m].
+    """Settings of learning: whether a cell learns, and one-sigma priors [m] of its bias.
 
     `auto` learns with a real arm or camera and leaves folds of the twin repeatable by their seed.
     The priors are assumptions, about the accuracy of a careful set-up, and belong to no cell;

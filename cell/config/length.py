@@ -1,4 +1,4 @@
-"""Lengths as an operator writes them: `3.5mm`, `0.0035m`, or metres without a unit."""
+"""Reading of lengths as operators write them: `3.5mm`, `0.0035m`, or metres without a unit."""
 
 import re
 from math import inf, nan
@@ -9,7 +9,7 @@ LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 
 
 def length(text: str, bare: str = "m") -> float:
-    """The length [m] that `text` states, in `bare` where it names no unit; otherwise NaN."""
+    """Length [m] that `text` states, in the unit `bare` where it names none; NaN for other text."""
     found = re.fullmatch(r"\s*([-+]?[\d.]+(?:e-?\d+)?)\s*(m|cm|mm)?\s*", text)
     try:
         return float(found[1]) * LENGTH_UNITS[found[2] or bare] if found else nan

@@ -6,7 +6,7 @@ from drivers.settings import Settings
 
 
 class MonitorLimits(Settings):
-    """Limits of the monitors. Every one has a value; none can be switched off."""
+    """Limits of the monitors, each with a value; none can be switched off."""
 
     arm_age: float = Field(0.05, gt=0, le=0.5)  # s
     hand_age: float = Field(0.5, gt=0, le=2.0)  # s

@@ -12,7 +12,7 @@ if TYPE_CHECKING:  # names are found before the libraries that read the files ar
     from drivers.strip.file import StripFile
 
 PACKAGED = Path(__file__).resolve().parent.parent / "_configs"
-CHECKOUT_CONFIGS = Path(__file__).resolve().parents[2] / "configs"  # of a checkout
+CHECKOUT_CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Configs:
     folder: Path
 
     def cell(self) -> "CellFile":
-        """Settings from cell.yaml, with its effects checked and its calibration's path resolved."""
+        """Read the settings from cell.yaml, effects checked, path of the calibration resolved."""
         from cell.config.cell import CellFile
         from drivers.settings import load
         from drivers.strip.effects import check_effects
@@ -35,7 +35,7 @@ class Configs:
         return cell.model_copy(update={"calibration": str(self.folder / cell.calibration)})
 
     def strip_path(self, name: str) -> Path:
-        """The file of a strip given by name, or by path when it ends in .yaml.
+        """Path of the file of a strip given by name, or by path when it ends in .yaml.
 
         Raises ConfigurationError for a name that no file has.
         """
@@ -52,7 +52,7 @@ class Configs:
         return path
 
     def strip(self, name: str) -> "StripFile":
-        """The strip called `name`, checked; `unknown:LENGTH` is one without a file."""
+        """Read and check the strip called `name`; `unknown:LENGTH` is one without a file."""
         from cell.config.unknown import MARK, unknown_strip
         from drivers.strip.describe import load_strip
 
@@ -61,7 +61,7 @@ class Configs:
         return load_strip(self.strip_path(name))
 
     def mechanism_path(self, name: str) -> Path:
-        """The file of a mechanism given by name; ConfigurationError for a name that none has."""
+        """Path of the file of the mechanism `name`; ConfigurationError for a name that none has."""
         known = sorted(p.parent.name for p in self.folder.glob("mechanisms/*/mechanism.yaml"))
         if name not in known:
             raise ConfigurationError(
@@ -77,7 +77,7 @@ class Configs:
 
 
 def find_configs(given: Path | None) -> Configs:
-    """The folder named by `--configs`, else ./configs, else the package's own.
+    """Find the folder of configuration: that of `--configs`, else ./configs, else the package's.
 
     Raises ConfigurationError where it holds no cell.yaml.
     """

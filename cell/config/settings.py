@@ -39,16 +39,17 @@ class DriverChoice(Settings):
 
 
 class RecordSettings(Settings):
-    """Which images a run keeps, and the encoder of its film; hashes of all are always kept."""
+    """Settings of a record: images to keep, encoder of the film; hashes of all images are kept."""
 
     frames: Keep = "key"
     film: Encoder | Literal["none"] = "libx264"
 
 
 class SigmaSettings(Settings):
-    """One-sigma measurement noise of this cell [m], [s]; measured on the twin, see runbooks.
+    """One-sigma measurement noise of this cell: lengths [m], `touch_time` [s], `force` [N].
 
-    `force` [N] of the arm's external wrench: without it recorded forces carry no weight.
+    Measured on the twin, see runbooks. `force` is that of the arm's external wrench: without it
+    recorded forces carry no weight.
     """
 
     contact_x: Metres = Field(gt=0, le=0.1)

@@ -1,4 +1,4 @@
-"""A fabric without a strip file: the values assumed before the fold."""
+"""Fabric without a strip file: the values assumed before its fold."""
 
 from typing import Any
 
@@ -17,13 +17,12 @@ CALIPERS = {"key": "thickness", "source": "measured", "note": "stated by the ope
 
 
 def name_of(length: float, thickness: float | None) -> str:
-    """Name, for `unknown_strip`, of a strip with known `length` and `thickness` [m] alone."""
+    """Name of a strip of which only `length` and perhaps `thickness` [m] are known."""
     return f"{MARK}{length:g}" if thickness is None else f"{MARK}{length:g}:{thickness:g}"
 
 
 def unknown_strip(known: str) -> StripFile:
-    """The strip of which only length, or `LENGTH:THICKNESS` [m], is `known`: the middle of
-    the paper's range.
+    """Strip with the `known` length, or `LENGTH:THICKNESS` [m], in the middle of the paper's range.
 
     Raises ConfigurationError for what are no such numbers.
     """

@@ -1,4 +1,4 @@
-"""Camera listing and test pictures: suitable settings for a device, and a picture with them."""
+"""Check of a camera: suitable settings for a device, and a test picture with them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,8 @@ from drivers.clock import WallClock
 from drivers.errors import CellError
 from drivers.files import write_file
 
-BEST_MODE = 1280, 720, 30.0  # more pixels or frames than these are not looked for
+BEST_MODE = 1280, 720, 30.0  # px, px, Hz; more pixels or frames than these are not looked for
+RATE_MARGIN = 0.5  # Hz by which a camera's rate may miss a round number
 PREFERRED = ("YUYV", "GREY", "RGGB", "GRBG", "BA81", "GBRG", "MJPG")  # the less work the better
 WORTH_LOCKING = (
     "exposure_time_absolute",
@@ -50,7 +51,7 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
     if not modes:
         return None
     mode = max(modes, key=_suitability)
-    rates = [rate for rate in mode.rates if rate <= BEST_MODE[2] + 0.5] or list(mode.rates)
+    rates = [rate for rate in mode.rates if rate <= BEST_MODE[2] + RATE_MARGIN] or list(mode.rates)
     locks = {c.name: c.value for c in camera.controls if _is_locked(c)}
     content = {
         "device": camera.device,
@@ -64,7 +65,7 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
 
 
 def grab(settings: V4l2Settings, kernel: Kernel | None = None) -> Grab:
-    """The newest picture after a second of frames; raises CellError where none comes."""
+    """Take frames for a second; returns the newest and statistics. CellError where none comes."""
     camera = V4l2Camera(settings, WallClock(), kernel)
     try:
         camera.connect()
@@ -81,7 +82,7 @@ def grab(settings: V4l2Settings, kernel: Kernel | None = None) -> Grab:
 
 
 def save(image: CameraFrame, path: Path) -> None:
-    """Write the picture; raises ConfigurationError where it cannot be written."""
+    """Write the picture as PNG; ConfigurationError where it cannot be written."""
     made, content = cv2.imencode(".png", image.image)
     if not made:
         raise CellError(f"{path}: the picture cannot be written as PNG")
@@ -96,9 +97,10 @@ def _next_frame(camera: V4l2Camera, after: float) -> CameraFrame:
 
 
 def _suitability(mode: Mode) -> tuple[bool, bool, int, int]:
+    """Sort key of a mode: fast enough, within BEST_MODE, nearest to it, least work to decode."""
     width, height, rate = BEST_MODE
     fits = mode.width <= width and mode.height <= height
-    fast = max(mode.rates, default=rate) >= rate - 0.5
+    fast = max(mode.rates, default=rate) >= rate - RATE_MARGIN
     area = mode.width * mode.height
     return fast, fits, area if fits else -area, -PREFERRED.index(mode.format)
 

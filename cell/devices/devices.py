@@ -1,4 +1,4 @@
-"""The devices of a cell, as the orchestrator drives them."""
+"""Devices of a cell, as the orchestrator drives them."""
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
@@ -14,14 +14,14 @@ from drivers.types import Array, Frame, frozen
 
 
 class Closable(Protocol):
-    """An object that must be closed at the end."""
+    """Protocol of an object that must be closed at the end."""
 
     def close(self) -> None:
         """Release the object; calling it twice is allowed."""
 
 
 class CalibrationAids(Protocol):
-    """Tools for a calibration: the twin provides them; at a real cell a person does."""
+    """Protocol of aids for a calibration, provided by the twin, or by a person at a real cell."""
 
     def show_board(self, wanted: WantedView) -> Frame:
         """An image of the calibration board held as `wanted`."""
@@ -38,10 +38,10 @@ class Devices:
     """The devices that the orchestrator drives. A calibration must match `camera_identity`.
 
     `camera_locks` states the values to which the camera controls are locked, `others` are what else
-    must be closed at the end. Once closed, `arm_timing` says how evenly the states of a
-    free-running arm came, and `arm_joints` what a robot said of its joints at every tick, rows
-    (n, 29) as `drivers.arm.joint_log` keeps them on the clock's time. In `real_time` the clock is
-    the wall's, and waits for nobody.
+    must be closed at the end. Once closed, `arm_timing` states how evenly the states of a
+    free-running arm came, and `arm_joints` a robot's joints at every tick, rows (n, 29) as
+    `drivers.arm.joint_log` keeps them on the clock's time. In `real_time` the clock is the wall's,
+    and waits for nobody.
     """
 
     clock: Clock
@@ -70,7 +70,7 @@ class Devices:
 
 
 class Plant(Protocol):
-    """The twin's truth, used only to score a run after it ended."""
+    """Protocol of a plant whose true motion is known, used only to score a run after its end."""
 
     def truth(self, origin: float) -> Mapping[str, Any]:
         """Plain facts about the true motion of the strip, times since `origin` [s]."""
@@ -78,7 +78,7 @@ class Plant(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DeviceSelection:
-    """Devices selected on the command line; None where not given.
+    """Selection of devices by the command line; None where not given.
 
     `index` is the number of runs that the strip on the desk has already been through; `agreed`
     whether an operator has agreed that a real robot moves.
@@ -92,9 +92,9 @@ class DeviceSelection:
     agreed: bool = False
 
     def arm_driver(self, settings: CellSettings) -> Driver:
-        """The driver of the arm that is selected, or else that of the cell file."""
+        """Driver of the selected arm, or else of that in the cell file."""
         return arms()[self.arm or settings.drivers.arm]
 
     def camera_driver(self, settings: CellSettings) -> Driver:
-        """The driver of the camera that is selected, or else that of the cell file."""
+        """Driver of the selected camera, or else of that in the cell file."""
         return cameras()[self.camera or settings.drivers.camera]

@@ -1,4 +1,4 @@
-"""Devices that work until a fault strikes them, for the campaign of faults."""
+"""Wrappers of devices that inject faults, for the campaign of faults."""
 
 import os
 import signal
@@ -22,7 +22,7 @@ from drivers.types import ArmState, Frame, HandState, Pose, Velocity
 
 PERIOD = 0.002  # s between two looks at the gripper
 Spoil = Callable[[Frame, Frame], Frame | None]
-"""What becomes of a frame, beside the last good one."""
+"""Function from a frame and the last good one to the frame delivered, None if it is lost."""
 
 
 class FailingCamera:
@@ -57,7 +57,7 @@ class FailingCamera:
 
 
 class FailingArm:
-    """An arm with altered states (`reports`) and commands (`follows`), or that refuses them."""
+    """An arm whose states `reports` alters, and whose commands `follows` alters or it refuses."""
 
     def __init__(self, arm: Arm) -> None:
         self._arm = arm
@@ -126,7 +126,7 @@ class FailingHand:
 
 
 class FailingClock:
-    """A clock that differs by `jump` [s] from the devices' clock."""
+    """A clock that is `jump` [s] ahead of the devices' clock."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -142,7 +142,7 @@ class FailingClock:
 
 
 class Failing:
-    """Switches of the devices of one twin, all off at first, and its gripper's true motion.
+    """Switches of faults in one twin's devices, all off at first, and its gripper's true motion.
 
     `motion` holds rows of time [s], x, z [m], pitch [rad], one every `PERIOD`.
     """
@@ -169,7 +169,7 @@ class Failing:
         return self._twin.clock.now()
 
     def strike_robot(self, **facts: object) -> None:
-        """Have the emulated robot suffer a fault at its next tick; `facts` as in a fault script."""
+        """Make the emulated robot suffer a fault at its next tick; `facts` as in a fault script."""
         script = parse({"schema": 1, "faults": [{"at": 0, **facts}]}, FaultScript, "faults")
         for other in self._others:
             if isinstance(other, RobotServer):
@@ -194,7 +194,7 @@ class Failing:
         self._twin.clock.every(PERIOD, raises, Turn.WORLD)
 
     def look(self) -> None:
-        """Record where the gripper is now; the clock does not when an event interrupts it."""
+        """Record the gripper's pose now, which the clock misses when an event interrupts it."""
         if self.motion and self.now > self.motion[-1][0]:
             self._record_pose(self.now)
 
@@ -267,8 +267,9 @@ def delay(by: float) -> Spoil:
 
 
 def jpeg(*, holes: bool) -> Spoil:
-    """Fault of the camera: images are JPEG with padding; with `holes` a tenth of the bytes is
-    missing, markers in place. The driver drops what is no picture.
+    """Fault of the camera: images are padded JPEG, with `holes` without a tenth of the bytes.
+
+    The markers stay in place; the driver drops what is no picture.
     """
 
     def spoil(frame: Frame, _kept: Frame) -> Frame | None:

@@ -1,4 +1,4 @@
-"""Opens a Franka arm: with the twin's strip and camera, which follow its poses, or alone."""
+"""Opening of a Franka arm, alone or with the twin's strip and camera, which follow its poses."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -55,11 +55,12 @@ def fci_devices(
     *,
     calibrating: bool = False,
 ) -> Devices:
-    """The arm at the address in cell.yaml, or an emulated one that is started here, in lock-step.
+    """Devices with the arm at the cell's address, or with an emulated one that is started here.
 
-    An arm at an address runs on its own time, and strip and camera keep up with it. While
-    `calibrating` the desk is bare, and the twin provides the calibration aids. Where the camera is
-    real, too, nothing is simulated beside a robot on its own time.
+    The emulated one runs in lock-step; an arm at an address runs on its own time, and strip and
+    camera keep up with it. While `calibrating` the desk is bare, and the twin provides the
+    calibration aids. Where the camera is real, too, nothing is simulated beside a robot on its own
+    time.
     """
     if _both_real(settings, choice):
         return robot_devices(settings, strip, WallClock(), NoCamera(), calibrating=calibrating)
@@ -70,16 +71,15 @@ def fci_devices(
     twin = bare(settings) if calibrating else settings.twin
     desk = open_desk(world, twin, lying, rig, choice.seed, choice.index, staging)
     _check_rig(desk)
-    surroundings, others = Surroundings(), list[Closable]()
+    surroundings, servers = Surroundings(), list[Closable]()
     address = settings.fci.address
     if address is None:
         server = _start_robot(settings, strip, surroundings)
         address = server.address
-        others.append(server)
+        servers.append(server)
     if not calibrating:
-        settings = _grip_thickness(settings, strip)
+        settings = _expect_thickness(settings, strip)
     arm, hand = fci_arm(settings, clock, address)
-    others.append(hand)
     frame = settings.installation.mounting.transform()
     follower = Follower(desk, settings.twin.hand, arm.catch_up, hand, frame)
     surroundings.follower = follower
@@ -91,7 +91,7 @@ def fci_devices(
         camera_identity=settings.twin.camera.identity,
         aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
         plant=TwinPlant(desk, plant),
-        others=tuple(others),
+        others=(*servers, hand),
         arm_timing=lambda: arm.timing,
         arm_joints=lambda: arm.joints,
         real_time=not settings.fci.in_lock_step,
@@ -106,13 +106,14 @@ def robot_devices(
     *,
     calibrating: bool = False,
 ) -> Devices:
-    """Devices of the robot at the cell's address and a real `camera` on the wall clock: nothing is
-    simulated beside them. Raises ConfigurationError where no address is named.
+    """Devices of the robot at the cell's address and a real `camera`, on the wall clock.
+
+    Nothing is simulated beside them. Raises ConfigurationError where no address is named.
     """
     address = settings.fci.address
     if address is None:
         raise ConfigurationError("fci.address: is missing; name the robot's address in cell.yaml")
-    settings = settings if calibrating else _grip_thickness(settings, strip)
+    settings = settings if calibrating else _expect_thickness(settings, strip)
     arm, hand = fci_arm(settings, clock, address)
     return Devices(
         clock=clock,
@@ -151,8 +152,7 @@ def fci_arm(
 def start_joints(
     installation: Installation, fold: FoldSettings, length: float, home: float
 ) -> tuple[float, ...]:
-    """Joints (7,) [rad] over the strip's edge from which the arm follows a plain fold with the
-    largest margin.
+    """Joints (7,) [rad] over the strip's edge that leave a plain fold the largest joint margin.
 
     Raises ConfigurationError where no posture can follow it.
     """
@@ -168,7 +168,7 @@ def start_joints(
 
 
 def _start_robot(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
-    """Start an emulated robot in its own thread: in lock-step the cell waits while it computes."""
+    """Start an emulated robot in its own thread; in lock-step the cell waits while it computes."""
     installation = settings.fci.limit(settings.installation)
     home = settings.twin.arm.home_height
     start = start_joints(installation, settings.fold, strip.length, home)
@@ -189,8 +189,8 @@ def _start_robot(settings: CellFile, strip: StripFile, surroundings: Surrounding
     return server.start()
 
 
-def _grip_thickness(settings: CellFile, strip: StripFile) -> CellFile:
-    """The cell's settings with a hand that counts an object as thick as `strip` as held."""
+def _expect_thickness(settings: CellFile, strip: StripFile) -> CellFile:
+    """The cell's settings with a hand that takes an object as thick as `strip` for grasped."""
     low, high = strip.spread.get("thickness", (strip.thickness, strip.thickness))
     hand = settings.fci.hand.around(low, high)
     return settings.model_copy(update={"fci": settings.fci.model_copy(update={"hand": hand})})
@@ -203,20 +203,20 @@ def _both_real(settings: CellFile, choice: DeviceSelection) -> bool:
 
 
 class NoCamera:
-    """A camera without images, replaced when the selected camera's driver is opened."""
+    """A camera without images, replaced once the driver of the selected camera is opened."""
 
     rate = 0.0
 
     def connect(self) -> None:
-        """Raises Fault: there is no camera."""
+        """Raise Fault, as there is no camera."""
         raise Fault("camera_closed", "no camera was opened")
 
     def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
-        """None: this camera delivers no image."""
+        """Return None, as this camera delivers no image."""
         return None
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing, as nothing is open."""
 
 
 def _check_rig(desk: Desk) -> None:

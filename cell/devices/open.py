@@ -1,4 +1,4 @@
-"""Opens the devices of a cell: the only place that selects drivers."""
+"""Opening of the devices of a cell: the only module that selects drivers."""
 
 from ipaddress import ip_address
 from typing import Protocol
@@ -24,7 +24,7 @@ class DeviceFactory(Protocol):
 
 
 def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
-    """Refuse devices that this version does not support, with a ConfigurationError."""
+    """Raise ConfigurationError for devices that this installation does not support."""
     for driver in (choice.arm_driver(settings), choice.camera_driver(settings)):
         if driver.library is not None:
             require_library(driver.library)
@@ -49,7 +49,7 @@ def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
 
 
 def emulation(settings: CellFile, choice: DeviceSelection) -> str:
-    """Name of the emulated robot in place of a selected one; empty for any other arm."""
+    """Text that names the robot emulated in place of a selected one; empty for any other arm."""
     address = settings.fci.address
     if not choice.arm_driver(settings).real or is_real(settings, choice):
         return ""

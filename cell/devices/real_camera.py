@@ -1,4 +1,4 @@
-"""Combines the real camera with another arm, both on the wall clock."""
+"""Combination of the real camera with any arm, both on the wall clock."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ def camera_settings(settings: CellFile) -> V4l2Settings:
 
 
 def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
-    """`devices` with the cell file's camera, on a clock that keeps step with the wall clock.
+    """Replace the camera of `devices` by the cell file's, on a clock in step with the wall clock.
 
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
@@ -42,5 +42,5 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
 
 
 def _real_time_clock(clock: Clock) -> Clock:
-    """A clock of the cell that keeps step with the wall; the camera's own thread may read it."""
+    """Clock that keeps step with the wall clock, as the camera's own thread needs it."""
     return RealTimeClock(clock) if isinstance(clock, TwinClock) else clock

@@ -21,7 +21,7 @@ AS_CALIBRATED = Observation()
 
 
 def correct_calibration(calibration: Calibration, model: StripModel) -> Calibration:
-    """The calibration compensated for the effects of `model`, so that it gives true positions.
+    """Compensate the calibration for the effects of `model`, so that it gives true positions.
 
     Corrects places, contact_x and stamps, all over the true desk. Without such effects the same
     object is returned; with some, a new calibration with its own id and without landmarks, which
@@ -49,12 +49,12 @@ def _true_points_matrix(model: StripModel) -> np.ndarray[tuple[int, int], np.dty
 def corrected_calibration(
     calibration: Calibration, settings: CellFile, strip: StripFile
 ) -> Calibration:
-    """The calibration compensated for the cell file's camera and desk effects."""
+    """Compensate the calibration for the cell file's camera and desk effects."""
     return correct_calibration(calibration, describe(strip, settings.effects))
 
 
 def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) -> Devices:
-    """The devices with an arm that reports true poses; unchanged without rig effects."""
+    """Replace the arm by one that reports true poses; without rig effects nothing changes."""
     rig = describe(strip, settings.effects).rig
     if rig == Rig():
         return devices
@@ -62,16 +62,16 @@ def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) ->
 
 
 def as_recorded(settings: CellFile, strip: StripFile) -> StripModel:
-    """The strip in this cell as its records show it: without the compensated effects."""
+    """Model of the strip as this cell's records show it, without the compensated effects."""
     model = describe(strip, settings.effects)
     return replace(model, rig=Rig(), observation=Observation())
 
 
-MEMORY = 256  # reports kept to know where the gripper was a while ago
+MEMORY = 256  # reports kept to interpolate earlier poses of the gripper
 
 
 class CorrectedArm:
-    """Satisfies `drivers.protocols.Arm` over another arm, compensated for `rig`.
+    """Arm that wraps another one and compensates for the known errors `rig`.
 
     States give the gripper's true pose over the true desk at their stamp; commanded poses are true
     ones. As in `grip_path`, offsets grow from where `hand` first holds the strip.
@@ -82,6 +82,7 @@ class CorrectedArm:
         self._reports: deque[ArmState] = deque(maxlen=MEMORY)
         self._start: Array | None = None
         self._share = 0.0
+        self._reported = np.zeros(3)
 
     def connect(self) -> None:
         """Connect and hold the arm at rest."""
@@ -130,11 +131,11 @@ class CorrectedArm:
             return measured.pose.as_array()
         if ahead > 0:
             rate = measured.velocity
-            moved = ahead * np.array([rate.vx, rate.vz, rate.pitch_rate])
-            return np.asarray(measured.pose.as_array() + moved)
+            way = ahead * np.array([rate.vx, rate.vz, rate.pitch_rate])
+            return np.asarray(measured.pose.as_array() + way)
         stamps = np.array([report.stamp for report in self._reports])
         poses = np.array([report.pose.as_array() for report in self._reports])
-        return np.array([np.interp(measured.stamp + ahead, stamps, poses[:, c]) for c in range(3)])
+        return np.array([np.interp(measured.stamp + ahead, stamps, column) for column in poses.T])
 
     def _update_share(self, reported: Array) -> None:
         if self._start is not None:

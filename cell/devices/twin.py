@@ -1,4 +1,4 @@
-"""The twin's devices, its calibration aids, and the truth for scoring."""
+"""Devices of the twin, its calibration aids, and the truth for scoring."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from drivers.types import Frame
 
 
 class TwinCalibrationAids:
-    """Holds boards in front of the twin's camera and puts the pointer into its hand."""
+    """Calibration aids on the twin: boards before its camera, and the pointer in its hand."""
 
     def __init__(self, twin: Twin | Desk, settings: CellFile, seed: int) -> None:
         self.twin = twin
@@ -78,7 +78,7 @@ def twin_devices(
     calibrating: bool,
     staging: PlantOptions = ORDINARY,
 ) -> Devices:
-    """The twin with the plant on its desk; effects of the rig begin after its calibration.
+    """Devices of the twin with the plant on its desk, and the rig's effects after calibration.
 
     Without a plant file the twin equals the controller's model, accepted effects of the rig
     included.

@@ -1,1 +1,1 @@
-"""Doctor of a cell: numbered checks, each with a remedy, whether it may move a robot."""
+"""Doctor of a cell: checks, each with a remedy, that decide whether a robot may move."""

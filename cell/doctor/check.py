@@ -1,4 +1,4 @@
-"""One check of the doctor: its finding, why it matters, and its remedy."""
+"""Result of one check of the doctor: finding, reason for the check, and remedy."""
 
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -6,7 +6,7 @@ from typing import Any
 
 
 class State(StrEnum):
-    """Results of a check; a cell of which one is red moves no robot."""
+    """State of a check; with a single FAIL a cell moves no robot."""
 
     PASS = "pass"  # noqa: S105  no password
     WARN = "warn"
@@ -16,7 +16,7 @@ class State(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Result of the check `name`; `remedy` is empty where nothing is to do."""
+    """Result of the check called `name`; `remedy` is empty where there is nothing to do."""
 
     name: str
     state: State

@@ -53,7 +53,7 @@ def network(address: str, seconds: float) -> Check:
 
 
 def judged_link(link: Link) -> Check:
-    """Check of a network link that was measured."""
+    """Check whether a measured network `link` loses few states, and none for long."""
     why = "a robot that misses 20 commands in a row stops with a reflex"
     remedy = (
         "connect the robot to a network card of its own, without a switch; switch off power saving "
@@ -73,7 +73,7 @@ def judged_link(link: Link) -> Check:
 
 
 def camera(settings: CellFile) -> Check:
-    """Check whether the configured camera is there, and its controls are locked as configured."""
+    """Check whether the configured camera is connected and its controls are locked as stated."""
     why = "a picture by other settings is measured by a calibration that does not fit it"
     stated = settings.camera
     if stated is None:

@@ -1,4 +1,4 @@
-"""All checks of a cell, and the refusal of a real fold while a red one stands."""
+"""All checks of a cell, and the refusal to move a real robot where one of them failed."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ ASKED, BRIEF = 60.0, 2.0  # s of the network's test: by the doctor, and before e
 def checks(
     configs: Configs, choice: DeviceSelection, runs: Path, seconds: float = ASKED
 ) -> Iterator[Check]:
-    """Every check that the configured hardware needs, one by one; `seconds` for the network."""
+    """Yield each check that the configured hardware needs; that of the network takes `seconds`."""
     yield machine.versions()
     why = "nothing is done by a file that cannot be read"
     try:
@@ -60,8 +60,9 @@ def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterato
 
 
 def check_motion(settings: CellFile, choice: DeviceSelection, *, camera: bool = False) -> None:
-    """Check a real robot before it moves by hand, and with `camera` a real one; does nothing for
-    another arm. Raises PreflightRefused where a check failed.
+    """Check a real robot, and with `camera` a real camera, before a motion by hand.
+
+    Does nothing for another arm. Raises PreflightRefused where a check failed.
     """
     if not is_real(settings, choice):
         return

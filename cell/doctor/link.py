@@ -1,4 +1,4 @@
-"""Measures the network to a robot, whose states should arrive each millisecond.
+"""Measurement of the network to a robot, whose states should arrive each millisecond.
 
 Runs as a process of its own, `python -m cell.doctor.link ADDRESS SECONDS`: reading blocks, and the
 client library changes the scheduler of the process that connects.
@@ -15,12 +15,15 @@ import numpy as np
 from drivers.errors import CellError
 
 STARTING = 30.0  # s that the process may need beyond its measurement
+BUFFERED = 0.25  # s at the start of a measurement
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """States of a robot over `seconds`: their number, those `lost`, the most lost in a row, and the
-    99.9th percentile and largest distance between two arrivals [ms].
+    """Statistics of a robot's states over `seconds`: number, losses, times between arrivals [ms].
+
+    `in_a_row` is the most states lost in a row; `late_ms` the 99.9th percentile of the times
+    between two arrivals, `worst_ms` the longest.
     """
 
     seconds: float
@@ -56,9 +59,9 @@ def link_of(
 ) -> Link:
     """Statistics of a link from `times` (n,) [ms] of the robot's states and `arrivals` (n,) [s].
 
-    The first quarter second is left out: what waited in a buffer arrives at once.
+    The time BUFFERED at the start does not count: what waits in a buffer arrives at once.
     """
-    kept = arrivals > arrivals[0] + 0.25
+    kept = arrivals > arrivals[0] + BUFFERED
     times, arrivals = times[kept], arrivals[kept]
     missing = np.maximum(np.diff(times) - 1, 0)
     apart = 1e3 * np.diff(arrivals)
@@ -73,13 +76,13 @@ def link_of(
 
 
 def main() -> None:
-    """Read states for as long as asked and print the link as JSON."""
+    """Read states for the seconds on the command line and print the link's statistics as JSON."""
     import pylibfranka as franka
 
     address, seconds = sys.argv[1], float(sys.argv[2])
     robot = franka.Robot(address, franka.RealtimeConfig.kIgnore)
     times, arrivals = list[int](), list[float]()
-    until = time.monotonic() + seconds + 0.25
+    until = time.monotonic() + seconds + BUFFERED
     while not arrivals or arrivals[-1] < until:
         state = robot.read_once()
         arrivals.append(time.monotonic())

@@ -13,6 +13,7 @@ from cell.doctor.check import Check, State
 NEEDED_PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "torch", "rerun-sdk")
 RUN_GB, ROOM_GB = 1.0, 10.0  # GB below which nothing is recorded, and from which all is well
 CORES, PLENTY = 2, 4  # for loop and images, and for the recording and viewer beside them
+TOP_PRIORITY = 99  # of real-time scheduling, sched(7)
 REALTIME = Path("/sys/kernel/realtime")
 THROTTLE = Path("/proc/sys/kernel/sched_rt_runtime_us")
 
@@ -63,7 +64,7 @@ def disk(runs: Path) -> Check:
 
 
 def kernel(realtime: str) -> Check:
-    """Check whether the kernel is what `fci.realtime` demands: enforce, priority or ignore."""
+    """Check whether the kernel suits `fci.realtime`, which is enforce, priority or ignore."""
     real = REALTIME.exists() and REALTIME.read_text(encoding="ascii").strip() == "1"
     found = f"{platform.release()}, {'real-time' if real else 'not real-time'}"
     why = "the robot wants a command each millisecond; an ordinary kernel may be late by many"
@@ -78,7 +79,7 @@ def priority(realtime: str) -> Check:
     allowed = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
     locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]
     root = os.geteuid() == 0
-    ready = root or allowed == resource.RLIM_INFINITY or allowed >= 99
+    ready = root or allowed == resource.RLIM_INFINITY or allowed >= TOP_PRIORITY
     memory = "any" if root or locked == resource.RLIM_INFINITY else f"{locked / 1e6:.0f} MB"
     found = f"real-time priority {'allowed' if ready else f'up to {allowed}'}, memory {memory}"
     why = "without priority another program delays the process that owns the robot's loop"

@@ -1,9 +1,9 @@
-"""Hierarchical Gaussian model of a cell's bias: cell, strip, specimen, and what no camera sees.
+"""Hierarchical Gaussian model of a cell's bias, by cell, strip, specimen, and error of the rig.
 
 A fold's measured minus predicted displacement is y = c + s + p + noise with the bias c of the cell,
 s of the strip and p of the specimen, independent normal priors (a linear mixed model; Pinheiro and
 Bates, 2000, ch. 2). A ruler measures r, the rig's error, alone. c and r begin anew where two folds
-in a row show that the cell changed. One that stands alone is wild, and teaches nothing.
+in a row show that the cell changed. A fold that deviates alone is an outlier, and left out.
 """
 
 from collections.abc import Sequence
@@ -27,11 +27,11 @@ Row = tuple[tuple[Unknown, ...], float, float]  # unknowns, their measured sum, 
 
 @dataclass(frozen=True, slots=True)
 class Bias:
-    """Bias of the next fold: mean and one sigma [m] of what the camera sees, and of the `rig`;
-    `laid` is the offset [m] at which the cell lays edges.
+    """Bias [m] of the next fold: mean and sigma as `seen` by the camera, mean error of the `rig`.
 
-    `parts` [m] are the means of cell, strip and specimen. `folds` counts the measured folds since
-    the cell last changed, at the run `since`; it is None while no change was seen.
+    `laid` is the offset [m] at which the cell lays edges. `parts` [m] are the means of
+    cell, strip and specimen. `folds` counts the measured folds since the cell last changed, at the
+    run `since`; it is None while no change was seen.
     """
 
     seen: float
@@ -46,7 +46,7 @@ class Bias:
 def bias(
     experiences: Sequence[Experience], strip: str, specimen: str, settings: LearningSettings
 ) -> Bias:
-    """Bias of a fold of `specimen`, of fabric `strip`, after `experiences` with one policy."""
+    """Bias learned from `experiences` with one policy for a fold of `specimen` of `strip`."""
     learner = _Learner(settings)
     for experience in experiences:
         learner.learn(experience)
@@ -58,28 +58,24 @@ def bias(
 
 
 class _Learner:
-    """Experiences in order, cut into epochs between which the cell did not change."""
+    """Learner of the bias, fold by fold, in epochs within which the cell did not change."""
 
     def __init__(self, settings: LearningSettings) -> None:
         self._settings = settings
         self._rows: list[Row] = []
         self._runs: list[str] = []  # that began an epoch, from the second on
         self._epoch_folds: list[int] = []  # rows of the folds of this epoch
-        self.epoch: list[Experience] = []  # these folds
+        self.epoch: list[Experience] = []  # these folds themselves
         self._before: tuple[float, Experience] | None = None  # surprise of the fold before
 
     def learn(self, experience: Experience) -> None:
-        """Add the next experience; two in a row that disagree with all start a new epoch."""
+        """Add the next experience; two in a row that deviate to one side start a new epoch."""
         if experience.kind == "ruler":
             self._rows.append(((self._rig,), experience.rig, self._settings.ruler))
             return
         surprise, before = self._surprise(experience), self._before
         self._before = (surprise, experience)
-        if (
-            before
-            and min(abs(surprise), abs(before[0])) > CHANGE_SIGMAS
-            and surprise * before[0] > 0
-        ):
+        if before is not None and _shows_change(before[0], surprise):
             self._start_epoch(*before)
             self._before = None
         elif abs(surprise) > OUTLIER_SIGMAS:
@@ -87,7 +83,7 @@ class _Learner:
         self._add(experience)
 
     def _start_epoch(self, surprise: float, first: Experience) -> None:
-        """Start an epoch with the fold before, which differed by `surprise`."""
+        """Start an epoch with the fold `first`, which deviated by `surprise` [sigmas]."""
         if abs(surprise) <= OUTLIER_SIGMAS:
             self._rows.pop(self._epoch_folds[-1])
         self._runs.append(first.run)
@@ -109,7 +105,7 @@ class _Learner:
         self._rows.append((unknowns, experience.displacement, self._settings.repeat))
 
     def bias(self, strip: str, specimen: str) -> Bias:
-        """Bias of the next fold."""
+        """Bias of the next fold of `specimen` of fabric `strip`."""
         unknowns = self._unknowns_of(strip, specimen)
         mean, variance = self._predict(unknowns)
         rig, _ = self._predict((self._rig,))
@@ -151,7 +147,13 @@ class _Learner:
         return float(at @ solved[:, 0]), float(at @ solved[:, 1])
 
 
+def _shows_change(first: float, second: float) -> bool:
+    """Whether two deviations in a row [sigmas] are large and to the same side."""
+    return min(abs(second), abs(first)) > CHANGE_SIGMAS and second * first > 0
+
+
 def _indicator(unknowns: Sequence[Unknown], place: dict[Unknown, int]) -> Array:
+    """Vector (n,) with ones at the places of `unknowns`, zeros elsewhere."""
     at = np.zeros(len(place))
     at[[place[name] for name in unknowns]] = 1.0
     return at

@@ -30,7 +30,7 @@ class Correctable(Protocol):
 
 
 def correct(policy: Policy, seen: float, unseen: float) -> bool:
-    """Correct `policy` by the biases `seen` and `unseen` [m]; whether it can be corrected."""
+    """Correct `policy` by the biases `seen` and `unseen` [m]; returns whether it can be."""
     if not isinstance(policy, Correctable):
         return False
     policy.correct(seen, unseen)
@@ -48,11 +48,11 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Bias [m] by which a fold is corrected: as `seen` by the camera, and `unseen` by it; `place`
-    [m] is where the grasped edge is laid so that it ends at x = 0.
+    """Bias [m] by which a fold is corrected: `seen` by the camera, and `unseen` by it.
 
-    `learned` is the model's answer that it was taken from; None for a value that was given. A
-    ruler's word on laid edges says nothing of the touch, so that nothing `unseen` is learned.
+    `place` [m] is where the grasped edge is laid so that it ends at x = 0. `learned` is the bias
+    that it was taken from; None for a value that was given. A ruler measures laid edges but no
+    touch, so that nothing `unseen` is learned.
     """
 
     seen: float
@@ -62,11 +62,11 @@ class Correction:
 
     @property
     def total(self) -> float:
-        """Total amount [m] by which the fold is steered."""
+        """Total amount [m] by which the fold's aim is corrected."""
         return self.seen + self.unseen
 
     def apply(self, policy: Policy) -> "Correction | None":
-        """Correct `policy` and return this; None where it does not steer by a model."""
+        """Correct `policy` and return this correction; None where it does not steer by a model."""
         return self if correct(policy, self.seen, self.unseen) else None
 
     def facts(self) -> dict[str, Any]:
@@ -97,15 +97,15 @@ def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str |
 
     The specimen of a fabric without a file is empty: each of its folds is another piece.
     """
-    found = (checkpoint, *(WEIGHTS_FOLDER / f"{policy}{end}" for end in (".npz", ".json")))
-    weights = next((path for path in found if path is not None and path.is_file()), None)
-    piece = "" if strip == UNKNOWN else strip
-    digest = "" if weights is None else hashlib.sha256(weights.read_bytes()).hexdigest()[:12]
-    return Subject(f"{policy}@{digest}" if digest else policy, strip, specimen or piece)
+    files = (checkpoint, *(WEIGHTS_FOLDER / f"{policy}{end}" for end in (".npz", ".json")))
+    weights = next((path for path in files if path is not None and path.is_file()), None)
+    if weights is not None:
+        policy = f"{policy}@{hashlib.sha256(weights.read_bytes()).hexdigest()[:12]}"
+    return Subject(policy, strip, specimen or ("" if strip == UNKNOWN else strip))
 
 
 def learned_correction(memory: Memory, subject: Subject, settings: LearningSettings) -> Correction:
-    """The correction that the cell has learned for `subject`, each at most `settings.limit`.
+    """Correction that the cell has learned for `subject`, each part within `settings.limit`.
 
     Raises ConfigurationError where the experiences cannot be read.
     """
@@ -118,7 +118,7 @@ def learned_correction(memory: Memory, subject: Subject, settings: LearningSetti
 def experience_of(
     run: str, subject: Subject, outcome: Outcome, correction: Correction
 ) -> Experience | None:
-    """The experience from a measured fold; None where nothing can be learned from it.
+    """Experience gained from a measured fold; None where nothing can be learned from it.
 
     Folds without a touch or laid edges, folds that were stopped, and predictions made blind are
     left out. A strip that is unlike the model teaches too: it comes out the same way again.
@@ -144,7 +144,7 @@ def experience_of(
 
 
 def correction_of(facts: Mapping[str, Any] | None) -> Correction:
-    """The correction in a record; a null one where it states none."""
+    """Correction that a record states in `facts`; zero where it states none."""
     facts = facts or {}
     values = [facts.get(key, 0.0) for key in ("seen", "unseen", "place")]
     if not all(isinstance(value, int | float) for value in values):

@@ -1,4 +1,4 @@
-"""Measured folds that a cell learns from, kept as JSON lines in the user's data folder."""
+"""Measured deviations of folds, from which a cell learns, kept in the user's data folder."""
 
 import os
 from collections.abc import Iterator
@@ -19,9 +19,9 @@ Offset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]  # m
 
 @dataclass(frozen=True, slots=True)
 class Experience:
-    """One measured fold: `displacement` [m], measured minus predicted by the uncorrected policy,
-    and `edges` [m], the offset of the laid edges as seen, had they been laid without a correction.
+    """Deviations [m] of one measured fold, as if policy and laying had not been corrected.
 
+    `displacement` is measured minus predicted, `edges` the offset of the laid edges as seen.
     `policy` names the policy with its weights. A `ruler` experience holds no displacement but
     `rig` [m], the offset of the laid edges by the ruler minus that by the camera.
     """
@@ -40,7 +40,7 @@ READER = TypeAdapter(Experience)
 
 
 def _experience(line: dict[str, Any]) -> Experience | None:
-    """The experience in a line; None for an invalid line."""
+    """Experience in a `line` of the memory; None for an invalid line."""
     try:
         return READER.validate_python(line)
     except ValidationError:
@@ -58,7 +58,7 @@ class Memory:
 
     @property
     def is_off(self) -> bool:
-        """Whether learning was switched off by the last command."""
+        """Whether the last command switched learning off."""
         return self._off.exists()
 
     def switch(self, *, on: bool) -> None:
@@ -73,7 +73,7 @@ class Memory:
                 replace_file(self._off, b"")
 
     def experiences(self) -> tuple[Experience, ...]:
-        """The newest experiences, oldest first; lines that are broken are skipped.
+        """Read the newest experiences, oldest first; broken lines are skipped.
 
         Raises ConfigurationError for a file that cannot be read.
         """
@@ -116,7 +116,7 @@ def data_folder() -> Path:
 
 
 def ruler_experience(folder: Path, edges: float, memory: Memory) -> Experience:
-    """The experience of the run in `folder`, whose laid edges lie `edges` [m] apart by a ruler.
+    """Experience of the run in `folder`, whose laid edges lie `edges` [m] apart by a ruler.
 
     `memory` knows to which policy, fabric and specimen the run belongs. Raises ConfigurationError
     for a run that cannot be read, whose edges no camera saw, or that the cell did not learn from.

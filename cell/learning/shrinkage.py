@@ -1,4 +1,4 @@
-"""Shrinks learned biases towards zero: most cells and specimens have none but a camera's error.
+"""Shrinkage of learned biases towards zero: most cells and specimens have no bias of their own.
 
 Each is the mean over two hypotheses, that something is off and that nothing is, weighted by their
 posterior probabilities (Bayesian model averaging; Hoeting et al., 1999, Statistical Science 14).
@@ -24,8 +24,8 @@ def shrunk(
 ) -> Parts:
     """Bias of `specimen`, of fabric `strip`, averaged over both hypotheses about `parts`.
 
-    Where nothing is, cell and strip have none, a specimen has a `usual` one, and what the camera
-    shows of it holds an error of its own.
+    If nothing is off, cell and strip have no bias, a specimen has a `usual` one, and the camera
+    adds an error of its own to each specimen.
     """
     from scipy.special import expit, logit
 
@@ -34,13 +34,14 @@ def shrunk(
     pieces = _specimens(experiences)
     same = (pieces[:, None] == pieces).astype(float)
     noise = settings.repeat**2 * np.eye(len(y))
-    right = (settings.usual**2 + settings.misread**2) * same + noise
-    wrong = settings.cell**2 + settings.strip**2 * (strips[:, None] == strips)
-    wrong = wrong + settings.specimen**2 * same + noise
-    usual = settings.usual**2 * (pieces == f"{strip}/{specimen}") @ np.linalg.solve(right, y)
-    p = expit(_log_density(y, wrong) - _log_density(y, right) + logit(settings.off))
-    cell, fabric, piece = (float(p * part) for part in parts)
-    return cell, fabric, piece + float((1.0 - p) * usual)
+    # covariances of y: if nothing is off, and if something is
+    null = (settings.usual**2 + settings.misread**2) * same + noise
+    off = settings.cell**2 + settings.strip**2 * (strips[:, None] == strips)
+    off = off + settings.specimen**2 * same + noise
+    usual = settings.usual**2 * (pieces == f"{strip}/{specimen}") @ np.linalg.solve(null, y)
+    p_off = expit(_log_density(y, off) - _log_density(y, null) + logit(settings.off))
+    of_cell, of_strip, of_specimen = (float(p_off * part) for part in parts)
+    return of_cell, of_strip, of_specimen + float((1.0 - p_off) * usual)
 
 
 def laid_offset(experiences: Sequence[Experience], rig: float, settings: LearningSettings) -> float:
@@ -56,14 +57,15 @@ def laid_offset(experiences: Sequence[Experience], rig: float, settings: Learnin
 
     seen = np.array([e.edges for e in known], dtype=float) + rig
     pieces = _specimens(known)
-    misread = settings.laid**2 * (pieces[:, None] == pieces)
-    misread = misread + settings.repeat**2 * np.eye(len(seen))
-    weights = np.linalg.solve(misread, np.ones(len(seen)))
+    # covariances of the seen offsets: if nothing is off, and if something is
+    null = settings.laid**2 * (pieces[:, None] == pieces)
+    null = null + settings.repeat**2 * np.eye(len(seen))
+    off = null + settings.changed**2
+    weights = np.linalg.solve(null, np.ones(len(seen)))
     variance = 1.0 / (weights.sum() + settings.changed**-2)
     mean = variance * float(weights @ seen)
-    wrong = misread + settings.changed**2
-    p = expit(_log_density(seen, wrong) - _log_density(seen, misread) + logit(settings.off))
-    return float(mean * p)
+    p_off = expit(_log_density(seen, off) - _log_density(seen, null) + logit(settings.off))
+    return float(mean * p_off)
 
 
 def _specimens(experiences: Sequence[Experience]) -> Array:

@@ -11,7 +11,7 @@ from cell.learning.experience import Experience
 def summaries(
     experiences: Sequence[Experience], settings: LearningSettings
 ) -> list[dict[str, Any]]:
-    """A row for each policy and specimen: biases and one sigma [m], and where the cell changed."""
+    """Rows for all policies and specimens: biases and one sigma [m], and the last change."""
     subjects = dict.fromkeys((e.policy, e.strip, e.specimen) for e in experiences)
     return [_row(*subject, experiences, settings) for subject in subjects]
 
@@ -44,7 +44,7 @@ def _row(
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """The rows as text [mm], with a line for every change of the cell."""
+    """Text of the `rows` [mm], with a line for every change of the cell."""
     if not rows:
         return "nothing was learned yet\n"
     lines = [

@@ -1,4 +1,4 @@
-"""An index of the runs in a folder, in SQLite: a cache that is rebuilt from the folders."""
+"""Index of the runs in a folder: an SQLite cache that is rebuilt from the run folders."""
 
 import os
 import sqlite3
@@ -18,7 +18,7 @@ SCHEMA_VERSION = 1  # of the columns; another one is thrown away
 COLUMN_NAMES = tuple(field.name for field in fields(RunRow))
 FOLDER_COLUMN = "run"  # in place of `folder`: the folder's name
 RUN_COLUMNS = (FOLDER_COLUMN, *COLUMN_NAMES[1:])
-LIKE = COLUMN_NAMES.index("like_model") - 2
+LIKE_MODEL_PLACE = COLUMN_NAMES.index("like_model") - 2  # among the columns after name and start
 ALLOWED_ACTIONS = {
     sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_FUNCTION, sqlite3.SQLITE_RECURSIVE,
 }  # fmt: skip
@@ -27,7 +27,7 @@ Progress = Callable[[int, int], None]
 
 
 class Catalogue:
-    """The runs directly under `root`, kept up to date in a database in the folder `cache`.
+    """Index of the runs directly under `root`, in a database in the folder `cache`.
 
     Where the cache cannot be written the index is made in memory, each time anew. Raises
     ConfigurationError when `root` is no folder, or a run itself.
@@ -54,7 +54,7 @@ class Catalogue:
         self._base.set_authorizer(_read_only)
 
     def __enter__(self) -> Self:
-        """The catalogue itself."""
+        """Return this catalogue."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -62,10 +62,10 @@ class Catalogue:
         self._base.close()
 
     def rows(self, where: str = "", sort: str = "") -> tuple[RunRow, ...]:
-        """The runs for which the SQL expression `where` holds, oldest first or by the column
-        `sort`, downwards with a leading `-`; runs without a value come last.
+        """Runs for which the SQL expression `where` holds, oldest first or by the column `sort`.
 
-        Raises ConfigurationError for what is no such expression or column.
+        A leading `-` sorts downwards; runs without a value come last. Raises ConfigurationError
+        for what is no such expression or column.
         """
         key = sort.removeprefix("-")
         if key and key not in RUN_COLUMNS:
@@ -79,7 +79,7 @@ class Catalogue:
         return tuple(self._row(values) for values in found)
 
     def query(self, sql: str) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-        """Columns and rows of a SELECT over the table `runs`; ConfigurationError for others."""
+        """Columns and rows of a SELECT over the table `runs`; ConfigurationError for other SQL."""
         found = self._execute(sql, "--sql")
         return tuple(column[0] for column in found.description or ()), found.fetchall()
 
@@ -93,24 +93,24 @@ class Catalogue:
 
     def _row(self, values: Sequence[Any]) -> RunRow:
         name, began, *rest = values
-        if rest[LIKE] is not None:
-            rest[LIKE] = bool(rest[LIKE])
+        if rest[LIKE_MODEL_PLACE] is not None:  # SQLite knows no truth values
+            rest[LIKE_MODEL_PLACE] = bool(rest[LIKE_MODEL_PLACE])
         return RunRow(self._root / name, datetime.fromisoformat(began), *rest)
 
     def _refresh(self, progress: Progress) -> None:
-        """Read changed runs, and remove deleted ones."""
+        """Read new and changed runs into the database, and remove deleted ones."""
         known = {
             str(name): stamp
             for name, *stamp in self._base.execute(
                 f"SELECT {FOLDER_COLUMN}, at, head, tail FROM runs"  # noqa: S608
             )
         }
-        there = dict(_stamps(self._root))
-        changed = [name for name, stamp in there.items() if list(stamp) != known.get(name)]
+        present = dict(_stamps(self._root))
+        changed = [name for name, stamp in present.items() if list(stamp) != known.get(name)]
         for done, name in enumerate(changed):
             progress(done, len(changed))
-            self._put(read_row(self._root / name), there[name])
-        gone = [(name,) for name in known if name not in there]
+            self._put(read_row(self._root / name), present[name])
+        gone = [(name,) for name in known if name not in present]
         self._base.executemany(f"DELETE FROM runs WHERE {FOLDER_COLUMN} = ?", gone)  # noqa: S608
         self._base.commit()
 
@@ -122,12 +122,12 @@ class Catalogue:
 
 
 def values_of(row: RunRow) -> tuple[Any, ...]:
-    """The values of the columns `RUN_COLUMNS` of `row`, in SI units."""
+    """Values of `row` in the columns RUN_COLUMNS, in SI units."""
     return (row.name, row.began.isoformat(), *astuple(row)[2:])
 
 
 def _stamps(root: Path) -> Iterable[tuple[str, Stamp]]:
-    """Names and times of change of the runs under `root`, by as few system calls as possible."""
+    """Names and modification times [ns] of the runs under `root`, by few system calls."""
     try:
         with os.scandir(root) as found:
             for entry in found:
@@ -139,7 +139,7 @@ def _stamps(root: Path) -> Iterable[tuple[str, Stamp]]:
 
 
 def _change_time(path: str) -> int:
-    """The time of change of the file at `path` [ns]; 0 where there is none."""
+    """Modification time [ns] of the file at `path`; 0 where there is none."""
     try:
         return os.stat(path).st_mtime_ns  # noqa: PTH116  ten thousand paths take a tenth of a second
     except (FileNotFoundError, NotADirectoryError):
@@ -147,7 +147,7 @@ def _change_time(path: str) -> int:
 
 
 def _open(path: Path) -> sqlite3.Connection:
-    """The database at `path`, made anew where it is broken or of another version."""
+    """Open the database at `path`, made anew where it is broken or of another version."""
     for _ in range(2):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

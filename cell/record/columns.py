@@ -1,4 +1,4 @@
-"""Columns of a run's tables as arrays, checked."""
+"""Columns of a run's tables as checked arrays."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -42,7 +42,7 @@ class Ticks:
 
     @classmethod
     def of(cls, table: pa.Table, origin: str) -> Self:
-        """Ticks from `table`; ConfigurationError names `origin` and the column at fault."""
+        """Check `table`, return its ticks; ConfigurationError names `origin` and the column."""
         values = {name: _numbers(table, name, origin) for name in MUST}
         values |= {name: _optional(table, name, origin) for name in MAY}
         for name in (*MUST, *MAY):
@@ -70,7 +70,7 @@ class Profile:
 
     @classmethod
     def of(cls, table: pa.Table, origin: str) -> Self:
-        """Profile from `table`; ConfigurationError names `origin` and the column at fault."""
+        """Check `table`, return its profile; ConfigurationError names `origin` and the column."""
         values = {name: _numbers(table, name, origin) for name in ("t", "i", "x", "z")}
         for name, column in values.items():
             _check_finite(column, name, origin)
@@ -84,10 +84,11 @@ class Profile:
     def curves(self) -> list[tuple[float, Array]]:
         """Stamp [s] and points (m, 2) [m] of each image, in order."""
         points = np.stack([self.x, self.z], axis=1)
+        # rows at which an image begins, and the end: a difference to NaN counts as nonzero
         edges = np.flatnonzero(np.diff(self.t, prepend=np.nan, append=np.nan))
         return [
-            (float(self.t[a]), points[a:b][np.argsort(self.i[a:b], kind="stable")])
-            for a, b in pairwise(edges)
+            (float(self.t[start]), points[start:end][np.argsort(self.i[start:end], kind="stable")])
+            for start, end in pairwise(edges)
         ]
 
 
@@ -107,7 +108,7 @@ class Sights:
 
     @classmethod
     def of(cls, table: pa.Table, origin: str) -> Self:
-        """Measurements from `table`; ConfigurationError names `origin` and the column at fault."""
+        """Check `table`, return its sights; ConfigurationError names `origin` and the column."""
         values = {name: _numbers(table, name, origin) for name in cls.__slots__}
         for name in ("stamp", "sequence"):
             _check_finite(values[name], name, origin)

@@ -1,4 +1,4 @@
-"""Conversion of a record's values to plain ones, and to YAML documents."""
+"""Conversion of a record's values to plain Python values and to YAML documents."""
 
 import math
 from collections.abc import Mapping

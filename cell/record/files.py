@@ -23,7 +23,7 @@ def is_run(folder: Path) -> bool:
 
 
 def check_run(folder: Path) -> None:
-    """Raise ConfigurationError where `folder` holds no run; it names one where it holds folders."""
+    """Raise ConfigurationError where `folder` is no run; the error suggests a run inside."""
     if is_run(folder):
         return
     if not folder.exists():
@@ -37,7 +37,7 @@ def check_run(folder: Path) -> None:
 
 
 def is_under_way(folder: Path) -> bool:
-    """Whether a living process is writing the run in `folder`: it holds a lock on the events."""
+    """Whether a living process, which locks the events, is writing the run in `folder`."""
     if not (folder / EVENTS).is_file():  # a pipe would be waited for
         return False
     try:

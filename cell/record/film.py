@@ -1,4 +1,4 @@
-"""Films: images with the time of each, decoded from a file and encoded into one."""
+"""Reading and writing of films: images with the time of each."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ FRAGMENTS = {"movflags": "frag_every_frame+empty_moov+default_base_moof", "flush
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """A film of one fixed camera at `path`."""
+    """A film by one fixed camera, in the file at `path`."""
 
     path: Path
 
@@ -65,14 +65,13 @@ def _stamp(picture: Any, path: Path) -> float:
 
 
 class FilmWriter:
-    """Writes images of one size into a film without B-frames, readable after a kill up to the last
-    image but one.
+    """Writes images of one size into a film, of which a kill loses only the last image.
 
-    A stamp is kept to 1/90,000 s.
+    The film has no B-frames; a stamp is kept to 1/90,000 s.
     """
 
     def __init__(self, path: Path, encoder: str = ENCODER) -> None:
-        """Write to `path`, an .mkv or .mp4, with an encoder by its full name."""
+        """Create the film at `path` (.mkv or .mp4), encoded by FFmpeg's encoder `encoder`."""
         require_library("av")
         import av
 
@@ -95,7 +94,7 @@ class FilmWriter:
         self._container.mux(self._stream.encode(picture))
 
     def __enter__(self) -> Self:
-        """The writer itself."""
+        """Return this writer."""
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -1,4 +1,4 @@
-"""Encodes a film in another process, so that its threads delay none of this one."""
+"""Encoding of a film in another process, whose threads do not delay those of this process."""
 
 import os
 import signal
@@ -24,7 +24,7 @@ class FilmProcess:
     """A `FilmWriter` in another process, which completes its film if this process dies."""
 
     def __init__(self, path: Path, encoder: str) -> None:
-        """Start to write, as `FilmWriter`; returns once the first image can be encoded."""
+        """Start the process; returns once the film at `path` can take its first image."""
         context = get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(
@@ -32,7 +32,7 @@ class FilmProcess:
         )
         self._process.start()
         theirs.close()
-        self._answer()
+        self._await_answer()
 
     def add(self, stamp: float, image: Image) -> None:
         """Add an `image` (h, w, 3) of even sides, taken at `stamp` [s], later than the last one.
@@ -43,11 +43,11 @@ class FilmProcess:
             self._pipe.send_bytes(IMAGE_HEADER.pack(stamp, *image.shape))
             self._pipe.send_bytes(np.ascontiguousarray(image).data.cast("B"))
         except OSError:
-            self._answer()
+            self._await_answer()
             raise
 
     def __enter__(self) -> Self:
-        """The writer itself."""
+        """Return this writer."""
         return self
 
     def __exit__(
@@ -60,12 +60,12 @@ class FilmProcess:
         try:
             if kind is None:
                 self._pipe.send_bytes(END_MESSAGE)
-                self._answer()
+                self._await_answer()
         finally:
             self._pipe.close()
             self._process.join()
 
-    def _answer(self) -> None:
+    def _await_answer(self) -> None:
         """Wait for an answer of the process; raises OSError where it failed."""
         try:
             message = self._pipe.recv_bytes()

@@ -1,4 +1,4 @@
-"""Films a run in a thread without delaying it."""
+"""Encoding of a run's film in a thread, without delaying the run."""
 
 import queue
 import threading

@@ -2,7 +2,9 @@
 
 import queue
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from cell.record.files import FILM
 from cell.record.film import Encoder
@@ -16,7 +18,7 @@ QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
 
 
 class FrameWriter:
-    """Accepts images without blocking the caller, and reports write errors later.
+    """Writes images in its own thread without blocking the caller; reports write errors later.
 
     `patient` makes `put` wait for room: right where the clock is virtual and waiting costs the run
     nothing, wrong on hardware, where an image without room only keeps its place in the index.
@@ -25,7 +27,7 @@ class FrameWriter:
     def __init__(
         self, folder: Path, keep: Keep, patient: bool, encoder: Encoder | None = None
     ) -> None:
-        """Write images into `folder`; with an `encoder` a film too."""
+        """Write images into `folder`, and with an `encoder` also a film."""
         self.dropped = 0
         self._film = encoder and FilmThread(folder / FILM, encoder, patient)
         self._failure: OSError | None = None
@@ -40,7 +42,7 @@ class FrameWriter:
         self._thread.start()
 
     def put(self, frame: Frame, mark: bool) -> None:
-        """Record `frame`; with `mark` it is kept as a key frame."""
+        """Queue `frame` for writing; with `mark` it is kept as a key frame."""
         try:
             self._waiting.put((frame, mark), block=self._patient)
         except queue.Full:
@@ -69,18 +71,16 @@ class FrameWriter:
 
     def _drain(self) -> None:
         while (item := self._waiting.get()) is not None:
-            self._attempt(*item)
+            self._attempt(self._record, *item)
         if self._keep == "key" and self._last is not None:
-            self._attempt(self._last, True, again=True)
+            self._attempt(self._store, self._last)
 
-    def _attempt(self, frame: Frame, mark: bool, again: bool = False) -> None:
+    def _attempt(self, write: Callable[..., None], *arguments: Any) -> None:
+        """Call `write`, unless an earlier one failed; its error is kept for `take_failure`."""
         if self._given_up:
             return
         try:
-            if again:
-                self._store(frame)
-            else:
-                self._record(frame, mark)
+            write(*arguments)
         except OSError as error:
             self._failure, self._given_up = error, True
 

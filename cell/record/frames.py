@@ -21,7 +21,7 @@ LARGEST_SIDE = 4096  # px of a side
 
 @dataclass(frozen=True, slots=True)
 class FrameNote:
-    """An image that perception processed: times [s], sha256 of its pixels, its file if it was kept.
+    """Index entry of a processed image: times [s], sha256 of its pixels, its file if kept.
 
     `sha256` is empty for an image that was dropped because the disk was too slow. `film` is its
     number in the film of the run, None for one that is not in it.
@@ -42,7 +42,7 @@ def digest(image: Image) -> str:
 
 
 def frame_file(folder: Path, sequence: int) -> Path:
-    """Path of the image with this sequence number."""
+    """Path of the image numbered `sequence` of the run in `folder`."""
     return folder / FOLDER / f"{sequence:06d}.png"
 
 
@@ -63,7 +63,7 @@ def encode(image: Image) -> bytes:
 
 
 def decode(path: Path) -> Image:
-    """Read the image (h, w, 3) in a file; ConfigurationError when it is not one."""
+    """Read the image (h, w, 3) in the file at `path`; ConfigurationError for any other file."""
     from drivers.pictures import read_picture
 
     return read_picture(path, LARGEST_SIDE)
@@ -80,28 +80,28 @@ class KeyFrames:
         self._limit = spread
         self._marks_left = marked
         self._stride = stride
-        self._spread: list[tuple[int, int]] = []
+        self._spread: list[tuple[int, int]] = []  # number in the run, and sequence number
         self._count = 0
 
     def choose(self, sequence: int, mark: bool) -> tuple[bool, list[int]]:
-        """Whether to keep the next image, and the sequence numbers of those to drop."""
-        place, self._count = self._count, self._count + 1
+        """Whether to keep the next image, and the sequence numbers of kept images to drop now."""
+        number, self._count = self._count, self._count + 1
         if mark and self._marks_left > 0:
             self._marks_left -= 1
             return True, []
-        if place % self._stride:
+        if number % self._stride:
             return False, []
-        self._spread.append((place, sequence))
+        self._spread.append((number, sequence))
         if len(self._spread) <= self._limit:
             return True, []
         self._stride *= 2
-        given_up = [s for p, s in self._spread if p % self._stride]
-        self._spread = [(p, s) for p, s in self._spread if p % self._stride == 0]
-        return sequence not in given_up, [s for s in given_up if s != sequence]
+        surplus = [kept for place, kept in self._spread if place % self._stride]
+        self._spread = [each for each in self._spread if each[0] % self._stride == 0]
+        return sequence not in surplus, [kept for kept in surplus if kept != sequence]
 
 
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
-    """Every image of the run in `folder`, in order; ConfigurationError for a broken line."""
+    """Read the index of the images in `folder`, in order; ConfigurationError for a broken line."""
     try:
         lift = lift_time(folder)
         return tuple(_note(folder, line, lift) for line in read_json_lines(folder / INDEX))
@@ -113,7 +113,7 @@ def read_index(folder: Path) -> tuple[FrameNote, ...]:
 
 
 def read_frames(folder: Path) -> Iterator[Frame]:
-    """The kept images of a run, each verified against its hash.
+    """Yield the kept images of a run, each verified against its hash.
 
     Raises ConfigurationError for an image that differs from the recorded one.
     """
@@ -124,7 +124,7 @@ def read_frames(folder: Path) -> Iterator[Frame]:
 
 
 def read_frame(note: FrameNote) -> Frame | None:
-    """The image (h, w, 3) of an index entry; None where it was not kept.
+    """Read the image (h, w, 3) of an index entry; None where it was not kept.
 
     Raises ConfigurationError for an image that cannot be read or differs from the recorded one.
     """

@@ -1,4 +1,4 @@
-"""Header and result of a run: run.yaml and result.yaml."""
+"""Schemas of a run's header, run.yaml, and of its result, result.yaml."""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -22,7 +22,7 @@ class Recorded(Settings):
 
 
 class Sigma(Settings):
-    """One-sigma measurement noise of a run: [m], `touch_time` [s], `force` [N].
+    """One-sigma measurement noise of a run: lengths [m], `touch_time` [s], `force` [N].
 
     `edge_offset` [m] is the error of the camera's view of the laid edges.
 
@@ -116,7 +116,7 @@ class Interval(Settings):
 
 
 class PredictionNote(Settings):
-    """A policy's prediction: displacement and one sigma of it [m], and the strip in SI."""
+    """A policy's prediction: displacement with one sigma [m], and estimates of the strip in SI."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -128,7 +128,7 @@ class PredictionNote(Settings):
 
 
 class AgreementNote(Settings):
-    """Whether the strip behaved like the model, and how far off it was [m]."""
+    """Whether the strip behaved like its model, and the `residual` [m] between both."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -139,7 +139,7 @@ class AgreementNote(Settings):
 
 
 class Result(Recorded):
-    """Contents of result.yaml: the outcome, and with layer_touch its time [s] and lengths [m].
+    """Contents of result.yaml: the outcome, and of a layer touch the time [s] and lengths [m].
 
     A run of the cell adds the reason of its end, its `duration` [s], the `confidence` in the touch,
     `edge_offset` [m] of the laid edges, and of a policy that predicts, `foretold` and `agreement`.

@@ -17,13 +17,13 @@ DIGITS = 18  # of a whole number that fits 64 bits
 
 
 def json_line(content: Mapping[str, Any]) -> bytes:
-    """`content` as one line of JSON."""
+    """Encode `content` as one line of JSON."""
     text = json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": "))
     return text.encode(errors="backslashreplace") + b"\n"
 
 
 def read_json_lines(path: Path, most: int = LARGEST_EVENTS) -> list[Line]:
-    """The complete lines of a JSON-lines file of at most `most` bytes; empty without the file.
+    """Read the complete lines of a JSON-lines file of at most `most` bytes; empty without one.
 
     A truncated last line is skipped. Raises ConfigurationError for a file that is not regular, or
     too large.
@@ -57,14 +57,13 @@ def _integer(text: str) -> int | float:
 
 
 class Journal:
-    """JSON lines at `path`, one for each finished item, so that an interrupted process can
-    continue.
+    """JSON-lines file with a line for each finished item, from which interrupted work goes on.
 
     Raises ConfigurationError where the file cannot be written.
     """
 
     def __init__(self, path: Path, *, again: bool = False) -> None:
-        """Open or create, dropping a truncated last line; `again` discards everything."""
+        """Open or create the file at `path`, without a truncated last line; `again` empties it."""
         self.path = path
         with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -22,10 +22,11 @@ UNDER_WAY, DIED, BROKEN = "under way", "died", "broken"
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """One run in a listing: `outcome` as recorded, or `under way`, `died`, `broken`; lengths [m],
-    times [s], `speed` [m/s], None where not known; `size` on disk [bytes]; `tags` with commas.
+    """A run in a listing: lengths [m], times [s], `speed` [m/s], None where not known.
 
-    `touch` is the time of the layer touch, `predicted` the displacement that the policy expected.
+    `outcome` is that recorded, or `under way`, `died`, `broken`; `size` is that on disk [bytes];
+    `tags` are separated by spaces. `touch` is the time of the layer touch, `predicted` the
+    displacement that the policy expected.
     """
 
     folder: Path
@@ -58,8 +59,9 @@ class RunRow:
 
 
 def runs_before(folder: Path, strip: str, most: int) -> tuple[RunRow, ...]:
-    """The newest `most` runs of `strip` beside the run in `folder` that began before it, newest
-    first; by their names, so that a folder of thousands is not read.
+    """The last `most` runs of `strip` before the run in `folder`, beside it, newest first.
+
+    They are found by their names, so that a folder of thousands is not read.
     """
     place, own = folder.resolve().parent, folder.resolve().name
     try:
@@ -79,7 +81,7 @@ def to_prune(
     keep: int | None = None,
     older_than: timedelta | None = None,
 ) -> tuple[RunRow, ...]:
-    """The runs that may be deleted, oldest first: all but the newest `keep`, or those `older_than`.
+    """Runs to delete, oldest first: all but the newest `keep`, or those older than `older_than`.
 
     With both, a run must satisfy both. A run under way stays, and so does a link: what it leads to
     belongs elsewhere. Raises ConfigurationError when neither is given.
@@ -115,31 +117,30 @@ def remove(rows: Sequence[RunRow]) -> int:
 
 
 def read_row(folder: Path) -> RunRow:
-    """The row of the run in `folder`, from its YAML files."""
-    header, result = _values(folder / RUN), _values(folder / RESULT)
-    notes = _values(folder / NOTES) or {}
-    of, came = header or {}, result or {}
+    """Read the row of the run in `folder` from its YAML files."""
+    header, result, notes = (_values(folder / name) for name in (RUN, RESULT, NOTES))
+    stated, final, notes = header or {}, result or {}, notes or {}
     return RunRow(
         folder=folder,
         began=_start_time(folder),
-        strip=_text(of.get("strip")),
-        policy=_text(of.get("policy")),
+        strip=_text(stated.get("strip")),
+        policy=_text(stated.get("policy")),
         outcome=_outcome(folder, header, result),
-        displacement=_number(came.get("displacement")),
-        edge_offset=_number(came.get("edge_offset")),
-        duration=_number(came.get("duration")),
+        displacement=_number(final.get("displacement")),
+        edge_offset=_number(final.get("edge_offset")),
+        duration=_number(final.get("duration")),
         size=_size(folder),
-        touch=_number(came.get("t_layer_touch")),
-        predicted=_number(came.get("foretold.displacement")),
-        like_model=_boolean(came.get("agreement.like_model")),
-        reason=_text(came.get("reason")),
-        seed=_integer(of.get("seed")),
-        speed=_number(of.get("speed")),
-        start=_text(of.get("start")) or "flat",
-        condition=_text(of.get("condition")),
-        arm=_text(of.get("drivers.arm")),
-        camera=_text(of.get("drivers.camera")),
-        calibration=_text(of.get("calibration.id")),
+        touch=_number(final.get("t_layer_touch")),
+        predicted=_number(final.get("foretold.displacement")),
+        like_model=_boolean(final.get("agreement.like_model")),
+        reason=_text(final.get("reason")),
+        seed=_integer(stated.get("seed")),
+        speed=_number(stated.get("speed")),
+        start=_text(stated.get("start")) or "flat",
+        condition=_text(stated.get("condition")),
+        arm=_text(stated.get("drivers.arm")),
+        camera=_text(stated.get("drivers.camera")),
+        calibration=_text(stated.get("calibration.id")),
         tags=_text(notes.get("tags")),
         note=_text(notes.get("note")),
     )

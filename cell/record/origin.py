@@ -32,7 +32,7 @@ def lift_time(folder: Path) -> float:
 
 
 def moment(value: object) -> float:
-    """Time [s] from an event; 0 where it states none."""
+    """Time [s] that an event states as `value`; 0 for a value that is no time."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return 0.0
     return float(value) if isfinite(value) and abs(value) < LATEST else 0.0

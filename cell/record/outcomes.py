@@ -1,4 +1,4 @@
-"""Valid names of outcomes, so that readers can refuse misspelt ones."""
+"""Valid names of a run's outcome, so that readers can refuse misspelt ones."""
 
 GOALS = frozenset({"layer_touch", "path_done", "calibrated"})
 NOT_FOLDED = frozenset({"edges_not_seen", "edges_apart", "unlike_model"})
@@ -19,6 +19,6 @@ DEVICES = ("arm_", "hand_", "grasp_", "camera_", "image_", "simulation_", "strip
 
 
 def is_outcome(name: str) -> bool:
-    """Whether `name` is `layer_touch`, `path_done` or the name of a fault."""
+    """Whether `name` is a valid outcome, that of a run that ended well or the name of a fault."""
     known = GOALS | NOT_FOLDED | STOPS | MONITORED | REFUSED | CELL_OUTCOMES
     return name in known or name.startswith(DEVICES)

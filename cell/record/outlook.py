@@ -6,6 +6,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from cell.record.columns import LARGEST_VALUE
 from cell.record.run import Event
 from drivers.types import Array
 
@@ -26,7 +27,7 @@ class Outlook(NamedTuple):
 
     @classmethod
     def of(cls, events: Iterable[Event]) -> Self:
-        """The predictions among `events`; NaN for values that cannot be read."""
+        """Collect the predictions among `events`; NaN for values that cannot be read."""
         stated = sorted((e for e in events if e.kind == PREDICTED), key=lambda event: event.t)
         rows = np.array([row_of(event.facts) for event in stated])
         return cls(np.array([event.t for event in stated]), rows.reshape(-1, len(COLUMN_NAMES)))
@@ -48,6 +49,6 @@ def row_of(facts: Mapping[str, object]) -> Array:
 
 
 def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e9:
+    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > LARGEST_VALUE:
         return math.nan
     return float(value)

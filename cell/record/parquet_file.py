@@ -15,7 +15,7 @@ MOST_ROWS = 1_000_000
 
 
 class NotWhole(Exception):
-    """The bytes are not a Parquet file, or declare more than memory should hold."""
+    """Raised for bytes that are no Parquet file, or declare more than memory should hold."""
 
 
 def read_parquet(
@@ -24,7 +24,7 @@ def read_parquet(
     broken: str = "is not a whole Parquet file",
     newer: str = "; update the cell",
 ) -> pa.Table:
-    """A Parquet table; ConfigurationError when it is missing, broken or of a newer schema.
+    """Read a Parquet table; ConfigurationError when it is missing, broken or of a newer schema.
 
     `missing`, `broken` and `newer` are the messages of that error.
     """

@@ -1,4 +1,4 @@
-"""Reads a run: complete, interrupted, or written by hand in a laboratory."""
+"""Reading of a run: complete, interrupted, or written by hand in a laboratory."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -101,7 +101,7 @@ class Run:
         return load_calibration(path) if path.exists() else None
 
     def frame_index(self) -> tuple[FrameNote, ...]:
-        """Every image that perception processed, in order; none in a laboratory's run."""
+        """Index entries of all processed images, in order; none in a laboratory's run."""
         return read_index(self.folder)
 
     def frames(self) -> Iterator[Frame]:
@@ -110,7 +110,7 @@ class Run:
 
 
 def read_run(folder: Path) -> Run:
-    """The run in `folder`; only the four files of a measured run are opened.
+    """Read the run in `folder`; only the four files of a measured run are opened.
 
     A run that died before its tables were written is read from its streams. Raises
     ConfigurationError for files that are missing, broken, or written by a newer version.
@@ -120,7 +120,7 @@ def read_run(folder: Path) -> Run:
     result = read_result(folder)
     ticks, profile = folder / TICKS, folder / PROFILE
     if result is None and not (ticks.exists() and profile.exists()):
-        tables, origin = broken_off(folder, header)
+        tables, origin = tables_from_streams(folder, header)
         return Run(
             folder, header, Ticks.of(tables.ticks, origin), Profile.of(tables.profile, origin), None
         )
@@ -134,7 +134,7 @@ def read_run(folder: Path) -> Run:
 
 
 def read_result(folder: Path) -> Result | None:
-    """The result of the run in `folder`; None where none was written.
+    """Read the result of the run in `folder`; None where none was written.
 
     Raises ConfigurationError for one that cannot be read.
     """
@@ -142,8 +142,8 @@ def read_result(folder: Path) -> Result | None:
     return load(path, Result, bare=True) if path.exists() else None
 
 
-def broken_off(folder: Path, header: Header) -> tuple[Tables, str]:
-    """The tables of an interrupted run, and their source.
+def tables_from_streams(folder: Path, header: Header) -> tuple[Tables, str]:
+    """Make the tables of an interrupted run from its streams; returns them and their source.
 
     A run of the cell may have died before its streams were begun. Raises ConfigurationError for any
     other run without tables.

@@ -1,4 +1,4 @@
-"""Reads a run with broken parts, as far as possible."""
+"""Reading of a run with broken parts, as far as possible."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from cell.record.files import PROFILE, RUN, TICK_STREAM, TICKS, check_run
 from cell.record.frames import FrameNote, read_frame
 from cell.record.header import Header
 from cell.record.parquet_file import read_parquet
-from cell.record.run import Event, Run, broken_off, read_result
+from cell.record.run import Event, Run, read_result, tables_from_streams
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS
 from cell.record.tables import Tables, profile_table, tick_table
 from drivers.errors import ConfigurationError
@@ -33,7 +33,7 @@ class Salvage(Run):
 
     @classmethod
     def of(cls, folder: Path) -> Self:
-        """The readable parts of `folder`; ConfigurationError only where run.yaml cannot be read."""
+        """Read the intact parts of `folder`; ConfigurationError only where run.yaml is broken."""
         check_run(folder)
         header, problems = load(folder / RUN, Header), list[str]()
         ticks = _read_part(
@@ -83,7 +83,7 @@ class Salvage(Run):
         return self._once(Run.calibration, lambda: None)
 
     def frame_index(self) -> tuple[FrameNote, ...]:
-        """Every image that perception processed; none where the index cannot be read."""
+        """Index entries of all processed images; none where the index cannot be read."""
         return self._once(Run.frame_index, lambda: ())
 
     def frames(self) -> Iterator[Frame]:
@@ -102,7 +102,7 @@ EMPTY_TABLES = Tables(
 
 
 def _table(folder: Path, header: Header, name: str, problems: list[str]) -> tuple[pa.Table, str]:
-    """Table `name` (ticks or profile) or its rows from the streams, and its source."""
+    """Read the table `name` (ticks or profile), or make it from the streams; with its source."""
     path, stream = folder / f"{name}.parquet", folder / TICK_STREAM
     try:
         if path.exists():
@@ -111,7 +111,7 @@ def _table(folder: Path, header: Header, name: str, problems: list[str]) -> tupl
         if not stream.is_file():
             raise
         problems.append(f"{error}; read from {TICK_STREAM} instead")
-    tables, origin = broken_off(folder, header)
+    tables, origin = tables_from_streams(folder, header)
     return getattr(tables, name), origin
 
 

@@ -1,4 +1,4 @@
-"""Reads single values of a YAML document that a program wrote, without building the document."""
+"""Fast reading of the scalars in a YAML document, without building the document."""
 
 from collections.abc import Iterator
 
@@ -7,13 +7,13 @@ import yaml
 MOST_LEVELS = 2  # levels of keys that are read; a list or anything deeper is passed over
 
 Scalar = str | float | bool | None
-ITEM = 0
+ITEM = 0  # stands for the key within a list
 NULLS = {"": None, "~": None, "null": None}
 TRUTHS = {"true": True, "false": False}
 
 
 def read_scalars(text: str) -> dict[str, Scalar]:
-    """Scalars of the mapping in `text` by their keys, those of a mapping within as `outer.inner`.
+    """Read the scalars of the YAML mapping in `text` by key, nested keys as `outer.inner`.
 
     Reads the events of the parser alone, some thirty times faster than the document, and recurses
     into nothing. Raises ValueError for text that is no YAML mapping.
@@ -28,7 +28,7 @@ def read_scalars(text: str) -> dict[str, Scalar]:
 
 
 def _scalars(text: str) -> Iterator[tuple[str, Scalar]]:
-    """Keys and scalars of the document, walked event by event."""
+    """Yield keys and scalars of the document, event by event of the parser."""
     path: list[str | int | None] = []  # the key at hand in each open mapping, ITEM in a list
     for event in yaml.parse(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
         if not isinstance(event, yaml.NodeEvent | yaml.CollectionEndEvent):
@@ -39,7 +39,7 @@ def _scalars(text: str) -> Iterator[tuple[str, Scalar]]:
             continue
         if not (path or isinstance(event, yaml.MappingStartEvent)):
             raise ValueError("must be a mapping of keys to values")
-        if path and path[-1] is None:
+        if path and path[-1] is None:  # in a mapping, before a key
             path[-1] = _word(event)
         elif isinstance(event, yaml.CollectionStartEvent):
             path.append(None if isinstance(event, yaml.MappingStartEvent) else ITEM)

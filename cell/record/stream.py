@@ -1,4 +1,4 @@
-"""Arrow IPC streams, one row a message: rows written before a crash can be read after it."""
+"""Arrow IPC streams, one row per message: rows written before a crash can be read after it."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -28,8 +28,7 @@ SIGHT_ROWS = pa.schema(
 
 
 class StreamFile:
-    """A stream being written; every row has been passed to the operating system when `append`
-    returns.
+    """Arrow stream being written; `append` returns once the operating system has the row.
 
     Raises OSError when the disk refuses.
     """
@@ -63,7 +62,7 @@ class StreamFile:
 
 
 def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
-    """Every complete row of a stream, its columns those of `schema`.
+    """Read all complete rows of the stream at `path`, with the columns of `schema`.
 
     Empty without a file, or with one truncated inside its header. Raises ConfigurationError for a
     stream with other columns.
@@ -75,7 +74,7 @@ def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
             found = reader.schema
             if content:
                 _check_columns(path, found, schema)
-            batches.extend(_whole(reader))
+            batches.extend(_complete_batches(reader))
     except (pa.ArrowException, OSError):
         return pa.Table.from_batches([], schema)
     return pa.Table.from_batches(batches, found).combine_chunks()
@@ -98,7 +97,7 @@ def _check_columns(path: Path, found: pa.Schema, wanted: pa.Schema) -> None:
             )
 
 
-def _whole(reader: Any) -> Iterator[Any]:
+def _complete_batches(reader: Any) -> Iterator[Any]:
     while True:
         try:
             batch = reader.read_next_batch()

@@ -1,4 +1,4 @@
-"""Makes the Parquet tables of a run from its streams; the same rows give the same bytes."""
+"""Parquet tables of a run, made from its streams; the same rows give the same bytes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,7 @@ TIME_ROUNDING = 1e-9  # s
 
 @dataclass(frozen=True, slots=True)
 class Tables:
-    """`ticks`, `profile` (points of the midlines) and `sights` (one row an image) of a run."""
+    """Tables of a run: `ticks`, `profile` (points of midlines), `sights` (one row per image)."""
 
     ticks: pa.Table
     profile: pa.Table
@@ -29,7 +29,7 @@ class Tables:
 
 
 def assemble(folder: Path) -> Tables:
-    """The tables of a run from its streams, complete or truncated.
+    """Make the tables of a run from its streams, complete or truncated.
 
     Raises ConfigurationError when a stream cannot be read or was changed after the run.
     """
@@ -48,7 +48,7 @@ def assemble(folder: Path) -> Tables:
 
 
 def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
-    """The rows from `begin` [s] on, their column `time` counted from there; all of them for 0."""
+    """Rows from `begin` [s] on, with their column `time` relative to it; all rows for 0."""
     if begin == 0.0:
         return rows
     t = _numbers(rows, time) - begin
@@ -74,7 +74,7 @@ def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
     differ from run to run.
     """
     t = _numbers(ticks, "t")
-    latest = np.maximum.accumulate(np.concatenate([[-np.inf], t]))[:-1]
+    latest = np.maximum.accumulate(np.concatenate([[-np.inf], t]))[:-1]  # stamp before each row
     finite = np.isfinite([_numbers(ticks, name) for name in ("x", "z", "pitch")]).all(axis=0)
     ticks = ticks.filter(pa.array((t > latest) & finite))
     t = _numbers(ticks, "t")
@@ -100,13 +100,13 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
     stamp, contact_x = stamp[keep], contact_x[keep]
     row = place_rows(t, stamp)
     nearest_last = np.argsort(-np.abs(t[row] - stamp), kind="stable")
-    placed_x[row[nearest_last]] = contact_x[nearest_last]
+    placed_x[row[nearest_last]] = contact_x[nearest_last]  # the last assignment to a row stays
     placed_t[row[nearest_last]] = stamp[nearest_last]
     return placed_x, placed_t
 
 
 def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
-    """Rows (k,) of the increasing `t` (n,), two at least, nearest to `stamps` (k,)."""
+    """Rows (k,) of the two or more increasing `t` (n,) that are nearest to `stamps` (k,)."""
     after = np.clip(np.searchsorted(t, stamps), 1, t.size - 1)
     nearer = stamps - t[after - 1] <= t[after] - stamps
     return np.asarray(np.where(nearer, after - 1, after), dtype=np.intp)
@@ -126,14 +126,15 @@ def profile_table(sights: pa.Table) -> pa.Table:
 
 
 def joint_table(rows: Array, origin: float) -> pa.Table:
-    """Table of a robot's joints from rows (n, 29) of t [s] on the cell's clock, q, dq, q_d and
-    tau_J: columns `t` from `origin` on, negative before it, and `q_1` to `tau_J_7`.
+    """Table of a robot's joints: column `t`, relative to `origin` [s], and `q_1` to `tau_J_7`.
+
+    Its `rows` (n, 29) hold t [s] on the cell's clock, then q, dq, q_d and tau_J of seven joints.
     """
+    fields = ("q", "dq", "q_d", "tau_J")
+    names = [f"{field}_{joint}" for field in fields for joint in range(1, 8)]
     columns = {"t": pa.array(rows[:, 0] - origin)}
-    for k, field in enumerate(("q", "dq", "q_d", "tau_J")):
-        for joint in range(7):
-            column = rows[:, 1 + 7 * k + joint].astype(np.float32)
-            columns[f"{field}_{joint + 1}"] = pa.array(column)
+    for name, values in zip(names, rows[:, 1:].T, strict=True):
+        columns[name] = pa.array(values.astype(np.float32))
     return pa.table(columns)
 
 

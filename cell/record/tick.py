@@ -1,4 +1,4 @@
-"""One cycle of the control loop, as a row of the record."""
+"""Row of the record for one cycle of the control loop."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -10,9 +10,10 @@ NOT_MEASURED = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """Row of ticks.parquet: measured `x`, `z` [m] and `pitch` [rad] at `t` [s], commanded `x_cmd`,
-    `z_cmd` [m], force `f_x`, `f_z` [N] on the gripper (NaN where not measured), the `state` of the
-    cell, and `cost`, the computing time of the cycle [s].
+    """Row of ticks.parquet: pose, command, force and state of the cell in one control cycle.
+
+    Measured `x`, `z` [m] and `pitch` [rad] at `t` [s], commanded `x_cmd`, `z_cmd` [m], force `f_x`,
+    `f_z` [N] on the gripper, and `cost`, the computing time [s]; NaN where not measured.
     """
 
     t: float

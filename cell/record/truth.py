@@ -1,4 +1,4 @@
-"""The file truth.yaml with the plant's true motion, for reports and tests, no controller."""
+"""The file truth.yaml: the plant's true motion, for reports and tests, not for controllers."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +15,6 @@ def write_truth(folder: Path, truth: Mapping[str, Any]) -> None:
 
 
 def read_truth(folder: Path) -> dict[str, Any] | None:
-    """The truth of a run on the twin, None where it was not written."""
+    """Read the truth of a run on the twin; None where it was not written."""
     path = folder / TRUTH
     return read_yaml(path) if path.exists() else None

@@ -1,4 +1,4 @@
-"""Writes one run's record while the run goes on."""
+"""Writing of one run's record while the run goes on."""
 
 import fcntl
 import os
@@ -112,13 +112,13 @@ class RunWriter:
         self._mark = False
 
     def event(self, t: float, kind: str, **facts: Any) -> None:
-        """Add something that happened at `t` [s]; the next image is kept to show it."""
+        """Add an event at `t` [s]; after a change of state the next image is kept to show it."""
         self._mark = self._mark or kind == "state"
         with self._recording():
             write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
 
     def joints(self, rows: Array, origin: float) -> None:
-        """Add a robot's joints at every tick, rows (n, 29) by the clock of `origin` [s]."""
+        """Add a robot's joints at every tick, rows (n, 29) on the same clock as `origin` [s]."""
         with self._recording():
             write_parquet(self.folder / JOINTS, joint_table(rows, origin))
 
@@ -144,7 +144,7 @@ class RunWriter:
 
     @contextmanager
     def under_way(self) -> Iterator[None]:
-        """Within the block, the run counts as under way beyond `finish` and `close`.
+        """Count the run as under way within the block, even after `finish` and `close`.
 
         A second handle of the locked file: nobody deletes or reads half of it, unless we die.
         """
@@ -187,9 +187,8 @@ class RunWriter:
 
 def sight_row(measurement: StripMeasurement) -> dict[str, Any]:
     """Row of the stream of sights for one measurement."""
-    row = {name: getattr(measurement, name) for name in ("stamp", "sequence", "contact_x")}
-    row |= {name: getattr(measurement, name) for name in ("gap", "gap_x", "contact_confidence")}
-    row |= {"profile_confidence": measurement.profile_confidence}
+    names = ("stamp", "sequence", "contact_x", "gap", "gap_x", "contact_confidence")
+    row = {name: getattr(measurement, name) for name in (*names, "profile_confidence")}
     row |= {"tip_x": measurement.tip[0], "tip_z": measurement.tip[1]}
     return row | {"profile_x": measurement.profile[:, 0], "profile_z": measurement.profile[:, 1]}
 

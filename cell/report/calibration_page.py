@@ -19,7 +19,7 @@ from drivers.settings import read_yaml
 
 # mm, the error of a measured curve (`sigma.profile`) that a calibration must not exceed
 GOOD_RESIDUAL = 1.0
-X, Z = np.arange(-0.1, 1.01, 0.1), np.arange(0.0, 0.51, 0.05)  # m, of the grid
+GRID_X, GRID_Z = np.arange(-0.1, 1.01, 0.1), np.arange(0.0, 0.51, 0.05)  # m
 LINE_POINTS = 60  # points of a line, which a lens bends
 SCALE_STEP = 1e-3  # m, over which the scale of the image is taken
 
@@ -42,7 +42,8 @@ def write_session_page(folder: Path) -> Path:
     """
     verdict, path = read_yaml(folder / VERDICT_FILE), folder / REPORT
     passed = bool(verdict.get("passed", verdict.get("accepted")))
-    lines, made = [str(line) for line in verdict.get("lines", ())], folder / CALIBRATION
+    lines = [str(line) for line in verdict.get("lines", ())]
+    made = folder / CALIBRATION
     said = Verdict("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ())
     text = page(
         "report/templates/calibration.html",
@@ -69,7 +70,7 @@ def _picture(folder: Path) -> list[KeyPicture]:
 
 
 def calibration_report(calibration: Calibration, name: str) -> str:
-    """Page of `calibration`, called `name`."""
+    """HTML page of `calibration`, whose file is called `name`."""
     good = calibration.residual_mm <= GOOD_RESIDUAL and not calibration.accepted_anyway
     said = Verdict(
         "good" if good else "bad",
@@ -123,14 +124,14 @@ def _plane_grid(calibration: Calibration) -> str:
     lens = calibration.lens
     with canvas(8.4, 8.4 * lens.height / lens.width) as figure:
         axes = figure.add_subplot(aspect="equal")
-        for x in X:
+        for x in GRID_X:
             line = np.stack(
-                [np.full(LINE_POINTS, x), np.linspace(Z[0], Z[-1], LINE_POINTS)], axis=1
+                [np.full(LINE_POINTS, x), np.linspace(GRID_Z[0], GRID_Z[-1], LINE_POINTS)], axis=1
             )
             axes.plot(*calibration.to_image(line).T, color=BLUE, lw=0.8, gid=f"x {1e3 * x:.0f} mm")
-        for z in Z:
+        for z in GRID_Z:
             line = np.stack(
-                [np.linspace(X[0], X[-1], LINE_POINTS), np.full(LINE_POINTS, z)], axis=1
+                [np.linspace(GRID_X[0], GRID_X[-1], LINE_POINTS), np.full(LINE_POINTS, z)], axis=1
             )
             strong = {"color": INK, "lw": 1.6} if z == 0 else {"color": MUTED, "lw": 0.8}
             axes.plot(*calibration.to_image(line).T, **strong, gid=f"z {1e3 * z:.0f} mm")

@@ -1,4 +1,4 @@
-"""A page that compares runs: numbers, overlaid curves, differing settings."""
+"""HTML page that compares runs: numbers, overlaid curves, differing settings."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -40,7 +40,7 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
 
 
 def comparison(runs: Sequence[Run], place: Path) -> str:
-    """Page that compares `runs`, for a file in the folder `place`."""
+    """HTML page that compares `runs`, for a file in the folder `place`."""
     title = f"{len(runs)} runs of {', '.join(sorted({run.header.strip for run in runs}))}"
     settings, differences = _differences(runs)
     return page(
@@ -83,16 +83,12 @@ def _numbers(run: Run, place: Path) -> tuple[str | Link, ...]:
 
 
 def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Table of settings that differ among the runs: a row a setting, a column a run."""
+    """Heading and rows of the settings that differ: a row per setting, a column per run."""
     settings = [dict(facts(run)) | dict(_flatten(run.header.config or {}, "cell")) for run in runs]
-    keys = dict.fromkeys(key for each in settings for key in each)
-    rows = [
-        (key, *values)
-        for key in keys
-        if len(set(values := [each.get(key, NO_VALUE) for each in settings])) > 1
-        and key not in PER_RUN_KEYS
-    ]
-    return ("setting", *(_short_name(run) for run in runs)), rows
+    keys = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
+    rows = [(key, *(each.get(key, NO_VALUE) for each in settings)) for key in keys]
+    heading = ("setting", *(_short_name(run) for run in runs))
+    return heading, [row for row in rows if len(set(row[1:])) > 1]
 
 
 def _flatten(content: object, prefix: str) -> Iterator[tuple[str, str]]:

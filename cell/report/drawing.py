@@ -62,7 +62,7 @@ def canvas(
 
 
 def as_svg(figure: Any) -> str:
-    """`figure` as an SVG element; the same figure gives the same text."""
+    """Render `figure` as an SVG element; the same figure gives the same text."""
     from matplotlib import rc_context
 
     text = io.StringIO()
@@ -74,7 +74,7 @@ def as_svg(figure: Any) -> str:
 
 
 def page_svg(text: str) -> str:
-    """An SVG document as an element of a page, with width, fonts and basic colours inherited."""
+    """Convert an SVG document to an element of a page that inherits width, fonts and colours."""
     svg = text[text.index("<svg") :].strip()
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)

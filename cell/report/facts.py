@@ -7,12 +7,15 @@ from typing import Any
 import numpy as np
 
 from cell.record.files import TICK_STREAM
+from cell.record.header import Result
 from cell.record.run import Event, Run
 from cell.report.timing import image_ages
 from cell.report.words import MINUS, NO_VALUE, event_title, millimetres, milliseconds, seconds
 
 FREQUENT = 40  # more of one kind are counted, not listed
 LISTED_EVENTS = 400
+LONGEST_TEXT = 160  # characters of a value
+HEIGHT_ON_DESK = 0.01  # m, above which a gripper has lifted the strip
 PREFLIGHT = "preflight"
 LEFT_OUT = frozenset({"config", "preflight", "schema", "provenance", "spread"})
 SHOWN_ELSEWHERE = frozenset({PREFLIGHT, "origin"})
@@ -26,18 +29,22 @@ Rows = list[tuple[str, str]]
 
 def measures(run: Run) -> Rows:
     """Rows of the run's main numbers."""
-    result, rows = run.result, Rows()
-    if result is not None and result.l1 is not None:
+    rows = Rows() if run.result is None else _result_rows(run.result)
+    return [*rows, ("duration", seconds(_duration(run), 1)), *_timing_rows(run)]
+
+
+def _result_rows(result: Result) -> Rows:
+    rows = Rows()
+    if result.l1 is not None:
         rows.append(("upper layer l1", millimetres(result.l1)))
         rows.append(("lower layer l2", millimetres(result.l2)))
-    if result is not None and result.t_layer_touch is not None:
+    if result.t_layer_touch is not None:
         rows.append(("layers touched at", seconds(result.t_layer_touch)))
-    if result is not None and result.confidence is not None:
+    if result.confidence is not None:
         rows.append(("confidence in the touch", f"{100 * result.confidence:.0f} %"))
-    if result is not None and result.edge_offset is not None:
+    if result.edge_offset is not None:
         rows.append(("edges apart once laid", millimetres(result.edge_offset, signed=True)))
-    rows.append(("duration", seconds(_duration(run), 1)))
-    return [*rows, *_loop(run)]
+    return rows
 
 
 def _duration(run: Run) -> float | None:
@@ -80,7 +87,7 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
 
 
 def remains(run: Run) -> Rows:
-    """Files left by a run that died."""
+    """Rows of the files that a run left when it died."""
     notes = run.frame_index()
     kept = sum(note.file is not None for note in notes)
     source = TICK_STREAM if (run.folder / TICK_STREAM).exists() else "ticks.parquet"
@@ -93,7 +100,7 @@ def remains(run: Run) -> Rows:
 
 
 def advice(run: Run) -> list[str]:
-    """Next steps after a run that died."""
+    """Next steps for the operator after a run that died, a sentence each."""
     steps = [
         *_steps_at_the_arm(run),
         "A motion is never resumed: start a new run.",
@@ -109,7 +116,7 @@ def advice(run: Run) -> list[str]:
 def _steps_at_the_arm(run: Run) -> list[str]:
     if run.header.drivers is not None and run.header.drivers.arm == "twin":
         return ["Nothing needs to be put right: the twin's arm ended with its process."]
-    lifted = run.ticks.t.size > 0 and float(run.ticks.z[-1]) > 0.01
+    lifted = run.ticks.t.size > 0 and float(run.ticks.z[-1]) > HEIGHT_ON_DESK
     hand = "Open the fingers with `cell open` and lift the hand with `cell home`."
     return [
         "Make sure that the arm stands still; it brakes by itself when commands stop coming.",
@@ -124,7 +131,8 @@ def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
     return str(item.get("name", "")), "pass" if passed else "fail", why
 
 
-def _loop(run: Run) -> Rows:
+def _timing_rows(run: Run) -> Rows:
+    """Rows of the images' age and the computing time of the control loop."""
     age, costs = image_ages(run), run.costs()
     costs = costs[np.isfinite(costs)]
     rows = Rows()
@@ -174,7 +182,7 @@ def _value(name: str, value: Any) -> str:
         return " ".join(f"{key.replace('_', ' ')} {_value(key, v)}" for key, v in value.items())
     if not isinstance(value, int | float) or isinstance(value, bool):
         text = str(value)
-        return text if len(text) <= 160 else f"{text[:157]}..."
+        return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 3]}..."
     if name in LENGTH_NAMES:
         return millimetres(value, signed=name in SIGNED)
     return f"{value:.6g} {SIGNAL_UNITS.get(name, '')}".strip()

@@ -13,7 +13,8 @@ from cell.report.overlay import fold_tips
 from cell.report.silhouettes import Silhouette
 from drivers.types import Array
 
-CURVES = 26
+CURVES = 26  # profiles that are drawn, of all that were measured
+NAMED_SHARE = 0.05  # of the run's time, from which on a state has room for its name
 LEFT, RIGHT = 0.075, 0.995  # shares of the figure's width between which its signals lie
 LEGEND: dict[str, Any] = {
     "loc": "lower right",
@@ -39,20 +40,19 @@ STATE_SHADES = {
 
 
 def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
-    """The measured strip over time, its `outlines` after the touch, and the gripper's path; SVG."""
+    """Figure (SVG) of the strip over time, its `outlines` once laid, and the gripper's path."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
     with canvas(8.4, 4.5, layout=None) as figure:
         axes = figure.add_axes((0.066, 0.1, 0.85, 0.885), aspect="equal", anchor="W")
-        curves = _spread(run.profile.curves(), CURVES)
-        first, last = _span(run)
+        curves = _evenly_chosen(run.profile.curves(), CURVES)
+        first, last = _time_range(run)
         colours = LinearSegmentedColormap.from_list("time", TIME)
         for t, points in curves:
             shade = colours((t - first) / max(last - first, 1e-9))
-            near = points[
-                (np.abs(points) < FARTHEST_HAND).all(axis=1)
-            ]  # a wild one would fill the page
+            # an outlier would fill the page
+            near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
             axes.plot(*(1e3 * near).T, color=shade, lw=1.1, alpha=0.85, gid=f"strip, {t:.2f} s")
         _draw_outlines(axes, outlines)
         _draw_desk(axes, run)
@@ -69,9 +69,9 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
 
 
 def signals_figure(run: Run) -> str:
-    """Contact, fold tip, gripper and gap over time under the lanes of the states; SVG.
+    """Figure (SVG) of contact, fold tip, gripper and gap over time, under the run's states.
 
-    Its attributes say which times [s] its edges have, for a film beside it.
+    Its attributes state the times [s] at its edges, for a film beside it.
     """
     with canvas(8.4, 5.2, layout=None) as figure:
         frame = {"left": LEFT, "right": RIGHT, "top": 0.995, "bottom": 0.085, "hspace": 0.28}
@@ -92,12 +92,12 @@ def signals_figure(run: Run) -> str:
         return as_svg(figure).replace("<svg", f'<svg {edges} data-last="{last:.4f}"', 1)
 
 
-def _spread(curves: list[tuple[float, Array]], count: int) -> list[tuple[float, Array]]:
+def _evenly_chosen(curves: list[tuple[float, Array]], count: int) -> list[tuple[float, Array]]:
     chosen = np.unique(np.linspace(0, len(curves) - 1, count).round().astype(int))
     return [curves[i] for i in chosen] if curves else []
 
 
-def _span(run: Run) -> tuple[float, float]:
+def _time_range(run: Run) -> tuple[float, float]:
     times = run.profile.t if run.profile.t.size else run.ticks.t
     return (float(times.min()), float(times.max())) if times.size else (0.0, 1.0)
 
@@ -150,14 +150,14 @@ def _draw_touch(axes: Any, run: Run) -> None:
 
 def _draw_lanes(axes: Any, ticks: Ticks) -> None:
     axes.set_axis_off()
-    place = 0
+    first = 0
     for state, rows in groupby(ticks.state):
-        count = len(list(rows))
-        start, end = ticks.t[place], ticks.t[min(place + count, ticks.t.size - 1)]
-        place += count
+        following = first + len(list(rows))
+        start, end = ticks.t[first], ticks.t[min(following, ticks.t.size - 1)]
+        first = following
         shade = STATE_SHADES.get(state, RULE)
         axes.barh(0, end - start, left=start, height=1, color=shade, lw=0, gid=state)
-        if end - start > 0.05 * (ticks.t[-1] - ticks.t[0]):
+        if end - start > NAMED_SHARE * (ticks.t[-1] - ticks.t[0]):
             middle = 0.5 * (start + end)
             axes.text(middle, 0, state, ha="center", va="center", fontsize=8, color="#20262d")
 

@@ -1,4 +1,4 @@
-"""Pages from templates: Jinja2 with escaping, files beside the code, everything inlined."""
+"""HTML pages from Jinja2 templates, with escaping and with all styles and scripts inlined."""
 
 import base64
 import re
@@ -18,14 +18,14 @@ Tone = Literal["good", "fair", "bad"]
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """Cell of a table that links to `href`, a path from the page."""
+    """Table cell that links to `href`, a path from the page."""
 
     text: str
     href: str
 
 
 def page(template: str, title: str, /, **facts: Any) -> str:
-    """Whole HTML document from `template`, a path in the package `cell`, filled with `facts`.
+    """Render `template`, a path in the package `cell`, with `facts` to a whole HTML document.
 
     What `title` and `facts` hold is escaped. Raises jinja2.UndefinedError for a fact that the
     template uses and that is not there.
@@ -38,7 +38,7 @@ def page(template: str, title: str, /, **facts: Any) -> str:
 
 
 def jpeg_text(image: "Image", width: int = 640, quality: int = 82) -> str:
-    """`image` (h, w, 3) as a JPEG `width` [px] wide, base64."""
+    """Encode `image` (h, w, 3) as a JPEG `width` [px] wide, as base64 text."""
     import cv2
 
     size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
@@ -71,7 +71,7 @@ def _file(name: str) -> "Markup":
 
 
 def _keep_units(text: str) -> "Markup":
-    """`text` with no line break between a number and its unit or sign."""
+    """Mark up `text` so that no line breaks between a number and its unit or sign."""
     from markupsafe import Markup, escape
 
     kept = re.sub(r"(\d|±) (?=(?:mm|ms|s|%)\b|%|(?<=± )\d)", "\\1&nbsp;", str(escape(text)))
@@ -79,7 +79,7 @@ def _keep_units(text: str) -> "Markup":
 
 
 def _with_code(line: str) -> "Markup":
-    """`line` with text between backticks marked as code."""
+    """Mark up the text between backticks in `line` as code."""
     from markupsafe import Markup, escape
 
     parts = str(escape(line)).split("`")

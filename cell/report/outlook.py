@@ -1,4 +1,4 @@
-"""Rows and figure of a policy's predictions for the page of a fold: at its end, and over time."""
+"""Rows and figure of a policy's predictions, final and over time, for the page of a fold."""
 
 from typing import Any
 
@@ -16,11 +16,11 @@ PANELS = {
     "retardation_time": ("retardation time  [ms]", 1e3, BLUE),
     "yield_curvature": ("yarn friction  [1/m]", 1.0, BLUE),
 }
-HALF_HEIGHT = {"displacement": 40.0}  # half the height that is shown around 0
+HALF_HEIGHT, MARGIN = 40.0, 1.0  # mm, displacements shown to either side of 0, and beyond them
 
 
 def predictions(result: Result | None) -> list[tuple[str, str]]:
-    """Rows on the last prediction before the touch, and on the agreement with the model."""
+    """Rows of the last prediction before the touch, and of the strip's agreement with its model."""
     if result is None or result.foretold is None:
         return []
     final = result.foretold
@@ -33,15 +33,13 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
         ("retardation time", _interval_text(final.retardation_time, 1e3, 0, "ms")),
         ("yarn friction", _interval_text(final.yield_curvature, 1.0, 0, "1/m")),
     ]
-    return (
-        rows
-        if result.agreement is None
-        else [*rows, ("strip and model", _agreement_text(result.agreement))]
-    )
+    if result.agreement is not None:
+        rows.append(("strip and model", _agreement_text(result.agreement)))
+    return rows
 
 
 def outlook_figure(run: Run, outlook: Outlook) -> str:
-    """Figure (SVG) of predicted displacement and strip over the fold, with one sigma."""
+    """Figure (SVG) of predicted displacement and strip parameters over time, with one sigma."""
     with canvas(8.4, 4.2, layout=None) as figure:
         frame = {"left": 0.075, "right": 0.995, "top": 0.985, "bottom": 0.105}
         grid = figure.subplots(
@@ -65,9 +63,10 @@ def _draw_prediction(axes: Any, outlook: Outlook, name: str, scale: float, colou
     axes.plot(outlook.t, value, color=colour, lw=1.2, gid=PANELS[name][0].partition("  [")[0])
     if name == "displacement":
         axes.axhline(0, color=MUTED, lw=0.6)
-        shown = np.abs(np.concatenate([low, high]))
-        most = float(np.nanmax(shown, initial=0.0)) if np.isfinite(shown).any() else 0.0
-        axes.set_ylim(-min(HALF_HEIGHT[name], most) - 1.0, min(HALF_HEIGHT[name], most) + 1.0)
+        ends = np.abs(np.concatenate([low, high]))
+        largest = float(np.nanmax(ends, initial=0.0)) if np.isfinite(ends).any() else 0.0
+        limit = min(HALF_HEIGHT, largest) + MARGIN
+        axes.set_ylim(-limit, limit)
 
 
 def _interval_text(estimate: Interval, scale: float, digits: int, unit: str) -> str:

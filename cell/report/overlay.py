@@ -1,4 +1,4 @@
-"""Key frames of a run with the measurements drawn into them."""
+"""Kept images of a run with the measurements drawn into them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,14 +21,17 @@ from drivers.types import Array, Image
 SHOWN_IMAGES = 6
 VIEW_MARGIN = 0.06  # m around the motion
 FOLDED = 0.005  # m by which a fold stands out beyond the gripper; before, the gripper is in front
-# m from x, share of the reach to x, m from and to z: a laid fold
-LAID_REGION = (-0.05, 0.7, -0.03, 0.06)
+LAID_BEGIN, LAID_SHARE = -0.05, 0.7  # m along x, and share of the reach, between which a fold lies
+LAID_HEIGHTS = (-0.03, 0.06)  # m above the desk around a laid fold
+SMALLEST_WINDOW = 0.25  # share of the image's width and height
+EIGHTHS, SUBPIXEL_BITS = 8, 3  # of a pixel, the fixed-point unit in which OpenCV draws
+MARK_RADIUS = 11  # px
 PROFILE_BGR, CONTACT_BGR, TIP_BGR = (40, 110, 255), (255, 120, 30), (255, 255, 255)
 
 
 @dataclass(frozen=True, slots=True)
 class KeyPicture:
-    """A kept image as JPEG in text form, a caption, and the path of the image from the page."""
+    """A kept image as JPEG in text form, its caption, and its file's path from the page."""
 
     jpeg: str
     caption: str
@@ -36,7 +39,7 @@ class KeyPicture:
 
 
 def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPicture, ...]:
-    """Up to six kept images, spread over the run, with profile, contact, fold tip and `outlines`.
+    """Up to six kept images over the run, with profile, contact, fold tip and `outlines` drawn.
 
     An image that cannot be read is skipped.
     """
@@ -61,14 +64,14 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
 
 
 def end_picture(run: Run) -> str:
-    """Last kept image as JPEG text, with a calibration where the strip lies; empty without."""
+    """Last kept image as JPEG text, cropped to the laid strip if calibrated; empty without one."""
     kept = [note for note in run.frame_index() if note.file is not None]
     image = _read(kept[-1]) if kept else None
     calibration = run.calibration()
     if image is None or calibration is None or not _matches_size(image, calibration):
         return "" if image is None else jpeg_text(image)
     reach = float(np.max(run.ticks.x, initial=0.1))
-    corners = [(x, z) for x in (LAID_REGION[0], LAID_REGION[1] * reach) for z in LAID_REGION[2:]]
+    corners = [(x, z) for x in (LAID_BEGIN, LAID_SHARE * reach) for z in LAID_HEIGHTS]
     pixels = calibration.to_image(np.array(corners))
     if not np.isfinite(pixels).all():
         return jpeg_text(image)
@@ -91,7 +94,7 @@ def _matches_size(image: Image, calibration: Calibration) -> bool:
 
 
 def window_on(ticks: Ticks, calibration: Calibration) -> Region:
-    """Smallest window of the image's own proportions that contains the whole motion."""
+    """Window around the whole motion, of the image's proportions and SMALLEST_WINDOW at least."""
     width, height = calibration.lens.width, calibration.lens.height
     x = (-VIEW_MARGIN, float(np.max(ticks.x, initial=0.0)) + VIEW_MARGIN)
     z = (-VIEW_MARGIN, float(np.max(ticks.z, initial=0.0)) + VIEW_MARGIN)
@@ -99,7 +102,7 @@ def window_on(ticks: Ticks, calibration: Calibration) -> Region:
     if not np.isfinite(corners).all():
         return Region(0, 0, width, height)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    share = float(np.clip(np.max((high - low) / (width, height)), 0.25, 1.0))
+    share = float(np.clip(np.max((high - low) / (width, height)), SMALLEST_WINDOW, 1.0))
     size = np.round(np.array([width, height]) * share)
     start = np.clip((low + high - size) / 2, 0, np.array([width, height]) - size).astype(int)
     left, top = (int(value) for value in start)
@@ -107,7 +110,7 @@ def window_on(ticks: Ticks, calibration: Calibration) -> Region:
 
 
 def fold_tips(sights: Sights, ticks: Ticks) -> Array:
-    """x, z (n, 2) [m] of the fold's tip in each image; NaN while the strip is not folded."""
+    """Fold tip (n, 2) x, z [m] in each image; NaN while the strip is not folded."""
     tips = np.stack([sights.tip_x, sights.tip_z], axis=1)
     if ticks.t.size == 0:
         return tips
@@ -118,30 +121,29 @@ def fold_tips(sights: Sights, ticks: Ticks) -> Array:
 def draw_sight(
     image: Image, calibration: Calibration, curve: Array, contact_x: float, tip: Array
 ) -> Image:
-    """A copy of `image` with the profile (m, 2), the contact and the fold's tip (2,) [m]."""
+    """Draw the profile (m, 2), the contact and the fold's tip (2,) [m] into a copy of `image`."""
     import cv2
 
     drawn = image.copy()
     pixels = _pixels(curve, calibration)
     if len(pixels) > 1:
-        cv2.polylines(drawn, [pixels], False, PROFILE_BGR, 3, cv2.LINE_AA, shift=3)
+        cv2.polylines(drawn, [pixels], False, PROFILE_BGR, 3, cv2.LINE_AA, shift=SUBPIXEL_BITS)
     for point, colour in ((np.array([contact_x, 0.0]), CONTACT_BGR), (tip, TIP_BGR)):
         for centre in _pixels(point[None], calibration):
-            cv2.circle(drawn, tuple(centre.tolist()), 8 * 11, colour, 4, cv2.LINE_AA, shift=3)
+            radius, place = EIGHTHS * MARK_RADIUS, tuple(centre.tolist())
+            cv2.circle(drawn, place, radius, colour, 4, cv2.LINE_AA, shift=SUBPIXEL_BITS)
     return drawn
 
 
 def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
-    """Eighths of pixels (k, 2) of `points` (m, 2) [m] near the image; lines to outliers are
-    slow.
-    """
+    """Places (k, 2) [px / 8] in the image of those `points` (m, 2) [m] that lie near it."""
     near = points[np.isfinite(points).all(axis=1) & (np.abs(points) < FARTHEST_HAND).all(axis=1)]
     if len(near) == 0:
         return np.empty((0, 2), dtype=np.int32)
     pixels = calibration.to_image(near)
     side = max(calibration.lens.width, calibration.lens.height)
     inside = np.isfinite(pixels).all(axis=1) & (np.abs(pixels) < 4 * side).all(axis=1)
-    return np.rint(8 * pixels[inside]).astype(np.int32)
+    return np.rint(EIGHTHS * pixels[inside]).astype(np.int32)
 
 
 def _read(note: FrameNote) -> Image | None:

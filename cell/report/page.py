@@ -1,4 +1,4 @@
-"""The HTML page of a run."""
+"""HTML page of a run."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -56,14 +56,14 @@ def write_report(folder: Path, *, ended: bool = False) -> Path:
 
 
 def write_page(run: Run, *, ended: bool = False) -> Path:
-    """Write report.html of a `run` that was read, as `write_report`."""
+    """Write report.html of the `run` into its folder and return its path, as `write_report`."""
     path = run.folder / REPORT
     write_file(path, report(run, ended=ended))
     return path
 
 
 def report(run: Run, *, ended: bool = False) -> str:
-    """Page of `run`; `ended` as for `write_report`."""
+    """HTML page of `run`; `ended` as for `write_report`."""
     policy = f", policy {run.header.policy}" if run.header.policy else ""
     under_way = not ended and is_under_way(run.folder)
     truth, spoilt = _truth(run)
@@ -93,13 +93,13 @@ def report(run: Run, *, ended: bool = False) -> str:
 
 def _figures(run: Run) -> dict[str, Any]:
     """Pictures and figures (SVG) of the run; empty where the record has nothing to draw."""
-    outlines, outlook, moved = silhouettes(run), Outlook.of(run.events()), run.ticks.t.size > 0
+    outlines, outlook, has_ticks = silhouettes(run), Outlook.of(run.events()), run.ticks.t.size > 0
     return {
         "pictures": key_pictures(run, outlines),
         "outlook": outlook_figure(run, outlook) if len(outlook.t) > 1 else "",
-        "strip": strip_figure(run, outlines) if moved else "",
-        "signals": signals_figure(run) if moved else "",
-        "timing": timing_figure(run) if moved else "",
+        "strip": strip_figure(run, outlines) if has_ticks else "",
+        "signals": signals_figure(run) if has_ticks else "",
+        "timing": timing_figure(run) if has_ticks else "",
     }
 
 
@@ -113,7 +113,7 @@ def _earlier(run: Run) -> Iterator[tuple[str | Link, ...]]:
 
 
 def _truth(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
-    """The run's truth, if readable, and the problems of the folder."""
+    """Truth of the run, None where it cannot be read, and lines on broken parts of its folder."""
     spoilt = list(run.problems) if isinstance(run, Salvage) else []
     try:
         return read_truth(run.folder), spoilt

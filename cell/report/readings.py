@@ -1,4 +1,4 @@
-"""Data of a figure for the page's script, which reads, zooms and hides its curves.
+"""Data of a figure for the page's script, which shows values, zooms, and hides curves.
 
 The figure stays the one drawing: Matplotlib's SVG, useful without a script, with text as text and
 colours by CSS. D3 takes it over in the browser (`chart.js`) and reads values off the paths
@@ -39,7 +39,7 @@ def name_artists(figure: Any) -> None:
 
 
 def readings(figure: Any) -> str:
-    """The drawn figure's axes as a data attribute of its SVG, empty without anything to read."""
+    """Data attribute for the SVG of the drawn `figure`; empty where it holds nothing to read."""
     found = [_axes(axes, figure) for axes in figure.axes]
     read = [facts for facts in found if facts["curves"] or facts["cells"]]
     text = json.dumps(read, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
@@ -69,32 +69,34 @@ def _axes(axes: Any, figure: Any) -> Facts:
 
 
 def _axis(axis: Any, limits: tuple[float, float]) -> Facts:
-    """Limits, name and unit of an axis, and its tick labels where they are words."""
+    """Facts of an axis: limits, scale, name, unit, and its tick labels where they are words."""
     from matplotlib.ticker import FixedLocator
 
-    words = re.fullmatch(r"(.*?)\s*\[(.*)\]", axis.get_label_text(), flags=re.S)
-    name, unit = words.groups() if words else (axis.get_label_text(), "")
-    labels = [label.get_text() for label in axis.get_majorticklabels()]
-    spoken = isinstance(axis.get_major_locator(), FixedLocator) and re.search(r"[a-z]", f"{labels}")
+    label = axis.get_label_text()
+    with_unit = re.fullmatch(r"(.*?)\s*\[(.*)\]", label, flags=re.S)
+    name, unit = with_unit.groups() if with_unit else (label, "")
+    ticks = [tick.get_text() for tick in axis.get_majorticklabels()]
+    is_fixed = isinstance(axis.get_major_locator(), FixedLocator)
+    has_words = is_fixed and re.search(r"[a-z]", f"{ticks}")  # a letter in any tick label
     return {
         "limits": [float(value) for value in limits],
         "scale": axis.get_scale(),
         "name": " ".join(name.split()),
         "unit": unit,
-        "words": list(zip(map(float, axis.get_majorticklocs()), labels, strict=False))
-        if spoken
+        "words": list(zip(map(float, axis.get_majorticklocs()), ticks, strict=False))
+        if has_words
         else [],
     }
 
 
 def _svg_point(figure: Any, x: float, y: float) -> list[float]:
-    """A point of the display [px of the figure] as a point of its SVG."""
+    """Point [pt] of the figure's SVG at a point [px] of its display."""
     scale = POINTS_PER_INCH / figure.dpi
     return [round(scale * x, 3), round(scale * (figure.bbox.height - y), 3)]
 
 
 def _curves(axes: Any) -> Iterator[Facts]:
-    """Named lines and areas; of areas between two curves (bands) both curves."""
+    """Facts of the named lines and areas: id, name, label, and whether it is read or a band."""
     from matplotlib.collections import FillBetweenPolyCollection
 
     bars = {patch for container in axes.containers for patch in getattr(container, "patches", ())}
@@ -111,26 +113,28 @@ def _curves(axes: Any) -> Iterator[Facts]:
 
 
 def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Bars: their part of the axes, and their value with their own name, if any."""
+    """Cells of the bars: two corners [pt] of each, across the axes, and a label with its value."""
     whole = axes.bbox
     for container in axes.containers:
         label = container.get_label()
         name = "" if label.startswith("_") else f"{label} "
         for patch in getattr(container, "patches", ()):
-            box, wide, high = patch.get_window_extent(), patch.get_width(), patch.get_height()
-            named = not patch.reading.startswith("_")
-            if named or container.orientation == "vertical":
-                ends = ((box.x0, whole.y1), (box.x1, whole.y0))
-                span, reach = (_span(x, patch.get_x(), wide), _bar_value(y, patch.get_y(), high))
+            box = patch.get_window_extent()
+            along_x = (x, patch.get_x(), patch.get_width())
+            along_y = (y, patch.get_y(), patch.get_height())
+            is_named = not patch.reading.startswith("_")
+            if is_named or container.orientation == "vertical":
+                corners = ((box.x0, whole.y1), (box.x1, whole.y0))
+                label = f"{_span_text(*along_x)}: {name}{_value_text(*along_y)}"
             else:
-                ends = ((whole.x0, box.y1), (whole.x1, box.y0))
-                span, reach = (_span(y, patch.get_y(), high), _bar_value(x, patch.get_x(), wide))
-            places = (value for end in ends for value in _svg_point(figure, *end))
-            yield [*places, patch.reading if named else f"{span}: {name}{reach}"]
+                corners = ((whole.x0, box.y1), (whole.x1, box.y0))
+                label = f"{_span_text(*along_y)}: {name}{_value_text(*along_x)}"
+            places = (value for corner in corners for value in _svg_point(figure, *corner))
+            yield [*places, patch.reading if is_named else label]
 
 
 def _histogram_bins(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Bins of a histogram drawn as one outline."""
+    """Cells of a histogram that is drawn as one outline: two corners [pt] and a label per bin."""
     from matplotlib.patches import StepPatch
 
     for steps in (patch for patch in axes.patches if isinstance(patch, StepPatch)):
@@ -138,18 +142,19 @@ def _histogram_bins(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list
         places = axes.transData.transform(np.column_stack([edges, np.ones_like(edges)]))[:, 0]
         for k, value in enumerate(values):
             ends = ((places[k], axes.bbox.y1), (places[k + 1], axes.bbox.y0))
-            label = f"{_span(x, edges[k], edges[k + 1] - edges[k])}: {_number(value)} {y['unit']}"
+            span = _span_text(x, edges[k], edges[k + 1] - edges[k])
+            label = f"{span}: {_number(value)} {y['unit']}"
             yield [*(v for end in ends for v in _svg_point(figure, *end)), label.strip()]
 
 
-def _bar_value(axis: Facts, start: float, size: float) -> str:
-    """Value of a bar, or both of its ends where it does not start at zero."""
+def _value_text(axis: Facts, start: float, size: float) -> str:
+    """Text of a bar's value, or of both its ends where it does not start at zero."""
     ends = f"{_number(start)} to {_number(start + size)}" if start else _number(size)
     return f"{ends} {axis['unit']}".strip()
 
 
-def _span(axis: Facts, start: float, size: float) -> str:
-    """Part of an axis covered by a bar."""
+def _span_text(axis: Facts, start: float, size: float) -> str:
+    """Text on the part of an `axis` that a bar covers: the nearest word, or both ends."""
     if axis["words"]:
         return str(min(axis["words"], key=lambda word: abs(word[0] - start - 0.5 * size))[1])
     return f"{_number(start)} to {_number(start + size)} {axis['unit']}".strip()
@@ -160,7 +165,7 @@ def _number(value: float) -> str:
 
 
 def _image_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Fields of an image with named rows and columns."""
+    """Cells of an image with named rows and columns: two corners [pt] and a label each."""
     for image in axes.images if x["words"] and y["words"] else ():
         for (i, j), value in np.ndenumerate(np.ma.filled(image.get_array(), np.nan)):
             if np.isfinite(value):
@@ -171,7 +176,7 @@ def _image_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[A
 
 
 def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Fields of a mesh over two quantities; those of a colour scale are excluded."""
+    """Cells of a mesh, but not of a colour scale: two corners [pt] and a label each."""
     meshes = [mesh for mesh in axes.collections if hasattr(mesh, "get_coordinates")]
     for mesh in meshes if axes.get_label() != "<colorbar>" else ():
         corners = mesh.get_coordinates()
@@ -189,7 +194,7 @@ def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[An
 
 
 def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:
-    """Texts at positions of the data, which move with it."""
+    """Texts at positions of the data: id and position [pt] in the SVG."""
     for text in axes.texts:
         place = np.asarray(getattr(text, "xy", text.get_position()))
         if getattr(text, "xycoords", None) == "data" or text.get_transform() == axes.transData:

@@ -1,4 +1,4 @@
-"""A page that lists runs: thumbnails, links to their pages, filter and sort in the browser."""
+"""HTML page that lists runs: thumbnails, links to their pages, filter and sort in the browser."""
 
 import os
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
 
 
 def runs_page(rows: Sequence[RunRow], place: Path) -> str:
-    """Page that lists `rows`, for a file in the folder `place`."""
+    """HTML page that lists `rows`, for a file in the folder `place`."""
     pictured = {row.name for row in rows[-PICTURED:]}
     return page(
         "report/templates/runs.html",

@@ -32,7 +32,7 @@ class Silhouette:
 def silhouettes(run: Run) -> tuple[Silhouette, ...]:
     """Outlines of the strip in up to MOST_IMAGES kept images of LAY and RELEASE, in order of time.
 
-    None where the picture before the grasp, calibration, strip or ticks are not in the record.
+    Empty where the picture before the grasp, calibration, strip or ticks are not in the record.
     """
     try:
         return tuple(_outlines(run))
@@ -41,15 +41,12 @@ def silhouettes(run: Run) -> tuple[Silhouette, ...]:
 
 
 def _outlines(run: Run) -> Iterator[Silhouette]:
-    notes, calibration = run.frame_index(), run.calibration()
-    later = [
-        note
-        for note in notes
-        if note.file is not None and state_at(run, note.stamp) in SILHOUETTE_STATES
-    ]
-    first = next((note for note in notes if note.file is not None and note.stamp < 0), None)
-    before = None if first is None else read_frame(first)
-    if not later or before is None or calibration is None or run.header.strip_file is None:
+    kept = [note for note in run.frame_index() if note.file is not None]
+    laying = [note for note in kept if state_at(run, note.stamp) in SILHOUETTE_STATES]
+    flat = next((note for note in kept if note.stamp < 0), None)
+    before = None if flat is None else read_frame(flat)
+    calibration = run.calibration()
+    if not laying or before is None or calibration is None or run.header.strip_file is None:
         return
     strip = parse(run.header.strip_file, StripFile, "run.yaml: strip_file")
     stated = (run.header.config or {}).get("perception", {})
@@ -58,8 +55,8 @@ def _outlines(run: Run) -> Iterator[Silhouette]:
     if appearance is None:
         return
     perception = Perception(calibration, settings, strip, appearance)
-    chosen = np.unique(np.linspace(0, len(later) - 1, MOST_IMAGES).round().astype(int))
-    for frame in filter(None, (read_frame(later[i]) for i in chosen)):
+    chosen = np.unique(np.linspace(0, len(laying) - 1, MOST_IMAGES).round().astype(int))
+    for frame in filter(None, (read_frame(laying[i]) for i in chosen)):
         pixels = perception.outline(frame, _gripper(run, frame))
         if len(pixels):
             state = state_at(run, frame.stamp)

@@ -10,11 +10,13 @@ from cell.report.drawing import BLUE, GREEN, INK, MUTED, PURPLE, as_svg, canvas
 from drivers.types import Array
 
 READING = frozenset({"LIFT", "FOLD", "TOUCHED"})  # states in which images are read
+BINS = 40
+OUTER_QUANTILES = (0.005, 0.995)  # between which values decide on the bins; others are clipped
 LOG_SCALE_RATIO = 30.0  # largest over smallest, from where on a scale is logarithmic
 
 
 def image_ages(run: Run) -> Array:
-    """Age of the newest image on the cycles that could use one (n,) [s]."""
+    """Age (n,) [s] of the newest image at each control cycle that reads images."""
     ticks = run.ticks
     reading = np.array([state in READING for state in ticks.state], dtype=bool)
     used = reading if reading.any() else np.ones(ticks.t.size, dtype=bool)
@@ -22,7 +24,7 @@ def image_ages(run: Run) -> Array:
 
 
 def timing_figure(run: Run) -> str:
-    """Histograms of image age, row interval, computing time, and a real arm's states; SVG."""
+    """Histograms (SVG) of image age, row interval, computing time, and a real arm's intervals."""
     arm = run.header.arm_timing
     with canvas(8.4, 2.5, layout=None) as figure:  # a layout that is solved takes half the time
         frame = {"left": 0.01, "right": 0.985, "top": 0.9, "bottom": 0.185, "wspace": 0.06}
@@ -84,9 +86,9 @@ def _three_digits(value: float) -> str:
 
 
 def _bin_edges(values: Array) -> tuple[Array, bool]:
-    """Edges of 40 bins for `values`, and whether they are logarithmic."""
-    low, high = (float(np.quantile(values, q)) for q in (0.005, 0.995))
+    """Edges (BINS + 1,) of bins for `values` (n,), and whether these are logarithmic."""
+    low, high = (float(np.quantile(values, q)) for q in OUTER_QUANTILES)
     if low > 0 and high > LOG_SCALE_RATIO * low:
-        return np.geomspace(0.8 * low, 1.2 * high, 41), True
+        return np.geomspace(0.8 * low, 1.2 * high, BINS + 1), True
     margin = max(0.05 * abs(float(np.median(values))), 0.1 * (high - low), 1e-4)
-    return np.linspace(low - margin, high + margin, 41), False
+    return np.linspace(low - margin, high + margin, BINS + 1), False

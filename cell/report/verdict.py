@@ -1,4 +1,4 @@
-"""Verdict on a run for its page, in one to three sentences."""
+"""Verdict on a run in one to three sentences, for its page."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,8 +16,9 @@ FOLDED_TOLERANCE = 0.020  # m, within this the paper calls a strip folded
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """`headline` states the outcome, `sentences` the rest, `figure` and `error` the displacement
-    where there is one; `tone` is its colour.
+    """Verdict as text: its `headline` states the outcome, `sentences` explain it.
+
+    `figure` and `error` are the displacement where there is one; `tone` is its colour.
     """
 
     tone: Tone
@@ -33,24 +34,30 @@ def _sigma_lines(run: Run, *, laid: bool) -> str:
     sigma, source = run.header.sigma.displacement, "repeats"
     if laid and run.header.sigma.edge_offset is not None:
         sigma, source = run.header.sigma.edge_offset, "camera"
-    calibration, stated = run.calibration(), run.header.calibration
-    error = None if stated is None else stated.error
-    error = error if calibration is None else 1e-3 * calibration.residual_mm
+    error = _calibration_error(run)
     known = "calibration error not recorded"
     if error is not None:
         known = f"± {millimetres(error)} calibration"
     return f"± {millimetres(sigma)} {source}{LINE_BREAK}{known}"
 
 
+def _calibration_error(run: Run) -> float | None:
+    """Error [m] of the run's calibration, or else that in its header."""
+    calibration, stated = run.calibration(), run.header.calibration
+    if calibration is not None:
+        return 1e-3 * calibration.residual_mm
+    return None if stated is None else stated.error
+
+
 def verdict(run: Run) -> str:
-    """Verdict on the run, from the record only."""
-    said = verdict_of(run, None, is_under_way(run.folder))
-    figure = f": {said.figure} ({said.error.replace(LINE_BREAK, ', ')})" if said.figure else ""
-    return f"{run.header.strip}: {said.headline}{figure}"
+    """Text of the verdict on `run` in one line, from the record only."""
+    found = verdict_of(run, None, is_under_way(run.folder))
+    figure = f": {found.figure} ({found.error.replace(LINE_BREAK, ', ')})" if found.figure else ""
+    return f"{run.header.strip}: {found.headline}{figure}"
 
 
 def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = False) -> Verdict:
-    """The verdict on `run`; `truth` is the plant's true motion, where known."""
+    """Verdict on `run`, with what the `truth` of the plant's motion adds where it is known."""
     if under_way:
         return Verdict("fair", "Still under way", (_last_seen(run, "so far"),))
     if run.result is None and (run.folder / RESULT).exists():
@@ -74,23 +81,30 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
     agreed = result.agreement
     if agreed is not None and not agreed.like_model and agreed.reason != result.reason:
         sentences.append(_sentence(agreed.reason))
-    headline = outcome_title(result.outcome)
-    off = max(abs(d), abs(edge or 0.0))
-    tone: Tone = "good" if off <= FOLDED_TOLERANCE else "fair"
     if result.outcome != "layer_touch":
-        tone = "bad"
         sentences.insert(0, _reason(result))
-    elif edge is None:
-        headline = f"Folded: the layers touched after {seconds(result.t_layer_touch)}"
-    else:
-        headline = f"Folded: the edges lie {millimetres(abs(edge))} apart"
-    said = tuple(filter(None, sentences))
-    if edge is None:
-        return Verdict(
-            tone, headline, said, millimetres(d, signed=True), _sigma_lines(run, laid=False)
-        )
-    error = _sigma_lines(run, laid=True)
-    return Verdict(tone, headline, said, millimetres(edge, signed=True), error)
+    return Verdict(
+        tone=_fold_tone(result, d),
+        headline=_fold_headline(result),
+        sentences=tuple(filter(None, sentences)),
+        figure=millimetres(d if edge is None else edge, signed=True),
+        error=_sigma_lines(run, laid=edge is not None),
+    )
+
+
+def _fold_tone(result: Result, d: float) -> Tone:
+    if result.outcome != "layer_touch":
+        return "bad"
+    off = max(abs(d), abs(result.edge_offset or 0.0))
+    return "good" if off <= FOLDED_TOLERANCE else "fair"
+
+
+def _fold_headline(result: Result) -> str:
+    if result.outcome != "layer_touch":
+        return outcome_title(result.outcome)
+    if result.edge_offset is None:
+        return f"Folded: the layers touched after {seconds(result.t_layer_touch)}"
+    return f"Folded: the edges lie {millimetres(abs(result.edge_offset))} apart"
 
 
 def _edges_sentence(offset: float | None, true: object) -> list[str]:

@@ -1,4 +1,4 @@
-"""Formats numbers and outcomes as text for a technician."""
+"""Formatting of numbers and outcomes as text for a technician."""
 
 import math
 
@@ -45,7 +45,7 @@ def milliseconds(value: float | None) -> str:
 
 
 def event_title(kind: str) -> str:
-    """Text of an event's kind, in words."""
+    """Text of the `kind` of an event, with spaces for underscores."""
     return EVENT_TITLES.get(kind, kind).replace("_", " ")
 
 
@@ -55,5 +55,5 @@ def outcome_title(outcome: str) -> str:
 
 
 def side(displacement: float) -> str:
-    """Text on the upper layer for a displacement d = l1 - l2 [m]: short or long."""
+    """Word for the upper layer at a displacement d = l1 - l2 [m]: longer or shorter."""
     return "longer" if displacement > 0 else "shorter"

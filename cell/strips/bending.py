@@ -68,14 +68,14 @@ def _scatter(y: Array, variance: Array) -> float:
 
 
 REST_CURVATURES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # 1/m, rest curvatures that are tried
-DECISIVE = 5.0  # of log evidence, for a birth with one more unknown
+DECISIVE = 5.0  # of log evidence, for a prior with one more unknown
 
 Fits = tuple[Fit, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Bending:
-    """Bending length from all photographs, with the fit of each.
+    """Bending length [m] from all photographs, with the fit of each.
 
     `fits` are with the best rest-curvature prior, `straight` with a straight strip; bending lengths
     [m] pooled over all photographs and for each overhang. `gain` is the log evidence of the prior
@@ -89,20 +89,20 @@ class Bending:
     gain: float
 
     @property
-    def birth(self) -> RestCurvaturePrior:
-        """Prior of the rest curvature, common to all photographs."""
-        return self.fits[0].birth
+    def prior(self) -> RestCurvaturePrior:
+        """Prior of the rest curvature, the same for all photographs."""
+        return self.fits[0].prior
 
     @property
     def curl(self) -> Pooled:
         """Uniform part of the rest curvature [1/m], pooled."""
-        if self.birth.born is RestCurvature.STRAIGHT:
+        if self.prior.kind is RestCurvature.STRAIGHT:
             return Pooled(0.0, 0.0, 0.0, 0.0, 1.0)
         return pool(*zip(*(each.curl for each in self.fits), strict=True))
 
 
 def measure_bending(photographs: Sequence[Photograph]) -> Bending:
-    """The bending length that fits all photographs, with a common prior of the rest curvature."""
+    """Fit the bending length to all photographs, with a common prior of the rest curvature."""
     straight = tuple(fit(each, STRAIGHT) for each in photographs)
     curled = _best_fits(photographs, straight, RestCurvature.CURLED)
     varied = _best_fits(photographs, straight, RestCurvature.SET)
@@ -127,27 +127,29 @@ def evidence(fits: Sequence[Fit]) -> float:
 
 
 def pool_lengths(fits: Sequence[Fit]) -> Pooled:
-    """Bending lengths [m], pooled by their logarithms."""
+    """Pool the bending lengths [m] of `fits` by their logarithms."""
     logs = pool([float(np.log(each.bending_length)) for each in fits], [f.sigma for f in fits])
     value, low, high = np.exp([logs.value, logs.low, logs.high])
     return Pooled(float(value), float(low), float(high), logs.scatter, logs.agreement)
 
 
-def _best_fits(photographs: Sequence[Photograph], start: Fits, born: RestCurvature) -> Fits:
+def _best_fits(photographs: Sequence[Photograph], start: Fits, kind: RestCurvature) -> Fits:
     """Fits of the photographs at the spread of rest curvature with the largest evidence."""
     tried: list[Fits] = []
     for spread in REST_CURVATURES:
-        birth = RestCurvaturePrior(born, spread)
-        start = tuple(fit(each, birth, s) for each, s in zip(photographs, start, strict=True))
+        prior = RestCurvaturePrior(kind, spread)
+        start = tuple(fit(each, prior, s) for each, s in zip(photographs, start, strict=True))
         tried.append(start)
     scores = np.array([evidence(each) for each in tried])
     j = int(np.argmax(scores))
     if j in (0, len(REST_CURVATURES) - 1):
         return tried[j]
-    bend = scores[j - 1] - 2 * scores[j] + scores[j + 1]
-    spread = REST_CURVATURES[j] * 2 ** float(0.5 * (scores[j - 1] - scores[j + 1]) / bend)
+    # top of the parabola through three scores; the spreads that were tried double each time
+    second_difference = scores[j - 1] - 2 * scores[j] + scores[j + 1]
+    shift = float(0.5 * (scores[j - 1] - scores[j + 1]) / second_difference)
+    best_spread = REST_CURVATURES[j] * 2**shift
     refined = tuple(
-        fit(each, RestCurvaturePrior(born, spread), s)
+        fit(each, RestCurvaturePrior(kind, best_spread), s)
         for each, s in zip(photographs, tried[j], strict=True)
     )
     return max(refined, tried[j], key=evidence)

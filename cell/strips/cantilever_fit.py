@@ -5,7 +5,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.strips.photograph import Photograph
-from cell.strips.problem import BIRTH, LEDGE, LN_LENGTH, ROLL, TIP, Problem, Trial, X, Z, rotation
+from cell.strips.problem import (
+    FIRST_FIELD,
+    LEDGE,
+    LN_LENGTH,
+    ROLL,
+    TIP,
+    Problem,
+    Trial,
+    X,
+    Z,
+    rotation,
+)
 from cell.strips.rest_curvature import STRAIGHT, RestCurvaturePrior
 from drivers.strip.cantilever import Hanging, NoRest
 from drivers.types import Array
@@ -24,11 +35,11 @@ class Fit:
     """Fit of a hanging strip: unknowns `values` (p,) and their `covariance` (p, p).
 
     `misses` (n,) [m] are the residuals of the midline across the curve, `evidence` the log of the
-    probability of the midline under the prior `birth` (up to a constant common to all priors).
+    probability of the midline under `prior` (up to a constant common to all priors).
     """
 
     photograph: Photograph
-    birth: RestCurvaturePrior
+    prior: RestCurvaturePrior
     values: Array
     covariance: Array
     hanging: Hanging
@@ -49,7 +60,7 @@ class Fit:
 
     @property
     def ledge(self) -> float:
-        """Distance of the ledge behind the picture's border, along the strip [m]."""
+        """Distance [m] along the strip from the picture's border to the ledge."""
         return float(self.values[LEDGE])
 
     @property
@@ -59,34 +70,34 @@ class Fit:
 
     @property
     def rest_curvature(self) -> Array:
-        """Rest curvature at the hinges [1/m], positive turns the free end up."""
+        """Rest curvature (hinges,) [1/m]; a positive one turns the free end up."""
         width, overhang = self.photograph.width, self.photograph.overhang
-        return np.asarray(self.birth.fields(overhang, width) @ self.values[BIRTH:])
+        return np.asarray(self.prior.fields(overhang, width) @ self.values[FIRST_FIELD:])
 
     @property
     def curl(self) -> tuple[float, float]:
         """Mean rest curvature along the strip and its standard deviation [1/m]."""
-        fields = self.birth.fields(self.photograph.overhang, self.photograph.width)
+        fields = self.prior.fields(self.photograph.overhang, self.photograph.width)
         mean = np.diff(self.hanging.arc) / self.photograph.overhang @ fields
-        variance = mean @ self.covariance[BIRTH:, BIRTH:] @ mean
-        return float(mean @ self.values[BIRTH:]), float(np.sqrt(variance))
+        variance = mean @ self.covariance[FIRST_FIELD:, FIRST_FIELD:] @ mean
+        return float(mean @ self.values[FIRST_FIELD:]), float(np.sqrt(variance))
 
     def curve(self) -> Array:
-        """The strip (n, 2) u, v [px] in the picture, from the ledge to the tip."""
+        """Points (n, 2) u, v [px] of the fitted strip in the picture, from the ledge to the tip."""
         scale = 1 - self.values[LEDGE] / self.photograph.overhang
         points = scale * self.hanging.points @ rotation(self.values[ROLL]).T
         return np.asarray((self.values[[X, Z]] + points) / self.photograph.pixel * (1, -1))
 
 
-def fit(photograph: Photograph, birth: RestCurvaturePrior, start: Fit | None = None) -> Fit:
-    """The most probable strip with the prior `birth` in the photograph, starting from `start`."""
+def fit(photograph: Photograph, prior: RestCurvaturePrior, start: Fit | None = None) -> Fit:
+    """Fit the most probable strip under `prior` to the photograph, starting from `start`."""
     if start is None:
         start = _fit_straight(photograph)
-    problem = Problem(photograph, birth)
+    problem = Problem(photograph, prior)
     values = np.zeros(problem.size)
-    values[:BIRTH] = start.values[:BIRTH]
-    if len(start.values) == len(values) > BIRTH:
-        values[BIRTH:] = start.values[BIRTH:] * start.birth.spread / birth.spread
+    values[:FIRST_FIELD] = start.values[:FIRST_FIELD]
+    if len(start.values) == len(values) > FIRST_FIELD:
+        values[FIRST_FIELD:] = start.values[FIRST_FIELD:] * start.prior.spread / prior.spread
     return _minimise(problem, values)
 
 
@@ -103,7 +114,7 @@ def _fit_straight(photograph: Photograph) -> Fit:
 
 
 def _minimise(problem: Problem, values: Array) -> Fit:
-    """Minimise the cost from `values` by Levenberg-Marquardt."""
+    """Minimise the problem's cost from `values` (p,) by Levenberg-Marquardt."""
     here = problem.trial(values)
     damping = LM_DAMPING
     for _ in range(ITERATIONS):
@@ -116,7 +127,7 @@ def _minimise(problem: Problem, values: Array) -> Fit:
     matrix, _ = problem.normal_equations(here)
     return Fit(
         photograph=problem.photograph,
-        birth=problem.birth,
+        prior=problem.prior,
         values=here.values,
         covariance=np.asarray(np.linalg.inv(matrix), dtype=np.float64),
         hanging=here.hanging,
@@ -126,7 +137,7 @@ def _minimise(problem: Problem, values: Array) -> Fit:
 
 
 def _damped_step(problem: Problem, here: Trial, damping: float) -> tuple[Trial | None, float]:
-    """One Levenberg-Marquardt step: a better trial, None without one, and the next damping."""
+    """Make one Levenberg-Marquardt step; returns a better trial or None, and the next damping."""
     matrix, downhill = problem.normal_equations(here)
     while damping < LARGEST_DAMPING:
         step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), downhill)

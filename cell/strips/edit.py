@@ -1,4 +1,4 @@
-"""Edits strip files, and keeps a person's formatting where nothing changes."""
+"""Editing of strip files, which keeps a person's formatting where nothing changes."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from drivers.yaml_edit import dump_text, edit_text
 def with_measured(
     content: Mapping[str, Any], key: str, value: float, source: str, note: str
 ) -> dict[str, Any]:
-    """`content` of a strip file with `key` measured; the old value stays in its provenance."""
+    """Content of a strip file with `key` measured; the old value stays in its provenance."""
     kept = [dict(each) for each in content.get("provenance") or ()]
     for entry in kept:
         if entry.get("key") == key:
@@ -24,13 +24,13 @@ def with_measured(
 
 
 def rewrite(path: Path, content: Mapping[str, Any]) -> None:
-    """Replace the strip file at `path` by `content`, checked, atomically; or ConfigurationError."""
+    """Check `content` and replace the strip file at `path` by it; ConfigurationError if invalid."""
     parse(content, StripFile, str(path))
     write_file(path, edit_text(path.read_text(encoding="utf-8"), content))
 
 
 def create(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a new strip file at `path`, checked; an existing one is refused."""
+    """Check `content` and write it to a new strip file at `path`; an existing one is refused."""
     parse(content, StripFile, str(path))
     if path.exists():
         raise ConfigurationError(f"{path}: is there already; choose another name or edit the file")
@@ -49,9 +49,9 @@ ASSUMED_VALUES = {
 def new_strip(
     path: Path, stated: Mapping[str, Any], colour: Sequence[int] | None, sources: Sequence[str]
 ) -> None:
-    """A strip file at `path`; `stated` values may be None, `sources` read `key=where from`.
+    """Write a new strip file at `path` with the `stated` values, None where they are assumed.
 
-    Raises ConfigurationError for a source without its value.
+    `sources` read `key=where from`. Raises ConfigurationError for a source without its value.
     """
     noted = dict(_source(each) for each in sources)
     for key in noted:

@@ -1,4 +1,4 @@
-"""Writes the files of a measurement: a folder with pictures and numbers, and the strip's file."""
+"""Writing of a measurement: a folder with pictures and numbers, and the strip's file."""
 
 import json
 from datetime import date
@@ -44,7 +44,7 @@ def put_into(path: Path, measurement: Measurement, today: date) -> None:
     )
     note = (
         f"95 % between {pooled.low:.4g} and {pooled.high:.4g} m; "
-        f"born {measurement.bending.birth.born.value}; some yarn friction is in it"
+        f"born {measurement.bending.prior.kind.value}; some yarn friction is in it"
     )
     content = read_yaml(path)
     rewrite(path, with_measured(content, "bending_length", measurement.value, source, note))

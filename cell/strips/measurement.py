@@ -1,4 +1,4 @@
-"""Result of a bending measurement: JSON line, text, warnings."""
+"""Result of a bending measurement as JSON and text, with warnings about sources of error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,13 +45,13 @@ class Measurement:
         return float(f"{self.bending_length.value:.{KEPT_DIGITS}g}")
 
     def line(self) -> dict[str, Any]:
-        """The measurement as a JSON object; lengths in m."""
+        """Facts of the measurement for JSON, lengths in m."""
         bending = self.bending
         return {
             "strip": self.strip,
             "bending_length": _interval(self.bending_length),
-            "born": bending.birth.born.value,
-            "rest_curvature": {"mean": _interval(bending.curl), "spread": bending.birth.spread},
+            "born": bending.prior.kind.value,
+            "rest_curvature": {"mean": _interval(bending.curl), "spread": bending.prior.spread},
             "scatter": self.bending_length.scatter,
             "agreement": self.bending_length.agreement,
             "by_overhang": [{"overhang": o, **_interval(each)} for o, each in bending.by_overhang],
@@ -70,7 +70,7 @@ class Measurement:
         }
 
     def text(self) -> str:
-        """The measurement as text for a person, in mm."""
+        """Text of the measurement for a person, lengths in mm."""
         bending = self.bending
         count = len(bending.fits)
         lines = [
@@ -89,15 +89,14 @@ def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
     bending = measure_bending(photographs)
     for each in bending.fits:
         _check_shape(each)
-    doubts = (
-        _curvature_warning,
-        _disagreement,
-        _overhang_warning,
-        _width_warning,
-        _width_of_interval,
+    warnings = (
+        _curvature_warning(bending),
+        _scatter_warning(bending),
+        _overhang_warning(bending),
+        _width_warning(bending),
+        _uncertainty_warning(bending),
     )
-    warnings = (doubt(bending) for doubt in doubts)
-    return Measurement(strip, bending, tuple(each for each in warnings if each))
+    return Measurement(strip, bending, tuple(filter(None, warnings)))
 
 
 def _check_shape(fitted: Fit) -> None:
@@ -124,18 +123,18 @@ def _check_shape(fitted: Fit) -> None:
 def _curvature_warning(bending: Bending) -> str:
     """Warning about a strip with a rest curvature."""
     missed = max(each.rms / each.photograph.width for each in bending.straight)
-    if bending.birth.born is RestCurvature.STRAIGHT or missed < VISIBLE:
+    if bending.prior.kind is RestCurvature.STRAIGHT or missed < VISIBLE:
         return ""
     lengths = 1e3 * np.array([each.bending_length for each in bending.straight])
     taken = f"{lengths.min():.1f}"
     if len(lengths) > 1:
         taken += f" to {lengths.max():.1f}"
     furthest = 1e3 * max(float(np.abs(each.misses).max()) for each in bending.straight)
-    if bending.birth.born is RestCurvature.CURLED:
+    if bending.prior.kind is RestCurvature.CURLED:
         curl = bending.curl
         own = f"unloaded it curls by {curl.value:+.1f} 1/m ({curl.low:+.1f} to {curl.high:+.1f})"
     else:
-        own = f"it has a set of its own, of about {bending.birth.spread:.0f} 1/m, along it"
+        own = f"it has a set of its own, of about {bending.prior.spread:.0f} 1/m, along it"
     return (
         f"pre_curl: this is not the shape of a strip that was born straight: {own}. "
         f"The bending length allows for it; a straight-born strip would miss the photographs "
@@ -143,7 +142,8 @@ def _curvature_warning(bending: Bending) -> str:
     )
 
 
-def _disagreement(bending: Bending) -> str:
+def _scatter_warning(bending: Bending) -> str:
+    """Warning about photographs that disagree."""
     pooled = bending.bending_length
     if pooled.agreement > DISAGREEMENT_LEVEL:
         return ""
@@ -180,7 +180,8 @@ def _overhang_warning(bending: Bending) -> str:
 def _width_warning(bending: Bending) -> str:
     """Warning about a strip that appears much wider in one overhang than in another."""
     photographs = [each.photograph for each in bending.fits]
-    thin, thick = (pick(photographs, key=lambda each: each.width) for pick in (min, max))
+    thin = min(photographs, key=lambda each: each.width)
+    thick = max(photographs, key=lambda each: each.width)
     if thick.width < SMALLEST_WIDTH_RATIO * thin.width:
         return ""
     return (
@@ -189,7 +190,8 @@ def _width_warning(bending: Bending) -> str:
     )
 
 
-def _width_of_interval(bending: Bending) -> str:
+def _uncertainty_warning(bending: Bending) -> str:
+    """Warning about a wide confidence interval."""
     pooled = bending.bending_length
     half = 0.5 * np.log(pooled.high / pooled.low)
     if half < LARGEST_UNCERTAINTY:

@@ -28,9 +28,9 @@ END_SIGMA = 4.0  # times less
 
 @dataclass(frozen=True, slots=True)
 class Photograph:
-    """Midline `points` (n, 2) x, z at arc lengths `arc` (n,), from the picture's border to the tip.
+    """Midline `points` (n, 2) [m] at arc lengths `arc` (n,) [m], from picture's border to tip.
 
-    In metres at a scale of `pixel` [m], as if the picture's border were the ledge. `sigma` (n,) [m]
+    At a scale of `pixel` [m], as if the picture's border were the ledge. `sigma` (n,) [m]
     across the midline, `width` of the strip [m], `overhang` [m].
     """
 

@@ -17,20 +17,20 @@ SEEN_COLOUR, FITTED_COLOUR, STRAIGHT_COLOUR = "#19c8c8", ORANGE, BLUE
 
 
 def picture(fitted: Fit, straight: Fit) -> bytes:
-    """PNG of the photograph with midline and fits, and their residuals along the strip."""
+    """Render a PNG of the photograph with midline and fits, and of their residuals."""
     with canvas(10.5, 8.0) as figure:
         figure.set_facecolor("white")
         left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0))
         whole, bend = left.subplots(1, 2)
         _draw_photograph(whole, fitted, straight)
         _draw_photograph(bend, fitted, straight)
-        _near_the_ledge(bend, fitted)
-        if fitted.birth.born is RestCurvature.STRAIGHT:
+        _zoom_to_ledge(bend, fitted)
+        if fitted.prior.kind is RestCurvature.STRAIGHT:
             _draw_residuals(right.subplots(), fitted, straight)
         else:
             upper, lower = right.subplots(2, 1, sharex=True)
             _draw_residuals(upper, fitted, straight)
-            _draw_texts(lower, fitted)
+            _draw_rest_curvature(lower, fitted)
         figure.suptitle(_title(fitted, straight), fontsize=9.5)
         content = io.BytesIO()
         figure.savefig(content, format="png", dpi=DPI)
@@ -43,7 +43,7 @@ def _title(fitted: Fit, straight: Fit) -> str:
         f"{photograph.path.name}, overhang {1e3 * photograph.overhang:.4g} mm: bending length "
         f"{1e3 * fitted.bending_length:.1f} mm, sigma {100 * fitted.sigma:.1f} %"
     )
-    if fitted.birth.born is RestCurvature.STRAIGHT:
+    if fitted.prior.kind is RestCurvature.STRAIGHT:
         return text
     return f"{text} (taken as born straight: {1e3 * straight.bending_length:.1f} mm)"
 
@@ -66,7 +66,7 @@ def _draw_photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
     axes.spines[:].set_visible(False)
 
 
-def _near_the_ledge(axes: Any, fitted: Fit) -> None:
+def _zoom_to_ledge(axes: Any, fitted: Fit) -> None:
     """Limit `axes` to the bend: the first stretch of the strip, `BEND` bending lengths long."""
     photograph = fitted.photograph
     reach = min(BEND * fitted.bending_length, photograph.overhang) / photograph.pixel
@@ -85,7 +85,7 @@ def _draw_residuals(axes: Any, fitted: Fit, straight: Fit) -> None:
     axes.legend(loc="best")
 
 
-def _draw_texts(axes: Any, fitted: Fit) -> None:
+def _draw_rest_curvature(axes: Any, fitted: Fit) -> None:
     arc = 1e3 * hinges(fitted.photograph.overhang)
     axes.plot(arc, fitted.rest_curvature, color=FITTED_COLOUR)
     axes.axhline(0, color=MUTED, lw=0.6)

@@ -9,7 +9,8 @@ from cell.strips.rest_curvature import RestCurvaturePrior
 from drivers.strip.cantilever import Hanging, hang
 from drivers.types import Array
 
-LN_LENGTH, LEDGE, ROLL, CLAMP, X, Z, BIRTH = range(7)  # place of each unknown
+# place of each unknown, and of the first coefficient of the rest curvature's fields
+LN_LENGTH, LEDGE, ROLL, CLAMP, X, Z, FIRST_FIELD = range(7)
 TYPICAL = 0.02  # m, bending length
 LN_SPREAD = 1.5  # of ln(bending length) around the typical one
 LEDGE_WIDTHS, LEDGE_SPREAD = 0.7, 0.002  # widths, or m, between picture's border and ledge
@@ -21,10 +22,10 @@ ROBUST = 2.5  # sigmas from which a miss counts less
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Fit of one set of `values` (p,): its residuals from the midline.
+    """Residuals of the strip with one set of `values` (p,), their slopes, and the cost.
 
-    `misses` (2 n,) across and then along the midline, in sigmas, `slopes` (2 n, p) their negative
-    derivatives by the values, `cost` twice the negative log posterior.
+    `misses` (2 n,) from the midline, across and then along it, in sigmas, `slopes` (2 n, p) their
+    negative derivatives by the values, `cost` twice the negative log posterior.
     """
 
     values: Array
@@ -42,38 +43,38 @@ class Problem:
     the deviates of the rest curvature. All but the place have a normal prior.
     """
 
-    def __init__(self, photograph: Photograph, birth: RestCurvaturePrior) -> None:
+    def __init__(self, photograph: Photograph, prior: RestCurvaturePrior) -> None:
         self.photograph = photograph
-        self.birth = birth
-        self._fields = birth.fields(photograph.overhang, photograph.width)
-        self.size = BIRTH + self._fields.shape[1]
+        self.prior = prior
+        self._fields = prior.fields(photograph.overhang, photograph.width)
+        self.size = FIRST_FIELD + self._fields.shape[1]
         spreads = np.ones(self.size)
         spreads[LN_LENGTH] = LN_SPREAD
         spreads[LEDGE] = max(LEDGE_WIDTHS * photograph.width, LEDGE_SPREAD)
         spreads[[ROLL, CLAMP]] = ROLL_SPREAD, CLAMP_SPREAD
         spreads[[X, Z]] = np.inf
-        self._prior = 1 / spreads
+        self._weights = 1 / spreads  # of the normal priors
         self._local_frames = _local_frames(photograph)
 
     def trial(self, values: Array) -> Trial:
-        """Trial of `values` (p,): strip, and distances from the midline. Raises NoRest."""
+        """Solve the strip with `values` (p,) and compare it with the midline. Raises NoRest."""
         seen = self.photograph
         hanging = hang(
             seen.overhang,
             TYPICAL * float(np.exp(values[LN_LENGTH])),
-            rest_curvature=self._fields @ values[BIRTH:],
+            rest_curvature=self._fields @ values[FIRST_FIELD:],
             clamp_angle=float(values[CLAMP]),
         )
         scale = 1 - values[LEDGE] / seen.overhang
         along = _Along(hanging, (seen.arc - values[LEDGE]) / scale, float(values[CLAMP]))
         turn = rotation(values[ROLL])
         curve = scale * along.points @ turn.T
-        motions = np.empty((len(curve), 2, self.size))
+        motions = np.empty((len(curve), 2, self.size))  # of the strip's points, per unknown
         motions[..., LN_LENGTH] = scale * along.at(hanging.moved_by_bending_length())
-        slid = (seen.arc / seen.overhang - 1) / scale
+        slid = (seen.arc / seen.overhang - 1) / scale  # arc length per metre of the ledge
         motions[..., LEDGE] = slid[:, None] * along.tangents - along.points / seen.overhang
         motions[..., CLAMP] = scale * along.moved_by_clamp_angle()
-        motions[..., BIRTH:] = scale * along.at(hanging.moved_by_rest_curvature(self._fields))
+        motions[..., FIRST_FIELD:] = scale * along.at(hanging.moved_by_rest_curvature(self._fields))
         motions = np.einsum("ab,nbp->nap", turn, motions)
         motions[..., ROLL] = curve[:, ::-1] * (-1, 1)
         motions[..., [X, Z]] = np.eye(2)
@@ -85,8 +86,8 @@ class Problem:
     def normal_equations(self, trial: Trial) -> tuple[Array, Array]:
         """Half the second derivative (p, p) of the cost, and the downhill direction (p,)."""
         weight = np.minimum(1.0, ROBUST / np.maximum(np.abs(trial.misses), 1e-12))
-        matrix = trial.slopes.T @ (weight[:, None] * trial.slopes) + np.diag(self._prior**2)
-        return matrix, trial.slopes.T @ (weight * trial.misses) - self._prior**2 * trial.values
+        matrix = trial.slopes.T @ (weight[:, None] * trial.slopes) + np.diag(self._weights**2)
+        return matrix, trial.slopes.T @ (weight * trial.misses) - self._weights**2 * trial.values
 
     def _project_motion(self, motion: Array) -> Array:
         """Components (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
@@ -96,11 +97,11 @@ class Problem:
     def _cost(self, values: Array, misses: Array) -> float:
         z = np.abs(misses)
         data = np.where(z < ROBUST, z**2, 2 * ROBUST * z - ROBUST**2).sum()
-        return float(data + ((values * self._prior) ** 2).sum())
+        return float(data + ((values * self._weights) ** 2).sum())
 
 
 class _Along:
-    """A hanging strip sampled at arc lengths `arc` (n,); straight before the ledge."""
+    """Samples of a hanging strip at arc lengths `arc` (n,) [m]; it is straight before the ledge."""
 
     def __init__(self, hanging: Hanging, arc: Array, clamp_angle: float) -> None:
         spans = np.diff(hanging.arc)
@@ -115,7 +116,7 @@ class _Along:
         self._swing = self._before * (-straight[1], straight[0])
 
     def at(self, nodes: Array) -> Array:
-        """Values at the nodes (nodes, ...) interpolated to the arc lengths: (n, ...)."""
+        """Interpolate values at the nodes (nodes, ...) to the arc lengths: (n, ...)."""
         share = self._share.reshape(-1, *[1] * (nodes.ndim - 1))
         return np.asarray((1 - share) * nodes[self._index] + share * nodes[self._index + 1])
 

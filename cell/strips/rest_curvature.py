@@ -13,7 +13,7 @@ MOST_KNOTS = 60
 
 
 class RestCurvature(StrEnum):
-    """Kinds of rest curvature."""
+    """Kinds of rest curvature: none, constant (a curl), varying along the strip (a set)."""
 
     STRAIGHT = "straight"
     CURLED = "curled"
@@ -24,20 +24,19 @@ class RestCurvature(StrEnum):
 class RestCurvaturePrior:
     """A kind of rest curvature, and its standard deviation `spread` [1/m] along the strip."""
 
-    born: RestCurvature
+    kind: RestCurvature
     spread: float = 0.0
 
     def fields(self, overhang: float, width: float) -> Array:
-        """Basis fields (hinges, m) [1/m] of the rest curvature, each with a standard normal
-        coefficient.
+        """Basis fields (hinges, m) [1/m] of the rest curvature, with standard normal coefficients.
 
         A curl is one constant field. A set adds one at each knot, independent of the others.
         """
         arc = hinges(overhang)
-        if self.born is RestCurvature.STRAIGHT:
+        if self.kind is RestCurvature.STRAIGHT:
             return np.zeros((len(arc), 0))
         even = np.full((len(arc), 1), self.spread)
-        if self.born is RestCurvature.CURLED:
+        if self.kind is RestCurvature.CURLED:
             return even
         count = int(np.clip(overhang / (KNOT_SPACING * width), 4, MOST_KNOTS)) + 1
         knots = np.linspace(0.0, overhang, count)

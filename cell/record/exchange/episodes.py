@@ -1,4 +1,4 @@
-"""Episodes of a LeRobotDataset v3.0 as sources of tables, whoever recorded them."""
+"""Reading of episodes of a LeRobotDataset v3.0, whoever recorded them, as sources of tables."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -27,8 +27,9 @@ TOUCH = "touch"
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """An episode as a source of tables: `episode` its frames with a column for each component of a
-    vector, and of an exported run `points` and `touch`.
+    """An episode as a source of tables: `episode`, and of an exported run `points` and `touch`.
+
+    The table `episode` holds the frames, with a column for each component of a vector.
     """
 
     path: Path
@@ -58,8 +59,8 @@ class Episode:
             column = self.frames[name].combine_chunks()
             axes = self.features.get(name, {}).get("names")
             if not _is_vector(column):
-                only = f"{name}.{axes[0]}" if isinstance(axes, list) and len(axes) == 1 else name
-                columns[only] = column
+                has_axis = isinstance(axes, list) and len(axes) == 1
+                columns[f"{name}.{axes[0]}" if has_axis else name] = column
                 continue
             values = _matrix(column, len(self.frames))
             names = axes if isinstance(axes, list) else range(values.shape[1])
@@ -90,7 +91,7 @@ def _matrix(column: pa.Array, count: int) -> Array:
 
 
 def episodes(root: Path) -> Iterator[Episode]:
-    """The episodes of the data set at `root`, each with its own frames.
+    """Yield the episodes of the data set at `root`, each with its own frames.
 
     Raises ConfigurationError for a data set of another version, or one that is not whole.
     """
@@ -114,7 +115,7 @@ def episodes(root: Path) -> Iterator[Episode]:
 def _read(
     root: Path, row: Mapping[str, Any], features: Mapping[str, Any], shared: Mapping[str, bytes]
 ) -> Episode:
-    """The episode of one row of meta/episodes."""
+    """Read the episode that one `row` of meta/episodes describes."""
     place = {"chunk_index": row["data/chunk_index"], "file_index": row["data/file_index"]}
     path = root / DATA.format(**place)
     frames = read_parquet(path)

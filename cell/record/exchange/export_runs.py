@@ -21,7 +21,7 @@ Format = Literal["csv", "lerobot", "mcap"]
 
 
 def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path, ...]:
-    """The files or folders in the new folder `out` that hold the runs in `folders`.
+    """Write the runs in `folders` into the new folder `out`; returns the files or folders.
 
     All is written, or nothing. Raises ConfigurationError for runs that cannot be read or do not go
     together, an `out` that is there already, or a library that is missing.

@@ -1,4 +1,4 @@
-"""Imports measured runs: foreign tables are checked, converted, and written as run folders."""
+"""Import of measured runs: foreign tables are checked, converted, written as run folders."""
 
 import shutil
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,7 @@ SOON = 1.0  # s after the last row, within which a touch read off a stopwatch ma
 
 
 def import_runs(places: Sequence[Path], mapping: Path | None, out: Path) -> tuple[Path, ...]:
-    """Import the runs of the tables in `places`, in their order; returns their folders below `out`.
+    """Import the runs in `places`, in that order; returns their new folders below `out`.
 
     A place is a folder of tables, a folder of such folders, an MCAP file, or a LeRobot data set;
     what `cell export` wrote brings its own mapping. All runs are written, or none. Raises
@@ -35,9 +35,10 @@ def import_runs(places: Sequence[Path], mapping: Path | None, out: Path) -> tupl
     no run can have, or a run that is there already.
     """
     stated = None if mapping is None else _with_needed(load(mapping, Mapping), str(mapping))
+    sources = (source for place in places for source in _sources(place, mapping))
     made: list[Path] = []
     try:
-        for index, source in enumerate(s for place in places for s in _sources(place, mapping)):
+        for index, source in enumerate(sources):
             how, target = stated or _own_mapping(source), out / source.name
             with writing(target):
                 if target.exists():
@@ -63,7 +64,7 @@ def _check_readable(run: Path, source: Source) -> None:
 
 
 def _sources(place: Path, mapping: Path | None) -> Iterator[Source]:
-    """The sources in `place`; none in a mapping's folder, among those that it describes."""
+    """Sources of runs in `place`; none where it is the mapping file, which lies beside runs."""
     if place.suffix == ".mcap":
         require_library("mcap")
         from cell.record.exchange.mcap_file import McapFile
@@ -72,17 +73,22 @@ def _sources(place: Path, mapping: Path | None) -> Iterator[Source]:
     elif (place / INFO).is_file():
         yield from episodes(place)
     elif place.is_dir():
-        inner = sorted(path for path in place.iterdir() if path.is_dir())
-        if any(FILE.fullmatch(path.name) for path in place.iterdir()):
-            inner = [place]
-        if not inner:
-            raise ConfigurationError(f"{place}: holds no tables; give a folder with CSV or Parquet")
-        yield from map(Folder, inner)
+        yield from map(Folder, _table_folders(place))
     elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
         fault = "is none of what is read" if place.exists() else "is not there"
         raise ConfigurationError(
             f"{place}: {fault}; give a folder with tables, an .mcap file or a LeRobot data set"
         )
+
+
+def _table_folders(place: Path) -> list[Path]:
+    """The folder `place` where it holds tables itself, or else the folders in it."""
+    if any(FILE.fullmatch(path.name) for path in place.iterdir()):
+        return [place]
+    inner = sorted(path for path in place.iterdir() if path.is_dir())
+    if not inner:
+        raise ConfigurationError(f"{place}: holds no tables; give a folder with CSV or Parquet")
+    return inner
 
 
 def _own_mapping(source: Source) -> Mapping:
@@ -109,7 +115,7 @@ def _with_needed(mapping: Mapping, origin: str) -> Mapping:
 
 
 def _import(source: Source, how: Mapping, index: int, target: Path, *, documents: bool) -> None:
-    """Write the run, with its own `documents` where it has any."""
+    """Write the tables of `source` as a run, and with `documents` its own YAML files."""
     ticks = dict(read_columns(source, how.ticks, how.ticks.columns.items()))
     first = float(ticks["t"][0]) if len(ticks["t"]) else 0.0
     begin = first if how.begin is None else how.begin
@@ -168,8 +174,8 @@ def _profile(source: Source, how: Mapping, begin: float) -> dict[str, Array]:
     Profile.of(
         pa.table(points | {"i": np.zeros(len(points["t"]))}), str(path_of(source, how.profile))
     )
-    if "i" not in points:  # in the order of the file
-        first = np.flatnonzero(np.diff(points["t"], prepend=np.nan))
+    if "i" not in points:  # numbered within each image, in the order of the file
+        first = np.flatnonzero(np.diff(points["t"], prepend=np.nan))  # a NaN counts as a change
         sizes = np.diff(np.append(first, len(points["t"])))
         order = np.arange(len(points["t"])) - np.repeat(first, sizes)
         points["i"] = np.asarray(order, dtype=np.float64)
@@ -177,7 +183,7 @@ def _profile(source: Source, how: Mapping, begin: float) -> dict[str, Array]:
 
 
 def _result(source: Source, how: Mapping, begin: float, end: float) -> dict[str, object]:
-    """The measured touch, if before the last row of the gripper at `end` [s] or soon after."""
+    """Content of result.yaml: the touch, at most SOON after `end` [s] of the ticks, if any."""
     if how.result is None or not _touch_was_measured(source, how.result.file):
         return {"outcome": "path_done"}
     values = read_columns(source, how.result, how.result.columns.items())

@@ -1,4 +1,4 @@
-"""Writes runs as a LeRobotDataset v3.0: an episode a run, a frame a row of the gripper's points.
+"""Export of runs as a LeRobotDataset v3.0, with an episode for each run, a frame for each tick.
 
 The data set's clock is nominal, `frame_index / fps`; the exact stamps are the feature `stamp`, and
 those of the images `observation.contact_stamp` and `observation.profile_stamp`. What belongs to the
@@ -37,21 +37,21 @@ Features = dict[str, dict[str, Any]]
 
 
 def write_lerobot(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
-    """Write the runs as a data set into the new folder `out`."""
+    """Write the runs as a data set into the new folder `out`; returns that folder."""
     points = max((_most_points(part) for part in parts), default=0)
     features = _features(parts, points)
-    begin, rows, every = 0, [], []
+    begin, rows, all_columns = 0, [], []
     for i, part in enumerate(parts):
         count = len(part.tables["ticks"]["t"])
         columns = _columns(part, features, points) | _counters(i, begin, count, _rate(parts))
-        every.append(columns)
+        all_columns.append(columns)
         _write(out / _file(DATA, i), _table(columns, features))
         rows.append(_episode(part, i, begin, count))
         begin += count
     episodes = {name: [row[name] for row in rows] for name in rows[0]}
     _write(out / EPISODES.format(chunk_index=0, file_index=0), pa.table(episodes))
     _write(out / TASKS, _tasks(parts))
-    _write_json(out / STATS, _stats(every))
+    _write_json(out / STATS, _stats(all_columns))
     _write_json(out / INFO, _info(parts, features, begin))
     text = yaml.safe_dump(plain(mapping_of(parts, _name)), sort_keys=False)
     replace_file(out / "meta" / MAPPING, text.encode())
@@ -59,7 +59,7 @@ def write_lerobot(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
 
 
 def _name(table: str, column: str) -> tuple[str, str]:
-    """File and column in a data set for a column of a run, for its mapping."""
+    """File and column of a data set that hold the `column` of a run's `table`."""
     if table == "contact":
         stamp = "observation.contact_stamp"
         return EPISODE, stamp if column == "t" else "observation.contact"
@@ -76,7 +76,7 @@ def _vectors() -> dict[str, tuple[str, ...]]:
 
 
 def _features(parts: Sequence[Outgoing], points: int) -> Features:
-    """Features of the frames: the quantities that every run measured, by LeRobot's names."""
+    """Features of the frames: quantities that every run measured, by LeRobot's names."""
     found: Features = {}
     for name, columns in _vectors().items():
         there = [c for c in columns if all(c in part.tables["ticks"] for part in parts)]
@@ -97,7 +97,7 @@ def _features(parts: Sequence[Outgoing], points: int) -> Features:
 
 
 def _columns(part: Outgoing, features: Features, points: int) -> dict[str, Array]:
-    """The measured features (n,) or (n, m) of a run."""
+    """Measured features (n,) or (n, m) of a run, by name."""
     ticks, found = part.tables["ticks"], dict[str, Array]()
     for name in _vectors():
         if name in features:
@@ -160,12 +160,12 @@ def _table(columns: Mapping[str, Any], features: Features) -> pa.Table:
     arrays, stated = {}, {}
     for name, values in columns.items():
         kind, size = features[name]["dtype"], features[name]["shape"][0]
-        kind_of = {"float64": pa.float64(), "float32": pa.float32(), "int64": pa.int64()}[kind]
+        number = {"float64": pa.float64(), "float32": pa.float32(), "int64": pa.int64()}[kind]
         value = {"dtype": kind, "_type": "Value"}
         if size == 1:  # a number, also where it is a vector's only part
-            arrays[name], stated[name] = pa.array(values.ravel(), kind_of), value
+            arrays[name], stated[name] = pa.array(values.ravel(), number), value
         else:
-            flat = pa.array(values.ravel(), kind_of)
+            flat = pa.array(values.ravel(), number)
             arrays[name] = pa.FixedSizeListArray.from_arrays(flat, size)
             stated[name] = {"feature": value, "length": size, "_type": "Sequence"}
     metadata = {"huggingface": json.dumps({"info": {"features": stated}})}
@@ -249,7 +249,7 @@ def _info(parts: Sequence[Outgoing], features: Features, frames: int) -> dict[st
 
 
 def _rate(parts: Sequence[Outgoing]) -> int:
-    """Nominal number of rows a second."""
+    """Nominal number of rows per second [Hz]."""
     steps = np.concatenate([np.diff(part.tables["ticks"]["t"]) for part in parts])
     return max(round(1.0 / float(np.median(steps))), 1) if len(steps) else 1
 

@@ -16,7 +16,7 @@ MEASURES = {
     "t": TIMES, "contact_t": TIMES, "t_layer_touch": TIMES, "pitch": ANGLES,
     "f_x": FORCES, "f_z": FORCES,
 }  # fmt: skip
-"""Units by column; all others are lengths."""
+"""Units by column; all other columns are lengths."""
 COUNTS = frozenset({"i"})  # have no unit
 MAPPING = "mapping.yaml"  # as `cell export` names it
 
@@ -27,7 +27,7 @@ ResultColumn = Literal["t_layer_touch", "l1", "l2", "displacement"]
 
 
 class Column(Settings):
-    """A foreign column: name, unit, `offset` [SI] of our zero; the sign of `reversed` is turned."""
+    """A foreign column: name, unit, `offset` [SI] of its zero; if `reversed`, the sign changes."""
 
     column: str = Field(min_length=1)
     unit: str
@@ -36,8 +36,10 @@ class Column(Settings):
 
 
 class Table(Settings):
-    """A CSV or Parquet file in each run's folder, a topic of an MCAP file, or `episode` of a
-    LeRobot data set; `late` [s] is how long after the world its stamps are.
+    """Place of a table: a file in the run's folder, a topic of an MCAP file, or `episode`.
+
+    Files are CSV or Parquet, `episode` is that of a LeRobot data set. `late` [s] is the delay of
+    the table's stamps.
     """
 
     file: str = Field(min_length=1)
@@ -47,33 +49,31 @@ class Table(Settings):
 
 
 class TickTable(Table):
-    """Table of the gripper's points, a row a moment; `t`, `x`, `z` at least."""
+    """Table of the gripper's motion, one row per tick; at least `t`, `x`, `z`."""
 
     columns: dict[TickColumn, Column]
 
 
 class ProfileTable(Table):
-    """Table of points of the strip's midline, a row a point; `t` is equal within an image."""
+    """Table of points of the strip's midline, one per row; `t` is equal within an image."""
 
     columns: dict[Literal["t", "i", "x", "z"], Column]
 
 
 class ContactTable(Table):
-    """Table of the desk contact, a row an image."""
+    """Table of the strip's contact with the desk, one row per image."""
 
     columns: dict[Literal["t", "contact_x"], Column]
 
 
 class ResultTable(Table):
-    """Table of the touch of the layers, one row; absent where none was seen."""
+    """Table with the touch of the layers in one row; absent where none was seen."""
 
     columns: dict[ResultColumn, Column]
 
 
 class Place(Settings):
-    """Place of a run among the others: the `index` in the order in which they were taken, and the
-    `condition` that repeats of one motion share.
-    """
+    """Order of a run in its series, `index`, and the `condition` that its repeats share."""
 
     index: int | None = Field(None, ge=0, le=1_000_000)
     condition: str | None = None

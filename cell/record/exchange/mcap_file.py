@@ -1,4 +1,4 @@
-"""Writes runs as MCAP files with exact stamps, and reads any such files, whole or cut off.
+"""Export of runs as MCAP files with exact stamps, and import of any MCAP file, even truncated.
 
 A message of a run is JSON; its `t` is the exact stamp [s], the log time that of the file's
 nanoseconds. Kept images and the camera are messages of Foxglove's own schemas.
@@ -111,7 +111,7 @@ def _log_time(t: float) -> int:
 
 
 class McapFile:
-    """An MCAP file as a source of tables, one a topic; of a file cut off, all whole chunks."""
+    """MCAP file as a source of tables, one per topic; a truncated file gives its whole chunks."""
 
     def __init__(self, path: Path) -> None:
         """Read messages in JSON and protobuf from the file at `path`, and its attachments."""
@@ -122,8 +122,9 @@ class McapFile:
         self._read(read_bytes(path, LARGEST_FILE))
 
     def table(self, topic: str, _how: object) -> pa.Table:
-        """Messages of `topic` as rows, nested fields joined by dots, lists of objects a row an
-        entry; `log_time` [s] beside. ConfigurationError for a missing topic.
+        """Messages of `topic` as rows with their `log_time` [s]; ConfigurationError without any.
+
+        Nested fields are joined by dots; a list of objects gives a row for each entry.
         """
         if topic not in self._rows:
             known = sorted(self._rows)
@@ -165,7 +166,7 @@ class McapFile:
 
 
 def decode_message(data: bytes, channel: "Channel", schema: "Schema | None") -> Row:
-    """A message of JSON or protobuf as plain values; empty for any other encoding."""
+    """Decode a message of JSON or protobuf to plain values; empty for any other encoding."""
     if channel.message_encoding == "json":
         message = json.loads(data)
         return message if isinstance(message, dict) else {}
@@ -183,7 +184,7 @@ def _is_picture(schema: "Schema") -> bool:
 
 
 def flat(message: Row) -> list[Row]:
-    """A message as rows of scalars: names joined by dots, lists of objects a row an entry `i`."""
+    """Rows of scalars of a message: nested names joined by dots, a row for each listed object."""
     plain_parts: Row = {}
     several: list[Row] = []
     for name, value in message.items():

@@ -15,12 +15,12 @@ from drivers.types import Array
 TICK_COLUMNS = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")
 TOUCH_FIELDS = ("t_layer_touch", "l1", "l2", "displacement")
 Name = Callable[[str, str], tuple[str, str]]
-"""File and column of a table's column in a format."""
+"""Function from a table and its column to the file and column that hold it in a format."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outgoing:
-    """A run with its measurements: name of a table -> columns (n,) in SI units.
+    """A run to export, with its measurements: name of a table -> columns (n,) in SI units.
 
     The tables are `ticks`, and where they were measured `contact`, `profile` and `result`.
     """
@@ -30,7 +30,7 @@ class Outgoing:
 
     @classmethod
     def of(cls, run: Run) -> Self:
-        """The tables of `run`; empty columns are left out."""
+        """Collect the tables of `run`; empty columns are left out."""
         ticks = {name: np.asarray(getattr(run.ticks, name)) for name in TICK_COLUMNS}
         found = {"ticks": {name: v for name, v in ticks.items() if np.isfinite(v).any()}}
         seen = np.isfinite(run.ticks.contact_x)
@@ -45,7 +45,7 @@ class Outgoing:
 
 
 def outgoing(runs: Sequence[Run]) -> tuple[Outgoing, ...]:
-    """Tables of `runs`; ConfigurationError where one mapping cannot describe them all."""
+    """Collect the tables of `runs`; ConfigurationError where no single mapping describes them."""
     for run in runs:
         if not len(run.ticks.t):
             raise ConfigurationError(f"{run.folder}: holds no row; leave it out")
@@ -58,7 +58,7 @@ def outgoing(runs: Sequence[Run]) -> tuple[Outgoing, ...]:
 
 
 def mapping_of(parts: Sequence[Outgoing], name: Name) -> dict[str, Any]:
-    """Contents of the mapping file of exported runs, whose columns `name` finds in the format.
+    """Contents of the mapping file of exported runs; `name` gives the format's file and column.
 
     A table or column is described where every run has it, the touch where any has.
     """
@@ -75,19 +75,17 @@ def mapping_of(parts: Sequence[Outgoing], name: Name) -> dict[str, Any]:
     if all(part.run.header.by_cell for part in parts):
         content["seen_by"] = "cell"
     for table in ("ticks", "contact", "profile", "result"):
-        those = [part.tables[table] for part in parts if table in part.tables]
-        if those and (table == "result" or len(those) == len(parts)):
-            shared = [c for c in those[0] if all(c in each for each in those)]
-            named = {c: name(table, c) for c in shared}
-            content[table] = {
-                "file": named[shared[0]][0],
-                "columns": {c: {"column": named[c][1], "unit": unit_of(c)} for c in shared},
-            }
+        present = [part.tables[table] for part in parts if table in part.tables]
+        if present and (table == "result" or len(present) == len(parts)):
+            shared = [column for column in present[0] if all(column in each for each in present)]
+            file, _ = name(table, shared[0])
+            columns = {c: {"column": name(table, c)[1], "unit": unit_of(c)} for c in shared}
+            content[table] = {"file": file, "columns": columns}
     return content
 
 
 def unit_of(column: str) -> str:
-    """SI unit of a column of ours; of a number without a unit `1`."""
+    """SI unit of a run's column; `1` for a number without a unit."""
     return "1" if column in COUNTS else next(iter(MEASURES.get(column, {"m": 1.0})))
 
 

@@ -1,4 +1,4 @@
-"""Reads columns of foreign tables, in SI units and the cell frame."""
+"""Reading of columns of foreign tables, converted to SI units and the cell frame."""
 
 import io
 import json
@@ -33,7 +33,7 @@ class Source(Protocol):
 
     @property
     def name(self) -> str:
-        """Name for the run."""
+        """Name for the imported run."""
 
     @property
     def documents(self) -> Mapping[str, bytes]:
@@ -74,7 +74,7 @@ class Folder:
 def read_columns(
     source: Source, table: Table, columns: Iterable[tuple[str, Column]]
 ) -> dict[str, Array]:
-    """Read `columns` of the file of `table` in `source`, each (n,) in SI units by our name.
+    """Read `columns` of the `table` in `source`: arrays (n,) in SI units by the cell's names.
 
     Raises ConfigurationError for a file, a column or a unit that cannot be used.
     """
@@ -86,7 +86,7 @@ def read_columns(
 
 
 def path_of(source: Source, table: Table) -> Path:
-    """The file that `table` was read from, for errors."""
+    """Path of the file that holds `table`, for errors."""
     return source.path / table.file if isinstance(source, Folder) else source.path
 
 
@@ -120,14 +120,25 @@ def _is_number(value: object) -> bool:
     return True
 
 
-def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
-    """A foreign column in SI units and our axes; ConfigurationError for one that is no number."""
+def _unit_factor(column: Column, name: str) -> float:
+    """Factor from the column's unit to SI; ConfigurationError for a unit that `name` lacks."""
+    if name in COUNTS:
+        return 1.0
     known = MEASURES.get(name, LENGTHS)
-    if name not in COUNTS and column.unit not in known:
+    if column.unit not in known:
         raise ConfigurationError(
             f"mapping: {name}: unit {column.unit!r} is not known{suggestion(column.unit, known)}; "
             f"allowed: {', '.join(known)}"
         )
+    return FACTORS[column.unit]
+
+
+def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
+    """Values (n,) of a foreign column in SI units and axes of the cell frame.
+
+    Raises ConfigurationError for an unknown unit, a missing column, or one that holds no numbers.
+    """
+    factor = _unit_factor(column, name)
     names = content.column_names
     if names.count(column.column) != 1:
         there = "stands there twice" if column.column in names else "is not there"
@@ -144,6 +155,5 @@ def _values(content: pa.Table, column: Column, name: str, path: Path) -> Array:
             "numbers; state the file's `decimal` in the mapping, or leave the row out"
         )
     numbers = raw.cast(pa.float64(), safe=False).to_numpy()
-    factor = 1.0 if name in COUNTS else FACTORS[column.unit]
     sign = -1.0 if column.reversed else 1.0
     return frozen(sign * (np.asarray(numbers, dtype=np.float64) * factor - column.offset))

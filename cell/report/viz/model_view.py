@@ -1,4 +1,4 @@
-"""Prediction of the strip by its model, driven by the measured gripper, for display."""
+"""Simulation of the strip by its model, driven by the measured gripper, for display."""
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 
 STEP = 0.005  # s
+TIME_ROUNDING = 1e-9  # s
 SEGMENTS = 60
 LONGEST_START, LONGEST_GAP = 10.0, 1.0  # s without a measured gripper, where the model ends
 LIFTED_HEIGHT = 0.02  # m, above which a strip's first pose is one that hangs
@@ -29,7 +30,7 @@ class Shadow:
             self._lost = True
 
     def follow(self, t: float, pose: Array) -> Array:
-        """Midline (nodes, 2) [m] at `t` [s], the gripper now at `pose` (3,); times must increase.
+        """Midline (nodes, 2) [m] at the increasing time `t` [s], with the gripper at `pose` (3,).
 
         Empty once the model has diverged or the gripper was not measured for too long; the rest of
         the view goes on without it.
@@ -41,12 +42,13 @@ class Shadow:
         try:
             if self._last is None and pose[1] > LIFTED_HEIGHT:
                 self._rod.reset([self._model], pose[None])
-            before, was = self._last or (t, pose)
+            last_t, last_pose = self._last or (t, pose)
             self._last = (t, pose)
-            while (self._steps + 1) * STEP <= t + 1e-9:
+            while (self._steps + 1) * STEP <= t + TIME_ROUNDING:
                 self._steps += 1
-                share = (self._steps * STEP - before) / max(t - before, STEP)
-                self._rod.step((was + np.clip(share, 0.0, 1.0) * (pose - was))[None], STEP)
+                share = (self._steps * STEP - last_t) / max(t - last_t, STEP)
+                between = last_pose + np.clip(share, 0.0, 1.0) * (pose - last_pose)
+                self._rod.step(between[None], STEP)
         except Fault:
             self._lost = True
             return NO_SHAPE

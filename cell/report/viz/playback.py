@@ -1,24 +1,29 @@
-"""Converts a run to a sequence of ticks and log lines for display."""
+"""Conversion of a run to a sequence of ticks and log lines for display."""
 
 import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from math import nan
+from typing import TypeVar
 
 import numpy as np
 
 from cell.perception.measurement import StripMeasurement
 from cell.record.outlook import PREDICTED, Outlook
 from cell.record.run import Run
-from drivers.types import Array, Frame, Image
+from drivers.types import Array, Image
 
+Item = TypeVar("Item")
 EVERY_FRAME = frozenset({"decision", PREDICTED})  # kinds of events that are not worth a line
 
 
 @dataclass(frozen=True, slots=True)
 class TickView:
-    """A tick for display: `clock` [s], `t` since the lift [s] (NaN before), gripper `pose` (3,);
-    `measurement`, `image` and `outlook`, a row of `cell.record.outlook`, only when new.
+    """A tick for display, with the measurement, image and prediction that are new in it.
+
+    `clock` [s], `t` since the lift [s] (NaN before), gripper `pose` (3,); `outlook` is a row of
+    `cell.record.outlook`.
     """
 
     clock: float
@@ -42,7 +47,7 @@ class LogLine:
 
 
 def log_text(kind: str, facts: dict[str, object]) -> str:
-    """An event as a line of text."""
+    """Text of an event in one line."""
     if set(facts) == {"state", "event"}:
         return f"{facts['state']}, after {facts['event']}"
     text = ", ".join([kind, *(f"{key} {value}" for key, value in facts.items())])
@@ -50,7 +55,7 @@ def log_text(kind: str, facts: dict[str, object]) -> str:
 
 
 def moments_of(run: Run) -> Iterator[TickView | LogLine]:
-    """Ticks of a run, with kept images and their measurements, and events, in the order of time."""
+    """Ticks and log lines of a run in the order of time; ticks bring kept images and sights."""
     origin = run.origin()
     words: Iterator[TickView | LogLine] = (
         LogLine(
@@ -67,39 +72,46 @@ def moments_of(run: Run) -> Iterator[TickView | LogLine]:
 
 
 def _ticks(run: Run, origin: float) -> Iterator[TickView]:
-    frames, sights = run.frames(), iter(_sights(run))
-    frame, measurement = next(frames, None), next(sights, None)
-    still = np.full(3, np.nan)
+    frames = run.frames()
+    frame = next(frames, None)
+    no_pose = np.full(3, np.nan)
     while frame is not None and frame.stamp < 0:
-        yield TickView(frame.stamp + origin, np.nan, 0, "", still, image=frame.image)
+        yield TickView(frame.stamp + origin, np.nan, 0, "", no_pose, image=frame.image)
         frame = next(frames, None)
-    outlook, passed = Outlook.of(run.events()), 0
-    ticks = run.ticks
+    ticks, outlook = run.ticks, Outlook.of(run.events())
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
-    for row, t in enumerate(ticks.t):
-        seen: StripMeasurement | None = None
-        shown: Frame | None = None
-        while measurement is not None and measurement.stamp <= t:
-            seen, measurement = measurement, next(sights, None)
-        while frame is not None and frame.stamp <= t:
-            shown, frame = frame, next(frames, None)
-        ahead: Array | None = None
-        while passed < len(outlook.t) and outlook.t[passed] <= t:
-            ahead, passed = outlook.rows[passed], passed + 1
+    later_frames = frames if frame is None else chain([frame], frames)
+    news = zip(
+        _newest_at(ticks.t, ((each.stamp, each) for each in _sights(run))),
+        _newest_at(ticks.t, ((each.stamp, each.image) for each in later_frames)),
+        _newest_at(ticks.t, zip(outlook.t, outlook.rows, strict=True)),
+        strict=True,
+    )
+    for row, (measurement, image, prediction) in enumerate(news):
         yield TickView(
-            clock=float(t) + origin,
-            t=float(t),
+            clock=float(ticks.t[row]) + origin,
+            t=float(ticks.t[row]),
             tick=row,
             state=ticks.state[row] if ticks.state else "",
             pose=poses[row],
-            measurement=seen,
-            image=None if shown is None else shown.image,
-            outlook=ahead,
+            measurement=measurement,
+            image=image,
+            outlook=prediction,
         )
 
 
+def _newest_at(times: Array, stamped: Iterator[tuple[float, Item]]) -> Iterator[Item | None]:
+    """The newest item of `stamped`, by stamp [s], at each of `times` (n,) [s]; None if not new."""
+    following = next(stamped, None)
+    for t in times:
+        newest: Item | None = None
+        while following is not None and following[0] <= t:
+            newest, following = following[1], next(stamped, None)
+        yield newest
+
+
 def _sights(run: Run) -> list[StripMeasurement]:
-    """Measurements of a run, image by image; of a laboratory's run only the curves."""
+    """Measurements of a run, one per image; of a laboratory's run only the profiles."""
     sights, curves = run.sights(), run.profile.curves()
     if sights.stamp.size == 0:
         return [_curve_only(t, points) for t, points in curves]

@@ -65,7 +65,7 @@ STATE_COLOURS = {
 
 
 def viz_from_run(folder: Path) -> Path:
-    """Write the recording of a run again from its record, and return its path.
+    """Rebuild the Rerun recording of a run from its record, and return its path.
 
     An existing run.rrd stays: it was recorded during the fold, from every image, of which the
     record keeps a few; the new one lies beside it. Broken parts of the record are left out. Raises
@@ -99,10 +99,10 @@ def open_recording(
     live: bool = False,
     viewer: Callable[[str], None] | None = None,
 ) -> Iterator[rr.RecordingStream]:
-    """Recording into the file `name` of `folder`, complete after the block; `live` serves it too.
+    """Open a recording into the file `name` of `folder`; complete after the block.
 
-    `viewer` opens a viewer on the served address. Raises OSError, RuntimeError or ValueError when
-    the file cannot be written.
+    `live` serves it too, and `viewer` opens a viewer on the served address. Raises OSError,
+    RuntimeError or ValueError when the file cannot be written.
     """
     with watched_recording("cell", folder / name, live=live, viewer=viewer) as recording:
         send_blueprint(recording, blueprint())
@@ -113,7 +113,7 @@ def open_recording(
 def watched_recording(
     application: str, path: Path, *, live: bool, viewer: Callable[[str], None] | None
 ) -> Iterator[rr.RecordingStream]:
-    """Recording of `application` into the file at `path`; see `open_recording`."""
+    """Open a recording of `application` into the file at `path`; see `open_recording`."""
     recording = rr.RecordingStream(application, recording_id=ascii(path.parent.name).strip("'"))
     servers = (
         [rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=SERVER_MEMORY)]
@@ -166,19 +166,23 @@ class Screen:
         if isinstance(item, LogLine):
             level = rr.TextLogLevel.ERROR if item.alarm else rr.TextLogLevel.INFO
             self._to.log("log", rr.TextLog(item.text, level=level))
+        else:
+            self._draw_tick(item)
+
+    def _draw_tick(self, tick: TickView) -> None:
+        has_begun = math.isfinite(tick.t)
+        if tick.state and (tick.state, has_begun) != self._state:
+            self._state = (tick.state, has_begun)
+            self._to.log("cell/state", rr.StateChange(state=tick.state))
+        if tick.image is not None:
+            self._draw_picture(tick.image, tick.measurement)
+        if not has_begun:
             return
-        started = math.isfinite(item.t)
-        if item.state and (item.state, started) != self._state:
-            self._state = (item.state, started)
-            self._to.log("cell/state", rr.StateChange(state=item.state))
-        if item.image is not None:
-            self._picture(item.image, item.measurement)
-        if started and item.measurement is not None:
-            self._measurement(item, item.measurement)
-        if started and item.outlook is not None:
-            self._ahead.append((item.t, item.tick, item.outlook.tolist()))
-        if started:
-            self._motion(item)
+        if tick.measurement is not None:
+            self._draw_measurement(tick, tick.measurement)
+        if tick.outlook is not None:
+            self._ahead.append((tick.t, tick.tick, tick.outlook.tolist()))
+        self._draw_motion(tick)
 
     def finish(self) -> None:
         """Send the buffered signals."""
@@ -189,14 +193,13 @@ class Screen:
         self._send(ahead, OUTLOOK_SIGNALS)
 
     def verdict(self, folder: Path) -> None:
-        """Add the outcome of the run in `folder`, where it has a result."""
+        """Add the verdict on the run in `folder`, where it has a result."""
         if not (folder / RESULT).is_file():
             return
-        said = verdict_of(Salvage.of(folder), None)
-        number = (
-            [f"**{said.figure}** ({said.error.replace(LINE_BREAK, ', ')})"] if said.figure else []
-        )
-        text = "\n\n".join([f"# {said.headline}", *number, *said.sentences])
+        found = verdict_of(Salvage.of(folder), None)
+        error = found.error.replace(LINE_BREAK, ", ")
+        number = [f"**{found.figure}** ({error})"] if found.figure else []
+        text = "\n\n".join([f"# {found.headline}", *number, *found.sentences])
         words = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
         self._to.log("verdict", words, static=True)
 
@@ -224,11 +227,11 @@ class Screen:
     def _send(self, rows: list[tuple[float, int, list[float]]], names: Iterable[str]) -> None:
         if not rows:
             return
-        times = rr.TimeColumn("t", duration=[row[0] for row in rows])
-        ticks = rr.TimeColumn("tick", sequence=[row[1] for row in rows])
-        for name, values in zip(names, np.array([row[2] for row in rows]).T, strict=True):
-            columns = rr.Scalars.columns(scalars=SIGNAL_SCALES.get(name, MM) * values)
-            self._to.send_columns(f"signals/{name}", [times, ticks], columns)
+        t, ticks, values = zip(*rows, strict=True)
+        times = [rr.TimeColumn("t", duration=t), rr.TimeColumn("tick", sequence=ticks)]
+        for name, signal in zip(names, np.array(values).T, strict=True):
+            columns = rr.Scalars.columns(scalars=SIGNAL_SCALES.get(name, MM) * signal)
+            self._to.send_columns(f"signals/{name}", times, columns)
 
     def _log_surroundings(self, length: float) -> None:
         desk = [MM * np.array([(-0.1, 0.0), (length + 0.15, 0.0)])]
@@ -250,21 +253,21 @@ class Screen:
         if isinstance(item, TickView):
             self._to.set_time("tick", sequence=item.tick)
 
-    def _measurement(self, moment: TickView, measurement: StripMeasurement) -> None:
+    def _draw_measurement(self, moment: TickView, measurement: StripMeasurement) -> None:
         self._seen.append(
             (moment.t, moment.tick, [measurement.contact_x, *measurement.tip, measurement.gap])
         )
         self._to.log("strip/measured", _curve(measurement.profile, SEEN_RGBA, 2.0))
 
-    def _picture(self, image: Image, measurement: StripMeasurement | None) -> None:
+    def _draw_picture(self, image: Image, measurement: StripMeasurement | None) -> None:
         """Draw an image, and the measurement from it."""
         self._to.log("camera/image", jpeg(image))
         if measurement is None or self._calibration is None:
             self._to.log("camera/overlay", rr.Clear(recursive=True))
         else:
-            self._overlay(measurement, self._calibration)
+            self._draw_overlay(measurement, self._calibration)
 
-    def _overlay(self, measurement: StripMeasurement, calibration: Calibration) -> None:
+    def _draw_overlay(self, measurement: StripMeasurement, calibration: Calibration) -> None:
         pixels = calibration.to_image(measurement.profile)
         self._to.log(
             "camera/overlay/profile", rr.LineStrips2D([pixels], colors=SEEN_RGBA, radii=1.5)
@@ -275,7 +278,7 @@ class Screen:
         points = rr.Points2D(calibration.to_image(marks[seen]), colors=colours, radii=6)
         self._to.log("camera/overlay/marks", points)
 
-    def _motion(self, moment: TickView) -> None:
+    def _draw_motion(self, moment: TickView) -> None:
         x, z = float(moment.pose[0]), float(moment.pose[1])
         self._rows.append((moment.t, moment.tick, [x, z]))
         shape = NO_SHAPE if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
@@ -290,14 +293,14 @@ class Screen:
 
 
 def _curve(points: Array, colour: int, radius: float) -> Any:
-    """Line of a flat view through points (n, 2) [m], `radius` [mm]."""
+    """Line through points (n, 2) [m] for a flat view, drawn with `radius` [mm]."""
     return rr.LineStrips2D(
         [TO_VIEW * points] if len(points) > 1 else [], colors=colour, radii=radius
     )
 
 
 def jpeg(image: Image) -> Any:
-    """`image` (height, width, 3) BGR, compressed for Rerun."""
+    """Compress `image` (height, width, 3) BGR for Rerun."""
     import cv2
 
     _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 70])
@@ -305,7 +308,7 @@ def jpeg(image: Image) -> Any:
 
 
 def free_port() -> int:
-    """A free port number on the loopback."""
+    """Number of a free port on the loopback."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -1,4 +1,4 @@
-"""Saves a Rerun recording in a file, and survives a full disk."""
+"""Saving of a Rerun recording in a file, which survives a full disk."""
 
 import os
 import threading
@@ -18,12 +18,11 @@ CHUNK_SIZE = 1 << 20  # bytes that are passed on at once
 
 @contextmanager
 def saving(recording: rr.RecordingStream, path: Path, *others: Any) -> Iterator[None]:
-    """Save `recording` in the file at `path`, which is whole when this ends, and send it to the
-    sinks `others`.
+    """Save `recording` in the file at `path`, complete after the block, and send it to `others`.
 
-    Raises OSError where the file cannot be written. A file that Rerun writes itself makes it wait
-    for good, and the process with it, once the disk is full; so it writes into a pipe, and a thread
-    of ours on.
+    Raises OSError where the file cannot be written. `others` are sinks of Rerun. A file that
+    Rerun writes itself makes it wait for good, and the process with it, once the disk is full; so
+    it writes into a pipe, from which a thread of this process writes the file.
     """
     # A recording that nobody holds keeps two threads and 0.5 MB until this, which `rr.init` calls.
     bindings.flush_and_cleanup_orphaned_recordings()

@@ -1,4 +1,4 @@
-"""Observer of a run for Rerun, with its own thread."""
+"""Observer that shows a run in Rerun from its own thread."""
 
 import math
 import threading
@@ -66,14 +66,14 @@ class Viz:
         self._thread.start()
 
     def see(self, snapshot: Snapshot) -> None:
-        """Queue one tick."""
+        """Queue one control cycle for drawing."""
         measurement = snapshot.view.measurement
         if measurement is not None and measurement.sequence == self._sequence:
             measurement = None
         if measurement is not None:
             self._sequence = measurement.sequence
-        predicted, self._predicted = self._predicted, snapshot.predicted
-        new = self._predicted is not None and self._predicted is not predicted
+        before, self._predicted = self._predicted, snapshot.predicted
+        is_new = self._predicted is not None and self._predicted is not before
         self._ticks += 1
         self._put(
             TickView(
@@ -84,12 +84,12 @@ class Viz:
                 pose=snapshot.arm.pose.as_array(),
                 measurement=measurement,
                 image=self._image(snapshot),
-                outlook=row_of(asdict(self._predicted)) if new and self._predicted else None,
+                outlook=row_of(asdict(self._predicted)) if is_new and self._predicted else None,
             )
         )
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Queue one event."""
+        """Queue one event for drawing."""
         if kind == "state" and facts.get("state") == self._begins:
             self._origin = time
         self._put(LogLine(time, log_text(kind, facts), kind == "fault", time - self._origin))
@@ -153,7 +153,7 @@ class Viz:
 def watching(
     mode: Mode | Literal["off"], *, hanging: bool = False
 ) -> Iterator[Callable[[Path, StripFile], tuple[Viz, ...]]]:
-    """Within the block, make the Rerun observers of folds, none when `off`; at its end wait.
+    """Yield a function that makes a fold's Rerun observers, none if `off`; afterwards wait for all.
 
     `hanging` is where the measured time of the folds begins; see `Viz`.
     """

@@ -1,4 +1,4 @@
-"""Shows a calibration in Rerun: the image with its measurements, the coverage, the next request."""
+"""View of a calibration in Rerun: image with measurements, coverage, next request."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,7 +24,7 @@ WANTED_RGBA = 0xFFAA32FF
 def wizard_screen(
     folder: Path, *, live: bool = False, viewer: Callable[[str], None] | None = None
 ) -> Iterator["WizardScreen"]:
-    """Screen that draws into wizard.rrd of `folder`, which must exist when the first news arrive.
+    """Open a screen that draws into wizard.rrd of `folder`, which must exist by the first drawing.
 
     `live` serves it on loopback too, and `viewer` opens a viewer there.
     """
@@ -35,57 +35,52 @@ def wizard_screen(
 
 
 class WizardScreen:
-    """Screen that draws a wizard's news; the only user of its entity paths."""
+    """Draws the steps of a calibration wizard in Rerun; the only user of its entity paths."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._to = recording
         self._count = 0
 
     def __call__(self, news: News) -> None:
-        """Draw the news."""
+        """Draw one step of the wizard."""
         self._count += 1
         self._to.set_time("step", sequence=self._count)
         if news.frame is not None:
             self._to.log("camera/image", jpeg(news.frame.image))
         if isinstance(news, ViewNews):
-            self._views(news)
+            self._draw_views(news)
         else:
-            self._touches(news)
+            self._draw_touches(news)
 
     def verdict(self, words: str) -> None:
-        """Log the verdict."""
+        """Log the wizard's verdict."""
         self._to.log("wizard/log", rr.TextLog(words))
         self._to.log("wizard/words", rr.TextDocument(words))
 
-    def _views(self, news: ViewNews) -> None:
+    def _draw_views(self, news: ViewNews) -> None:
+        """Draw the request of a board's view, its coverage, and the result of the last view."""
         wanted = "nothing more" if news.wanted is None else str(news.wanted)
         rows = [f"{'x' if gate.passed else ' '} {gate}" for gate in news.gates]
         self._log_request(wanted, news.why, rows)
         shares = np.array([gate.share for gate in news.gates])
         self._to.log("wizard/coverage", rr.BarChart(shares))
         if news.sketch is not None:
-            ghost = [] if news.sketch.wanted is None else [news.sketch.wanted]
-            closed = [np.vstack([corners, corners[:1]]) for corners in ghost]
-            self._to.log(
-                "camera/image/wanted",
-                rr.LineStrips2D(
-                    closed, colors=WANTED_RGBA, radii=3, labels=["wanted"] * len(closed)
-                ),
-            )
+            corners = news.sketch.wanted
+            outlines = [] if corners is None else [np.vstack([corners, corners[:1]])]
+            labels = ["wanted"] * len(outlines)
+            strips = rr.LineStrips2D(outlines, colors=WANTED_RGBA, radii=3, labels=labels)
+            self._to.log("camera/image/wanted", strips)
         if news.result is None:
             return
         if news.result.refused is not None:
-            self._to.log(
-                "wizard/log", rr.TextLog(f"image {news.result.number}: {news.result.refused}")
-            )
+            words = f"image {news.result.number}: {news.result.refused}"
+            self._to.log("wizard/log", rr.TextLog(words))
         if news.result.seen is not None:
             points = rr.Points2D(news.result.seen.image, colors=CORNERS_RGBA, radii=3)
             self._to.log("camera/image/corners", points)
 
-    def _touches(self, news: TouchNews) -> None:
-        wanted = "nothing more"
-        if news.wanted is not None:
-            wanted = news.request
+    def _draw_touches(self, news: TouchNews) -> None:
+        wanted = "nothing more" if news.wanted is None else news.request
         done = f"{len({point.number for point in news.touches})} of {len(news.plan)} points"
         self._log_request(wanted, news.why, [str(news.stage), done])
         if news.touches:

@@ -67,7 +67,7 @@ def test_several_photographs_are_fitted_together_and_narrow_the_interval(tmp_pat
 @pytest.mark.parametrize("curl", [-6.0, 6.0])
 def test_curl_is_named_and_does_not_spoil_the_bending_length(tmp_path: Path, curl: float) -> None:
     found = measured(tmp_path, [Scene(0.1, 0.025, 0.002, HEIGHT, curl=curl)])
-    assert found.bending.birth.born is RestCurvature.CURLED
+    assert found.bending.prior.kind is RestCurvature.CURLED
     assert found.bending.curl.low < curl < found.bending.curl.high
     assert found.bending_length.value == pytest.approx(0.025, rel=0.03)
     straight = found.bending.straight[0].bending_length
@@ -81,7 +81,7 @@ def test_s_shaped_set_is_named_and_the_interval_holds_the_truth(tmp_path: Path) 
     scenes = [Scene(0.15, 0.025, 0.003, HEIGHT, set_amplitude=20.0)]
     found = measured(tmp_path, scenes)
     pooled = found.bending_length
-    assert found.bending.birth.born is RestCurvature.SET
+    assert found.bending.prior.kind is RestCurvature.SET
     assert found.warnings[0].startswith("pre_curl")
     assert pooled.low < 0.025 < pooled.high
     assert found.bending.fits[0].rms < 0.2 * found.bending.straight[0].rms
