@@ -1,4 +1,4 @@
-"""Runs replayed: as measured, under the refitted base, and under the accepted model."""
+"""Replays runs as measured, under the refitted base, and under the accepted model."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from cell.gap.verdict.findings import Findings
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """A run measured and simulated; `after` is None where no effect was accepted."""
+    """A run as measured and as simulated; `after` is None where no effect was accepted."""
 
     name: str
     held_out: bool

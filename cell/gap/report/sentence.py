@@ -17,7 +17,7 @@ TITLES = {
 
 
 def headline(verdict: Verdict) -> str:
-    """The verdict in a line: deviations from the file, then name with size, or what stands open."""
+    """One-line verdict: deviations from the file, then named effects, or what remains open."""
     parts = []
     if verdict.deviates:
         names = ", ".join(d.parameter.replace("_", " ") for d in verdict.deviates)
@@ -112,14 +112,15 @@ def change(found: Findings, verdict: Verdict) -> str:
             if changed
             else f"is {number(before)}"
         )
-        off = "" if changed else " off"
-        parts.append(f"{name} {now} {q.unit}{off} (noise {number(floor)})")
+        ending = "" if changed else " off"
+        parts.append(f"{name} {now} {q.unit}{ending} (noise {number(floor)})")
     return "on held-out runs " + ", ".join(parts)
 
 
 def sigmas(found: Findings) -> float:
-    """Significance of the sure effects in the accepted model: the sigma of an equal likelihood
-    ratio, over the base where the model without them was not tried.
+    """Significance [sigma] of the accepted effects that no other can replace.
+
+    That of an equal likelihood ratio, over the base where the model without them was not fitted.
     """
     fits = found.choice.fits
     without = fits.of(_class_members(found)) or fits.base
@@ -128,7 +129,7 @@ def sigmas(found: Findings) -> float:
 
 
 def at_their_ends(found: Findings) -> list[str]:
-    """Parameters of the sure effects that a bound stopped."""
+    """Names of the parameters of surely named effects whose fitted value is a bound."""
     fit = found.accepted.estimate
     _, values = fit.model.split(fit.shared)
     return [
@@ -140,7 +141,7 @@ def at_their_ends(found: Findings) -> list[str]:
 
 
 def deviation(deviates: Sequence[Deviation]) -> str:
-    """Deviations from the file, in a line for an operator."""
+    """Line for an operator on the values that deviate from the file."""
     parts = []
     for d in deviates:
         ends = (quantity(end, d.unit) if end is not None else "any" for end in d.tolerated)
@@ -163,7 +164,7 @@ def undetectable(found: Findings) -> list[str]:
 
 
 def smallest(found: Findings, name: str, value: float) -> str:
-    """Smallest size that would have been detected; the largest, where less is more."""
+    """Text of the detection limit of an effect: an upper limit for reciprocal parameters."""
     candidate = next(c for c in found.subject.scope.candidates if c.name == name)
     first = candidate.parameters[0]
     return f"{'at most ' if first.inverse else ''}{quantity(value, first.unit)}"
