@@ -29,8 +29,7 @@ from drivers.types import Array
 INPUT_FILES = ("run.yaml", "result.yaml", *TABLES)
 PROBE_SIGMA = 3.0  # that the largest probe of an effect must show, beyond what the base absorbs
 WEAK = 0.5  # of the prior spread of a value: runs that leave more do not determine it
-# correlation of responses, from which on runs cannot separate two effects
-LARGEST_CORRELATION = 0.995
+LARGEST_CORRELATION = 0.995  # of two responses: beyond it runs cannot separate the effects
 IDENTIFIABLE = "identifiable"
 Level = Literal["bad", "fair", "good"]
 
@@ -132,9 +131,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
 
 
 def identifiable(subject: Subject) -> Iterator[Finding]:
-    """Findings on parameters and effects that the runs cannot identify, by responses at the stated
-    values.
-    """
+    """Findings on values and effects that the runs cannot identify, by linearised responses."""
     stated = nominal(subject, subject.simulate)
     sigma = np.sqrt(np.diag(normal_equations.covariance(stated.normal(1.0).curvature)))
     for p, s in zip(subject.scope.base, sigma, strict=False):

@@ -119,7 +119,7 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
 
 
 def _write_patches(found: Findings, verdict: Verdict, out: Path, source: str, name: str) -> None:
-    """Write the patch of the values and effects of `verdict` as `name`, its model and the cell's."""
+    """Write the patch of values and effects of `verdict` as `name`, its model, and the cell's."""
     base, effects = _values(verdict)
     patch, cell_patch = found.subject.patch(base, effects, source)
     write_file(out / name, dump_text(patch))

@@ -10,8 +10,7 @@ from cell.gap.selection.screening import Probed
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
-# at which cross-validation, too, accepts an effect; after the base is refitted; set by hand
-DETECTED_SIGMA = 8.0
+DETECTED_SIGMA = 8.0  # at which cross-validation, too, accepts an effect; set by hand
 LEAST_POWER = 1e-12  # squared norm of a whitened response; a smaller one is rounding
 
 
@@ -41,8 +40,8 @@ def _smallest(about: Projection, probed: Probed, by: LikelihoodScale, sure: floa
     return min(sizes, key=lambda each: each[0])[1] if sizes else None
 
 
-def _scaled_value(candidate: Candidate, probe: Array, to: float, sigma: float) -> float | None:
-    """Main parameter of a probe that shows by `sigma`, scaled `to` another; None out of bounds."""
+def _scaled_value(candidate: Candidate, probe: Array, sure: float, sigma: float) -> float | None:
+    """Main value of a probe, scaled from its response `sigma` to `sure`; None out of bounds."""
     k, p = next((k, p) for k, p in enumerate(candidate.parameters) if probe[k] != p.start)
-    value = float(p.start + (probe[k] - p.start) * to / sigma)
+    value = float(p.start + (probe[k] - p.start) * sure / sigma)
     return p.stated_value(value) if p.low <= value <= p.high else None

@@ -39,10 +39,7 @@ class Drift:
 
 @dataclass(frozen=True, slots=True)
 class Repeats:
-    """Differences between runs of one condition: `drift`, and `inflation` of noise by channel.
-
-    `drift` is None where no condition was repeated.
-    """
+    """Differences of repeats: their `drift` (None without any), noise `inflation` by channel."""
 
     drift: Drift | None
     inflation: dict[str, float]

@@ -42,7 +42,7 @@ def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, f
     return _display_gaps(evidence, readings, quantities)
 
 
-def _by_word(words: Words, square: Array) -> dict[str, float]:
+def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
     """Mean of the finite squares (n,) of each word."""
     found = {}
     for name in np.unique(words):
@@ -54,11 +54,12 @@ def _by_word(words: Words, square: Array) -> dict[str, float]:
 
 
 def _display_gaps(
-    evidence: Evidence, each: Sequence[Array], quantities: Mapping[str, Quantity]
+    evidence: Evidence, squares_by_run: Sequence[Array], quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
+    """Root mean square by displayed quantity of `squares_by_run` (n,), in displayed units."""
     squares: dict[str, list[float]] = defaultdict(list)
-    for run, square in zip(evidence.runs, each, strict=True):
-        for name, found in _by_word(run.samples.quantity, square).items():
+    for run, square in zip(evidence.runs, squares_by_run, strict=True):
+        for name, found in _mean_by_word(run.samples.quantity, square).items():
             squares[name].append(found)
     return {
         quantities[name].key: quantities[name].factor * float(np.sqrt(np.mean(values)))
@@ -71,7 +72,7 @@ def run_squares(estimate: Estimate) -> Array:
     """Mean square whitened residual of each run, channels with equal weight (R,)."""
     found = []
     for run, r in zip(estimate.evidence.runs, estimate.residuals, strict=True):
-        found.append(np.mean(list(_by_word(run.samples.channel, r**2).values())))
+        found.append(np.mean(list(_mean_by_word(run.samples.channel, r**2).values())))
     return np.array(found)
 
 

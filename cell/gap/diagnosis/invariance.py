@@ -12,8 +12,7 @@ from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import ALPHA, LikelihoodScale
 from drivers.types import Array
 
-# relative scatter of the amplitude between conditions that a cause may show; set by hand
-DRIFT = 0.25
+DRIFT = 0.25  # relative scatter that a cause's amplitude may show; set by hand
 
 
 @dataclass(frozen=True, slots=True)

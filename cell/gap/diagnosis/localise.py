@@ -1,4 +1,4 @@
-"""Tests where simulation and measurement disagree: in bins of channel, phase, zone, condition."""
+"""Locates gaps between simulation and runs in bins of channel, phase, zone and condition."""
 
 from collections import defaultdict
 from collections.abc import Sequence

@@ -15,7 +15,7 @@ SPARSE_COLUMNS = frozenset({"t", "contact_x", "contact_t", "pitch", "f_x", "f_z"
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Thresholds of complaints about a recording; pairs are those of a remark and of no fit.
+    """Thresholds of complaints about a recording; pairs are (worth a remark, not to be fitted).
 
     Shares of the rows that were `lost` or hold no number, and of the `images`; a reading that
     stands still for `stuck` [s] while its command changes by `moved` [m or rad]; a largest or
@@ -49,13 +49,10 @@ class Complaint:
 
 
 def clock(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Complaint]:
-    """Complaints about row times (n,) [s]: missing rows and uneven steps.
-
-    Rows out of order are left to the reader to refuse.
-    """
+    """Complaints about row times (n,) [s]: missing rows and uneven steps."""
     steps = np.diff(t)
     step = float(np.median(steps))
-    if not (steps > 0.0).all():
+    if not (steps > 0.0).all():  # the reader refuses rows out of order
         return
     missing = np.round(np.maximum(steps / step - 1.0, 0.0))
     lost = float(missing.sum() / (missing.sum() + len(t)))
@@ -107,17 +104,15 @@ def values(
         )  # fmt: skip
     if seen.sum() < 2:
         return
-    stuck = None if command is None else _stuck_reading(name, t, value, command, limits)
+    stuck = None if command is None else _stuck(name, t, value, command, limits)
     if stuck is not None:
         yield stuck
         return
     yield from _saturation(name, t, value, limits)
 
 
-def _stuck_reading(
-    name: str, t: Array, value: Array, command: Array, limits: Limits
-) -> Complaint | None:
-    """Complaint about the first stretch in which a reading keeps its value and its command not."""
+def _stuck(name: str, t: Array, value: Array, command: Array, limits: Limits) -> Complaint | None:
+    """Complaint about a reading that stands still while its command changes, None if none does."""
     for first, last in _still(value):
         change = float(np.ptp(command[first : last + 1]))
         if t[last] - t[first] > limits.stuck and change > limits.moved:

@@ -26,11 +26,10 @@ FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 class Stepping:
     """Step control of a Gauss-Newton fit, in shares of the decrease that a step predicted.
 
-    A fit ends after `steps` steps. A Jacobian is kept where the decrease is in the range `trusted`;
-    in the range `mendable` Broyden's update corrects it, once. Less than `stalled` with fresh
-    Jacobians, twice, ends the fit: the objective is no longer smooth. A step that was too long is
-    tried at the shares `parabola` of its length, with a second-order term of relative `damping`.
-    Source: set by hand.
+    A fit ends after `steps`. A Jacobian is kept where the decrease is in the range `trusted`; in
+    the range `mendable` Broyden's update corrects it, once. Less than `stalled` with fresh
+    Jacobians, twice, ends the fit: the objective is not smooth. A step too long is tried at
+    the shares `parabola` of its length, bent by a term of relative `damping`. Source: set by hand.
     """
 
     steps: int = 20

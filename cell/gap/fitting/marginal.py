@@ -119,10 +119,9 @@ class Marginal:
 def _equations(
     estimate: Estimate, every: Sequence[Parameter], owner: Array, usual: Array
 ) -> tuple[Array, Array]:
-    """Curvature (u + q, u + q) and pull (u + q,) of data and priors at zero scatter.
+    """Curvature (u + q, u + q) and pull (u + q,) of data and priors, but those of scatter.
 
-    In all u unknowns and in the common part of each of the q random quantities; the priors of the
-    random unknowns themselves are left out.
+    In all u unknowns and in the common part of each of the q random quantities.
     """
     r = np.concatenate(estimate.residuals)
     worth = max(SOUGHT.least, robust.long_run_variance(estimate.evidence.runs, estimate.residuals))

@@ -53,7 +53,7 @@ class Model:
         return shared[: len(self.base)], effects
 
     def join(self, base: Array, effects: dict[str, Array]) -> Array:
-        """Join base values and values by effect to shared values (P,); missing ones are null."""
+        """Join base values and values by effect to shared values (P,), missing effects at null."""
         parts = [e.complete(effects.get(e.name, e.null)) for e in self.effects]
         return np.concatenate([base, *parts])
 
@@ -108,5 +108,5 @@ def whiten(residuals: Residuals, scale: Array) -> Array:
 
 
 def response(there: Residuals, here: Residuals, scale: Array) -> Array:
-    """Residuals `there` minus those `here` (n,), in units of `scale` (n,)."""
+    """Change (n,) of residuals from `here` to `there`, in units of `scale` (n,)."""
     return whiten(there, scale) - whiten(here, scale)

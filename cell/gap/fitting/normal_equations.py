@@ -11,8 +11,7 @@ from cell.gap.fitting.model import Evidence, Model, Point, unknowns
 from drivers.types import Array
 
 Mask = NDArray[np.bool_]
-# of the diagonal: holds directions that nothing determines; far above rounding errors
-RIDGE = 1e-9
+RIDGE = 1e-9  # of the diagonal: holds directions that nothing determines; above rounding
 
 
 @dataclass(frozen=True, slots=True)

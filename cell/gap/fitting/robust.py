@@ -25,8 +25,7 @@ def loss(r: Array) -> Array:
 def bounded_loss(r: Array) -> Array:
     """Huber's loss (n,) [nats], constant beyond OFF_TRACK.
 
-    Compares fits, of which no single sample may decide (Hampel et al. 1986, redescending
-    estimators).
+    In comparisons no single sample may decide (Hampel et al. 1986, redescending estimators).
     """
     return loss(np.clip(r, -OFF_TRACK, OFF_TRACK))
 

@@ -11,8 +11,7 @@ from cell.gap.fitting.secants import linearise
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.tasks import Simulate, run_one
 
-# of two spreads, below which the larger one was in part the response to an effect; set by hand
-SPREAD_RATIO = 0.7
+SPREAD_RATIO = 0.7  # of two spreads, below which they clearly differ; set by hand
 
 
 def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:

@@ -59,10 +59,8 @@ def both_sides(
 
 
 def minmod(a: Array, b: Array) -> Array:
-    """The smaller of two slopes (n, k) where their signs agree, zero elsewhere.
-
-    A slope limiter (Roe 1986, Annual Review of Fluid Mechanics 18, 337).
-    """
+    """The smaller of two slopes (n, k) where their signs agree, zero elsewhere."""
+    # slope limiter: Roe 1986, Annual Review of Fluid Mechanics 18, 337
     return np.asarray(0.5 * (np.sign(a) + np.sign(b)) * np.minimum(np.abs(a), np.abs(b)))
 
 

@@ -78,7 +78,7 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
 
 
 def _spread(p: Parameter, share: float, error: float) -> Spread:
-    """Spread of `p` by its `share` of the usual, with the standard error of its logarithm."""
+    """Spread and interval of `p` from its `share` of the usual and the `error` of its logarithm."""
     low, high = float(np.exp(-CENTRAL_95 * error)), float(np.exp(CENTRAL_95 * error))
     value = share * p.spread
     return Spread(p.name, p.unit, value, value * low, value * high)
@@ -101,7 +101,7 @@ class _Chosen:
 
 
 def _with_others(found: _Chosen, count: int) -> _Chosen:
-    """Add each of the `count` quantities that gains enough; of near equals the first one."""
+    """Add to `found` each of `count` quantities that gains enough; of near equals the first."""
     while len(found.active) < count:
         trials = [
             _Chosen.of(found.model, [*found.active, k], found.shares)

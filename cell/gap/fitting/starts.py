@@ -16,10 +16,9 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Starts:
-    """Number of starts of the base, the stated values among them, and of steps from a drawn one.
+    """Settings of the base fit: number of starts, and steps before a drawn one is given up.
 
-    A start that is not ahead of the stated one after so many `steps` is given up. Source: set by
-    hand.
+    The stated values count as a start. Source: set by hand.
     """
 
     count: int = 3
@@ -27,17 +26,13 @@ class Starts:
 
 
 STARTS = Starts()
-# of a unit direction: from it on a parameter is named in the words for the direction; set by hand
-MAIN_PART = 0.3
+MAIN_PART = 0.3  # of a unit direction, from which on its words name a parameter; set by hand
 
 
 def refit_base(
     simulate: Simulate, model: Model, evidence: Evidence, rng: np.random.Generator
 ) -> Estimate:
-    """Best fit of the base from the stated values and, where needed, from values drawn around them.
-
-    They are needed where the first fit leaves more than noise.
-    """
+    """Best fit of the base from stated values and, if that leaves more than noise, drawn ones."""
     nominal = np.array([p.start for p in model.parameters])
     first = run_one(simulate, refit(model, evidence, Point(nominal, evidence.start())))
     if all(np.mean(r**2) < 1.0 for r in first.residuals):
@@ -109,10 +104,7 @@ def _direction_words(names: list[str], direction: Array) -> str:
 
 
 def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
-    """Refit `rough` to runs corrected for its coarse simulation, keeping its scales.
-
-    So all models are judged by the same scales.
-    """
+    """Refit `rough` to runs corrected for coarse simulation, keeping scales for comparison."""
     runs = refine(subject, rough.model, rough.point, rough.evidence).runs
     return run_one(simulate, refit(rough.model, Evidence(runs, rough.evidence.scales), rough.point))
 

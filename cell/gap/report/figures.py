@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import FuncNorm
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from cell.gap.diagnosis.localise import Bin
 from cell.gap.fitting.gauss_newton import Estimate
@@ -56,14 +57,19 @@ def heat_map(places: Sequence[Bin]) -> str:
     axis.set_xticks(range(len(words)), words, **_slant_labels(words, COLUMN))
     for i, j in zip(*np.nonzero(significant), strict=True):
         axis.plot(j, i, "o", ms=2.5, color=INK)
+    _add_colour_bar(figure, axis, image, highest)
+    axis.set_xlabel("condition", fontsize=8)
+    return as_svg(figure)
+
+
+def _add_colour_bar(figure: Figure, axis: Axes, image: AxesImage, highest: float) -> None:
+    """Add a colour bar with a few round ticks up to `highest` [sigma]."""
     bar = figure.colorbar(image, ax=axis, pad=0.01)
     steps = (0, 1, 3, 10, 30) if highest < 99.0 else (0, 10, 100, 1000, 10000)
     ticks = [z for z in steps if z <= highest]
     bar.set_ticks(ticks, labels=[str(z) for z in ticks])
     bar.set_label("sigma beyond noise", fontsize=8, color=INK)
     bar.ax.tick_params(labelsize=8, colors=INK)
-    axis.set_xlabel("condition", fontsize=8)
-    return as_svg(figure)
 
 
 def _slant_labels(labels: Sequence[str], width: float) -> dict[str, Any]:
@@ -97,16 +103,16 @@ def candidate_bars(rows: Sequence[Compared], accepted: str) -> str:
 
 
 def residual_traces(
-    before: Estimate, after: Estimate, run: int, quantities: dict[str, Quantity]
+    before: Estimate, after: Estimate | None, run: int, quantities: dict[str, Quantity]
 ) -> str:
-    """Figure of measured minus simulated over time in a held-out run, before and after."""
+    """Figure of measured minus simulated over time in a held-out run, before and perhaps after."""
     s = before.evidence.runs[run].samples
     rows = [np.flatnonzero(s.series == number) for number in np.unique(s.series)]
     rows = [mine[np.argsort(s.t[mine])] for mine in rows if len(mine) > 1]
     if not rows:
         return ""
     shown = [(before, COLOUR_BEFORE, "before")]
-    if after is not before:
+    if after is not None:
         shown.append((after, COLOUR_AFTER, "after"))
     figure, axes = blank(7.5, 0.8 + 1.35 * len(rows), rows=len(rows))
     times = s.t[np.concatenate(rows)]

@@ -18,13 +18,13 @@ from drivers.types import Array
 
 def compare_held_out(found: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on the held-out runs, before and after: figures, a sentence, a table."""
-    gap, before, after = verdict.gap, found.shown.before, found.shown.after
+    gap, before = verdict.gap, found.shown.before
+    after = found.shown.after if found.shown.changed else None
     words = {q.key: f"{label(q)} [{q.unit}]" for q in found.subject.scope.quantities.values()}
-    changed = after is not before
-    sides = [gap.before, gap.after, gap.floor] if changed else [gap.before, gap.floor]
+    sides = [gap.before, gap.floor] if after is None else [gap.before, gap.after, gap.floor]
     names = conditions(before.evidence.runs)
     was = _excess_by_run(before)
-    now = _excess_by_run(after) if changed else None
+    now = None if after is None else _excess_by_run(after)
     typical = int(np.argsort(was)[len(was) // 2])
     quantities = dict(found.subject.scope.quantities)
     return {
@@ -32,7 +32,7 @@ def compare_held_out(found: Findings, verdict: Verdict) -> dict[str, Any]:
         "midlines": _midline_figure(found, before.evidence.runs[typical].name),
         "traces": figures.residual_traces(before, after, typical, quantities),
         "shrank": f"{_shrinkage_words(found, verdict)}: {change(found, verdict)}",
-        "head": ("rms", *(("before", "after") if changed else ("gap",)), "noise"),
+        "head": ("rms", *(("gap",) if after is None else ("before", "after")), "noise"),
         "rows": [
             (words.get(key, "excess [noise]"), *(f"{side[key]:.3g}" for side in sides))
             for key in gap.before
@@ -63,7 +63,7 @@ def _midline_figure(found: Findings, run: str) -> str:
 
 
 def _shrinkage_words(found: Findings, verdict: Verdict) -> str:
-    if found.shown.after is found.shown.before:
+    if not found.shown.changed:
         return "No effect was added"
     gap = verdict.gap
     if not gap.before["excess"]:

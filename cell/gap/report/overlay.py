@@ -94,6 +94,7 @@ def _run_tab(run: Replayed) -> Any:
 
 
 def _log_run(recording: rr.RecordingStream, run: Replayed) -> None:
+    """Log the signals, curve, tracks and events of a run, measured and simulated."""
     root = _root(run.name)
     if run.measured.curve is not None:
         _log_surroundings(recording, root, run.measured)
@@ -104,8 +105,8 @@ def _log_run(recording: rr.RecordingStream, run: Replayed) -> None:
             colour = HAND_RGBA if name == "gripper" else CURVE_COLOURS[word]
             size = 4 * RADIUS_MM if word == "measured" else 3 * RADIUS_MM
             columns = rr.Points2D.columns(positions=_flat_points(track.places))
-            _send_columns(recording, f"{root}/tracks/{name}/{word}", track.t, columns,
-                  rr.Points2D.from_fields(colors=colour, radii=size))  # fmt: skip
+            look = rr.Points2D.from_fields(colors=colour, radii=size)
+            _send_columns(recording, f"{root}/tracks/{name}/{word}", track.t, columns, look)
         for t, words in scene.events:
             recording.set_time("t", duration=t)
             recording.log(f"{root}/events/{word}", rr.TextLog(f"{word}: {words}"))

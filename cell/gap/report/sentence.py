@@ -99,30 +99,21 @@ def _describe_rest(found: Findings, verdict: Verdict) -> str:
 
 def change(found: Findings, verdict: Verdict) -> str:
     """Gap before, after and noise floor on held-out runs, by quantity."""
-    parts = []
-    changed = bool(found.accepted.model.effects)
+    parts, gap = [], verdict.gap
     for q in found.subject.scope.quantities.values():
-        if q.key not in verdict.gap.before:
+        if q.key not in gap.before:
             continue
-        name = label(q)
-        before, after = verdict.gap.before[q.key], verdict.gap.after[q.key]
-        floor = verdict.gap.floor[q.key]
-        now = (
-            f"was {number(before)} {q.unit} off and is now {number(after)}"
-            if changed
-            else f"is {number(before)}"
-        )
-        ending = "" if changed else " off"
-        parts.append(f"{name} {now} {q.unit}{ending} (noise {number(floor)})")
+        before, after = number(gap.before[q.key]), number(gap.after[q.key])
+        text = f"is {before} {q.unit} off"
+        if found.accepted.model.effects:
+            text = f"was {before} {q.unit} off and is now {after} {q.unit}"
+        parts.append(f"{label(q)} {text} (noise {number(gap.floor[q.key])})")
     return "on held-out runs " + ", ".join(parts)
 
 
 def sigmas(found: Findings) -> float:
-    """Significance [sigma] of the accepted effects that no other can replace.
-
-    That of an equal likelihood ratio, over the base where the model without them was not fitted.
-    """
-    fits = found.choice.fits
+    """Significance [sigma] of the surely named effects, by the likelihood ratio without them."""
+    fits = found.choice.fits  # the base stands in where that model was not fitted
     without = fits.of(_class_members(found)) or fits.base
     gain = margin(found.accepted, without, found.by).gain
     return float(max(0.0, 2.0 * gain) ** 0.5)

@@ -80,7 +80,7 @@ class Choice:
 
 
 def choose(fits: Fits, sets: Posterior | None = None) -> Choice:
-    """Forward selection with a backward check: the largest model whose every effect is earned.
+    """Forward selection with a backward check: the largest model of which each effect is earned.
 
     An effect is there where the interval of an amount excludes absence, or where the evidence is
     for it: no interval shows an amount for which another number makes up, as a place for a mass.

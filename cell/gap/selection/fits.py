@@ -7,8 +7,7 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.starts import best
 from cell.gap.selection.likelihood import LikelihoodScale, likelihood_scale, margin
 
-# of the best model's gain: models of its size that gain less are left out; set by hand
-GAIN_SHARE = 0.5
+GAIN_SHARE = 0.5  # of the best model's gain, below which a model is left out; set by hand
 
 
 @dataclass(frozen=True, slots=True)

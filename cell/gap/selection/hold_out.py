@@ -58,10 +58,7 @@ def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -
 
 
 def _dispensable_runs(conditions: Sequence[list[int]], information: "Informativeness") -> list[int]:
-    """Numbers of the runs of one condition in `SPARING.every` that the others can spare.
-
-    A condition that they cannot spare gives way to the next one that they can.
-    """
+    """Numbers of the runs to hold out: one condition in `SPARING.every` that others can spare."""
     held: list[int] = []
     for first in range(1, len(conditions), SPARING.every):
         for condition in (*conditions[first:], *conditions[:first]):

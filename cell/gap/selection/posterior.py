@@ -31,8 +31,7 @@ class Beliefs:
     Of the library `expected` effects are present; an `immaterial` one responds with this share (one
     sigma) of what the floor allows; a law is wrong by a share of what it explains, half-normal of
     sigma `wrong`, summed over `shares`, with a correlation time `memory` [s]. Source: a prototype
-    on thirteen cases of a foreign simulator, in which spikes decided whether an empty case was
-    named.
+    on thirteen cases of a foreign simulator; spikes decided whether an empty case was named.
     """
 
     expected: float = 1.0
@@ -133,10 +132,10 @@ class _About:
         *,
         believed: bool,
     ) -> "_About":
-        """Weights and spikes for the sets of `fits`.
+        """Weights of samples and spikes for all sets of `fits`.
 
-        Wild samples are found at the best fit for all sets alike: at its own fit, a bad model would
-        call wild what it does not explain.
+        Wild samples are those of the best fit: at its own, a bad model would call wild what it does
+        not explain.
         """
         base, best = fits.base.estimate, min(fits.models, key=lambda m: m.estimate.objective)
         r = _in_units_of(base, best.estimate)[0] / by.scale
@@ -238,10 +237,7 @@ def _in_units_of(base: Estimate, fit: Estimate) -> tuple[Array, Array]:
 
 
 def _with_proper_priors(limits: normal_equations.Bounds, own: slice) -> normal_equations.Bounds:
-    """Copy of `limits` in which every unknown of `own` has a finite prior.
-
-    Its standard deviation is a quarter of the range where there was none.
-    """
+    """Copy of `limits` in which unknowns of `own` without a prior get a quarter of their range."""
     precision = limits.precision.copy()
     wide = 0.25 * (limits.high[own] - limits.low[own])
     precision[own] = np.where(precision[own] > 0.0, precision[own], wide**-2)
@@ -249,10 +245,7 @@ def _with_proper_priors(limits: normal_equations.Bounds, own: slice) -> normal_e
 
 
 def _truncation(limits: normal_equations.Bounds, mean: Array, variance: Array, own: slice) -> float:
-    """Log ratio [nats] of the posterior mass within the bounds to the prior mass, for `own`.
-
-    Each of these unknowns by itself.
-    """
+    """Log ratio [nats] of posterior to prior mass within bounds, each of `own` by itself."""
 
     def log_mass(middle: Array, deviation: Array) -> Array:
         low, high = (limits.low[own] - middle) / deviation, (limits.high[own] - middle) / deviation
@@ -263,11 +256,8 @@ def _truncation(limits: normal_equations.Bounds, mean: Array, variance: Array, o
 
 
 def _log_normal_mass(low: Array, high: Array) -> Array:
-    """Log mass (k,) [nats] of the unit normal between `low` (k,) and `high` (k,).
-
-    Intervals in the upper tail are mirrored into the lower one, where no digits cancel.
-    """
-    flip = low > 0.0
+    """Log mass (k,) [nats] of the unit normal between `low` (k,) and `high` (k,)."""
+    flip = low > 0.0  # into the lower tail, where no digits cancel
     low, high = np.where(flip, -high, low), np.where(flip, -low, high)
     share = special.log_ndtr(high) + np.log1p(
         -np.exp(np.minimum(special.log_ndtr(low) - special.log_ndtr(high), -1e-12))

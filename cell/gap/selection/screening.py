@@ -102,7 +102,7 @@ def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Normal equations of the refitted objective in all probes of all candidates.
+    """Normal equations of the refitted objective in the amounts of all candidates' probes.
 
     `form` is in the amounts of all columns; `columns` (candidate, group) are their positions.
     `together` (G, G) is what two of these groups could gain at most [nats], in their order.
@@ -114,9 +114,7 @@ class Table:
     together: Array
 
     def most(self, members: Sequence[Probed]) -> Array:
-        """Upper bound on the gain [nats] of one candidate by its groups (groups,), or of two by
-        theirs (groups, groups).
-        """
+        """Largest gain [nats] of one candidate by group (groups,), of two (groups, groups)."""
         order = list(self.columns)
         rows = [[order.index((p.candidate.name, g)) for g in range(len(p.groups))] for p in members]
         if len(rows) == 1:

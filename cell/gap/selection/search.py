@@ -132,8 +132,7 @@ def _finish(first: Estimate, *, worth: bool = True) -> Task[Estimate]:
 def _best_short_fit(
     base: Estimate, model: Model, points: Sequence[Start], incumbent: Estimate | None = None
 ) -> Task[Estimate | None]:
-    """Best fit of `model` after a few steps from each start and more from the best; yields
-    simulations.
+    """Best fit of `model` after a few steps from each start; yields simulations.
 
     None where it is no better than `incumbent`, an earlier fit of the same model.
     """
@@ -166,8 +165,7 @@ def _farthest(base: Estimate, begun: Sequence[Estimate], known: Estimate) -> lis
 def other_sign(simulate: Simulate, fits: Fits, scores: Sequence[Score]) -> list[Validated]:
     """Fit the best single effect to the end, also from the start of the other sign in `scores`.
 
-    What is stiffer here may be what is softer beside it, on another base. Empty where no score
-    holds such a start.
+    Empty without one. What is stiffer here may be what is softer beside it, on another base.
     """
     singles, base = fits.of_size(1), fits.base.estimate
     known = {s.names: s.mirrored for s in scores if s.mirrored is not None}
@@ -264,12 +262,9 @@ def extend(
 def _screen_further(
     simulate: Simulate, fit: Estimate, candidates: Sequence[Candidate], probed: Sequence[Probed]
 ) -> list[Score]:
-    """Scores of the effects to add to `fit`, probed at its values, the largest gain first.
-
-    Responses at the base, `probed`, mean little where another effect is strong: by them the effects
-    to probe anew are chosen, and no more.
-    """
+    """Scores of the effects to add to `fit`, probed at its values, the largest gain first."""
     about = projection(fit)
+    # responses at the base mean little beside a strong effect: they only choose what is probed
     others = [p for p in probed if p.candidate.name not in fit.model.names]
     looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.looked]}
     again = run_all(simulate, [probe(fit, c) for c in candidates if c.name in looked])
@@ -279,10 +274,7 @@ def _screen_further(
 def beside_base(
     simulate: Simulate, fits: Fits, base: Validated, found: Sequence[Spread], whole: Evidence
 ) -> Fits:
-    """Refit the models of `fits`, from their values, to the runs as the new `base` has them.
-
-    That is with the random unknowns `found` of the runs `whole`.
-    """
+    """Refit the models of `fits` beside a new `base`, with the scatter `found` in runs `whole`."""
     known, tasks = base.estimate.evidence, []
     for fit in (m.estimate for m in fits.models if m.model.effects):
         start = with_scatter(fit, found, whole).point
@@ -319,8 +311,7 @@ def without_each(fits: Fits) -> list[Score]:
 
 
 def substitutes(simulate: Simulate, fits: Fits, candidates: Sequence[Candidate]) -> list[Score]:
-    """Scores of the accepted model with each effect replaced by those that gain most beside the
-    others.
+    """Scores of the accepted model with each effect replaced by its best substitutes.
 
     Of two similar effects a forward search meets only one.
     """

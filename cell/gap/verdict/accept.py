@@ -193,7 +193,7 @@ def _current_hash(path: Path) -> str:
 
 
 def _folders(*files: Path | None) -> list[Path]:
-    """Folders of those files whose folder exists; a missing file is refused on reading."""
+    """Existing folders that hold the given files; a missing file is refused on reading."""
     return [p.parent for p in files if p is not None and p.parent.is_dir()]
 
 

@@ -50,5 +50,4 @@ def _alternative(screened: Screened, choice: Choice, judged: Judged) -> tuple[Mo
         return None
     base, candidate = choice.accepted.estimate, alive[0].candidate
     model = Model(base.model.base, (candidate,))
-    smallest_probe = np.array(candidate.probes[0][0])
-    return model, np.concatenate([base.shared, smallest_probe])
+    return model, np.concatenate([base.shared, np.array(candidate.probes[0][0])])  # the smallest

@@ -50,7 +50,7 @@ class Listed:
 
 
 LISTED = Listed()
-INFINITE = 1e12  # stands for an infinite value, which JSON cannot hold
+HUGE = 1e12  # stands for an infinite value, which JSON cannot hold
 
 
 def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
@@ -112,9 +112,7 @@ def _interval(p: Parameter, value: float, half: float) -> Measured:
     shown = sorted(p.stated_value(v) for v in ends)
     low, high = (v if np.isfinite(v) else None for v in shown)
     middle = p.stated_value(value)
-    return Measured(
-        value=middle if np.isfinite(middle) else INFINITE, low=low, high=high, unit=p.unit
-    )
+    return Measured(value=middle if np.isfinite(middle) else HUGE, low=low, high=high, unit=p.unit)
 
 
 def _values_by_parameter(candidate: Candidate, values: list[Measured]) -> dict[str, Measured]:
@@ -231,7 +229,7 @@ def _advice(found: Findings) -> list[Recommended]:
 
 
 def deviations(base: Sequence[Parameter], found: Mapping[str, Interval]) -> list[Deviation]:
-    """Those of the values `found` whose whole 95 % interval is outside what the file tolerates."""
+    """Values of `found` whose whole 95 % interval lies outside what the file tolerates."""
     rows = []
     for p in base:
         value = found.get(p.name)

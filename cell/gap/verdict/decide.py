@@ -127,10 +127,7 @@ def _bounded_gap(estimate: Estimate, beside: Estimate) -> float:
 
 
 def drifting(found: Findings) -> list[str]:
-    """Names of accepted effects whose amplitude differs between conditions or, of several, phases.
-
-    They are proxies, not causes.
-    """
+    """Accepted effects that are proxies: their amplitude differs between conditions or phases."""
     tests = found.judged.invariances.get(found.accepted.model.name, {})
     names = [name for name, test in tests.items() if not test.holds]
     return [
@@ -183,7 +180,7 @@ def unexplained_part(found: Findings) -> str:
 
 
 def _reasons(found: Findings) -> Iterator[str]:
-    """Reasons for which the best model is not, or not all of, the cause."""
+    """Reasons why the best model is not, or not wholly, the cause."""
     judged, drift = found.judged, drifting(found)
     if drift:
         where = "conditions or phases" if judged.phases else "conditions"

@@ -101,13 +101,15 @@ class Shown:
     after: Estimate
     shrink: held_out_gap.Shrink
 
+    @property
+    def changed(self) -> bool:
+        """Whether an effect was accepted; without one, `after` is `before`."""
+        return self.after is not self.before
+
 
 @dataclass(frozen=True, slots=True)
 class Advised:
-    """Advice: `experiments`, best per minute first, and the gain of `steadier` quantities.
-
-    Both are empty where nothing would help.
-    """
+    """Advice: `experiments`, best per minute first, and the gain of `steadier` quantities."""
 
     experiments: tuple[Advice, ...] = ()
     steadier: tuple[RepeatabilityGain, ...] = ()
@@ -135,7 +137,7 @@ class Findings:
 
     @property
     def accepted(self) -> Validated:
-        """The accepted model; the base where no effect was earned."""
+        """The accepted model; the base where no effect was accepted."""
         return self.choice.accepted
 
     @property

@@ -134,7 +134,7 @@ def _invariances(choice: Choice, simulate: Simulate) -> dict[str, dict[str, Inva
 
 
 def _leftover(estimate: Estimate, noise: Array, allowed: Array) -> tuple[float, str | None]:
-    """p-value of the lack of fit, and the one run left out where effects fit all others."""
+    """p-value of the lack of fit, and name of the one run left out if effects fit all others."""
     whole = lack_of_fit.lack_of_fit(estimate, noise, allowed)
     if whole >= ALPHA or not estimate.model.effects:
         return whole, None

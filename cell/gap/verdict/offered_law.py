@@ -55,7 +55,7 @@ class OfferedLaw:
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """The accepted `model`, which a law must match to be offered; `sure` if its names are.
+    """The accepted `model`, which a law must match to be offered, and whether it is `sure`.
 
     A law is offered where it predicts better on the scale `by`, or as well with fewer terms; where
     no name is sure, as well is enough. None predicts better than a model that `leaves_nothing`.

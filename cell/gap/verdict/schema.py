@@ -81,7 +81,7 @@ class Gap(Entry):
 
 
 class Compared(Entry):
-    """A candidate (or several joined by ` + `) and its gain [nats] over the base in validation."""
+    """A candidate, or several joined by ` + `, with its gain [nats] over the base."""
 
     name: str
     elpd_gain: float
