@@ -137,7 +137,7 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
     for p, s in zip(subject.scope.base, sigma, strict=False):
         if s > WEAK * p.spread:
             words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
-            yield _unidentified(words, "move faster, higher or longer")
+            yield _finding(words, "move faster, higher or longer")
     about = projection(stated, robustly=False)
     library = [probe(stated, c) for c in subject.scope.candidates]
     directions: dict[str, Array] = {}
@@ -148,14 +148,14 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
             directions[name] = largest / length
         else:
             words = f"{name}: even the largest that is tried would show by {length:.1f} sigma"
-            yield _unidentified(words, probed.candidate.revealed_by)
+            yield _finding(words, probed.candidate.revealed_by)
     for (one, a), (other, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:
             words = f"{one} and {other} show alike: these runs cannot separate them"
-            yield _unidentified(words, "fit, then `cell gap advise`")
+            yield _finding(words, "fit, then `cell gap advise`")
 
 
-def _unidentified(words: str, remedy: str) -> Finding:
+def _finding(words: str, remedy: str) -> Finding:
     return Finding(level="fair", what=IDENTIFIABLE, run="", words=words, remedy=remedy)
 
 

@@ -104,14 +104,14 @@ def values(
         )  # fmt: skip
     if seen.sum() < 2:
         return
-    stuck = None if command is None else _stuck(name, t, value, command, limits)
+    stuck = None if command is None else _stall(name, t, value, command, limits)
     if stuck is not None:
         yield stuck
         return
     yield from _saturation(name, t, value, limits)
 
 
-def _stuck(name: str, t: Array, value: Array, command: Array, limits: Limits) -> Complaint | None:
+def _stall(name: str, t: Array, value: Array, command: Array, limits: Limits) -> Complaint | None:
     """Complaint about a reading that stands still while its command changes, None if none does."""
     for first, last in _still(value):
         change = float(np.ptp(command[first : last + 1]))

@@ -89,16 +89,16 @@ class Estimate:
     def on(self, keep: Sequence[int]) -> "Estimate":
         """The same estimate, restricted to the runs with the numbers `keep`."""
 
-        def kept(by_run: Sequence[T]) -> tuple[T, ...]:
+        def pick(by_run: Sequence[T]) -> tuple[T, ...]:
             return tuple(by_run[i] for i in keep)
 
         return replace(
             self,
-            evidence=Evidence(kept(self.evidence.runs), kept(self.evidence.scales)),
-            point=Point(self.shared, kept(self.point.local)),
-            residuals=kept(self.residuals),
-            raw=kept(self.raw),
-            jacobians=kept(self.jacobians),
+            evidence=Evidence(pick(self.evidence.runs), pick(self.evidence.scales)),
+            point=Point(self.shared, pick(self.point.local)),
+            residuals=pick(self.residuals),
+            raw=pick(self.raw),
+            jacobians=pick(self.jacobians),
         )
 
 
