@@ -27,17 +27,17 @@ from drivers.settings import read_yaml
 from drivers.types import Array
 
 INPUT_FILES = ("run.yaml", "result.yaml", *TABLES)
-PROBE_SIGMA = 3.0  # by which the largest probe of an effect must show, once the base has moved
-WEAK = 0.5  # of what was known of a quantity before: runs that leave more say little of it
-# correlation of responses, from which on runs cannot separate two effects
-LARGEST_CORRELATION = 0.995
+PROBE_SIGMA = 3.0  # that the largest probe of an effect must show, beyond what the base absorbs
+WEAK = 0.5  # of the prior spread of a value: runs that leave more do not determine it
+LARGEST_CORRELATION = 0.995  # of two responses: beyond it runs cannot separate the effects
+IDENTIFIABLE = "identifiable"
 Level = Literal["bad", "fair", "good"]
 
 
 class Finding(Entry):
-    """One line of the page: `bad` where nothing should be fitted, `fair` where something is lost.
+    """One finding of a check: `bad` forbids a fit, `fair` costs accuracy.
 
-    `run` is empty where it concerns all of them.
+    `run` is the name of a run, empty where the finding concerns all of them.
     """
 
     level: Level
@@ -48,7 +48,7 @@ class Finding(Entry):
 
 
 class Check(Entry):
-    """check.json: the findings on the inputs of this hash."""
+    """Content of check.json: the findings, and the hash of the inputs that they hold for."""
 
     schema_: Annotated[int, Field(alias="schema")] = 1
     inputs: str
@@ -57,7 +57,7 @@ class Check(Entry):
 
     @property
     def level(self) -> Level:
-        """The worst level of all findings."""
+        """Worst level among the findings, `good` where there are none."""
         found = {f.level for f in self.findings}
         return "bad" if "bad" in found else "fair" if "fair" in found else "good"
 
@@ -67,18 +67,19 @@ class Check(Entry):
 
 
 def inputs_digest(file: Path, runs: Sequence[RunFolder]) -> str:
-    """Hash of everything that a fit of `runs` reads, the description in `file` with its model."""
-    h = hashlib.sha256(read_bytes(file, TEXT))
+    """Hash of all that a fit of `runs` reads: the description `file`, its model, the recordings."""
+    content = hashlib.sha256(read_bytes(file, TEXT))
     model = file.parent / str(read_yaml(file).get("model", "."))
-    h.update(model.read_bytes() if model.is_file() else b"")
+    content.update(model.read_bytes() if model.is_file() else b"")
     for run in runs:
         for path in (run.path / name for name in INPUT_FILES):
-            h.update(path.name.encode() + (path.read_bytes() if path.is_file() else b"absent"))
-    return h.hexdigest()[:16]
+            data = path.read_bytes() if path.is_file() else b"absent"
+            content.update(path.name.encode() + data)
+    return content.hexdigest()[:16]
 
 
 def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
-    """Findings on the recordings as such; unreadable ones are refused by their reader."""
+    """Findings on the tables of `runs`, unreadable ones aside: their reader refuses those."""
     found = []
     for run in runs:
         tables = {}
@@ -92,7 +93,7 @@ def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
 
 
 def refuse(runs: Sequence[RunFolder]) -> None:
-    """Raise ConfigurationError where a recording is such that nothing should be fitted to it."""
+    """Raise ConfigurationError where a recording has a finding that forbids a fit."""
     bad = [f for f in recordings(runs) if f.level == "bad"]
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
@@ -103,7 +104,7 @@ def refuse(runs: Sequence[RunFolder]) -> None:
 
 
 def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
-    """Every finding on the runs at `paths` of what `file` describes; nothing is fitted.
+    """Check the runs at `paths` of the subject that `file` describes, without fitting anything.
 
     Raises ConfigurationError where there are no runs; what else cannot be read is a finding.
     """
@@ -130,38 +131,36 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
 
 
 def identifiable(subject: Subject) -> Iterator[Finding]:
-    """Findings on what these motions cannot identify, by responses at the stated values."""
+    """Findings on values and effects that the runs cannot identify, by linearised responses."""
     stated = nominal(subject, subject.simulate)
     sigma = np.sqrt(np.diag(normal_equations.covariance(stated.normal(1.0).curvature)))
     for p, s in zip(subject.scope.base, sigma, strict=False):
         if s > WEAK * p.spread:
-            yield Finding(
-                level="fair", what="identifiable", run="", remedy="move faster, higher or longer",
-                words=f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}",
-            )  # fmt: skip
+            words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
+            yield _finding(words, "move faster, higher or longer")
     about = projection(stated, robustly=False)
     library = [probe(stated, c) for c in subject.scope.candidates]
-    shown: dict[str, Array] = {}
+    directions: dict[str, Array] = {}
     for probed in run_all(subject.simulate, library):
-        left, name = _largest(about, probed), probed.candidate.name
-        if np.linalg.norm(left) >= PROBE_SIGMA:
-            shown[name] = left / np.linalg.norm(left)
-            continue
-        yield Finding(
-            level="fair", what="identifiable", run="",
-            words=f"{name}: even the largest that is tried would show by "
-            f"{np.linalg.norm(left):.1f} sigma", remedy=probed.candidate.revealed_by,
-        )  # fmt: skip
-    for (one, a), (other, b) in combinations(shown.items(), 2):
+        largest, name = _largest_response(about, probed), probed.candidate.name
+        length = np.linalg.norm(largest)
+        if length >= PROBE_SIGMA:
+            directions[name] = largest / length
+        else:
+            words = f"{name}: even the largest that is tried would show by {length:.1f} sigma"
+            yield _finding(words, probed.candidate.revealed_by)
+    for (one, a), (other, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:
-            yield Finding(
-                level="fair", what="identifiable", run="", remedy="fit, then `cell gap advise`",
-                words=f"{one} and {other} show alike: these runs cannot separate them",
-            )  # fmt: skip
+            words = f"{one} and {other} show alike: these runs cannot separate them"
+            yield _finding(words, "fit, then `cell gap advise`")
 
 
-def _largest(about: Projection, probed: Probed) -> Array:
-    """The largest response (N,) of an effect to its probes, once the base has moved against it."""
-    ways = np.concatenate([group[:, :1] for group in probed.responses[1:]], axis=1)
-    left = about.left(ways)
+def _finding(words: str, remedy: str) -> Finding:
+    return Finding(level="fair", what=IDENTIFIABLE, run="", words=words, remedy=remedy)
+
+
+def _largest_response(about: Projection, probed: Probed) -> Array:
+    """Largest response (N,) of an effect to its own probes that the base cannot absorb."""
+    firsts = np.concatenate([group[:, :1] for group in probed.responses[1:]], axis=1)
+    left = about.left(firsts)
     return np.asarray(left[:, int(np.argmax(np.linalg.norm(left, axis=0)))])

@@ -1,4 +1,4 @@
-"""`cell gap fit`: measured runs and a file in, a verdict, a report and perhaps a patch out."""
+"""Implements `cell gap fit`: from measured runs and a file to verdict, report and patch."""
 
 import hashlib
 import json
@@ -38,10 +38,10 @@ from drivers.files import write_file, writing
 from drivers.yaml_edit import dump_text
 
 Overlay = Callable[[Findings, Verdict, Path], None]
-"""Writes a recording of measured and simulated runs; handed in by who has a viewer."""
+"""Writes a recording of measured and simulated runs to a path, for a viewer."""
 
 Effects = dict[str, dict[str, float]]
-ENGINE_VERSION = "33"  # of the engine: another one starts anew
+ENGINE_VERSION = "33"  # a fit that another version began starts anew
 
 
 def quiet(stage: str, share: float) -> None:
@@ -59,10 +59,10 @@ def fit(
     without: Sequence[str] = (),
     unchecked: bool = False,
 ) -> Verdict:
-    """The verdict on measured `runs` of the strip or pendulum in `file`, written into `out`.
+    """Fit measured `runs` of the subject in `file`; returns the verdict and writes it into `out`.
 
     Effects `without` are withheld from the library; `unchecked` recordings are taken as they are.
-    Interrupted, it goes on where it stopped when called again with the same inputs. Raises
+    An interrupted fit resumes when it is called again with the same inputs. Raises
     ConfigurationError, and leaves no verdict, for bad input.
     """
     began = time.monotonic()
@@ -77,11 +77,11 @@ def fit(
     key = _key(file, found_runs, [*hold_out, *without])
     with writing(f"--out {out}", "give a folder that can be written"):
         out.mkdir(parents=True, exist_ok=True)
-    tape = SimulationCache(subject.simulate, out / ".rounds" / key)
+    simulate = SimulationCache(subject.simulate, out / ".rounds" / key)
     with threadpool_limits(1, "blas"):  # matrices are small: threads only wait for each other
-        held = hold.held_out(subject, tape, hold_out)
-        found = investigate(subject, held, tape, progress)
-    verdict = compose(found, time.monotonic() - began, tape.total)
+        held = hold.held_out(subject, simulate, hold_out)
+        found = investigate(subject, held, simulate, progress)
+    verdict = compose(found, time.monotonic() - began, simulate.total)
     deviates = deviations(subject.scope.base, verdict.base)
     notes = [*map(note, copies, copies.values()), *subject.notes]
     if isinstance(subject, HasConsequences):
@@ -92,13 +92,13 @@ def fit(
     if overlay is not None:
         overlay(found, verdict, out / "overlay.rrd")
     write_file(out / "verdict.json", verdict.to_json())
-    tape.erase()
+    simulate.erase()
     progress("done", 1.0)
     return verdict
 
 
 def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
-    """Write everything but the verdict itself, which comes last."""
+    """Write the record, the report and the patches of a fit; its verdict is written last."""
     record = {"schema": 1, "file": str(file), "file_sha256": sha256(file),
               "effects": [e.name for e in verdict.effects],
               "values": [d.parameter for d in verdict.deviates],
@@ -114,18 +114,22 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
         write_file(out / LAW_PATCH, dump_text(law_patch))
         _write_model(found, out / LAW_MODEL_PATCH, found.offered.base, terms)
     offers_values = bool(verdict.deviates) and not found.accepted.model.effects
-    if verdict.verdict != "named" and not offers_values:
-        return
+    if verdict.verdict == "named" or offers_values:
+        _write_patches(found, verdict, out, source, PATCH if not offers_values else BASE_PATCH)
+
+
+def _write_patches(found: Findings, verdict: Verdict, out: Path, source: str, name: str) -> None:
+    """Write the patch of values and effects of `verdict` as `name`, its model, and the cell's."""
     base, effects = _values(verdict)
     patch, cell_patch = found.subject.patch(base, effects, source)
-    write_file(out / (BASE_PATCH if offers_values else PATCH), dump_text(patch))
+    write_file(out / name, dump_text(patch))
     _write_model(found, out / MODEL_PATCH, base, effects)
     if cell_patch is not None:
         write_file(out / CELL_PATCH, dump_text(cell_patch))
 
 
 def _write_model(found: Findings, path: Path, base: Mapping[str, float], effects: Effects) -> None:
-    """Write the model after acceptance, of a subject that has one beside its file."""
+    """Write the accepted model of a subject that keeps one beside its file."""
     if isinstance(found.subject, EditsModel):
         text = found.subject.model_text(base, effects)
         if text is not None:
@@ -133,7 +137,7 @@ def _write_model(found: Findings, path: Path, base: Mapping[str, float], effects
 
 
 def _values(verdict: Verdict) -> tuple[dict[str, float], Effects]:
-    """Values of the base, and of the named effects by their parameters."""
+    """Values of the base by name, and of each named effect by parameter."""
     base = {name: v.value for name, v in verdict.base.items()}
     return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in verdict.effects}
 
@@ -145,7 +149,7 @@ def _key(file: Path, runs: Sequence[RunFolder], held: Sequence[str]) -> str:
 
 
 def _clear(out: Path) -> None:
-    """No verdict of an earlier fit stays; ConfigurationError where none could be written."""
+    """Delete the results of an earlier fit; ConfigurationError where none could be written."""
     first = next(p for p in (out.absolute(), *out.absolute().parents) if p.exists())
     if not first.is_dir() or not os.access(first, os.W_OK | os.X_OK):
         what = "cannot be written to" if first.is_dir() else "is a file"

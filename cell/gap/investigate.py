@@ -1,4 +1,4 @@
-"""The whole investigation, stage by stage, for any subject."""
+"""Investigates the gap of any subject, stage by stage."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -45,7 +45,7 @@ Progress = Callable[[str, float], None]
 def investigate(
     subject: Subject, held_out: Sequence[str], simulate: Simulate, progress: Progress, seed: int = 0
 ) -> Findings:
-    """Find, name and show what the model of `subject` lacks; `held_out` runs only judge."""
+    """Find what the model of `subject` lacks, and test it on the runs `held_out`."""
     rng = np.random.default_rng(seed)
     train = [run for run in subject.runs if run.name not in held_out]
     test = [run for run in subject.runs if run.name in held_out]
@@ -56,12 +56,14 @@ def investigate(
     screened = _screen(subject, fitted, simulate)
     fits = Fits((fitted.base,))
     for refit_more, share in ((_refit_singles, 0.4), (_refit_further, 0.75)):
-        known = fits.best  # what is better says more of the base, and of how runs differ
+        best_before = fits.best
         fits = refit_more(subject, fitted, fits, screened, simulate, progress)
-        beside = _beside(fits, fitted, whole, simulate) if fits.best is not known else None
-        if beside is not None:
+        if fits.best is best_before:
+            continue
+        revised = _revise_base(fits, fitted, whole, simulate)
+        if revised is not None:
             progress("refit the base beside the best", share)
-            fitted = _judged_base(subject, *beside, simulate, rng)
+            fitted = _judge_base(subject, *revised, simulate, rng)
             screened = _score_candidates(subject, fitted, screened.probed)
             fits = search.beside_base(simulate, fits, fitted.base, fitted.scatter, whole)
     progress("judge", 0.8)
@@ -74,16 +76,16 @@ def investigate(
     unseen = with_spreads(evidence(test), fitted.scatter)
     shown = show(subject, simulate, fitted.base, choice.accepted, unseen, rng)
     progress("advise", 0.95)
-    there = bool(choice.accepted.model.effects) or fitted.gap
-    advised = advice(subject, screened, choice, judged, simulate) if there else Advised()
+    is_gap = bool(choice.accepted.model.effects) or fitted.gap
+    advised = advice(subject, screened, choice, judged, simulate) if is_gap else Advised()
     found = Findings(
         subject, tuple(held_out), fitted, screened, choice, sets, judged, shown, advised
     )
-    which = kind(found)
-    if which == "no_gap" or (which == "named" and not in_doubt(found)):
+    verdict = kind(found)
+    if verdict == "no_gap" or (verdict == "named" and not in_doubt(found)):
         return found
-    names = Names(choice.accepted, choice.by, which == "named", is_exhausted(choice.fits))
-    rival = None if which == "unexplained" else names
+    names = Names(choice.accepted, choice.by, verdict == "named", is_exhausted(choice.fits))
+    rival = None if verdict == "unexplained" else names
     offered = offered_law(subject, simulate, fitted.base, shown.before, rng, rival)
     return replace(found, offered=offered)
 
@@ -91,55 +93,54 @@ def investigate(
 def _fit_base(
     subject: Subject, runs: Evidence, simulate: Simulate, rng: np.random.Generator
 ) -> Fitted:
-    """The base refitted from several starts, and how much the runs differ for no reason."""
+    """Fit the base from several starts, estimate run-to-run spreads, and test what it leaves."""
     rough = refit_base(simulate, Model(subject.scope.base), runs, rng)
     found = spreads(rough)
-    return _judged_base(subject, with_scatter(rough, found, runs), found, simulate, rng)
+    return _judge_base(subject, with_scatter(rough, found, runs), found, simulate, rng)
 
 
-def _judged_base(
+def _judge_base(
     subject: Subject,
     rough: Estimate,
     scatter: Sequence[Spread],
     simulate: Simulate,
     rng: np.random.Generator,
 ) -> Fitted:
-    """The base refitted finely from `rough`, and what it leaves beyond noise, scatter, repeats."""
+    """Refit the base finely from `rough`, and test what it leaves beyond noise and scatter."""
     base = refit_base_fine(subject, simulate, rough)
     repeats, noise = Repeats.of(base), lack_of_fit.noise_left(base, rng)
     allowed = lack_of_fit.slack(base.evidence, repeats.inflation)
     return Fitted(
-        run_one(simulate, validate(base)),
-        repeats,
-        lack_of_fit.lack_of_fit(base, noise, allowed),
-        tuple(localise(base, noise, allowed)),
-        tuple(weak_directions(base)),
-        tuple(scatter),
-        _is_strained(subject, base),
+        base=run_one(simulate, validate(base)),
+        repeats=repeats,
+        misfit=lack_of_fit.lack_of_fit(base, noise, allowed),
+        places=tuple(localise(base, noise, allowed)),
+        weak=tuple(weak_directions(base)),
+        scatter=tuple(scatter),
+        strained=_is_strained(subject, base),
     )
 
 
 def _is_strained(subject: Subject, base: Estimate) -> bool:
-    """Whether the base fits by values that what is known of them all but rules out: all of them
-    together, or any one of them.
-    """
-    known = np.square([(v - p.start) / p.spread
-                       for p, v in zip(base.model.base, base.shared, strict=False)
-                       if np.isfinite(p.spread)])  # fmt: skip
-    if not subject.scope.believed or not len(known):
+    """Whether the fitted values of the base contradict their priors, jointly or one of them."""
+    squares = np.square([(v - p.start) / p.spread
+                         for p, v in zip(base.model.base, base.shared, strict=False)
+                         if np.isfinite(p.spread)])  # fmt: skip
+    if not subject.scope.believed or not len(squares):
         return False
-    any_one = len(known) * float(special.chdtrc(1, known.max()))
-    return min(float(special.chdtrc(len(known), known.sum())), any_one) < ALPHA
+    any_one = len(squares) * float(special.chdtrc(1, squares.max()))  # Bonferroni
+    return min(float(special.chdtrc(len(squares), squares.sum())), any_one) < ALPHA
 
 
 def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
+    """Probe all candidates at the refitted base, and score them."""
     base = fitted.base.estimate
     probed = run_all(simulate, [probe(base, c) for c in subject.scope.candidates])
     return _score_candidates(subject, fitted, probed)
 
 
 def _score_candidates(subject: Subject, fitted: Fitted, probed: Sequence[Probed]) -> Screened:
-    """Scores of the candidates by their responses, beside the base as it was refitted."""
+    """Score the `probed` candidates by the linear screen at the refitted base."""
     about = projection(fitted.base.estimate)
     by = likelihood_scale([fitted.base])
     known = table(about, probed)
@@ -156,7 +157,7 @@ def _score_candidates(subject: Subject, fitted: Fitted, probed: Sequence[Probed]
 def _screened_p(
     subject: Subject, singles: Sequence[Score], by: LikelihoodScale
 ) -> dict[str, float]:
-    """Likelihood-ratio probabilities of the linear screen, family-wise over the library."""
+    """Likelihood-ratio p-values of the linear screen by name, family-wise over the library."""
     size = {c.name: len(c.parameters) for c in subject.scope.candidates}
     raw = {
         s.names[0]: float(special.chdtrc(size[s.names[0]], 2.0 * s.gain / by.inefficiency))
@@ -165,10 +166,10 @@ def _screened_p(
     return family_wise(raw, list(size))
 
 
-def _beside(
+def _revise_base(
     fits: Fits, fitted: Fitted, whole: Evidence, simulate: Simulate
 ) -> tuple[Estimate, tuple[Spread, ...]] | None:
-    """The base and the spreads as they are beside the best model, where either is another one.
+    """Base and spreads by the best model's values; None where neither clearly changes.
 
     A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it,
     and may have stopped in a local minimum.
@@ -178,8 +179,8 @@ def _beside(
         return None
     found = estimate_spreads(simulate, best.estimate, whole)
     better = search.better_base(simulate, fits)
-    before, now = ({s.name: s.value for s in some} for some in (fitted.scatter, found))
-    if better is None and not clearly_differ(before, now):
+    before = {s.name: s.value for s in fitted.scatter}
+    if better is None and not clearly_differ(before, {s.name: s.value for s in found}):
         return None
     return with_scatter(better or fits.base.estimate, found, whole), found
 
@@ -192,7 +193,7 @@ def _refit_singles(
     simulate: Simulate,
     progress: Progress,
 ) -> Fits:
-    """The most promising single effects beside the base, where any effect could be earned."""
+    """Fit the most promising single effects beside the base, unless none can be accepted."""
     progress("refit the best", 0.25)
     base, candidates = fitted.base, subject.scope.candidates
     by = likelihood_scale([base])
@@ -216,7 +217,7 @@ def _refit_further(
     simulate: Simulate,
     progress: Progress,
 ) -> Fits:
-    """Other single effects and then larger models, where the best leave something to find."""
+    """Fit other single effects, then pairs and triples, while the best model leaves a gap."""
     base, candidates = fits.base.estimate, subject.scope.candidates
     if len(fits.models) == 1 or is_exhausted(fits):
         return fits
@@ -231,6 +232,14 @@ def _refit_further(
     fits = search.fit_scores(simulate, fits, others, candidates)
     if is_exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits
+    return _refit_pairs_and_triples(subject, fits, screened, simulate, progress)
+
+
+def _refit_pairs_and_triples(
+    subject: Subject, fits: Fits, screened: Screened, simulate: Simulate, progress: Progress
+) -> Fits:
+    """Fit the most promising pairs, triples beside an accepted pair, and their alternatives."""
+    base, candidates = fits.base.estimate, subject.scope.candidates
     progress("refit pairs", 0.5)
     screened_pairs = ranked_pairs(screened.known, search.BUDGET.sifted)
     pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.BUDGET.pairs)
@@ -246,7 +255,7 @@ def _refit_further(
 
 
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:
-    """Whether the best model leaves more than noise: overall, or `anywhere`."""
+    """Whether the best model leaves more than noise, overall or, with `anywhere`, in any bin."""
     best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
     noise = lack_of_fit.noise_left(best, np.random.default_rng(1))
     allowed = lack_of_fit.slack(best.evidence, Repeats.of(best).inflation)

@@ -1,4 +1,4 @@
-"""The subject that a file describes, with its measured runs."""
+"""Opens the subject that a file describes, with its measured runs."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +12,7 @@ from drivers.settings import read_yaml
 def open_subject(
     file: Path, runs: Sequence[RunFolder], jobs: int, without: Sequence[str] = ()
 ) -> Subject:
-    """The subject that `file` describes, with its measured runs; effects `without` are withheld.
+    """Open the subject that `file` describes with its runs; effects `without` are withheld.
 
     Raises ConfigurationError for a file of another kind, or an effect that cannot be withheld.
     """

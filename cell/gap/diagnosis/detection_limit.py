@@ -1,4 +1,4 @@
-"""Smallest size of each effect that these runs would have shown."""
+"""Detection limits: the smallest size of each effect that these runs would have shown."""
 
 from collections.abc import Sequence
 
@@ -7,10 +7,11 @@ import numpy as np
 from cell.gap.fitting.projection import Projection
 from cell.gap.selection.likelihood import MIN_GAIN, LikelihoodScale
 from cell.gap.selection.screening import Probed
-from cell.gap.subject.subject import Parameter
+from cell.gap.subject.subject import Candidate
+from drivers.types import Array
 
-# after the base is refitted, at which cross-validation too is sure of it; set by hand
-DETECTED_SIGMA = 8.0
+DETECTED_SIGMA = 8.0  # at which cross-validation, too, accepts an effect; set by hand
+LEAST_POWER = 1e-12  # squared norm of a whitened response; a smaller one is rounding
 
 
 def detectable(
@@ -18,33 +19,29 @@ def detectable(
 ) -> dict[str, float | None]:
     """Smallest detectable value of each effect's main parameter; None where none would show.
 
-    The response of the probe nearest to SURE, and to what the model's own error may feign on top,
-    refitted base projected out, scaled to it. An effect that changes nothing, or whose size would
-    lie beyond its bounds, shows at no size.
+    The probe whose response, refitted base projected out, is nearest to DETECTED_SIGMA and what the
+    model's own error may imitate on top is scaled to it. An effect that changes nothing, or whose
+    size would lie beyond its bounds, shows at no size.
     """
     sure = float(np.sqrt(DETECTED_SIGMA**2 + 2.0 * (by.least - MIN_GAIN)))
     return {p.candidate.name: None if p.dead else _smallest(about, p, by, sure) for p in probed}
 
 
 def _smallest(about: Projection, probed: Probed, by: LikelihoodScale, sure: float) -> float | None:
-    best: tuple[float, float | None] | None = None
-    candidate = probed.candidate
+    """Detectable value of an effect's main parameter, by the probe that shows nearest to `sure`."""
+    sizes: list[tuple[float, float | None]] = []
     for group, responses in zip(probed.groups, probed.responses, strict=True):
-        form = about.form(about.weigh(responses))
-        for i, vector in enumerate(group):
-            power = form.curvature[i, i] / by.inefficiency
-            if power <= 1e-12:
-                continue
-            sigma = float(np.sqrt(power))
-            moved = [k for k, p in enumerate(candidate.parameters) if vector[k] != p.start]
-            p = candidate.parameters[moved[0]]
-            size = (vector[moved[0]] - p.start) * sure / sigma
-            rank = abs(np.log(sigma / sure))
-            if best is None or rank < best[0]:
-                best = (float(rank), _possible(p, float(p.start + size)))
-    return None if best is None else best[1]
+        power = np.diag(about.form(about.weigh(responses)).curvature) / by.inefficiency
+        for vector, square in zip(group, power, strict=True):
+            if square > LEAST_POWER:
+                sigma = float(np.sqrt(square))
+                value = _scaled_value(probed.candidate, vector, sure, sigma)
+                sizes.append((abs(np.log(sigma / sure)), value))
+    return min(sizes, key=lambda each: each[0])[1] if sizes else None
 
 
-def _possible(p: Parameter, value: float) -> float | None:
-    """`value` as files state it, None beyond what is physically possible."""
+def _scaled_value(candidate: Candidate, probe: Array, sure: float, sigma: float) -> float | None:
+    """Main value of a probe, scaled from its response `sigma` to `sure`; None out of bounds."""
+    k, p = next((k, p) for k, p in enumerate(candidate.parameters) if probe[k] != p.start)
+    value = float(p.start + (probe[k] - p.start) * sure / sigma)
     return p.stated_value(value) if p.low <= value <= p.high else None

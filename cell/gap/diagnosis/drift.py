@@ -1,4 +1,4 @@
-"""Differences between repeats and their drift: base parameters that change with the run's index."""
+"""Differences between repeats, and drift: base parameters that change with the run index."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ UNSTEADY = 3.0  # times the stated noise by which repeats may differ; set by han
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """Base parameters that change with the index: `words` of the surest one, `p` of them all.
+    """Test for base parameters that change with the run index: p-value `p`, the surest in `words`.
 
     By channel, in units of the noise: `scatter` between repeats, `inflation` once the drift is
     taken out of them.
@@ -39,27 +39,25 @@ class Drift:
 
 @dataclass(frozen=True, slots=True)
 class Repeats:
-    """How the runs of one condition differ: by a `drift`, None where none was repeated, and by an
-    `inflation` of the stated noise, by channel.
-    """
+    """Differences of repeats: their `drift` (None without any), noise `inflation` by channel."""
 
     drift: Drift | None
     inflation: dict[str, float]
 
     @classmethod
     def of(cls, estimate: Estimate) -> Self:
-        """Repeats as a fit leaves them; a drift is taken out of their noise."""
+        """Compare the repeats in a fit; a drift does not count in their noise."""
         change = drift(estimate)
         return cls(change, pure_error(estimate) if change is None else change.inflation)
 
     @property
     def differ(self) -> bool:
-        """Whether they differ so much, for no reason, that the stated noise means little."""
+        """Whether repeats differ, drift aside, by more than UNSTEADY times the stated noise."""
         return max(self.inflation.values(), default=1.0) > UNSTEADY
 
     @property
     def drifts(self) -> bool:
-        """Whether the specimen changes from run to run in another way than the model says."""
+        """Whether the specimen changes from run to run as the model does not predict."""
         return self.drift is not None and self.drift.real
 
 
@@ -71,7 +69,7 @@ def drift(estimate: Estimate) -> Drift | None:
     the model gets wrong of a condition is the same in all of them.
     """
     runs = estimate.evidence.runs
-    later = _later(runs)
+    later = _relative_index(runs)
     if not later.any():
         return None
     about = projection(estimate)
@@ -90,15 +88,15 @@ def drift(estimate: Estimate) -> Drift | None:
     return Drift(_words(estimate, form), p, pure_error(estimate), inflation)
 
 
-def _later(runs: Sequence[Run]) -> Array:
-    """By how many runs each (R,) is later than those of its condition are on average."""
+def _relative_index(runs: Sequence[Run]) -> Array:
+    """Index (R,) of each run less the mean index of the runs of its condition."""
     index = np.array([run.index for run in runs], dtype=float)
-    label = np.array([run.condition for run in runs])
-    return np.asarray(index - np.array([index[label == own].mean() for own in label]))
+    condition = np.array([run.condition for run in runs])
+    return np.asarray(index - np.array([index[condition == own].mean() for own in condition]))
 
 
 def _words(estimate: Estimate, form: normal_equations.Normal) -> str:
-    """The parameter whose drift alone explains most, and its change per run."""
+    """Words for the parameter whose drift alone explains most, and its change per run."""
     information = np.maximum(np.diag(form.curvature), 1e-300)
     i = int(np.argmax(form.gradient**2 / information))
     rate = -form.gradient[i] / information[i]

@@ -17,7 +17,7 @@ DRAWS = 2000  # of runs, for the interval of the shrink; set by hand
 
 @dataclass(frozen=True, slots=True)
 class Shrink:
-    """Share of the excess gap that is gone, with its 95 % interval over runs."""
+    """Share of the excess gap that a model closes, with its 95 % interval over runs."""
 
     value: float
     low: float
@@ -25,24 +25,25 @@ class Shrink:
 
 
 def unseen(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> Estimate:
-    """A fitted model on other runs: shared values held, only the runs' own unknowns fitted."""
+    """Fit of `estimate` to other runs, its shared values held and only own unknowns free."""
     model = estimate.model.holding(estimate.shared)
     start = Point(np.zeros(0), evidence.start())
     return run_all(simulate, [refit(model, evidence, start)])[0]
 
 
 def rms(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """Root mean square gap by quantity as shown, of readings, runs with equal weight."""
+    """Root mean square gap of readings by displayed quantity, every run with equal weight."""
     return _display_gaps(estimate.evidence, [raw.square for raw in estimate.raw], quantities)
 
 
 def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """What a perfect model would leave: the noise of the readings."""
+    """Root mean square noise of readings by displayed quantity: what a perfect model leaves."""
     readings = [run.samples.reading**2 for run in evidence.runs]
     return _display_gaps(evidence, readings, quantities)
 
 
-def _by_word(words: Words, square: Array) -> dict[str, float]:
+def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
+    """Mean of the finite squares (n,) of each word."""
     found = {}
     for name in np.unique(words):
         values = square[words == name]
@@ -53,11 +54,12 @@ def _by_word(words: Words, square: Array) -> dict[str, float]:
 
 
 def _display_gaps(
-    evidence: Evidence, each: Sequence[Array], quantities: Mapping[str, Quantity]
+    evidence: Evidence, squares_by_run: Sequence[Array], quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
+    """Root mean square by displayed quantity of `squares_by_run` (n,), in displayed units."""
     squares: dict[str, list[float]] = defaultdict(list)
-    for run, square in zip(evidence.runs, each, strict=True):
-        for name, found in _by_word(run.samples.quantity, square).items():
+    for run, square in zip(evidence.runs, squares_by_run, strict=True):
+        for name, found in _mean_by_word(run.samples.quantity, square).items():
             squares[name].append(found)
     return {
         quantities[name].key: quantities[name].factor * float(np.sqrt(np.mean(values)))
@@ -70,12 +72,12 @@ def run_squares(estimate: Estimate) -> Array:
     """Mean square whitened residual of each run, channels with equal weight (R,)."""
     found = []
     for run, r in zip(estimate.evidence.runs, estimate.residuals, strict=True):
-        found.append(np.mean(list(_by_word(run.samples.channel, r**2).values())))
+        found.append(np.mean(list(_mean_by_word(run.samples.channel, r**2).values())))
     return np.array(found)
 
 
 def excess(squares: Array) -> Array:
-    """sqrt(max(mean r^2 - 1, 0)) of `squares` (..., R) over the runs."""
+    """Excess gap sqrt(max(mean r^2 - 1, 0)) (...) of mean squares (..., R) over the runs."""
     return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-1) - 1.0, 0.0)))
 
 
@@ -85,20 +87,21 @@ def excess_of(estimate: Estimate) -> float:
 
 
 def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """The gap by quantity as shown, and its excess."""
+    """Root mean square gap by displayed quantity, and the excess gap as `excess`."""
     return {**rms(estimate, quantities), "excess": excess_of(estimate)}
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:
-    """1 - excess after / before of the same runs, with a bootstrap over runs (Efron 1979)."""
+    """Shrink 1 - after / before of the excess gap, with a bootstrap over runs (Efron 1979)."""
     was, now = run_squares(before), run_squares(after)
     drawn = rng.integers(0, len(was), (DRAWS, len(was)))
-    value = float(_share(was, now))
-    shares = _share(was[drawn], now[drawn])
+    value = float(_share_closed(was, now))
+    shares = _share_closed(was[drawn], now[drawn])
     low, high = np.quantile(shares, [0.025, 0.975])
     return Shrink(value, float(low), float(high))
 
 
-def _share(before: Array, after: Array) -> Array:
+def _share_closed(before: Array, after: Array) -> Array:
+    """Share (...) of the excess gap closed, of mean squares (..., R); zero without a gap."""
     was = excess(before)
     return np.where(was > 0.0, 1.0 - excess(after) / np.where(was > 0.0, was, 1.0), 0.0)

@@ -1,4 +1,4 @@
-"""One amplitude must serve all conditions and phases: that separates a cause from a proxy."""
+"""Invariance test: a cause has one amplitude in all conditions and phases, a proxy has not."""
 
 from dataclasses import dataclass
 
@@ -9,17 +9,17 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import request, response
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Task
-from cell.gap.selection.likelihood import LikelihoodScale
+from cell.gap.selection.likelihood import ALPHA, LikelihoodScale
 from drivers.types import Array
 
-# relative scatter of the amplitude between conditions that a cause may show; set by hand
-DRIFT = 0.25
+DRIFT = 0.25  # relative scatter that a cause's amplitude may show; set by hand
 
 
 @dataclass(frozen=True, slots=True)
 class Invariance:
-    """Whether the amplitude of an effect is the same in all conditions, or phases: the probability
-    `p` that it is, and its relative scatter beyond what noise explains, the `drift`.
+    """Test of equal amplitudes of an effect in all conditions or phases, with its p-value `p`.
+
+    `drift` is the relative scatter of the amplitude beyond what noise explains.
     """
 
     effect: str
@@ -28,39 +28,37 @@ class Invariance:
 
     @property
     def holds(self) -> bool:
-        """Whether one amplitude serves everywhere."""
-        return self.p >= 0.01 or self.drift <= DRIFT
+        """Whether one amplitude serves in all conditions or phases."""
+        return self.p >= ALPHA or self.drift <= DRIFT
 
 
 def invariance(
     estimate: Estimate, effect: str, by: LikelihoodScale, *, phases: bool = False
 ) -> Task[Invariance]:
-    """Homogeneity of an effect's amplitude over conditions, or over `phases`; yields simulations.
+    """Test an effect for equal amplitudes over conditions, or over `phases`; yields simulations.
 
-    The whitened response of the fitted effect, split by condition, is regressed on what is left
+    The residuals are regressed on the whitened response of the fitted effect, split by condition,
     with all fitted unknowns free; the test is a score test of equal amplitudes (Rao 1948; in the
     spirit of invariant prediction, Peters, Buehlmann, Meinshausen 2016).
     """
-    moved = yield from _response(estimate, effect)
+    responses = yield from _response(estimate, effect)
     about = projection(estimate)
     runs = estimate.evidence.runs
     labels = np.concatenate(
         [r.samples.phase if phases else np.full(len(r.samples), r.condition) for r in runs]
     )
-    conditions = list(dict.fromkeys(map(str, labels)))
-    columns = np.where(labels[:, None] == np.array(conditions), moved[:, None], 0.0)
+    groups = list(dict.fromkeys(map(str, labels)))
+    columns = np.where(labels[:, None] == np.array(groups), responses[:, None], 0.0)
     form = about.form(about.weigh(columns))
     inverse = np.linalg.pinv(form.curvature, rcond=1e-6, hermitian=True)
     amounts = -inverse @ form.gradient
     errors = np.sqrt(by.inefficiency * np.maximum(np.diag(inverse), 1e-12))
     statistic = float(form.gradient @ inverse @ form.gradient) / by.inefficiency
     freedom = np.linalg.matrix_rank(inverse, hermitian=True)
-    p = float(special.chdtrc(freedom, statistic)) if len(conditions) > 1 else 1.0
-    return Invariance(
-        effect,
-        p,
-        _scatter(amounts, form.curvature / by.inefficiency) if phases else _drift(amounts, errors),
-    )
+    p = float(special.chdtrc(freedom, statistic)) if len(groups) > 1 else 1.0
+    if phases:  # of one motion: their amplitudes depend on one another
+        return Invariance(effect, p, _joint_scatter(amounts, form.curvature / by.inefficiency))
+    return Invariance(effect, p, _independent_scatter(amounts, errors))
 
 
 def _response(estimate: Estimate, effect: str) -> Task[Array]:
@@ -82,8 +80,8 @@ def _response(estimate: Estimate, effect: str) -> Task[Array]:
     return np.concatenate(parts)
 
 
-def _drift(amounts: Array, errors: Array) -> float:
-    """Scatter of the amounts beyond their errors (DerSimonian and Laird 1986)."""
+def _independent_scatter(amounts: Array, errors: Array) -> float:
+    """Scatter of independent amounts (k,) beyond their errors (k,) (DerSimonian and Laird 1986)."""
     if len(amounts) < 2:
         return 0.0
     w = errors**-2
@@ -92,10 +90,10 @@ def _drift(amounts: Array, errors: Array) -> float:
     return float(np.sqrt(max(0.0, spread)))
 
 
-def _scatter(amounts: Array, precision: Array) -> float:
-    """Scatter of amounts (k,) beyond their errors, where they depend on one another: `precision`
-    (k, k) is their inverse covariance. What they have in common is free; where an effect does
-    nothing it has no weight.
+def _joint_scatter(amounts: Array, precision: Array) -> float:
+    """Scatter of correlated amounts (k,) beyond their errors, of inverse covariance `precision`.
+
+    What they have in common is free; where an effect does nothing it has no weight.
     """
     common = precision.sum(axis=1)
     among = precision - np.outer(common, common) / max(float(common.sum()), 1e-9)

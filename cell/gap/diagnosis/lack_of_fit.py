@@ -1,4 +1,4 @@
-"""Test for a gap: whether residuals exceed the noise, as repeats show it."""
+"""Lack-of-fit test for a gap: whether residuals exceed the noise that repeats show."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -19,11 +19,11 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Testing:
-    """How a lack of fit is tested. Source: set by hand.
+    """Settings of the lack-of-fit test. Source: set by hand.
 
     Repeats are compared in bins of `bin_time` [s], as long as the samples of a strip; noise is
-    drawn so many times (`draws`); so many runs (`described`) must be described before one more may
-    go another way.
+    drawn `draws` times; a model must describe at least `described` runs before one more may be an
+    outlier.
     """
 
     bin_time: float = 0.3
@@ -32,12 +32,13 @@ class Testing:
 
 
 TESTING = Testing()
+SIGNIFICANT = 0.01  # probability below which repeats scatter by more than the noise; customary
 
 
 def pure_error(
     estimate: Estimate, residuals: Sequence[Array] | None = None, spent: int = 0
 ) -> dict[str, float]:
-    """Factor by channel on the stated noise that the scatter between repeats demands, >= 1.
+    """Factor (>= 1) by channel on the stated noise that the scatter between repeats demands.
 
     `residuals` stand in for the estimate's own, `spent` degrees of freedom went into them.
     Variance of bin means between runs of one condition over what the noise explains, accepted
@@ -46,36 +47,37 @@ def pure_error(
     """
     squares: dict[str, float] = defaultdict(float)
     freedom: dict[str, int] = defaultdict(int)
-    for rows in _group_repeats(estimate, residuals or estimate.residuals).values():
-        for channel, values in rows:
-            mean, count = values[:, 0], values[:, 1]
+    for bins in _repeat_bins(estimate, residuals or estimate.residuals).values():
+        for channel, mean, count in bins:
             centre = np.average(mean, weights=count)
             squares[channel] += float((count * (mean - centre) ** 2).sum())
             freedom[channel] += len(mean) - 1
     factors = {}
     for channel, dof in freedom.items():
         left = max(1, dof - spent)
-        excess = special.chdtrc(left, squares[channel]) < 0.01
+        excess = special.chdtrc(left, squares[channel]) < SIGNIFICANT
         factors[channel] = max(1.0, float(np.sqrt(squares[channel] / left))) if excess else 1.0
     return factors
 
 
-def _group_repeats(
+def _repeat_bins(
     estimate: Estimate, residuals: Sequence[Array]
-) -> dict[str, list[tuple[str, Array]]]:
-    """By condition with repeats: channel and (mean, count) of each run in each common bin."""
+) -> dict[str, list[tuple[str, Array, Array]]]:
+    """Channel, means and counts (runs,) of each bin that repeats share, by condition."""
     bins: dict[tuple[str, str, str, str, int], list[tuple[float, int]]] = defaultdict(list)
     for run, r in zip(estimate.evidence.runs, residuals, strict=True):
         for key, rows in _rows_by_bin(run).items():
             bins[(run.condition, *key)].append((float(r[rows].mean()), len(rows)))
-    found: dict[str, list[tuple[str, Array]]] = defaultdict(list)
+    found: dict[str, list[tuple[str, Array, Array]]] = defaultdict(list)
     for (condition, channel, *_), values in bins.items():
         if len(values) > 1:
-            found[condition].append((channel, np.array(values)))
+            mean, count = np.array(values).T
+            found[condition].append((channel, mean, count))
     return found
 
 
 def _rows_by_bin(run: Run) -> dict[tuple[str, str, str, int], list[int]]:
+    """Row numbers of a run's samples by channel, phase, zone and time bin."""
     rows: dict[tuple[str, str, str, int], list[int]] = defaultdict(list)
     s = run.samples
     for i in range(len(s)):
@@ -85,8 +87,7 @@ def _rows_by_bin(run: Run) -> dict[tuple[str, str, str, int], list[int]]:
 
 
 def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> float:
-    """Probability under noise alone of the largest standardised mean square over channels and
-    conditions.
+    """p-value, under noise, of the largest standardised mean square over channels and conditions.
 
     `noise` (N, draws) are residuals that noise alone would leave (`noise_left`); `allowed` (N,)
     divides the residuals first (`slack`); a wild one counts as much as the fit lets it count.
@@ -102,7 +103,7 @@ def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> float:
 
 
 def _groups(estimate: Estimate) -> list[NDArray[np.int64]]:
-    """Samples of each channel in each condition."""
+    """Row numbers of the samples of each channel in each condition."""
     runs = estimate.evidence.runs
     channel = np.concatenate([run.samples.channel for run in runs])
     condition = np.concatenate([np.full(len(run.samples), run.condition) for run in runs])
@@ -111,7 +112,7 @@ def _groups(estimate: Estimate) -> list[NDArray[np.int64]]:
 
 
 def noise_left(estimate: Estimate, rng: np.random.Generator) -> Array:
-    """Residuals (N, draws) that unit noise, and what differs from run to run, leave after a fit.
+    """Draws of the residuals (N, draws) that noise and run-to-run scatter leave after a fit.
 
     Parametric bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
     """
@@ -127,7 +128,7 @@ def slack(
     inflation: Mapping[str, float],
     tolerance: Mapping[str, float] = MappingProxyType({}),
 ) -> Array:
-    """Factor (N,) on the scale of each sample that allows for more than its stated noise.
+    """Factor (N,) that widens the scale of each sample beyond its stated noise.
 
     `inflation` multiplies the noise of a channel, `tolerance` [SI] adds to that of a quantity.
     """
@@ -140,7 +141,7 @@ def slack(
 
 
 def outlying_run(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:
-    """The run that departs most from the model, if others bear that out, and its samples (N,)."""
+    """Name of the run with the largest residuals, None of few runs, and its sample mask (N,)."""
     squares = [float(np.mean(robust.clip_residuals(r) ** 2)) for r in estimate.residuals]
     owner = np.repeat(np.arange(len(squares)), [len(r) for r in estimate.residuals])
     if len(squares) <= TESTING.described:

@@ -1,6 +1,4 @@
-"""Places where simulation and measurement disagree, alone or as an effect would: bins of
-channel, phase, zone and condition.
-"""
+"""Locates gaps between simulation and runs in bins of channel, phase, zone and condition."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -17,7 +15,7 @@ FEWEST_SAMPLES = 4  # samples that make a bin; set by hand
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """A bin: its statistic in standard deviations under noise, and family-wise probability.
+    """A bin of samples: test statistic `z` [sigma] and family-wise p-value `p`.
 
     `z` is the stronger of the signed mean (with its sign) and the energy.
     """
@@ -31,7 +29,7 @@ class Bin:
 
 
 def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
-    """All bins, strongest first, judged together against `noise` (N, draws).
+    """Test all bins together against `noise` (N, draws); returns them, the strongest first.
 
     `allowed` (N,) divides the residuals first, for noise beyond the stated one; in probabilities
     a wild one counts as much as the fit lets it count.
@@ -52,15 +50,16 @@ def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
 
 
 def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Array, Array]:
-    """Of each bin the stronger statistic, and of each draw the strongest of all bins."""
-    signed = _standardise(np.array([r[i].sum() for i in rows]),
-                           np.array([noise[i].sum(axis=0) for i in rows]))  # fmt: skip
-    energy = _standardise(
+    """Stronger statistic (k,) of each bin, and the strongest of all bins in each draw (draws,)."""
+    signed, signed_draws = _standardise(
+        np.array([r[i].sum() for i in rows]), np.array([noise[i].sum(axis=0) for i in rows])
+    )
+    energy, energy_draws = _standardise(
         np.sqrt([2.0 * (r[i] ** 2).sum() for i in rows]),
         np.sqrt([2.0 * (noise[i] ** 2).sum(axis=0) for i in rows]),
     )
-    largest = np.maximum(np.abs(signed[1]).max(axis=0), energy[1].max(axis=0))
-    return np.where(np.abs(signed[0]) >= energy[0], signed[0], energy[0]), largest
+    largest = np.maximum(np.abs(signed_draws).max(axis=0), energy_draws.max(axis=0))
+    return np.where(np.abs(signed) >= energy, signed, energy), largest
 
 
 def _standardise(found: Array, drawn: Array) -> tuple[Array, Array]:
@@ -70,7 +69,7 @@ def _standardise(found: Array, drawn: Array) -> tuple[Array, Array]:
 
 
 def _rows_by_bin(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]]:
-    """Samples of each bin that has enough of them, by channel, phase, zone and condition."""
+    """Row numbers of each bin with enough samples, by channel, phase, zone and condition."""
     bins: dict[tuple[str, str, str, str], list[int]] = defaultdict(list)
     at = 0
     for run in estimate.evidence.runs:
@@ -85,13 +84,13 @@ def _rows_by_bin(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int
 def matching_bins(
     base: Estimate, fitted: Estimate, others: Sequence[Estimate], noise: Array, allowed: Array
 ) -> list[Bin]:
-    """All bins, strongest first, by how well the base's residuals there match what the model
-    `fitted` adds.
+    """Test, in each bin, how well residuals of `base` match what the model `fitted` adds.
 
-    Each sample counts by what the model says otherwise than the base (matched filter), against
-    `noise` (N, draws), divided by what is `allowed` (N,) beyond it. The model was chosen in sight
-    of the residuals, so that a draw counts by its strongest bin under the response of any of the
-    models tried, this one and `others`, with either sign (Westfall and Young 1993).
+    Returns the bins, the surest first. Each sample counts by what the model predicts otherwise than
+    the base (matched filter), against `noise` (N, draws), divided by what is `allowed` (N,) beyond
+    it. The model was chosen in sight of the residuals, so that a draw counts by its strongest bin
+    under the response of any of the models tried, this one and `others`, with either sign (Westfall
+    and Young 1993).
     """
     r = np.concatenate(base.residuals)
     weight = (r - np.concatenate(fitted.residuals)) / allowed
@@ -111,13 +110,13 @@ def matching_bins(
 
 
 def stronger_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
-    """Each bin by the surer of two tests, strongest first; probabilities allow for both."""
+    """Bins with the smaller p-value of two tests, doubled for that choice; strongest first."""
     if not by_effect:
         return list(by_itself)
     other = {_key(b): b for b in by_effect}
     surer = [min(b, other[_key(b)], key=lambda one: one.p) for b in by_itself]
-    both = [replace(b, p=min(1.0, 2.0 * b.p)) for b in surer]
-    return sorted(both, key=lambda place: -abs(place.z))
+    corrected = [replace(b, p=min(1.0, 2.0 * b.p)) for b in surer]
+    return sorted(corrected, key=lambda place: -abs(place.z))
 
 
 def _key(b: Bin) -> tuple[str, str, str, str]:
@@ -127,7 +126,7 @@ def _key(b: Bin) -> tuple[str, str, str, str]:
 def _match_sums(
     r: Array, weight: Array, rows: Sequence[list[int]], noise: Array
 ) -> tuple[Array, Array]:
-    """Standardised sums over bins of `r` (N,) and of `noise` (N, draws), both weighted (N,)."""
+    """Standardised weighted sums over bins of `r` (N,) and of `noise` (N, draws)."""
     return _standardise(
         np.array([r[i] @ weight[i] for i in rows]), np.array([weight[i] @ noise[i] for i in rows])
     )

@@ -1,4 +1,4 @@
-"""Advice that separates two explanations: the next experiment, or better repeatability."""
+"""Advice on how to separate two explanations: the next experiment, or better repeatability."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,35 +56,35 @@ def advise(
     known = _information(first)
     found = []
     for i, experiment in enumerate(experiments):
-        moved = np.nan_to_num((other[i].mean - raw[i].mean) / planned.scales[i])
+        difference = np.nan_to_num((other[i].mean - raw[i].mean) / planned.scales[i])
         own = np.diag([p.spread**-2 for p in planned.runs[i].local])
-        sigma = float(np.sqrt(max(0.0, _square(moved, jacobians[i], block_diag(known, own)))))
+        square = _unabsorbed_square(difference, jacobians[i], block_diag(known, own))
+        sigma = float(np.sqrt(max(0.0, square)))
         pair = (first.model.name, model.name)
         found.append(Advice(experiment, pair, sigma / by.scale / by.inefficiency**0.5))
     return sorted(found, key=lambda a: -a.rate)
 
 
 def _information(estimate: Estimate) -> Array:
-    """What the runs so far and the priors say of the shared parameters: inverse covariance."""
+    """Information (P, P) of runs and priors on the shared parameters: inverse covariance."""
     count = len(estimate.shared)
     spread = normal_equations.covariance(estimate.normal().curvature)[:count, :count]
     return np.asarray(np.linalg.pinv(spread, hermitian=True))
 
 
-def _square(moved: Array, jacobian: Array, prior: Array) -> float:
-    """Squared length of a response (N,) that unknowns with a `prior` (size, size), an inverse
-    covariance, do not absorb.
+def _unabsorbed_square(response: Array, jacobian: Array, prior: Array) -> float:
+    """Squared norm of the part of a response (N,) that the unknowns cannot absorb.
+
+    `prior` (size, size) is their inverse covariance.
     """
     inverse = normal_equations.covariance(jacobian.T @ jacobian + prior)
-    back = jacobian.T @ moved
-    return float(moved @ moved) - float(back @ inverse @ back)
+    back = jacobian.T @ response
+    return float(response @ response) - float(back @ inverse @ back)
 
 
 @dataclass(frozen=True, slots=True)
 class RepeatabilityGain:
-    """Gain in separation of two explanations [sigma] by the runs made so far, had the quantity
-    `name` scattered from run to run by half as much.
-    """
+    """Gain in separation [sigma] of two explanations, had `name` scattered half as much."""
 
     name: str
     sigma: float
@@ -93,7 +93,7 @@ class RepeatabilityGain:
 def repeatability_gains(
     first: Estimate, second: tuple[Model, Array], by: LikelihoodScale
 ) -> Task[list[RepeatabilityGain]]:
-    """Gains by halving the scatter of each random quantity, largest first; yields simulations.
+    """Gains in separation by halving each run-to-run spread, largest first; yields simulations.
 
     `second` is a model with its shared values (P,). What the first explanation's unknowns may
     absorb, each within its spread, is projected out.
@@ -105,12 +105,13 @@ def repeatability_gains(
     model, shared = second
     other = yield requests(model, runs, Point(shared, first.point.local))
     parts = zip(other, first.raw, first.evidence.scales, strict=True)
-    moved = np.concatenate([response(*each) for each in parts])
+    difference = np.concatenate([response(*each) for each in parts])
     jacobian, known = stacked_jacobian(first), first.limits.precision
-    now = _square(moved, jacobian, np.diag(known))
+    now = _unabsorbed_square(difference, jacobian, np.diag(known))
     found = []
     for name in names:
         halved = [REMEDY_SHARE**-2 if p.name == name else 1.0 for p in every]
-        more = max(0.0, _square(moved, jacobian, np.diag(np.array(halved) * known)) - now)
+        then = _unabsorbed_square(difference, jacobian, np.diag(np.array(halved) * known))
+        more = max(0.0, then - now)
         found.append(RepeatabilityGain(name, more**0.5 / by.scale / by.inefficiency**0.5))
     return sorted(found, key=lambda s: -s.sigma)

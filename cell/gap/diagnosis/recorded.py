@@ -1,4 +1,4 @@
-"""Complaints about a recording as such, before any model is fitted to it."""
+"""Checks of a recording by itself, before any model is fitted to it."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -9,18 +9,19 @@ import numpy as np
 from drivers.types import Array
 
 Level = Literal["bad", "fair"]
+SPARSE_COLUMNS = frozenset({"t", "contact_x", "contact_t", "pitch", "f_x", "f_z"})
+"""Columns that hold numbers in some rows alone, or need not be there (formats.md)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Thresholds of complaints about a recording: of a pair, from the first on worth a remark, from
-    the second on not fitted.
+    """Thresholds of complaints about a recording; pairs are (worth a remark, not to be fitted).
 
     Shares of the rows that were `lost` or hold no number, and of the `images`; a reading that
-    stands still for `stuck` [s] while what is commanded moves by `moved` [m or rad]; a limit at
-    which the largest or the smallest reading stands for `clipped` [s], more than once; steps of the
-    clock whose middle half differs by a share `uneven`. Assumed: no fault was measured; runs of the
-    twin and recordings of real pendulums stay within.
+    stands still for `stuck` [s] while its command changes by `moved` [m or rad]; a largest or
+    smallest value that readings keep for `clipped` [s], more than once; steps of the clock whose
+    middle half differs by a share `uneven`. Assumed: no fault was measured; runs of the twin and
+    recordings of real pendulums stay within.
     """
 
     lost: tuple[float, float] = (0.02, 0.3)
@@ -36,8 +37,7 @@ DEFAULT_LIMITS = Limits()
 
 @dataclass(frozen=True, slots=True)
 class Complaint:
-    """Something wrong with a recording: `bad` where it is not fitted, `fair` where it costs
-    accuracy.
+    """Something wrong with a recording: `bad` forbids a fit, `fair` costs accuracy.
 
     `what` is the check, `words` say what is seen where, `remedy` what to do.
     """
@@ -49,12 +49,10 @@ class Complaint:
 
 
 def clock(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Complaint]:
-    """Complaints about the times (n,) [s] of rows: rows that are missing, and uneven steps. Rows
-    out of order are the reader's to refuse.
-    """
+    """Complaints about row times (n,) [s]: missing rows and uneven steps."""
     steps = np.diff(t)
     step = float(np.median(steps))
-    if not (steps > 0.0).all():
+    if not (steps > 0.0).all():  # the reader refuses rows out of order
         return
     missing = np.round(np.maximum(steps / step - 1.0, 0.0))
     lost = float(missing.sum() / (missing.sum() + len(t)))
@@ -75,7 +73,7 @@ def clock(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Complaint]:
 
 
 def images(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Complaint]:
-    """Complaint about images missing among the stamps (n,) [s], one a point of an image."""
+    """Complaint about missing images, by the stamps (n,) [s] of all points in images."""
     stamps = np.unique(t)
     if len(stamps) < 3:
         return
@@ -93,8 +91,9 @@ def images(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Complaint]:
 def values(
     name: str, t: Array, value: Array, command: Array | None = None, limits: Limits = DEFAULT_LIMITS
 ) -> Iterator[Complaint]:
-    """Complaints of a measured column (n,) over `t` (n,) [s]: no numbers, a reading that stands
-    still while its `command` (n,) moves, one that is cut off at its largest or smallest value.
+    """Complaints about a column (n,) over times `t` (n,) [s]: gaps, stuck and clipped readings.
+
+    A reading is stuck that stands still while its `command` (n,) changes.
     """
     seen = np.isfinite(value)
     lost = 1.0 - float(seen.mean())
@@ -105,15 +104,28 @@ def values(
         )  # fmt: skip
     if seen.sum() < 2:
         return
+    stuck = None if command is None else _stall(name, t, value, command, limits)
+    if stuck is not None:
+        yield stuck
+        return
+    yield from _saturation(name, t, value, limits)
+
+
+def _stall(name: str, t: Array, value: Array, command: Array, limits: Limits) -> Complaint | None:
+    """Complaint about a reading that stands still while its command changes, None if none does."""
     for first, last in _still(value):
-        moved = 0.0 if command is None else float(np.ptp(command[first : last + 1]))
-        if t[last] - t[first] > limits.stuck and moved > limits.moved:
-            yield Complaint(
+        change = float(np.ptp(command[first : last + 1]))
+        if t[last] - t[first] > limits.stuck and change > limits.moved:
+            return Complaint(
                 "bad", "stuck reading",
                 f"{name} stands still at {value[first]:.4g} from {t[first]:.2f} to {t[last]:.2f} s "
-                f"while its command moves by {moved:.2g}", "mend the reading; leave the run out",
+                f"while its command moves by {change:.2g}", "mend the reading; leave the run out",
             )  # fmt: skip
-            return
+    return None
+
+
+def _saturation(name: str, t: Array, value: Array, limits: Limits) -> Iterator[Complaint]:
+    """Complaints about a reading that stands repeatedly at its largest or smallest value."""
     for limit, word in ((np.nanmax(value), "largest"), (np.nanmin(value), "smallest")):
         ends = [(a, b) for a, b in _still(value) if value[a] == limit and a > 0 and b < len(t) - 1]
         long = [t[b] - t[a] for a, b in ends if t[b] - t[a] > limits.clipped]
@@ -140,7 +152,7 @@ def _level(lost: float, limits: tuple[float, float]) -> Level:
 def complaints(
     tables: Mapping[str, Mapping[str, Array]], limits: Limits = DEFAULT_LIMITS
 ) -> Iterator[Complaint]:
-    """Complaints of a run's tables: columns (n,) by name, by the file that holds them."""
+    """Complaints about a run's `tables`: by file name, columns (n,) by name."""
     for file, columns in tables.items():
         t = columns.get("t")
         if t is None or len(t) < 3:
@@ -153,7 +165,3 @@ def complaints(
             if name not in SPARSE_COLUMNS and not name.endswith("_cmd"):
                 command = columns.get(f"{name}_cmd")
                 yield from values(name, t, value, command, limits)
-
-
-SPARSE_COLUMNS = frozenset({"t", "contact_x", "contact_t", "pitch", "f_x", "f_z"})
-"""Columns that hold numbers in some rows alone, or need not be there (formats.md)."""

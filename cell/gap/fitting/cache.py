@@ -1,4 +1,4 @@
-"""Simulations remembered on disk, so that an interrupted fit goes on where it stopped.
+"""Disk cache of simulations, from which an interrupted fit resumes.
 
 A fit asks for the same simulations in the same order whenever its inputs are the same. Each
 round of answers is written as it comes; started again, rounds are read back while what is asked
@@ -19,9 +19,9 @@ from drivers.files import writing
 
 
 class SimulationCache:
-    """A simulation whose answers survive in `folder`; `total` counts the simulations.
+    """Simulation function that stores its results in `folder`; `total` counts the simulations.
 
-    The folder's parent is the tape's own: it goes with the last erasure.
+    The cache owns the folder's parent, too: `erase` deletes it.
     """
 
     def __init__(self, simulate: Simulate, folder: Path) -> None:
@@ -32,7 +32,7 @@ class SimulationCache:
         folder.mkdir(parents=True, exist_ok=True)
 
     def __call__(self, requests: Sequence[Request]) -> list[Residuals]:
-        """Residuals of `requests`, read back or simulated."""
+        """Residuals of `requests`, read from the cache where it holds them, else simulated."""
         path = self._folder / f"{self._round:05d}.npz"
         self._round += 1
         self.total += len(requests)
@@ -44,22 +44,22 @@ class SimulationCache:
         return answers
 
     def erase(self) -> None:
-        """Forget everything: the fit is complete."""
+        """Delete the cache once the fit is complete."""
         shutil.rmtree(self._folder.parent, ignore_errors=True)
 
 
 def digest(requests: Sequence[Request]) -> str:
-    """Hash of what is asked, and of the runs as they were corrected by then."""
-    h = hashlib.sha256()
+    """Hash of the requested simulations and of the corrections made to their runs."""
+    content = hashlib.sha256()
     runs = {id(r.run): r.run for r in requests}
-    held = {key: _correction_hash(run) for key, run in runs.items()}
+    corrections = {key: _correction_hash(run) for key, run in runs.items()}
     for r in requests:
-        h.update(r.run.name.encode() + held[id(r.run)])
-        h.update(r.base.tobytes())
+        content.update(r.run.name.encode() + corrections[id(r.run)])
+        content.update(r.base.tobytes())
         for name in sorted(r.effects):
-            h.update(name.encode() + r.effects[name].tobytes())
-        h.update(r.local.tobytes() + bytes([r.rough]))
-    return h.hexdigest()
+            content.update(name.encode() + r.effects[name].tobytes())
+        content.update(r.local.tobytes() + bytes([r.rough]))
+    return content.hexdigest()
 
 
 def _correction_hash(run: Run) -> bytes:

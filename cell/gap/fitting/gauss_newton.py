@@ -1,6 +1,6 @@
-"""Fit of a model to runs: robust Gauss-Newton with the parameters' own secant steps.
+"""Robust Gauss-Newton fit of a model to runs, with Jacobians by secants.
 
-Shared parameters and each run's own unknowns are estimated jointly. Simulations are dear and
+Shared parameters and each run's own unknowns are estimated jointly. Simulations are expensive and
 responses nearly linear, so that a Jacobian is kept while it predicts the decrease well.
 """
 
@@ -24,12 +24,12 @@ FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 
 @dataclass(frozen=True, slots=True)
 class Stepping:
-    """How a fit steps; shares are of the decrease of the objective that a step promised.
+    """Step control of a Gauss-Newton fit, in shares of the decrease that a step predicted.
 
-    After so many `steps` it ends. A Jacobian is kept where a step wins a `trusted` share; within a
-    `mendable` one the step itself mends it, once. Less than `stalled` with fresh Jacobians, twice:
-    the objective is no longer smooth. A step that was too long is tried in the shares `parabola` of
-    its length, bent by its curvature with relative `damping`. Source: set by hand.
+    A fit ends after `steps`. A Jacobian is kept where the decrease is in the range `trusted`; in
+    the range `mendable` Broyden's update corrects it, once. Less than `stalled` with fresh
+    Jacobians, twice, ends the fit: the objective is not smooth. A step too long is tried at
+    the shares `parabola` of its length, bent by a term of relative `damping`. Source: set by hand.
     """
 
     steps: int = 20
@@ -45,7 +45,7 @@ STEPPING = Stepping()
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A fitted model: where, what is left, and how the residuals respond.
+    """A fitted model: its values, residuals and Jacobians.
 
     Per run: `residuals` (n,) whitened, `raw` in physical units, `jacobians` (n, shared + local)
     of the whitened residuals. `scale` is the dispersion, `objective` the loss at it [nats].
@@ -67,7 +67,7 @@ class Estimate:
 
     @property
     def place(self) -> normal_equations.Layout:
-        """Where its unknowns sit in one vector."""
+        """Layout of all unknowns in one vector."""
         return normal_equations.layout(self.model, self.evidence)
 
     @property
@@ -81,24 +81,24 @@ class Estimate:
         return normal_equations.bounds(self.model, self.evidence)
 
     def normal(self, scale: float | None = None) -> normal_equations.Normal:
-        """Normal equations of data and priors here, at `scale` or the estimate's own."""
+        """Normal equations of data and priors at dispersion `scale` (default: its own)."""
         used = self.scale if scale is None else scale
         data = normal_equations.normal(self.place, self.residuals, self.jacobians, used)
         return normal_equations.with_prior(data, self.z, self.limits)
 
     def on(self, keep: Sequence[int]) -> "Estimate":
-        """Estimate with the same values on the runs of the numbers `keep` alone."""
+        """The same estimate, restricted to the runs with the numbers `keep`."""
 
-        def some(of: Sequence[T]) -> tuple[T, ...]:
-            return tuple(of[i] for i in keep)
+        def pick(by_run: Sequence[T]) -> tuple[T, ...]:
+            return tuple(by_run[i] for i in keep)
 
         return replace(
             self,
-            evidence=Evidence(some(self.evidence.runs), some(self.evidence.scales)),
-            point=Point(self.shared, some(self.point.local)),
-            residuals=some(self.residuals),
-            raw=some(self.raw),
-            jacobians=some(self.jacobians),
+            evidence=Evidence(pick(self.evidence.runs), pick(self.evidence.scales)),
+            point=Point(self.shared, pick(self.point.local)),
+            residuals=pick(self.residuals),
+            raw=pick(self.raw),
+            jacobians=pick(self.jacobians),
         )
 
 
@@ -112,11 +112,11 @@ def refit(
     *,
     both_ways: bool = False,
 ) -> Task[Estimate]:
-    """Estimate of `model` from `start`; yields simulations.
+    """Fit `model` to `evidence` from `start`; yields simulations.
 
-    `jacobians` (n, shared + local) by run of a fit near by spare the first secants; it ends when
-    a further step promises less than `enough` nats, or after so many `steps`. With `both_ways`
-    slopes are what both sides of a value show, for twice the simulations.
+    `jacobians` (n, shared + local) by run of a fit nearby spare the first secants; the fit ends
+    when a further step promises less than `enough` nats, or after so many `steps`. With `both_ways`
+    slopes are limited by secants to both sides, for twice the simulations.
     """
     slopes = linearise_both_ways if both_ways else linearise
     place = normal_equations.layout(model, evidence)
@@ -136,20 +136,22 @@ def refit(
         promised = normal_equations.decrease(equations, step)
         if promised < enough:
             break
-        now = normal_equations.objective(r, z, limits, scale)
-        search = _Search(model, evidence, place, limits, jacobians, equations.curvature, scale, now)
+        start_value = normal_equations.objective(r, z, limits, scale)
+        search = _Search(
+            model, evidence, place, limits, jacobians, equations.curvature, scale, start_value
+        )
         trial = yield from _line_search(search, z, step, r)
-        won = now - trial.objective
-        kept = won / promised
-        if won <= 0.0 and fresh:
+        gain = start_value - trial.objective
+        share = gain / promised
+        if gain <= 0.0 and fresh:
             break
-        stalled = stalled + 1 if fresh and kept < STEPPING.stalled else 0
-        trusted = STEPPING.trusted[0] < kept < STEPPING.trusted[1]
-        mended = not trusted and not mended and STEPPING.mendable[0] < kept < STEPPING.mendable[1]
+        stalled = stalled + 1 if fresh and share < STEPPING.stalled else 0
+        trusted = STEPPING.trusted[0] < share < STEPPING.trusted[1]
+        mended = not trusted and not mended and STEPPING.mendable[0] < share < STEPPING.mendable[1]
         fresh = not trusted and not mended
         if mended:
             jacobians = _broyden_update(search, trial.z - z, raw, trial.raw)
-        if won > 0.0:
+        if gain > 0.0:
             z, raw = trial.z, trial.raw
         if stalled > 1:
             break
@@ -165,7 +167,7 @@ def estimate_at(
     raw: Sequence[Residuals],
     jacobians: tuple[Array, ...],
 ) -> Estimate:
-    """The estimate at a point, by run simulated as `raw`, with whitened `jacobians` (n, size)."""
+    """Estimate at `point` from residuals `raw` and whitened `jacobians` (n, size) by run."""
     limits = normal_equations.bounds(model, evidence)
     z = normal_equations.layout(model, evidence).pack(point)
     r = residuals(raw, evidence)
@@ -181,6 +183,8 @@ def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]
 
 @dataclass(frozen=True, slots=True)
 class _Search:
+    """What a line search depends on; `start_value` is the objective [nats] at its start."""
+
     model: Model
     evidence: Evidence
     place: normal_equations.Layout
@@ -188,7 +192,7 @@ class _Search:
     jacobians: tuple[Array, ...]
     curvature: Array
     scale: float
-    now: float
+    start_value: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,20 +203,20 @@ class _Trial:
 
 
 def _line_search(search: _Search, z: Array, step: Array, r: Sequence[Array]) -> Task[_Trial]:
-    """The trial at the full step, or the best along a bent parabola where that does not win."""
+    """Trial of the full step or, where that gains nothing, the best along a parabola."""
     full = (yield from _evaluate(search, [z + step]))[0]
-    if full.objective < search.now:
+    if full.objective < search.start_value:
         return full
-    bend = _bend(search, z, step, r, residuals(full.raw, search.evidence))
+    bend = _second_order_step(search, z, step, r, residuals(full.raw, search.evidence))
     points = [z + f * step + f * f * bend for f in STEPPING.parabola]
     trials = yield from _evaluate(search, [*points, z + STEPPING.parabola[-1] * step])
     return min(trials, key=lambda trial: trial.objective)
 
 
-def _bend(
+def _second_order_step(
     search: _Search, z: Array, step: Array, before: Sequence[Array], after: Sequence[Array]
 ) -> Array:
-    """Second-order part of the path to the minimum (geodesic acceleration, Transtrum 2012).
+    """Second-order part (size,) of the path to the minimum (geodesic acceleration, Transtrum 2012).
 
     What the residuals did beyond the linear promise is answered by the same linear model; weak
     directions, along which the full step was too bold, are damped.
@@ -233,7 +237,7 @@ def _bend(
 def _broyden_update(
     search: _Search, moved: Array, before: Sequence[Residuals], after: Sequence[Residuals]
 ) -> tuple[Array, ...]:
-    """The Jacobians after the step `moved` (size,), by Broyden's update (1965).
+    """Jacobians by run after the step `moved` (size,), by Broyden's update (1965).
 
     They give the change of the residuals that was seen, at least change in units of what each
     unknown does; samples that either side lost change nothing.
@@ -251,6 +255,7 @@ def _broyden_update(
 
 
 def _evaluate(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
+    """Trials at `points` (size,), each clipped to the bounds; yields simulations."""
     model, evidence = search.model, search.evidence
     place, limits = search.place, search.limits
     inside = [np.clip(p, limits.low, limits.high) for p in points]

@@ -1,4 +1,4 @@
-"""Marginal likelihood of how much quantities differ from run to run, all else integrated out."""
+"""Marginal likelihood of run-to-run spreads, with all other unknowns integrated out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,12 +18,11 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Sought:
-    """Where a spread from run to run is sought, in units of the `usual` one. Source: set by
-    hand; `cell study spreads` holds what comes of it against true spreads.
+    """Search range of a run-to-run spread, in units of the usual one.
 
-    Between `smallest` and `largest`, from `begin`; the common part of a quantity may be so many
-    times its usual spread (`common`). Any fit leaves at least the share `least` of the stated
-    variance.
+    From `begin`, between `smallest` and `largest`. The part of a quantity that all runs share has a
+    prior `common` times as wide as the usual spread. Any fit leaves at least the share `least` of
+    the stated variance. Source: set by hand; `cell study spreads` tests it on true spreads.
     """
 
     smallest: float = 0.03
@@ -38,7 +37,7 @@ SOUGHT = Sought()
 
 @dataclass(frozen=True, slots=True)
 class Marginal:
-    """The quadratic model of a fit about zero scatter, in the random unknowns of its runs alone.
+    """Quadratic model of a fit in the random unknowns of its runs alone, about zero scatter.
 
     `curvature` (u, u) and `pull` (u,) of data and priors, all other unknowns integrated out, in
     units of the `usual` (q,) spread of each quantity; `owner` (u,) numbers the quantity of an
@@ -52,7 +51,7 @@ class Marginal:
 
     @classmethod
     def of(cls, estimate: Estimate, known: dict[str, Parameter]) -> Self:
-        """The model of the linearised fit; `known` are the random unknowns by name.
+        """Integrate all but the random unknowns, `known` by name, out of the linearised fit.
 
         The common part of a quantity counts as an unknown of its own: a constant error of the rig
         is no scatter.
@@ -75,16 +74,17 @@ class Marginal:
         )
 
     def loss(self, shares: Array, active: Sequence[int]) -> float:
-        """Minus log marginal likelihood [nats], up to a constant, where the quantities `active`
-        scatter by `shares` (k,) of the usual.
+        """Minus log marginal likelihood [nats] of the spreads of the quantities `active`.
 
-        A half-normal prior of unit width on each share stands in where runs are few.
+        `shares` (k,) are their spreads in units of the usual ones; the loss is up to a constant. A
+        half-normal prior of unit width on each share stands in where runs are few.
         """
         return self._loss(shares, active)[0]
 
     def least(self, active: Sequence[int], start: Array) -> tuple[float, Array]:
-        """The least loss [nats] over the shares of `active`, and these (k,); sought from `start`
-        for the first of them.
+        """Least loss [nats] over the shares of the quantities `active`, and those shares (k,).
+
+        `start` (j,) holds initial shares of the first quantities.
         """
         if not len(active):
             return self.loss(np.zeros(0), []), np.zeros(0)
@@ -97,30 +97,31 @@ class Marginal:
         return float(found.fun), np.exp(found.x)
 
     def _loss(self, shares: Array, active: Sequence[int]) -> tuple[float, Array]:
-        """The loss, and what it changes by with the logarithm of each share (k,)."""
+        """Loss [nats] of `shares` (k,) and its gradient (k,) in their logarithms."""
         place = np.full(len(self.usual), -1)
         place[list(active)] = np.arange(len(active))
-        mine = place[self.owner]
-        kept = np.flatnonzero(mine >= 0)
-        mine = mine[kept]
-        precision = shares[mine] ** -2
+        owner = place[self.owner]
+        kept = np.flatnonzero(owner >= 0)
+        owner = owner[kept]
+        precision = shares[owner] ** -2
         whole = self.curvature[np.ix_(kept, kept)] + np.diag(precision)
-        d = 1.0 / np.sqrt(np.diag(whole))
+        d = 1.0 / np.sqrt(np.diag(whole))  # scales the diagonal to one
         lower = np.linalg.cholesky(whole * d[:, None] * d + 1e-10 * np.eye(len(d)))
         inverse = cho_solve((lower, True), np.eye(len(d)))
         scaled = inverse @ (d * self.pull[kept])
-        moved, variance = d * scaled, d**2 * np.diag(inverse)
-        half_logdet = float(np.log(np.diag(lower) / d * shares[mine]).sum())
-        loss = half_logdet - 0.5 * float(self.pull[kept] @ moved) + 0.5 * float(shares @ shares)
-        each = 1.0 - precision * (variance + moved**2)
-        return loss, np.bincount(mine, each, len(active)) + shares**2
+        mean, variance = d * scaled, d**2 * np.diag(inverse)
+        half_logdet = float(np.log(np.diag(lower) / d * shares[owner]).sum())
+        loss = half_logdet - 0.5 * float(self.pull[kept] @ mean) + 0.5 * float(shares @ shares)
+        each = 1.0 - precision * (variance + mean**2)
+        return loss, np.bincount(owner, each, len(active)) + shares**2
 
 
 def _equations(
     estimate: Estimate, every: Sequence[Parameter], owner: Array, usual: Array
 ) -> tuple[Array, Array]:
-    """Curvature (u + q, u + q) and pull (u + q,) of data and priors in all unknowns and in the
-    common part of each random quantity, the random ones' own priors left out.
+    """Curvature (u + q, u + q) and pull (u + q,) of data and priors, but those of scatter.
+
+    In all u unknowns and in the common part of each of the q random quantities.
     """
     r = np.concatenate(estimate.residuals)
     worth = max(SOUGHT.least, robust.long_run_variance(estimate.evidence.runs, estimate.residuals))
@@ -128,12 +129,12 @@ def _equations(
     columns = stacked_jacobian(estimate)
     prior = np.array([0.0 if p.random else p.spread**-2 for p in every])
     start = np.array([p.start for p in every])
-    target = r - columns @ np.where(owner >= 0, estimate.z, 0.0)
-    pull = prior * (estimate.z - start)
+    without_scatter = r - columns @ np.where(owner >= 0, estimate.z, 0.0)
+    prior_pull = prior * (estimate.z - start)
     common = np.stack([columns[:, owner == k].sum(axis=1) for k in range(len(usual))], axis=1)
-    more = (SOUGHT.common * usual) ** -2
+    common_prior = (SOUGHT.common * usual) ** -2
     whole = np.concatenate([columns, common], axis=1) * weight[:, None]
-    curvature = whole.T @ whole + np.diag(np.concatenate([prior, more]))
-    curvature += np.diag(1e-9 * np.diag(curvature) + 1e-12)
-    added = np.zeros(len(more))
-    return curvature, -(whole.T @ (target * weight) + np.concatenate([pull, added]))
+    curvature = whole.T @ whole + np.diag(np.concatenate([prior, common_prior]))
+    curvature += np.diag(1e-9 * np.diag(curvature) + 1e-12)  # keeps it positive definite
+    prior_pull = np.concatenate([prior_pull, np.zeros(len(common_prior))])
+    return curvature, -(whole.T @ (without_scatter * weight) + prior_pull)

@@ -24,7 +24,7 @@ class Model:
 
     @property
     def name(self) -> str:
-        """Names of its effects, or `base`."""
+        """Names of the effects, joined by ` + `, or `base` where there are none."""
         return " + ".join(e.name for e in self.effects) or "base"
 
     @property
@@ -44,7 +44,7 @@ class Model:
         return replace(self, held=tuple(map(float, shared)))
 
     def split(self, shared: Array) -> tuple[Array, dict[str, Array]]:
-        """Base values, and values by effect, of shared values (P,)."""
+        """Split shared values (P,) into those of the base and those of each effect by name."""
         shared = shared if self.held is None else np.array(self.held)
         effects, at = {}, len(self.base)
         for effect in self.effects:
@@ -53,7 +53,7 @@ class Model:
         return shared[: len(self.base)], effects
 
     def join(self, base: Array, effects: dict[str, Array]) -> Array:
-        """Shared values (P,) of base values and values by effect; nulls where one is not given."""
+        """Join base values and values by effect to shared values (P,), missing effects at null."""
         parts = [e.complete(effects.get(e.name, e.null)) for e in self.effects]
         return np.concatenate([base, *parts])
 
@@ -74,39 +74,39 @@ class Evidence:
     scales: tuple[Array, ...]
 
     def start(self) -> tuple[Array, ...]:
-        """Where the runs' own unknowns start."""
+        """Start values (k,) of each run's own unknowns."""
         return tuple(np.array([p.start for p in run.local]) for run in self.runs)
 
 
 def evidence(runs: Sequence[Run]) -> Evidence:
-    """Runs whitened by noise and floor."""
+    """Evidence of `runs`, whitened by noise and floor."""
     scales = [np.hypot(run.samples.noise, run.samples.floor) for run in runs]
     return Evidence(tuple(runs), tuple(scales))
 
 
 def unknowns(model: Model, evidence: Evidence) -> list[Parameter]:
-    """All that is fitted: shared parameters, then each run's own."""
+    """All unknowns of a fit: shared parameters, then each run's own."""
     return [*model.parameters, *(p for run in evidence.runs for p in run.local)]
 
 
 def request(model: Model, run: Run, shared: Array, local: Array) -> Request:
-    """The simulation of one run at shared values (P,) and its own unknowns (k,)."""
+    """Request to simulate one run at shared values (P,) and its own unknowns (k,)."""
     base, effects = model.split(shared)
     return Request(run, base, effects, local)
 
 
 def requests(model: Model, runs: Sequence[Run], point: Point) -> list[Request]:
-    """The simulations of all runs at a point."""
+    """Requests to simulate all runs at `point`."""
     return [request(model, r, point.shared, v) for r, v in zip(runs, point.local, strict=True)]
 
 
 def whiten(residuals: Residuals, scale: Array) -> Array:
-    """Residuals (n,) in units of `scale` (n,); what the model lacks counts as LOST_RESIDUAL."""
+    """Residuals (n,) in units of `scale` (n,); lost samples count as LOST_RESIDUAL."""
     return np.nan_to_num(
         residuals.mean / scale, nan=LOST_RESIDUAL, posinf=LOST_RESIDUAL, neginf=-LOST_RESIDUAL
     )
 
 
 def response(there: Residuals, here: Residuals, scale: Array) -> Array:
-    """By how many units of `scale` (n,) the residuals `there` exceed those `here` (n,)."""
+    """Change (n,) of residuals from `here` to `there`, in units of `scale` (n,)."""
     return whiten(there, scale) - whiten(here, scale)

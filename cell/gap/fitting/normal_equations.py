@@ -11,13 +11,12 @@ from cell.gap.fitting.model import Evidence, Model, Point, unknowns
 from drivers.types import Array
 
 Mask = NDArray[np.bool_]
-# relative; keeps directions that nothing determines where they are; far above rounding errors
-RIDGE = 1e-9
+RIDGE = 1e-9  # of the diagonal: holds directions that nothing determines; above rounding
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where the unknowns sit in one vector: shared first, then each run's own."""
+    """Positions of the unknowns in one vector: shared ones first, then each run's own."""
 
     shared: int
     local: tuple[int, ...]
@@ -87,7 +86,7 @@ class Normal:
 def normal(
     place: Layout, residuals: Sequence[Array], jacobians: Sequence[Array], scale: float
 ) -> Normal:
-    """Weighted normal equations of the data alone, runs summed.
+    """Weighted normal equations of the data alone, summed over runs.
 
     By run: whitened `residuals` (n,) and `jacobians` (n, shared + local).
     """
@@ -101,7 +100,7 @@ def normal(
 
 
 def with_prior(data: Normal, z: Array, limits: Bounds) -> Normal:
-    """Normal equations of data and of the priors at `z` (size,)."""
+    """Normal equations `data` with the priors at `z` (size,) added."""
     return Normal(
         data.gradient + limits.precision * (z - limits.mean),
         data.curvature + np.diag(limits.precision),
@@ -120,7 +119,7 @@ def bounded_step(equations: Normal, z: Array, limits: Bounds) -> Array:
     free = (diagonal > 0.0) & ~_pushed_out(equations.gradient, np.zeros_like(z), low, high)
     step, best, least = np.zeros_like(z), np.zeros_like(z), 0.0
     for _ in range(len(z) + 3):
-        step, free = _within(equations.gradient, ridged, free, step, low, high)
+        step, free = _minimise_free(equations.gradient, ridged, free, step, low, high)
         slope = equations.gradient + ridged @ step
         value = 0.5 * float(step @ (equations.gradient + slope))
         if value < least:
@@ -133,10 +132,13 @@ def bounded_step(equations: Normal, z: Array, limits: Bounds) -> Array:
     return best
 
 
-def _within(
+def _minimise_free(
     gradient: Array, curvature: Array, free: Mask, step: Array, low: Array, high: Array
 ) -> tuple[Array, Mask]:
-    """Minimum over the free unknowns, those that leave their bounds held there; who is free."""
+    """Step (size,) to the minimum over the `free` unknowns, and a mask of those still free.
+
+    Unknowns that leave their bounds are held on them.
+    """
     step, free = step.copy(), free.copy()
     while free.any():
         right = gradient[free] + curvature[np.ix_(free, ~free)] @ step[~free]
@@ -150,7 +152,7 @@ def _within(
 
 
 def _pushed_out(slope: Array, step: Array, low: Array, high: Array) -> Mask:
-    """Which unknowns stand on a bound with a slope that holds them there."""
+    """Mask (size,) of unknowns on a bound whose slope holds them there."""
     return np.asarray((step <= low) & (slope >= 0.0) | (step >= high) & (slope <= 0.0))
 
 
@@ -167,9 +169,7 @@ def decrease(equations: Normal, step: Array) -> float:
 
 
 def covariance(curvature: Array) -> Array:
-    """Inverse of `curvature` (size, size); directions without information are huge, not
-    infinite.
-    """
+    """Inverse (size, size) of `curvature`: huge, not infinite, where it holds no information."""
     d = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     values, vectors = np.linalg.eigh(curvature * d[:, None] * d[None])
     inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T

@@ -12,7 +12,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """The quadratic model about an estimate, in robustly weighted units of its dispersion.
+    """Quadratic model of the objective about an estimate, in robustly weighted residuals.
 
     `residual` (N,) of all runs, the last small step of the fit taken, `jacobian` (N, u) of the
     free unknowns, `inverse` (u, u) of their curvature with priors, `weight` (N,) that brings
@@ -27,19 +27,19 @@ class Projection:
     scatter: Array
 
     def left(self, response: Array) -> Array:
-        """Response (N, ...) after the free unknowns have moved against it, in weighted units."""
+        """Part of `response` (N, ...) that the free unknowns cannot absorb, in weighted units."""
         back = self.inverse @ (self.jacobian.T @ response)
         return np.asarray(response - self.jacobian @ back)
 
     def weigh(self, whitened: Array) -> Array:
-        """A whitened response (N, k) in weighted units."""
+        """Convert a whitened response (N, k) to weighted units."""
         return np.asarray(whitened * self.weight[:, None])
 
     def form(self, responses: Array) -> normal_equations.Normal:
-        """Gradient and curvature of the refitted objective in the amounts of `responses`.
+        """Gradient and curvature of the refitted objective in the amounts of `responses` (N, k).
 
-        At the estimate the unknowns' own gradient vanishes, so that adding a responses moves the
-        minimum by a' D' r + a' D' (I - H) D a / 2, H the hat matrix with priors.
+        At the estimate the unknowns' own gradient vanishes, so that responses D in the amounts a
+        change the minimum by a' D' r + a' D' (I - H) D a / 2, H the hat matrix with priors.
         """
         return normal_equations.Normal(
             responses.T @ self.residual, responses.T @ self.left(responses)
@@ -47,7 +47,7 @@ class Projection:
 
 
 def projection(estimate: Estimate, *, robustly: bool = True) -> Projection:
-    """The quadratic model about `estimate`; unknowns held by a bound do not absorb."""
+    """Quadratic model about `estimate`, in which unknowns on a bound are fixed."""
     limits, z = estimate.limits, estimate.z
     r = np.concatenate(estimate.residuals)
     scale = estimate.scale if robustly else 1.0

@@ -1,4 +1,4 @@
-"""Robust likelihood: Huber's loss, its scale, and how independent samples really are."""
+"""Robust likelihood: Huber's loss, the dispersion and the autocorrelation of residuals."""
 
 from collections.abc import Sequence
 
@@ -10,12 +10,12 @@ from drivers.types import Array
 # in units of the scale, where Huber's loss turns from square to linear; set by hand, for normal
 # residuals are beyond it once in 370
 HUBER_THRESHOLD = 3.0
-# beyond which a sample says that the strip went another way, not how far; set by hand
-OFF_TRACK = 5.0
+# in units of the scale: beyond it a sample shows that the strip went another way, not how far
+OFF_TRACK = 5.0  # set by hand
 
 
 def loss(r: Array) -> Array:
-    """Huber's rho (Huber 1964, Robust estimation of a location parameter): nats per sample."""
+    """Huber's loss (n,) [nats] (Huber 1964, Robust estimation of a location parameter)."""
     a = np.abs(r)
     return np.where(
         a <= HUBER_THRESHOLD, 0.5 * r * r, HUBER_THRESHOLD * (a - 0.5 * HUBER_THRESHOLD)
@@ -23,19 +23,20 @@ def loss(r: Array) -> Array:
 
 
 def bounded_loss(r: Array) -> Array:
-    """Huber's loss up to OFF_TRACK, no more beyond: for judging fits, where no single sample that
-    went another way may decide (Hampel et al. 1986, redescending estimators).
+    """Huber's loss (n,) [nats], constant beyond OFF_TRACK.
+
+    In comparisons no single sample may decide (Hampel et al. 1986, redescending estimators).
     """
     return loss(np.clip(r, -OFF_TRACK, OFF_TRACK))
 
 
 def weights(r: Array) -> Array:
-    """psi(r) / r (n,) of Huber's loss: the weights of iterated least squares."""
+    """Weights psi(r) / r (n,) of iterated least squares under Huber's loss."""
     return np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(r), 1e-300))
 
 
 def clip_residuals(r: Array) -> Array:
-    """psi(r) (n,) of Huber's loss: what a residual weighs in the fit."""
+    """Residuals clipped at Huber's threshold: their influence psi(r) (n,) on a fit."""
     return np.clip(r, -HUBER_THRESHOLD, HUBER_THRESHOLD)
 
 
@@ -55,18 +56,18 @@ def _deviation(r: Array) -> float:
 
 
 def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Samples worth one independent sample: 1 + 2 times the sum of autocorrelations.
+    """Statistical inefficiency: the number of samples that count as one independent sample.
 
-    Pooled over all series of all runs, residuals (n,) each, summed by pairs of lags while they
-    stay positive (Geyer 1992, Practical Markov chain Monte Carlo, initial positive sequence).
-    Residuals that are smaller than their scale, as a generous floor leaves them, count by their
-    long-run variance.
+    1 + 2 times the sum of autocorrelations, pooled over all series of all runs, residuals (n,)
+    each, summed by pairs of lags while they stay positive (Geyer 1992, Practical Markov chain Monte
+    Carlo, initial positive sequence). Residuals that are smaller than their scale, as a generous
+    floor leaves them, count by their long-run variance.
     """
     return max(1.0, long_run_variance(runs, residuals))
 
 
 def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Variance of sums of residuals (n,) over their number, in units of their scale squared."""
+    """Long-run variance of residuals (n,): that of their sum over their number, by scale^2."""
     s = scale(np.concatenate(residuals)) if residuals else 1.0
     clipped = [np.clip(r, -HUBER_THRESHOLD * s, HUBER_THRESHOLD * s) for r in residuals]
     power, products = _autocovariance(runs, clipped)
@@ -79,12 +80,12 @@ def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
         if pair <= 0.0:
             break
         total += 2.0 * pair
-    room = sum(len(r) * s * s for r in residuals)
-    return float(total * min(1.0, power / room))
+    stated_power = sum(len(r) * s * s for r in residuals)
+    return float(total * min(1.0, power / stated_power))
 
 
 def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Correlation of neighbours in time among residuals (n,) of runs, wild ones bounded."""
+    """Lag-one autocorrelation of the residuals (n,) of runs, clipped at OFF_TRACK."""
     power, products = _autocovariance(
         runs, [np.clip(r, -OFF_TRACK, OFF_TRACK) for r in residuals], lags=1
     )
@@ -94,6 +95,7 @@ def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 def _autocovariance(
     runs: Sequence[Run], residuals: Sequence[Array], lags: int = 40
 ) -> tuple[float, Array]:
+    """Sums of squares and of lagged products (lags,) over all series of all runs."""
     power, products = 0.0, np.zeros(lags)
     for run, r in zip(runs, residuals, strict=True):
         for series in np.unique(run.samples.series):

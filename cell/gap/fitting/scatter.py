@@ -1,4 +1,4 @@
-"""Fits of runs with only those random unknowns that the runs were found to have."""
+"""Fits restricted to the random unknowns (run-to-run scatter) that the runs show."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -11,12 +11,11 @@ from cell.gap.fitting.secants import linearise
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.tasks import Simulate, run_one
 
-# of a spread, below which it was in part the response to an effect; set by hand
-SPREAD_RATIO = 0.7
+SPREAD_RATIO = 0.7  # of two spreads, below which they clearly differ; set by hand
 
 
 def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:
-    """Whether two sets of spreads by name hold other quantities, or clearly differ in size."""
+    """Whether two sets of spreads by name differ in their quantities, or clearly in size."""
     return bool(set(before) ^ set(now)) or any(
         not SPREAD_RATIO < now[name] / value < 1.0 / SPREAD_RATIO for name, value in before.items()
     )
@@ -25,18 +24,19 @@ def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> boo
 def with_own_scatter(
     simulate: Simulate, estimate: Estimate, found: Sequence[Spread], whole: Evidence
 ) -> Estimate:
-    """The fit with the scatter that was `found` beside it, where that clearly differs from the
-    scatter that it was fitted with; else the fit as it is.
+    """Refit `estimate` with the spreads `found`, if they clearly differ from those it has.
+
+    Returns it unchanged otherwise; `whole` are the runs with every random unknown.
     """
     used = {p.name: p.spread for run in estimate.evidence.runs for p in run.local if p.random}
     if not clearly_differ(used, {s.name: s.value for s in found}):
         return estimate
-    again = with_scatter(estimate, found, whole)
-    return run_one(simulate, refit(again.model, again.evidence, again.point))
+    start = with_scatter(estimate, found, whole)
+    return run_one(simulate, refit(start.model, start.evidence, start.point))
 
 
 def with_spreads(known: Evidence, found: Sequence[Spread]) -> Evidence:
-    """The runs of `known` with only those random unknowns that were `found`, and their spreads."""
+    """Copy of `known` that keeps only the random unknowns of `found`, with their spreads."""
     value = {s.name: s.value for s in found}
     runs = []
     for run in known.runs:
@@ -50,18 +50,18 @@ def with_spreads(known: Evidence, found: Sequence[Spread]) -> Evidence:
 
 
 def with_scatter(estimate: Estimate, found: Sequence[Spread], whole: Evidence) -> Estimate:
-    """The fit with only those random unknowns of the runs `whole` that were `found`.
+    """Copy of `estimate` that keeps only the random unknowns of `found`, of the runs `whole`.
 
-    Only its model, evidence and point count from here on: residuals are those of the old fit.
+    Only its model, evidence and point are valid: residuals are those of the old fit.
     """
     return _with_unknowns(estimate, with_spreads(whole, found))
 
 
 def estimate_spreads(simulate: Simulate, estimate: Estimate, whole: Evidence) -> tuple[Spread, ...]:
-    """Spreads of all random unknowns of the runs `whole`, at a fit of the same runs.
+    """Estimate the run-to-run spreads of all random unknowns of `whole`, near `estimate`.
 
-    The fit may hold some of the unknowns only: it goes on with all of them, so that what is left
-    of the runs is noise.
+    The estimate may hold some of the unknowns only: it is refitted with all of them first, so that
+    its residuals are noise.
     """
     if not any(p.random for run in whole.runs for p in run.local):
         return ()
@@ -72,9 +72,7 @@ def estimate_spreads(simulate: Simulate, estimate: Estimate, whole: Evidence) ->
 
 
 def _with_unknowns(estimate: Estimate, whole: Evidence) -> Estimate:
-    """The fit with the own unknowns that the runs of `whole` have; those that it did not have are
-    at rest.
-    """
+    """Copy of `estimate` with the own unknowns of the runs `whole`; new ones are at their start."""
     usual = {run.name: run.local for run in whole.runs}
     runs, local = [], []
     for run, own in zip(estimate.evidence.runs, estimate.point.local, strict=True):

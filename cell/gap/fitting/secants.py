@@ -1,4 +1,4 @@
-"""How residuals respond to each unknown: secants by the parameters' own steps, or both ways.
+"""Jacobians by finite differences: secants by each parameter's step, to one side or both.
 
 Near where a motion goes another way, a small step to one side makes samples jump. A secant over
 the jump is no slope: its height would settle a fit and make its intervals as narrow as the jump is
@@ -19,13 +19,13 @@ Linearised = tuple[Sequence[Residuals], tuple[Array, ...]]
 
 
 def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
-    """Residuals and whitened secants at a point: per run (n, shared + local)."""
+    """Residuals and whitened secants (n, shared + local) of each run; yields simulations."""
     asked: list[Request] = []
     steps: list[Array] = []
     for run, local in zip(evidence.runs, point.local, strict=True):
-        moved, h = _secant_requests(model, run, point.shared, local)
-        asked += moved
-        steps.append(h)
+        own_requests, own_steps = _secant_requests(model, run, point.shared, local)
+        asked += own_requests
+        steps.append(own_steps)
     answers = yield asked
     raw, jacobians, at = [], [], 0
     for h, scale in zip(steps, evidence.scales, strict=True):
@@ -37,7 +37,7 @@ def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised
 
 
 def linearise_both_ways(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
-    """Residuals and whitened slopes, as `linearise`, but slopes that both sides of a value show."""
+    """Residuals and whitened slopes (n, shared + local) of each run, by secants to both sides."""
     raw, right, left = yield from both_sides(model, evidence, point)
     return raw, tuple(map(minmod, right, left))
 
@@ -45,9 +45,9 @@ def linearise_both_ways(model: Model, evidence: Evidence, point: Point) -> Task[
 def both_sides(
     model: Model, evidence: Evidence, point: Point
 ) -> Task[tuple[Sequence[Residuals], tuple[Array, ...], tuple[Array, ...]]]:
-    """Residuals, and whitened secants (n, shared + local) by run to the one and the other side.
+    """Residuals, and whitened secants (n, shared + local) of each run to either side of a point.
 
-    Where a bound leaves room on one side alone, both are that side's.
+    Where a bound forbids one side, both are secants to the other.
     """
     effects = [replace(e, parameters=_mirror(e.parameters)) for e in model.effects]
     other = replace(model, base=_mirror(model.base), effects=tuple(effects))
@@ -59,9 +59,8 @@ def both_sides(
 
 
 def minmod(a: Array, b: Array) -> Array:
-    """The smaller of two slopes (n, k) where their signs agree, zero where not (slope limiter: Roe
-    1986, Annual Review of Fluid Mechanics 18, 337).
-    """
+    """The smaller of two slopes (n, k) where their signs agree, zero elsewhere."""
+    # slope limiter: Roe 1986, Annual Review of Fluid Mechanics 18, 337
     return np.asarray(0.5 * (np.sign(a) + np.sign(b)) * np.minimum(np.abs(a), np.abs(b)))
 
 
@@ -70,7 +69,7 @@ def _mirror(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
 
 
 def secants(here: Residuals, moved: Sequence[Residuals], scale: Array, steps: Array) -> Array:
-    """Whitened differences over steps (n, len(steps)); zero where either side is lost."""
+    """Whitened finite differences (n, len(steps)), zero where a residual is lost."""
     columns = [(m.mean - here.mean) / scale / h for m, h in zip(moved, steps, strict=True)]
     matrix = np.array(columns).reshape(len(columns), len(scale)).T
     return np.asarray(np.nan_to_num(matrix, nan=0.0, posinf=0.0, neginf=0.0))
@@ -79,20 +78,21 @@ def secants(here: Residuals, moved: Sequence[Residuals], scale: Array, steps: Ar
 def _secant_requests(
     model: Model, run: Run, shared: Array, local: Array
 ) -> tuple[list[Request], Array]:
+    """Requests at the values and one step of each unknown away, and the steps (k,)."""
     asked = [request(model, run, shared, local)]
     steps = []
     for i, p in enumerate(model.parameters):
-        h = _inward(p, shared[i])
+        h = _step_within_bounds(p, shared[i])
         asked.append(request(model, run, _step_one(shared, i, h), local))
         steps.append(h)
     for i, p in enumerate(run.local):
-        h = _inward(p, local[i])
+        h = _step_within_bounds(p, local[i])
         asked.append(request(model, run, shared, _step_one(local, i, h)))
         steps.append(h)
     return asked, np.array(steps)
 
 
-def _inward(p: Parameter, value: float) -> float:
+def _step_within_bounds(p: Parameter, value: float) -> float:
     return p.step if p.low <= value + p.step <= p.high else -p.step
 
 

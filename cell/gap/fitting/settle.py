@@ -1,4 +1,4 @@
-"""The last fit of the accepted model, in which no jump of a sample determines an interval."""
+"""Last fit of the accepted model, in which no jump of a sample narrows an interval."""
 
 from dataclasses import replace
 
@@ -10,9 +10,7 @@ from cell.gap.fitting.tasks import Task
 
 
 def settle(estimate: Estimate) -> Task[Estimate]:
-    """Refit `estimate` with slopes that both sides of a value show; the less linear a sample's
-    response, the less the sample counts.
-    """
+    """Refit `estimate` with two-sided slopes, weighting down samples that respond nonlinearly."""
     start = yield from _with_slope_errors(estimate)
     refitted = yield from refit(
         start.model, start.evidence, start.point, start.jacobians, both_ways=True
@@ -23,12 +21,12 @@ def settle(estimate: Estimate) -> Task[Estimate]:
 
 
 def _with_slope_errors(estimate: Estimate) -> Task[Estimate]:
-    """The same values, with slopes that both sides show; what the linear model then gets wrong of a
-    step to either side, in the mean square, counts as noise of the sample.
+    """Copy of `estimate` with two-sided slopes, whose error counts as noise of the samples.
 
-    Samples that jump together err together, and count as one: by Kish's effective size (1965,
-    Survey Sampling) of what a step shows in a run. Statistical linear regression: Lefebvre,
-    Bruyninckx and De Schutter 2002, IEEE Transactions on Automatic Control 47, 1406.
+    It is the mean square of what the linear model gets wrong of a step to either side. Samples that
+    jump together err together, and count as one: by Kish's effective size (1965, Survey Sampling)
+    of the error of a step in a run. Statistical linear regression: Lefebvre, Bruyninckx and De
+    Schutter 2002, IEEE Transactions on Automatic Control 47, 1406.
     """
     model, known, point = estimate.model, estimate.evidence, estimate.point
     raw, right, left = yield from both_sides(model, known, point)
@@ -36,9 +34,9 @@ def _with_slope_errors(estimate: Estimate) -> Task[Estimate]:
     for run, scale, a, b in zip(known.runs, known.scales, right, left, strict=True):
         step = np.array([p.step for p in (*model.parameters, *run.local)])
         slope = minmod(a, b)
-        wrong = 0.5 * ((a - slope) ** 2 + (b - slope) ** 2) * step**2
-        together = wrong.sum(axis=0) ** 2 / np.maximum((wrong**2).sum(axis=0), 1e-300)
-        wider = np.sqrt(1.0 + wrong @ together)
+        error = 0.5 * ((a - slope) ** 2 + (b - slope) ** 2) * step**2
+        effective_size = error.sum(axis=0) ** 2 / np.maximum((error**2).sum(axis=0), 1e-300)
+        wider = np.sqrt(1.0 + error @ effective_size)
         scales.append(scale * wider)
         slopes.append(slope / wider[:, None])
     return estimate_at(model, replace(known, scales=tuple(scales)), point, raw, tuple(slopes))

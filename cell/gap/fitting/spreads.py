@@ -1,4 +1,4 @@
-"""How much quantities differ from run to run, estimated from the runs themselves.
+"""Estimates how much quantities differ from run to run, from the runs themselves.
 
 Unknowns of a run that are `random` are drawn anew in each run, with mean zero and a spread that
 all runs share. Spreads maximise the marginal likelihood of the linearised model, with all other
@@ -17,19 +17,21 @@ from cell.gap.fitting.marginal import SOUGHT, Marginal
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
-SPREAD_GRID = np.geomspace(
-    SOUGHT.smallest, SOUGHT.largest, 41
-)  # shares of the usual, averaged over
+# shares of the usual spread, averaged over
+SPREAD_GRID = np.geomspace(SOUGHT.smallest, SOUGHT.largest, 41)
 NO_START = np.zeros(0)
+CENTRAL_95 = 1.96  # standard deviations of a normal, within which 95 % lie
+LOG_STEP = 0.1  # of the logarithm of a share, for the curvature of the loss; set by hand
+LEAST_CURVATURE = 0.1  # of the loss, where runs hardly bound a spread; set by hand
 
 
 @dataclass(frozen=True, slots=True)
 class Believed:
-    """When a quantity counts as different from run to run. Source: set by hand;
-    `cell study spreads` holds what comes of it against true spreads.
+    """Thresholds by which a quantity counts as different from run to run.
 
-    One must gain `worth` nats, and beat those that scatter more commonly, named first, by `tie`; a
-    common one does not scatter here where its Bayes factor is below `refuted`.
+    It must gain `worth` nats, and beat those that scatter more commonly, named first, by `tie`; a
+    common one does not scatter here where its Bayes factor is below `refuted`. Source: set by hand;
+    `cell study spreads` tests it on true spreads.
     """
 
     worth: float = 3.0
@@ -53,17 +55,17 @@ class Spread:
     @property
     def error(self) -> float:
         """Standard error of the logarithm of the spread."""
-        return float(np.log(self.high / self.low)) / (2.0 * 1.96)
+        return float(np.log(self.high / self.low)) / (2.0 * CENTRAL_95)
 
 
 def spreads(estimate: Estimate) -> tuple[Spread, ...]:
-    """The quantities that differ from run to run in `estimate`, the common ones first.
+    """Spreads of the quantities that differ from run to run in `estimate`, common ones first.
 
     Common ones scatter in every laboratory: they stay unless the runs refute them. Others are
     taken in one by one while each gains enough beside those, since a slack that differs looks much
     like a grip that does.
     """
-    known = _random(estimate)
+    known = _random_unknowns(estimate)
     if not known or len(estimate.evidence.runs) < 2:
         return ()
     model, parameters = Marginal.of(estimate, known), list(known.values())
@@ -72,16 +74,19 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     shares = _mean_shares(found)
     errors = _errors(model, found.active, shares)
     rows = zip([parameters[k] for k in found.active], shares, errors, strict=True)
-    return tuple(
-        Spread(p.name, p.unit, s * p.spread, s * p.spread * float(np.exp(-1.96 * e)),
-               s * p.spread * float(np.exp(1.96 * e)))
-        for p, s, e in rows
-    )  # fmt: skip
+    return tuple(_spread(p, s, error) for p, s, error in rows)
+
+
+def _spread(p: Parameter, share: float, error: float) -> Spread:
+    """Spread and interval of `p` from its `share` of the usual and the `error` of its logarithm."""
+    low, high = float(np.exp(-CENTRAL_95 * error)), float(np.exp(CENTRAL_95 * error))
+    value = share * p.spread
+    return Spread(p.name, p.unit, value, value * low, value * high)
 
 
 @dataclass(frozen=True, slots=True)
 class _Chosen:
-    """Quantities `active` that scatter by `shares` (k,) of the usual, at a `loss` [nats]."""
+    """Quantities `active` that scatter, their `shares` (k,) of the usual, and the `loss` [nats]."""
 
     model: Marginal
     active: tuple[int, ...]
@@ -90,19 +95,17 @@ class _Chosen:
 
     @classmethod
     def of(cls, model: Marginal, active: Sequence[int], start: Array = NO_START) -> Self:
-        """Their most likely shares, sought from `start` for the first of them."""
+        """Fit the shares of the quantities `active`, from `start` (j,) for the first of them."""
         loss, shares = model.least(active, start)
         return cls(model, tuple(active), shares, loss)
 
 
-def _with_others(found: _Chosen, known: int) -> _Chosen:
-    """`found` with those other quantities of `known` that gain enough; where two gain about as
-    much, the one that comes first in `known`.
-    """
-    while len(found.active) < known:
+def _with_others(found: _Chosen, count: int) -> _Chosen:
+    """Add to `found` each of `count` quantities that gains enough; of near equals the first."""
+    while len(found.active) < count:
         trials = [
             _Chosen.of(found.model, [*found.active, k], found.shares)
-            for k in range(known) if k not in found.active
+            for k in range(count) if k not in found.active
         ]  # fmt: skip
         lowest = min(trial.loss for trial in trials)
         best = next(trial for trial in trials if trial.loss < lowest + BELIEVED.tie)
@@ -113,10 +116,10 @@ def _with_others(found: _Chosen, known: int) -> _Chosen:
 
 
 def _drop_refuted(found: _Chosen, parameters: Sequence[Parameter]) -> _Chosen:
-    """`found` without the common quantities that the runs speak against.
+    """Drop the common quantities whose Bayes factor refutes that they scatter.
 
-    The spread of such a one, averaged over what laboratories have, explains the runs worse by a
-    factor of three than none (Bayes factor: Kass and Raftery 1995).
+    Such a spread, averaged over its prior, explains the runs worse than none by a factor of three
+    (Kass and Raftery 1995).
     """
     kept = [
         k for i, k in enumerate(found.active)
@@ -126,7 +129,7 @@ def _drop_refuted(found: _Chosen, parameters: Sequence[Parameter]) -> _Chosen:
 
 
 def _bayes_factor(found: _Chosen, i: int) -> float:
-    """By how much likelier the runs are with a spread in place `i` than without."""
+    """Bayes factor of the runs for a spread of active quantity number `i` against none."""
     others = [k for j, k in enumerate(found.active) if j != i]
     none = found.model.loss(np.delete(found.shares, i), others)
     likelihood = np.exp(np.clip(none + 0.5 * SPREAD_GRID**2 - _losses(found, i), -50.0, 50.0))
@@ -135,7 +138,7 @@ def _bayes_factor(found: _Chosen, i: int) -> float:
 
 
 def _mean_shares(found: _Chosen) -> Array:
-    """Mean of each share given the runs, the others at their most likely values.
+    """Posterior mean (k,) of each share, with the others at their most likely values.
 
     Of few runs the likelihood of a spread has a long tail to the large ones, so that its peak is
     too small in most laboratories.
@@ -149,18 +152,19 @@ def _mean_shares(found: _Chosen) -> Array:
 
 
 def _losses(found: _Chosen, i: int) -> Array:
-    """Losses [nats] over SPREAD_GRID of the share in place `i`."""
-    return np.array([found.model.loss(_put(found.shares, i, s), found.active) for s in SPREAD_GRID])
+    """Losses [nats] on SPREAD_GRID (41,) of the share of active quantity number `i`."""
+    shares = [_with_value(found.shares, i, s) for s in SPREAD_GRID]
+    return np.array([found.model.loss(each, found.active) for each in shares])
 
 
-def _put(values: Array, i: int, value: float) -> Array:
+def _with_value(values: Array, i: int, value: float) -> Array:
     changed = values.copy()
     changed[i] = value
     return changed
 
 
-def _random(estimate: Estimate) -> dict[str, Parameter]:
-    """Random unknowns by name."""
+def _random_unknowns(estimate: Estimate) -> dict[str, Parameter]:
+    """Random unknowns of all runs by name."""
     return {p.name: p for run in estimate.evidence.runs for p in run.local if p.random}
 
 
@@ -168,11 +172,11 @@ def _errors(model: Marginal, active: Sequence[int], shares: Array) -> Array:
     """Standard errors (k,) of the logarithms of the shares, from the curvature of the loss."""
     if not len(active):
         return np.zeros(0)
-    x, h, k = np.log(shares), 0.1, len(shares)
+    logs, k = np.log(shares), len(shares)
     here = model.loss(shares, active)
-    hessian = np.zeros((k, k))
+    curvature = np.zeros(k)
     for i in range(k):
-        step = h * np.eye(k)[i]
-        ends = [model.loss(np.exp(x + s * step), active) for s in (-1.0, 1.0)]
-        hessian[i, i] = max((sum(ends) - 2.0 * here) / h**2, 0.1)
-    return np.asarray(1.0 / np.sqrt(np.diag(hessian)))
+        step = LOG_STEP * np.eye(k)[i]
+        ends = [model.loss(np.exp(logs + side * step), active) for side in (-1.0, 1.0)]
+        curvature[i] = max((sum(ends) - 2.0 * here) / LOG_STEP**2, LEAST_CURVATURE)
+    return np.asarray(1.0 / np.sqrt(curvature))

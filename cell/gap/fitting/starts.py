@@ -1,4 +1,4 @@
-"""The base refitted from several starts, and what the runs cannot determine of it."""
+"""Fits of the base from several starts, and the directions that the runs do not determine."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,15 @@ from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.secants import linearise
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
-from cell.gap.subject.subject import Subject
+from cell.gap.subject.subject import Parameter, Subject
 from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
 class Starts:
-    """From how many values the base is fitted, the stated ones among them, and in how many `steps`
-    a drawn start comes farther than those or never. Source: set by hand.
+    """Settings of the base fit: number of starts, and steps before a drawn one is given up.
+
+    The stated values count as a start. Source: set by hand.
     """
 
     count: int = 3
@@ -25,14 +26,13 @@ class Starts:
 
 
 STARTS = Starts()
+MAIN_PART = 0.3  # of a unit direction, from which on its words name a parameter; set by hand
 
 
 def refit_base(
     simulate: Simulate, model: Model, evidence: Evidence, rng: np.random.Generator
 ) -> Estimate:
-    """Best of the fits from the stated values and, where that one leaves more than noise, from
-    values drawn around them: those that do not come farther in a few steps are given up.
-    """
+    """Best fit of the base from stated values and, if that leaves more than noise, drawn ones."""
     nominal = np.array([p.start for p in model.parameters])
     first = run_one(simulate, refit(model, evidence, Point(nominal, evidence.start())))
     if all(np.mean(r**2) < 1.0 for r in first.residuals):
@@ -49,32 +49,37 @@ def refit_base(
 
 
 def best(estimates: list[Estimate]) -> Estimate:
-    """The estimate of the smallest objective, all judged at the smallest dispersion."""
+    """Estimate with the smallest objective, compared at the smallest of the dispersions."""
     scale = min(e.scale for e in estimates)
     return min(estimates, key=lambda e: objective_of(e, scale))
 
 
 def objective_of(estimate: Estimate, scale: float) -> float:
-    """Objective of an estimate at a given dispersion [nats]."""
+    """Objective [nats] of an estimate at the dispersion `scale`."""
     return normal_equations.objective(estimate.residuals, estimate.z, estimate.limits, scale)
 
 
 def _draw_start(model: Model, rng: np.random.Generator) -> Array:
-    """Values within what was known before, off the bounds."""
+    """Start values (P,) drawn within one prior width of the stated ones, off the bounds."""
     values = []
     for p in model.parameters:
-        width = p.spread if np.isfinite(p.spread) else 0.25 * (p.high - p.low)
+        width = _prior_width(p)
         low, high = max(p.low, p.start - width), min(p.high, p.start + width)
         values.append(low + (high - low) * rng.uniform(0.1, 0.9))
     return np.array(values)
 
 
-def weak_directions(estimate: Estimate) -> list[str]:
-    """Directions of shared parameters of which the runs say less than was known before, in words:
-    those with singular values below one, weakest first.
+def _prior_width(p: Parameter) -> float:
+    """Prior standard deviation of a parameter; a quarter of its range where it has none."""
+    return p.spread if np.isfinite(p.spread) else 0.25 * (p.high - p.low)
 
-    Singular values of the whitened Jacobian, runs' own unknowns projected out, each parameter in
-    units of what was known of it (Brun, Reichert, Kuensch 2001, identifiability analysis).
+
+def weak_directions(estimate: Estimate) -> list[str]:
+    """Words for the directions of shared parameters that the runs determine less than the priors.
+
+    The weakest first: those with singular values below one of the whitened Jacobian, runs' own
+    unknowns projected out, each parameter in units of its prior width (Brun, Reichert, Kuensch
+    2001, identifiability analysis).
     """
     parameters = estimate.model.parameters
     jacobian = stacked_jacobian(estimate) / estimate.scale
@@ -82,42 +87,41 @@ def weak_directions(estimate: Estimate) -> list[str]:
     if local.size:
         q, _ = np.linalg.qr(local)
         shared = shared - q @ (q.T @ shared)
-    widths = [p.spread if np.isfinite(p.spread) else 0.25 * (p.high - p.low) for p in parameters]
+    widths = [_prior_width(p) for p in parameters]
     _, singular, directions = np.linalg.svd(shared * np.array(widths), full_matrices=False)
     names = [p.name for p in parameters]
-    rows = zip(singular[::-1], directions[::-1], strict=True)
-    return [_words(names, row) for s, row in rows if s < 1.0]
+    weakest_first = zip(singular[::-1], directions[::-1], strict=True)
+    return [_direction_words(names, row) for s, row in weakest_first if s < 1.0]
 
 
-def _words(names: list[str], direction: Array) -> str:
+def _direction_words(names: list[str], direction: Array) -> str:
+    """Signed sum of the main parameters of a direction (P,), such as `mass - length`."""
     order = np.argsort(-np.abs(direction))
-    main = [i for i in order if abs(direction[i]) > 0.3]
+    main = [i for i in order if abs(direction[i]) > MAIN_PART]
     sign = np.sign(direction[main[0]])
     parts = [("+ " if direction[i] * sign > 0 else "- ") + names[i] for i in main]
     return " ".join(parts).removeprefix("+ ")
 
 
 def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
-    """The fit on runs that are corrected for the grain of simulation at its own values, with the
-    scales of the rough one: all models are judged by the same.
-    """
+    """Refit `rough` to runs corrected for coarse simulation, keeping scales for comparison."""
     runs = refine(subject, rough.model, rough.point, rough.evidence).runs
     return run_one(simulate, refit(rough.model, Evidence(runs, rough.evidence.scales), rough.point))
 
 
 def refit_base_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
-    """The fit of the base as by `refit_fine`, with the scales that the grain there leaves."""
+    """Refit the base to runs corrected for its coarse simulation, with scales to match."""
     runs = refine(subject, rough.model, rough.point, rough.evidence)
     return run_one(simulate, refit(rough.model, runs, rough.point))
 
 
 def refine(subject: Subject, model: Model, point: Point, known: Evidence) -> Evidence:
-    """The runs corrected for the grain of simulation at `point`, whitened by what that leaves."""
+    """Runs corrected for the coarse simulation at `point`, whitened by noise and the new floor."""
     return evidence(subject.refine(requests(model, known.runs, point)))
 
 
 def nominal(subject: Subject, simulate: Simulate) -> Estimate:
-    """The base of `subject` at the values of its file, from which other responses are judged."""
+    """Estimate of the base at the stated values, unfitted: zero residuals and its Jacobians."""
     known, model = evidence(subject.runs), Model(subject.scope.base)
     point = Point(np.array([p.start for p in model.parameters]), known.start())
     raw, jacobians = run_one(simulate, linearise(model, known, point))

@@ -1,4 +1,4 @@
-"""Many fits side by side: their simulations are gathered into one call of the subject.
+"""Runs many fits in lock-step, gathering their simulations into one call of the subject.
 
 A task is a generator that yields requests and is sent their residuals; its result does not
 depend on what runs beside it.
@@ -16,7 +16,7 @@ Task = Generator[list[Request], Sequence[Residuals], T]
 
 
 def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
-    """One task of many, advanced in lock-step with one request a round; their results."""
+    """Join tasks into one that advances them in lock-step; returns their results in order."""
     results: dict[int, T] = {}
     asked: dict[int, list[Request]] = {}
     for i, task in enumerate(tasks):
@@ -32,12 +32,12 @@ def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
 
 
 def rough(simulate: Simulate) -> Simulate:
-    """The coarse simulation, for where a few percent of a response do not matter."""
+    """Coarse variant of `simulate`, for where a few percent of a response do not matter."""
     return lambda asked: simulate([replace(request, rough=True) for request in asked])
 
 
 def run_one(simulate: Simulate, task: Task[T]) -> T:
-    """Result of one task."""
+    """Run one task to its end and return its result."""
     answer: Sequence[Residuals] | None = None
     while True:
         try:
@@ -49,7 +49,7 @@ def run_one(simulate: Simulate, task: Task[T]) -> T:
 
 
 def run_all(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
-    """Results of all tasks, with one simulation call a round."""
+    """Run all tasks with one simulation call a round and return their results."""
     return run_one(simulate, side_by_side(tasks))
 
 

@@ -1,4 +1,4 @@
-"""How sure fitted values are: noise, what differs from run to run, and errors common to all runs.
+"""Uncertainty of fitted values: noise, run-to-run spreads and errors common to all runs.
 
 Noise and what differs from run to run average out over runs; an error that all runs share does
 not. It is no unknown of the fit, which would take it for an effect: its spread, as measured
@@ -21,10 +21,10 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Freedom:
-    """How the degrees of freedom of a variance are found. Source: set by hand.
+    """Settings for the degrees of freedom of a variance. Source: set by hand.
 
-    The logarithm of a spread is moved by `step`; what is usual in laboratories says as much of a
-    spread as six runs do, so that there are `least`; `most` are as good as infinitely many.
+    The logarithm of a spread is changed by `step`; its prior holds as much information as six runs,
+    so that there are at least `least`; `most` are as good as infinitely many.
     """
 
     step: float = 0.1
@@ -38,7 +38,7 @@ FREEDOM = Freedom()
 def covariance(estimate: Estimate, inefficiency: float) -> Array:
     """Covariance (size, size) of all unknowns; `inefficiency` samples count as one independent."""
     inverse = normal_equations.covariance(estimate.normal().curvature)
-    errors = _responses(estimate)
+    errors = _common_error_responses(estimate)
     if not errors.shape[1]:
         return inverse * inefficiency
     scale = estimate.scale
@@ -47,8 +47,8 @@ def covariance(estimate: Estimate, inefficiency: float) -> Array:
     return np.asarray(inverse * inefficiency + moved @ moved.T)
 
 
-def _responses(estimate: Estimate) -> Array:
-    """Whitened residuals (N, k) that one sigma of each of the k common errors makes."""
+def _common_error_responses(estimate: Estimate) -> Array:
+    """Whitened residuals (N, k) caused by one standard deviation of each common error."""
     known = estimate.evidence
     names = list(dict.fromkeys(name for run in known.runs for name in run.common))
     parts = [
@@ -78,7 +78,7 @@ def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequenc
 
 
 def _variance(estimate: Estimate, inefficiency: float, factors: dict[str, float]) -> Array:
-    """Variance (size,) of all unknowns with spreads times `factors`, by name."""
+    """Variance (size,) of all unknowns, with spreads multiplied by `factors` by name."""
 
     def with_factor(p: Parameter) -> Parameter:
         return replace(p, spread=p.spread * factors.get(p.name, 1.0)) if p.random else p

@@ -1,1 +1,1 @@
-"""The verdict for people: page, figures, sentence, overlay."""
+"""Report of a verdict for people: page, figures, sentences and Rerun overlay."""

@@ -1,6 +1,6 @@
-"""The page of a check: what is wrong with the recordings, and what they cannot say."""
+"""HTML page of a check: what is wrong with the recordings, and what they cannot identify."""
 
-from cell.gap.check import Check, Level
+from cell.gap.check import IDENTIFIABLE, Check, Level
 from cell.report.kit import Tone, page
 from cell.report.verdict import Verdict
 
@@ -13,7 +13,7 @@ HEADLINES: dict[Level, str] = {
 
 
 def check_page(found: Check, subject: str) -> str:
-    """The page as text, self-contained."""
+    """HTML text of the self-contained page of `found`, the check of `subject`."""
     groups = {
         "Mend before anything is fitted": [f for f in found.findings if f.level == "bad"],
         "Recordings": [f for f in found.findings if f.level == "fair" and f.what != IDENTIFIABLE],
@@ -30,9 +30,6 @@ def check_page(found: Check, subject: str) -> str:
             for title, some in groups.items()
         ],
     )
-
-
-IDENTIFIABLE = "identifiable"
 
 
 def _summary(found: Check) -> str:

@@ -7,9 +7,10 @@ from cell.gap.report import figures
 from cell.gap.report.sentence import motion
 from cell.gap.report.units import in_small_unit, interval, number, probability, unit
 from cell.gap.selection.choice import EARNED
+from cell.gap.subject.subject import Parameter
 from cell.gap.verdict.compose import LISTED
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Compared, Verdict
+from cell.gap.verdict.schema import Compared, Interval, Verdict
 
 LISTED_SETS = 4  # sets of effects of which the page speaks
 EXCLUDED = 1e-4  # probability below which a set counts as excluded: its size says nothing
@@ -44,7 +45,7 @@ def _where(found: Findings) -> str:
 
 
 def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Table of all fitted models with their gain on runs left out."""
+    """Template values on all fitted models, with their gain on runs left out."""
     accepted = found.accepted.model.name
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats (4 nats: "
@@ -69,13 +70,13 @@ def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def _probable_sets(verdict: Verdict) -> str:
-    """The most probable sets of effects, in a sentence."""
+    """Sentence on the most probable sets of effects."""
     if verdict.posterior is None or len(verdict.posterior.models) < 2:
         return ""
     first, *others = verdict.posterior.models[:LISTED_SETS]
     others = [m for m in others if m.p > EXCLUDED]
-    rest = [f"{_effect_names(m.names)} {probability(m.p)}" for m in others]
-    also = f"; besides {', '.join(rest)}" if rest else "; all others are excluded"
+    listed = [f"{_effect_names(m.names)} {probability(m.p)}" for m in others]
+    also = f"; besides {', '.join(listed)}" if listed else "; all others are excluded"
     return (
         f"Of the sets of effects that were fitted, by their evidence: {_effect_names(first.names)} "
         f"{number(first.p, 2)}{also}. On held-out runs {number(verdict.posterior.left, 2)} times "
@@ -115,20 +116,19 @@ def name_model(model: str) -> str:
 
 
 def base(found: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Table of stated and refitted values of the base."""
+    """Template values on the base: a table of stated and refitted values, and a note."""
     stated = {p.name: p for p in found.subject.scope.base}
     weak = "; ".join(found.fitted.weak)
+    note = f"The runs say less than was known before of: {weak}."
     return {
-        "rows": [
-            (name, _four_digits(stated[name].start, of), _four_digits(value.value, of),
-             _interval_text(value.low, value.high, of), unit(of))
-            for name, value in verdict.base.items()
-            for of in [stated[name].unit]
-        ],
-        "note": f"The runs say less than was known before of: {weak}."
-        if weak
-        else "The runs determine all of it.",
-    }  # fmt: skip
+        "rows": [_base_row(stated[name], value) for name, value in verdict.base.items()],
+        "note": note if weak else "The runs determine all of it.",
+    }
+
+
+def _base_row(p: Parameter, value: Interval) -> tuple[str, ...]:
+    start, refitted = _four_digits(p.start, p.unit), _four_digits(value.value, p.unit)
+    return p.name, start, refitted, _interval_text(value.low, value.high, p.unit), unit(p.unit)
 
 
 def _interval_text(low: float | None, high: float | None, of: str) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import FuncNorm
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from cell.gap.diagnosis.localise import Bin
 from cell.gap.fitting.gauss_newton import Estimate
@@ -19,13 +20,15 @@ from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, STYLE, as_svg
 from drivers.types import Array
 
 FAINT_COLOUR, COLOUR_BEFORE, COLOUR_AFTER = MUTED, ORANGE, BLUE
-CHARACTER = 0.075  # inches of a tick's label
+CHARACTER = 0.075  # inch, width of a letter of a tick's label
+COLUMN = 0.34  # inch, width of a column of the heat map
+MOST_BARS = 14  # candidates in a figure
 
 
 def blank(
     width: float, height: float, rows: int = 1, columns: int = 1
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with quiet axes [inches]."""
+    """Empty figure of `width` by `height` [inch] with rows by columns of plain axes."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
@@ -36,36 +39,41 @@ def blank(
 
 
 def heat_map(places: Sequence[Bin]) -> str:
-    """Map of the strength of every bin: rows channel, zone and phase, columns conditions."""
+    """Heat map of the strength of every bin: rows channel, zone and phase, columns conditions."""
     rows = sorted({(p.channel, p.zone, p.phase) for p in places})
     columns = list(dict.fromkeys(sorted(p.condition for p in places)))
     grid = np.full((len(rows), len(columns)), np.nan)
-    sure = np.zeros_like(grid, dtype=bool)
+    significant = np.zeros_like(grid, dtype=bool)
     for p in places:
         at = rows.index((p.channel, p.zone, p.phase)), columns.index(p.condition)
-        grid[at], sure[at] = abs(p.z), p.p < 0.05
-    figure, axes = blank(max(5.0, 1.8 + 0.34 * len(columns)), max(2.0, 0.9 + 0.3 * len(rows)))
+        grid[at], significant[at] = abs(p.z), p.p < 0.05
+    figure, axes = blank(max(5.0, 1.8 + COLUMN * len(columns)), max(2.0, 0.9 + 0.3 * len(rows)))
     axis = axes[0]
     highest = max(9.0, float(np.nanmax(grid)))
     scale = FuncNorm((np.log1p, np.expm1), 0.0, highest)
     image = axis.imshow(np.ma.masked_invalid(grid), cmap="YlOrRd", aspect="auto", norm=scale)
     axis.set_yticks(range(len(rows)), [" · ".join(row) for row in rows])
     words = [motion(condition) for condition in columns]
-    axis.set_xticks(range(len(words)), words, **_slant_labels(words, 0.34))
-    for i, j in zip(*np.nonzero(sure), strict=True):
+    axis.set_xticks(range(len(words)), words, **_slant_labels(words, COLUMN))
+    for i, j in zip(*np.nonzero(significant), strict=True):
         axis.plot(j, i, "o", ms=2.5, color=INK)
+    _add_colour_bar(figure, axis, image, highest)
+    axis.set_xlabel("condition", fontsize=8)
+    return as_svg(figure)
+
+
+def _add_colour_bar(figure: Figure, axis: Axes, image: AxesImage, highest: float) -> None:
+    """Add a colour bar with a few round ticks up to `highest` [sigma]."""
     bar = figure.colorbar(image, ax=axis, pad=0.01)
     steps = (0, 1, 3, 10, 30) if highest < 99.0 else (0, 10, 100, 1000, 10000)
     ticks = [z for z in steps if z <= highest]
     bar.set_ticks(ticks, labels=[str(z) for z in ticks])
     bar.set_label("sigma beyond noise", fontsize=8, color=INK)
     bar.ax.tick_params(labelsize=8, colors=INK)
-    axis.set_xlabel("condition", fontsize=8)
-    return as_svg(figure)
 
 
 def _slant_labels(labels: Sequence[str], width: float) -> dict[str, Any]:
-    """Rotation of labels below columns of `width` [inches] that keeps them apart."""
+    """Rotation of labels below columns of `width` [inch] that keeps them apart."""
     if CHARACTER * max(map(len, labels), default=0) <= width:
         return {}
     return {"rotation": 40, "ha": "right", "rotation_mode": "anchor"}
@@ -73,10 +81,10 @@ def _slant_labels(labels: Sequence[str], width: float) -> dict[str, Any]:
 
 def candidate_bars(rows: Sequence[Compared], accepted: str) -> str:
     """Bars of the nats that candidates gain on runs left out, with standard errors over runs."""
-    shown = list(rows)[:14][::-1]
+    shown = list(rows)[:MOST_BARS][::-1]  # bars stand from the bottom up
     figure, axes = blank(7.0, 0.6 + 0.27 * len(shown))
     axis = axes[0]
-    least = -0.25 * max([1.0, *(row.elpd_gain for row in shown)])
+    least = -0.25 * max([1.0, *(row.elpd_gain for row in shown)])  # longer losses are cut there
     gains = [max(row.elpd_gain, least) for row in shown]
     colours = [COLOUR_AFTER if row.name == accepted else FAINT_COLOUR for row in shown]
     axis.barh(range(len(shown)), gains, color=colours, height=0.7)
@@ -95,14 +103,17 @@ def candidate_bars(rows: Sequence[Compared], accepted: str) -> str:
 
 
 def residual_traces(
-    before: Estimate, after: Estimate, run: int, quantities: dict[str, Quantity]
+    before: Estimate, after: Estimate | None, run: int, quantities: dict[str, Quantity]
 ) -> str:
-    """Measured minus simulated over time in one held-out run, before and after."""
+    """Figure of measured minus simulated over time in a held-out run, before and perhaps after."""
     s = before.evidence.runs[run].samples
     rows = [np.flatnonzero(s.series == number) for number in np.unique(s.series)]
     rows = [mine[np.argsort(s.t[mine])] for mine in rows if len(mine) > 1]
     if not rows:
         return ""
+    shown = [(before, COLOUR_BEFORE, "before")]
+    if after is not None:
+        shown.append((after, COLOUR_AFTER, "after"))
     figure, axes = blank(7.5, 0.8 + 1.35 * len(rows), rows=len(rows))
     times = s.t[np.concatenate(rows)]
     for axis, mine in zip(axes, rows, strict=True):
@@ -112,8 +123,7 @@ def residual_traces(
         axis.fill_between(s.t[mine], -band, band, color=RULE, lw=0, gid="2 sigma of the noise")
         zones = set(s.zone[mine])
         name = f"{s.channel[mine][0]}{f' {zones.pop()}' if len(zones) == 1 else ''}"
-        pair = ((before, COLOUR_BEFORE, "before"), (after, COLOUR_AFTER, "after"))
-        for estimate, colour, word in pair[: 1 if after is before else 2]:
+        for estimate, colour, word in shown:
             axis.plot(s.t[mine], quantity.factor * estimate.raw[run].mean[mine], color=colour,
                       lw=1.2, label=word, gid=f"{name}, {word}")  # fmt: skip
         axis.set_ylabel(f"{name}\n[{quantity.unit}]", fontsize=8)
@@ -125,13 +135,13 @@ def residual_traces(
 
 
 def midlines(run: Replayed) -> str:
-    """The lifted part of a run's curve at four moments: measured, before and after."""
+    """Figure of the lifted part of a run's curve at four moments: measured, before and after."""
     measured = run.measured.curve
     if measured is None or not len(measured.t):
         return ""
     end = min((t for t, _ in run.measured.events), default=float(measured.t[-1]))
     last = max(0, int(np.searchsorted(measured.t, end)) - 1)
-    chosen = np.unique(np.linspace(0, last, 5).round().astype(int)[1:])
+    chosen = np.unique(np.linspace(0, last, 5).round().astype(int)[1:])  # not the start
     figure, axes = blank(8.0, 6.2, rows=(len(chosen) + 1) // 2, columns=2)
     for axis, k in zip(axes, chosen, strict=False):
         _midline(axis, run, int(k))
@@ -170,17 +180,19 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
     )  # fmt: skip
 
 
-def run_bars(names: Sequence[str], before: Array, after: Array) -> str:
-    """Bars of the excess gap (R,) of each held-out run, before and after [units of noise]."""
+def run_bars(names: Sequence[str], before: Array, after: Array | None) -> str:
+    """Bars of the excess gap (R,) [noise] of each held-out run, before and, if given, after."""
     figure, axes = blank(max(4.0, 1.0 + 0.7 * len(names)), 2.3)
     axis, at = axes[0], np.arange(len(names))
-    if after is before:
+    highest = float(before.max())
+    if after is None:
         axis.bar(at, before, 0.38, color=COLOUR_BEFORE)
     else:
         axis.bar(at - 0.2, before, 0.38, color=COLOUR_BEFORE, label="before")
         axis.bar(at + 0.2, after, 0.38, color=COLOUR_AFTER, label="after")
+        highest = max(highest, float(after.max()))
         _legend_above(figure, axis)
     axis.set_xticks(at, names, **_slant_labels(names, 0.7))
-    axis.set_ylim(0.0, 1.05 * max(float(before.max()), float(after.max()), 1e-9))
+    axis.set_ylim(0.0, 1.05 * max(highest, 1e-9))
     axis.set_ylabel("excess gap [noise]", fontsize=8)
     return as_svg(figure)

@@ -1,4 +1,4 @@
-"""The report's part on held-out runs: the gap before and after, and what remains."""
+"""Report section on held-out runs: the gap before and after, and what remains."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,23 +6,25 @@ from typing import Any
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.report import figures
 from cell.gap.report.replayed import replay
 from cell.gap.report.sentence import capital, change, label, motion, smallest, undetectable
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
+from drivers.types import Array
 
 
 def compare_held_out(found: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Measured, before and after on held-out runs: pictures, a sentence, the table."""
-    gap, before, after = verdict.gap, found.shown.before, found.shown.after
+    """Template values on the held-out runs, before and after: figures, a sentence, a table."""
+    gap, before = verdict.gap, found.shown.before
+    after = found.shown.after if found.shown.changed else None
     words = {q.key: f"{label(q)} [{q.unit}]" for q in found.subject.scope.quantities.values()}
-    changed = after is not before
-    sides = [gap.before, gap.after, gap.floor] if changed else [gap.before, gap.floor]
+    sides = [gap.before, gap.floor] if after is None else [gap.before, gap.after, gap.floor]
     names = conditions(before.evidence.runs)
-    was = np.sqrt(np.maximum(held_out_gap.run_squares(before) - 1.0, 0.0))
-    now = np.sqrt(np.maximum(held_out_gap.run_squares(after) - 1.0, 0.0)) if changed else was
+    was = _excess_by_run(before)
+    now = None if after is None else _excess_by_run(after)
     typical = int(np.argsort(was)[len(was) // 2])
     quantities = dict(found.subject.scope.quantities)
     return {
@@ -30,14 +32,19 @@ def compare_held_out(found: Findings, verdict: Verdict) -> dict[str, Any]:
         "midlines": _midline_figure(found, before.evidence.runs[typical].name),
         "traces": figures.residual_traces(before, after, typical, quantities),
         "shrank": f"{_shrinkage_words(found, verdict)}: {change(found, verdict)}",
-        "head": ("rms", *(("before", "after") if changed else ("gap",)), "noise"),
+        "head": ("rms", *(("gap",) if after is None else ("before", "after")), "noise"),
         "rows": [
             (words.get(key, "excess [noise]"), *(f"{side[key]:.3g}" for side in sides))
             for key in gap.before
         ],
-        "leaves": bool(was.any() or now.any()),
+        "leaves": bool(was.any() or (now is not None and now.any())),
         "bars": figures.run_bars(names, was, now) if len(names) > 1 else "",
     }
+
+
+def _excess_by_run(fit: Estimate) -> Array:
+    """Excess gap (R,) [noise] of each run."""
+    return np.asarray(np.sqrt(np.maximum(held_out_gap.run_squares(fit) - 1.0, 0.0)))
 
 
 def conditions(runs: Sequence[Run]) -> list[str]:
@@ -56,7 +63,7 @@ def _midline_figure(found: Findings, run: str) -> str:
 
 
 def _shrinkage_words(found: Findings, verdict: Verdict) -> str:
-    if found.shown.after is found.shown.before:
+    if not found.shown.changed:
         return "No effect was added"
     gap = verdict.gap
     if not gap.before["excess"]:
@@ -66,7 +73,7 @@ def _shrinkage_words(found: Findings, verdict: Verdict) -> str:
 
 
 def remains(found: Findings, verdict: Verdict) -> dict[str, Any]:
-    """What the accepted model leaves, and what these runs would have shown."""
+    """Template values on what the accepted model leaves, and on detection limits."""
     rest, law = verdict.unexplained, found.offered
     stable = "stable" if rest is not None and rest.stable else "not stable"
     what = "" if rest is None else capital(rest.description)

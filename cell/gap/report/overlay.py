@@ -1,8 +1,8 @@
-"""`overlay.rrd`: measured runs with what the model made of them before and after, in Rerun.
+"""Rerun recording `overlay.rrd`: runs as measured, and as simulated before and after.
 
 Of run NAME: /NAME/curve, /NAME/tracks and /NAME/signals, each with `measured`, `before` (the
-refitted base) and `after` (the accepted model), on the run's own time `t`, and /NAME/events. What
-the verdict says stands in /verdict.
+refitted base) and `after` (the accepted model), on the run's own time `t`, and /NAME/events. The
+sentence of the verdict is in /verdict.
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,13 +31,13 @@ RADIUS_MM = 1.2  # mm
 
 
 def write_overlay(found: Findings, verdict: Verdict, path: Path) -> None:
-    """The recording at `path`, held-out runs first; ConfigurationError if it cannot be written."""
+    """Write the Rerun recording of a fit at `path`; ConfigurationError where it cannot be."""
     words = f"{headline(verdict)}. {sentence(found, verdict)}"
     write_recording(found.subject.name, list(replay(found)), path, words)
 
 
 def write_recording(name: str, runs: Sequence[Replayed], path: Path, words: str) -> None:
-    """Write the recording of `runs` of `name` beside `words`, which say what came of them.
+    """Write the Rerun recording of `runs` of the subject `name` with `words`, its verdict.
 
     Raises ConfigurationError where it cannot be written.
     """
@@ -47,13 +47,13 @@ def write_recording(name: str, runs: Sequence[Replayed], path: Path, words: str)
             send_blueprint(recording, blueprint(runs))
             recording.log("verdict", rr.TextDocument(words), static=True)
             for run in runs:
-                _write(recording, run)
+                _log_run(recording, run)
     except (OSError, RuntimeError, ValueError) as error:
         raise ConfigurationError(f"{path}: cannot be written: {error}") from None
 
 
 def blueprint(runs: Sequence[Replayed]) -> Any:
-    """A tab a run, the first one open: the curve with its events on the left, plots on the right.
+    """Rerun layout with a tab for each run: curve and events on the left, plots on the right.
 
     A subject without curves has its plots only.
     """
@@ -93,7 +93,8 @@ def _run_tab(run: Replayed) -> Any:
     return rrb.Horizontal(left, rrb.Vertical(*plots), name=name)
 
 
-def _write(recording: rr.RecordingStream, run: Replayed) -> None:
+def _log_run(recording: rr.RecordingStream, run: Replayed) -> None:
+    """Log the signals, curve, tracks and events of a run, measured and simulated."""
     root = _root(run.name)
     if run.measured.curve is not None:
         _log_surroundings(recording, root, run.measured)
@@ -104,8 +105,8 @@ def _write(recording: rr.RecordingStream, run: Replayed) -> None:
             colour = HAND_RGBA if name == "gripper" else CURVE_COLOURS[word]
             size = 4 * RADIUS_MM if word == "measured" else 3 * RADIUS_MM
             columns = rr.Points2D.columns(positions=_flat_points(track.places))
-            _send_columns(recording, f"{root}/tracks/{name}/{word}", track.t, columns,
-                  rr.Points2D.from_fields(colors=colour, radii=size))  # fmt: skip
+            look = rr.Points2D.from_fields(colors=colour, radii=size)
+            _send_columns(recording, f"{root}/tracks/{name}/{word}", track.t, columns, look)
         for t, words in scene.events:
             recording.set_time("t", duration=t)
             recording.log(f"{root}/events/{word}", rr.TextLog(f"{word}: {words}"))

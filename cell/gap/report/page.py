@@ -23,12 +23,12 @@ TONES: dict[Kind, Tone] = {
 
 
 def write_report(found: Findings, verdict: Verdict, path: Path) -> None:
-    """Write the page at `path`."""
+    """Write the report page at `path`."""
     write_file(path, page(found, verdict))
 
 
 def page(found: Findings, verdict: Verdict) -> str:
-    """Text of the page: the card, the picture, and below them all numbers."""
+    """HTML text of the report: the verdict card, figures, and below them all numbers."""
     runs, held = len(found.subject.runs), len(verdict.held_out)
     name = found.subject.name
     return document(
@@ -51,7 +51,7 @@ def page(found: Findings, verdict: Verdict) -> str:
 
 
 def _verdict_card(found: Findings, verdict: Verdict) -> Card:
-    """The verdict in large print: the effect, its size, and the share of the gap it closes."""
+    """Verdict card in large print: the effect, its size, and the share of the gap it closes."""
     number, below = "", ""
     if verdict.effects and verdict.gap.before["excess"]:
         number, below = f"{100 * verdict.gap.shrink:.0f} %", "of the gap closed"
@@ -64,7 +64,7 @@ def _verdict_card(found: Findings, verdict: Verdict) -> Card:
 
 
 def _next_commands(found: Findings, verdict: Verdict) -> list[str]:
-    """The commands to type next, for the folder where the fit was called."""
+    """Sentences on the commands to type next, for the folder where the fit was called."""
     name = f"--strip configs/strips/{found.subject.name}.yaml"
     if isinstance(found.subject, EditsModel):
         name = "--model FILE"
@@ -79,17 +79,17 @@ def _next_commands(found: Findings, verdict: Verdict) -> list[str]:
     if verdict.verdict == "ambiguous":
         todo += ["`cell gap advise OUT` says which run would split them."]
     if found.offered is not None:
-        law, what = found.offered, "No name, but a description"
+        law, title = found.offered, "No name, but a description"
         if verdict.verdict == "named":
-            what = "The name may imitate another cause; a description that does as well"
-        todo += [f"{what}: {law.words}. It closes {100 * law.shrink:.0f} % of the gap on held-out "
+            title = "The name may imitate another cause; a description that does as well"
+        todo += [f"{title}: {law.words}. It closes {100 * law.shrink:.0f} % of the gap on held-out "
                  f"runs; `cell gap accept OUT {name} --law` adds it, `cell gap undo` takes it "
                  "back."]  # fmt: skip
     return todo
 
 
 def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
-    """Planned runs that would separate the explanations; None where that would change nothing."""
+    """Rows of planned runs that would separate explanations; None where nothing is open."""
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return None
     return [

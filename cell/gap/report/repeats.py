@@ -1,4 +1,4 @@
-"""Text on run-to-run differences, for those who can reduce them."""
+"""Text on run-to-run spreads, for those who can reduce them."""
 
 from collections.abc import Iterator, Mapping
 
@@ -18,7 +18,7 @@ SHOWN_UNITS = {
 
 
 def repeats(found: Findings) -> list[tuple[str, ...]] | None:
-    """Spread of each quantity that differs from run to run, with its remedy; None if unknown."""
+    """Rows on each quantity that differs from run to run, with its remedy; None if unknown."""
     if not any(p.random for run in found.subject.runs for p in run.local):
         return None
     return list(_rows(found))
@@ -27,11 +27,10 @@ def repeats(found: Findings) -> list[tuple[str, ...]] | None:
 def remedies(
     spreads: Mapping[str, tuple[float, str]], steadier: Mapping[str, float], planned: float
 ) -> Iterator[str]:
-    """A line for each quantity that differs from run to run: by how much, and whether less of it
-    would separate more than another motion.
+    """Lines on each run-to-run spread, and whether halving it would help more than a new motion.
 
     `spreads` are standard deviations with their units; with half of one, the runs would separate
-    two explanations by `steadier` sigma more, by name; the best motion `planned` by so many.
+    two explanations by `steadier` [sigma] more, by name; the best motion separates by `planned`.
     """
     known = {e.name: e for e in KNOWN_EFFECTS}
     for name, (value, unit) in spreads.items():
@@ -52,6 +51,7 @@ def remedies(
 
 
 def _rows(found: Findings) -> Iterator[tuple[str, ...]]:
+    """Sentence, spread, its interval, gain if halved, and remedy of each quantity."""
     known = {e.name: e for e in found.subject.scope.scatter}
     more = {s.name: f"{s.sigma:.1f} sigma more" for s in found.advised.steadier}
     for s in found.judged.scatter:
@@ -62,6 +62,6 @@ def _rows(found: Findings) -> Iterator[tuple[str, ...]]:
 
 
 def spread(s: Spread) -> str:
-    """A spread with its unit, as a person reads it."""
+    """Text of a spread with its unit, as pages show it."""
     factor, unit = SHOWN_UNITS.get(s.unit, (1.0, s.unit))
     return f"{number(factor * s.value, 2)} {unit}"

@@ -1,4 +1,4 @@
-"""Runs replayed: as measured, under the refitted base, and under the accepted model."""
+"""Replays runs as measured, under the refitted base, and under the accepted model."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from cell.gap.verdict.findings import Findings
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """A run measured and simulated; `after` is None where no effect was accepted."""
+    """A run as measured and as simulated; `after` is None where no effect was accepted."""
 
     name: str
     held_out: bool
@@ -25,15 +25,15 @@ def replay(found: Findings, *, held_out_only: bool = False) -> Iterator[Replayed
     subject, shown = found.subject, found.shown
     if not isinstance(subject, Draws):
         return
-    pairs = [(True, shown.before, None if shown.after is shown.before else shown.after)]
+    pairs = [(True, shown.before, shown.after if shown.changed else None)]
     if not held_out_only:
         base, best = found.base.estimate, found.accepted.estimate
         pairs.append((False, base, best if best.model.effects else None))
     for held_out, before, after in pairs:
         runs = before.evidence.runs
-        was = _scenes(subject, before)
-        now = [None] * len(runs) if after is None else _scenes(subject, after)
-        for run, old, new in zip(runs, was, now, strict=True):
+        scenes_before = _scenes(subject, before)
+        scenes_after = [None] * len(runs) if after is None else _scenes(subject, after)
+        for run, old, new in zip(runs, scenes_before, scenes_after, strict=True):
             yield Replayed(run.name, held_out, subject.draw_measured(run), old, new)
 
 

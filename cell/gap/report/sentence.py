@@ -17,7 +17,7 @@ TITLES = {
 
 
 def headline(verdict: Verdict) -> str:
-    """The verdict in a line: deviations from the file, then name with size, or what stands open."""
+    """One-line verdict: deviations from the file, then named effects, or what remains open."""
     parts = []
     if verdict.deviates:
         names = ", ".join(d.parameter.replace("_", " ") for d in verdict.deviates)
@@ -99,36 +99,28 @@ def _describe_rest(found: Findings, verdict: Verdict) -> str:
 
 def change(found: Findings, verdict: Verdict) -> str:
     """Gap before, after and noise floor on held-out runs, by quantity."""
-    parts = []
-    changed = bool(found.accepted.model.effects)
+    parts, gap = [], verdict.gap
     for q in found.subject.scope.quantities.values():
-        if q.key not in verdict.gap.before:
+        if q.key not in gap.before:
             continue
-        name = label(q)
-        before, after = verdict.gap.before[q.key], verdict.gap.after[q.key]
-        floor = verdict.gap.floor[q.key]
-        now = (
-            f"was {number(before)} {q.unit} off and is now {number(after)}"
-            if changed
-            else f"is {number(before)}"
-        )
-        off = "" if changed else " off"
-        parts.append(f"{name} {now} {q.unit}{off} (noise {number(floor)})")
+        before, after = number(gap.before[q.key]), number(gap.after[q.key])
+        text = f"is {before} {q.unit} off"
+        if found.accepted.model.effects:
+            text = f"was {before} {q.unit} off and is now {after} {q.unit}"
+        parts.append(f"{label(q)} {text} (noise {number(gap.floor[q.key])})")
     return "on held-out runs " + ", ".join(parts)
 
 
 def sigmas(found: Findings) -> float:
-    """Significance of the sure effects in the accepted model: the sigma of an equal likelihood
-    ratio, over the base where the model without them was not tried.
-    """
-    fits = found.choice.fits
+    """Significance [sigma] of the surely named effects, by the likelihood ratio without them."""
+    fits = found.choice.fits  # the base stands in where that model was not fitted
     without = fits.of(_class_members(found)) or fits.base
     gain = margin(found.accepted, without, found.by).gain
     return float(max(0.0, 2.0 * gain) ** 0.5)
 
 
 def at_their_ends(found: Findings) -> list[str]:
-    """Parameters of the sure effects that a bound stopped."""
+    """Names of the parameters of surely named effects whose fitted value is a bound."""
     fit = found.accepted.estimate
     _, values = fit.model.split(fit.shared)
     return [
@@ -140,7 +132,7 @@ def at_their_ends(found: Findings) -> list[str]:
 
 
 def deviation(deviates: Sequence[Deviation]) -> str:
-    """Deviations from the file, in a line for an operator."""
+    """Line for an operator on the values that deviate from the file."""
     parts = []
     for d in deviates:
         ends = (quantity(end, d.unit) if end is not None else "any" for end in d.tolerated)
@@ -163,7 +155,7 @@ def undetectable(found: Findings) -> list[str]:
 
 
 def smallest(found: Findings, name: str, value: float) -> str:
-    """Smallest size that would have been detected; the largest, where less is more."""
+    """Text of the detection limit of an effect: an upper limit for reciprocal parameters."""
     candidate = next(c for c in found.subject.scope.candidates if c.name == name)
     first = candidate.parameters[0]
     return f"{'at most ' if first.inverse else ''}{quantity(value, first.unit)}"

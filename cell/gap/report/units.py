@@ -4,7 +4,7 @@ from cell.gap.verdict.schema import Measured
 
 POWERS = {"^2": "²", "^3": "³", "^4": "⁴"}
 SMALL_UNITS = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "kg": (1e3, "g")}
-"""What is shown in thousandths, so that a page has one unit for each kind of quantity."""
+"""Units shown in thousandths, so that a page has one unit for each kind of quantity."""
 
 
 def in_small_unit(value: float, of: str) -> float:

@@ -1,1 +1,1 @@
-"""Which effects a model needs: screening, search, comparison on held-out runs."""
+"""Selection of the effects that a model needs: screening, search, cross-validated comparison."""

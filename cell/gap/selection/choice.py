@@ -1,4 +1,4 @@
-"""Whether a fitted effect differs from nothing."""
+"""Choice of the accepted model: forward selection with a test of every effect."""
 
 from dataclasses import dataclass, replace
 
@@ -18,10 +18,10 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Earned:
-    """What an effect must do to be accepted, as shares. Source: set by hand.
+    """Thresholds by which an effect is accepted, as shares. Source: set by hand.
 
-    It must remove the share `removed` of the excess gap. A fit that leaves more than the share
-    `blind` of the spread that was known of an amount says nothing of it.
+    It must remove the share `removed` of the excess gap. A fit does not determine an amount whose
+    standard deviation stays above the share `blind` of its prior spread.
     """
 
     removed: float = 0.25
@@ -32,27 +32,25 @@ EARNED = Earned()
 
 
 def is_significant(estimate: Estimate, effect: Candidate, by: LikelihoodScale) -> bool:
-    """Whether the interval of any of its amounts excludes absence (Wald 1943).
+    """Whether the 95 % interval of any amount of `effect` excludes its absence (Wald 1943).
 
-    True where the fit says nothing of them: beyond its threshold an effect may no longer depend
-    on how strong it is.
+    True, too, where the fit does not determine an amount: beyond its threshold an effect may no
+    longer depend on how strong it is.
     """
-    spread = np.sqrt(np.diag(covariance(estimate, by.inefficiency)))
-    first = len(estimate.model.base)
-    for other in estimate.model.effects:
-        if other.name == effect.name:
-            break
-        first += len(other.parameters)
-    for i, p in enumerate(effect.parameters, start=first):
-        far = abs(estimate.shared[i] - p.start) > special.ndtri(0.975) * spread[i]
-        if not p.shape and (far or spread[i] > EARNED.blind * p.spread):
-            return True
-    return False
+    sigma = np.sqrt(np.diag(covariance(estimate, by.inefficiency)))
+    _, values = estimate.model.split(estimate.shared)
+    _, sigmas = estimate.model.split(sigma)
+    rows = zip(effect.parameters, values[effect.name], sigmas[effect.name], strict=True)
+    return any(
+        abs(value - p.start) > special.ndtri(0.975) * error or error > EARNED.blind * p.spread
+        for p, value, error in rows
+        if not p.shape
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One level of the search: its best model against what was accepted before.
+    """One level of the search: its best model compared with the model accepted before.
 
     `gain` [nats] on runs left out; `p` is family-wise over the models of the level; `removed` is
     the share of the excess gap that the level removes.
@@ -70,8 +68,8 @@ class Step:
 class Choice:
     """Outcome of the search: the accepted model (the base where none is), all fits, the steps.
 
-    `by` is the scale on which all of them were compared; `sets` the evidence that chose, where no
-    margin did.
+    `by` is the scale on which all of them were compared; `sets` the posterior, where it chose
+    instead of margins.
     """
 
     accepted: Validated
@@ -82,10 +80,10 @@ class Choice:
 
 
 def choose(fits: Fits, sets: Posterior | None = None) -> Choice:
-    """Forward selection with a backward check: the largest model whose every effect is earned.
+    """Forward selection with a backward check: the largest model of which each effect is earned.
 
-    An effect is there where the interval of an amount excludes absence, or where the evidence says
-    so: no interval shows an amount that another number makes up for, as its place does for a mass.
+    An effect is there where the interval of an amount excludes absence, or where the evidence is
+    for it: no interval shows an amount for which another number makes up, as a place for a mass.
     """
     by, accepted = fits.scale, fits.base
     steps = []
@@ -100,10 +98,9 @@ def choose(fits: Fits, sets: Posterior | None = None) -> Choice:
 
 
 def by_evidence(choice: Choice, sets: Posterior) -> Choice:
-    """The most probable set, where a gap is left, no model earns to explain it by its margin, and
-    the evidence is clearly against the base.
+    """Accept the most probable set where margins accept none but it clearly leads the base.
 
-    A margin asks for all that the model's error could feign in the direction of an effect; the
+    A margin must exceed all that the model's error could imitate in the direction of an effect; the
     posterior has that error in every direction, beside each set.
     """
     fits, best = choice.fits, choice.fits.of(sets.models[0].names)
@@ -115,6 +112,7 @@ def by_evidence(choice: Choice, sets: Posterior) -> Choice:
 
 
 def _is_earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale) -> bool:
+    """Whether the margin `ahead` of `before` is enough to accept a model."""
     gain = _beyond_model_error(ahead.each, before, fits, by)
     return gain > by.least and ahead.p < ALPHA and ahead.removed > EARNED.removed
 
@@ -122,26 +120,27 @@ def _is_earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale
 def _step(
     fits: Fits, size: int, before: Validated, by: LikelihoodScale, sets: Posterior | None
 ) -> Step:
+    """Compare the best model of `size` effects with the one accepted `before`."""
     models = fits.of_size(size)
     margins = [margin(m, before, by) for m in models]
     p = holm([m.p for m in margins])[0]
-    first, ahead = models[0], margins[0]
-    good = _is_earned(replace(ahead, p=p), before, fits, by) and all(
-        _is_needed(first, e.name, fits, by)
-        and (is_significant(first.estimate, e, by) or _evident(first, e.name, by, sets))
-        for e in first.model.effects
+    best, ahead = models[0], margins[0]
+    accepted = _is_earned(replace(ahead, p=p), before, fits, by) and all(
+        _is_needed(best, e.name, fits, by)
+        and (is_significant(best.estimate, e, by) or _evident(best, e.name, by, sets))
+        for e in best.model.effects
     )
-    return Step(first, before, ahead.gain, p, ahead.removed, good)
+    return Step(best, before, ahead.gain, p, ahead.removed, accepted)
 
 
 def is_exhausted(fits: Fits) -> bool:
     """Whether the accepted model leaves less than a further effect would have to gain.
 
-    Measured in the nats of a model that leaves nothing but noise, as most samples show it: a
+    On the likelihood scale of a model that leaves nothing but noise, as most samples show it: a
     generous floor leaves less than it states.
     """
-    found = choose(fits)
-    accepted, ideal = found.accepted, replace(found.by, scale=1.0, inefficiency=1.0)
+    choice = choose(fits)
+    accepted, ideal = choice.accepted, replace(choice.by, scale=1.0, inefficiency=1.0)
     if not accepted.model.effects:
         return False
     noise = [0.5 * len(r) * robust.spread(r) ** 2 for r in accepted.left_out]
@@ -150,7 +149,7 @@ def is_exhausted(fits: Fits) -> bool:
 
 
 def _is_needed(model: Validated, effect: str, fits: Fits, by: LikelihoodScale) -> bool:
-    """Backward check: the model without the effect, where it was tried, predicts worse."""
+    """Backward check: whether `model` predicts worse without `effect`, where that was fitted."""
     others = model.model.names - {effect}
     without = fits.of(others)
     if without is None or not others:
@@ -159,14 +158,14 @@ def _is_needed(model: Validated, effect: str, fits: Fits, by: LikelihoodScale) -
 
 
 def _evident(model: Validated, effect: str, by: LikelihoodScale, sets: Posterior | None) -> bool:
-    """Whether the evidence is clearly for the effect beside the others of the model."""
+    """Whether the posterior clearly favours `model` over itself without `effect`."""
     return sets is not None and sets.gain(model.model.names, effect) > by.least
 
 
 def _beyond_model_error(gains: Array, before: Validated, fits: Fits, by: LikelihoodScale) -> float:
-    """Sum of `gains` (R,) [nats] less what the laws of `before` may have got wrong.
+    """Sum of `gains` (R,) [nats] less the part that errors of the laws of `before` may explain.
 
-    What a law gets wrong of what it explains in a run, another effect would take up there.
+    What a law gets wrong of what it explains in a run, another effect would absorb there.
     """
     if not before.model.effects:
         return float(gains.sum())

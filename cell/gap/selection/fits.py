@@ -7,8 +7,7 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.starts import best
 from cell.gap.selection.likelihood import LikelihoodScale, likelihood_scale, margin
 
-# of the best model's gain, from which models of its size are looked at too; set by hand
-GAIN_SHARE = 0.5
+GAIN_SHARE = 0.5  # of the best model's gain, below which a model is left out; set by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +23,7 @@ class Fits:
 
     @property
     def scale(self) -> LikelihoodScale:
-        """What a nat is worth, by the model that fits best."""
+        """Scale of log-likelihoods, from the model that fits best."""
         return likelihood_scale(self.models)
 
     def of_size(self, size: int) -> list[Validated]:
@@ -41,7 +40,7 @@ class Fits:
         return by_loss(self.models, self.scale)[0]
 
     def worth(self, size: int, share: float = GAIN_SHARE) -> list[Validated]:
-        """Models of `size` effects that gain at least the `share` of what the best of them does."""
+        """Models of `size` effects that gain over the `share` of what the best of them gains."""
         if not size:
             return []
         by, models = self.scale, self.of_size(size)
@@ -49,7 +48,7 @@ class Fits:
         return [m for m, gain in zip(models, gains, strict=True) if gain > share * gains[0]]
 
     def merge(self, more: Sequence[Validated]) -> "Fits":
-        """These and `more`; of two fits of the same effects the better one is kept."""
+        """Fits with `more` added; of two fits of the same effects the better one is kept."""
         found = {m.model.names: m for m in self.models}
         for m in more:
             known = found.get(m.model.names)
@@ -59,5 +58,5 @@ class Fits:
 
 
 def by_loss(models: Sequence[Validated], by: LikelihoodScale) -> list[Validated]:
-    """The models, the one that predicts best first."""
+    """Sort `models` by their predictive loss, the best first."""
     return sorted(models, key=lambda m: (float(m.losses(by.scale).sum()), m.model.name))

@@ -1,4 +1,4 @@
-"""Which runs only judge: one condition in four, and a repeat of one that alone shows an effect."""
+"""Choice of the held-out runs: one condition in four, and repeats of indispensable ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,11 +18,11 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Sparing:
-    """Which runs may be held out. Source: set by hand.
+    """Thresholds by which runs are held out. Source: set by hand.
 
-    One condition in `every`, unless the others lose the share `needed` of what all runs say of an
-    effect, or `alone` for a condition of which a repeat is held out; an effect of which all runs
-    say less than `shown` [nats] has no voice.
+    One condition in `every`, unless without it the share `needed` of the information on an effect
+    is lost; a repeat of a condition with the share `alone` of it. Effects on which all runs hold
+    less than `shown` [nats] do not count.
     """
 
     every: int = 4
@@ -35,36 +35,42 @@ SPARING = Sparing()
 
 
 def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -> list[str]:
-    """Names of the runs that only judge: those asked for, or one condition in four.
+    """Names of the held-out runs: those `wanted` or else one condition in four.
 
     A condition that holds most of the information on some effect is fitted: held out, it would
-    hide that effect. Where it alone shows one, the last of its repeats judges what the others
-    show. How well the model fits has no say in this, only what was done.
+    hide that effect. Where it alone shows one, the last of its repeats is held out. How well the
+    model fits does not matter, only what was done.
     """
     names = [run.name for run in subject.runs]
     check(names, wanted)
     if wanted:
         return list(dict.fromkeys(wanted))
-    groups = folds(subject.runs, most=len(names))
-    informative, held = Informativeness(subject, simulate), list[int]()
-    for first in range(1, len(groups), SPARING.every):
-        for group in (*groups[first:], *groups[:first]):
-            if (
-                not set(group) & set(held)
-                and informative.largest_loss([*held, *group]) < SPARING.needed
-            ):
-                held += group
+    conditions = folds(subject.runs, most=len(names))
+    information = Informativeness(subject, simulate)
+    held = _dispensable_runs(conditions, information)
+    for condition in conditions:
+        is_free = len(condition) > 1 and not set(condition) & set(held)
+        if is_free and information.largest_loss(condition) >= SPARING.alone:
+            held += condition[-1:]
+    if not held and len(conditions) > 1:
+        held = conditions[1]
+    return [names[i] for i in held]
+
+
+def _dispensable_runs(conditions: Sequence[list[int]], information: "Informativeness") -> list[int]:
+    """Numbers of the runs to hold out: one condition in `SPARING.every` that others can spare."""
+    held: list[int] = []
+    for first in range(1, len(conditions), SPARING.every):
+        for condition in (*conditions[first:], *conditions[:first]):
+            is_free = not set(condition) & set(held)
+            if is_free and information.largest_loss([*held, *condition]) < SPARING.needed:
+                held += condition
                 break
-    for group in groups:
-        free = len(group) > 1 and not set(group) & set(held)
-        if free and informative.largest_loss(group) >= SPARING.alone:
-            held += group[-1:]
-    second = (i for group in groups[1:2] for i in group)
-    return [names[i] for i in held or second]
+    return held
 
 
 def check(names: Sequence[str], wanted: Sequence[str]) -> None:
-    """Refuse runs to hold out that are not there, or are all."""
+    """Raise ConfigurationError where runs `wanted` are not among `names`, or are all of them."""
     unknown = [name for name in wanted if name not in names]
     if unknown:
         raise ConfigurationError(
@@ -87,7 +93,7 @@ class Informativeness:
         self._all = self._information(range(len(subject.runs)))
 
     def largest_loss(self, without: Sequence[int]) -> float:
-        """Largest share that is lost, of any effect, without the runs of these numbers."""
+        """Largest share of the information on any effect that is lost without these runs."""
         kept = [i for i in range(len(self._responses)) if i not in without]
         shown = self._all > SPARING.shown
         if not kept or not shown.any():
@@ -95,10 +101,10 @@ class Informativeness:
         return float((1.0 - self._information(kept)[shown] / self._all[shown]).max())
 
     def _information(self, kept: Sequence[int]) -> Array:
-        """Information (candidates,) [nats] in the runs of these numbers."""
+        """Information (candidates,) [nats] on each effect in the runs of the numbers `kept`."""
         about = projection(self._stated.on(kept), robustly=False)
-        moved = np.concatenate([self._responses[i] for i in kept])
-        return np.asarray(0.5 * (moved * about.left(moved)).sum(axis=0))
+        responses = np.concatenate([self._responses[i] for i in kept])
+        return np.asarray(0.5 * (responses * about.left(responses)).sum(axis=0))
 
 
 def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Array]:

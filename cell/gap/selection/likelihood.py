@@ -1,4 +1,4 @@
-"""Which model predicts better, and how sure that is: margins in nats, probabilities."""
+"""Comparison of models by predictive likelihood: margins [nats] and their p-values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ ALPHA = 0.01  # probability of a false alarm, family-wise; customary
 
 @dataclass(frozen=True, slots=True)
 class ModelError:
-    """How wrong a right model may be. Source: set by hand.
+    """Errors of a right model that comparisons allow for, as shares. Source: set by hand.
 
     The share `aligned` of the floor may lie wholly in the direction of one effect; responses are
     true to 15 %, so that a rival must lie behind by the share `law`, its square, of what a model
@@ -33,13 +33,13 @@ MODEL_ERROR = ModelError()
 
 @dataclass(frozen=True, slots=True)
 class LikelihoodScale:
-    """What a nat is worth here: the dispersion and the inefficiency of the best model.
+    """Scale of log-likelihoods: the dispersion and statistical inefficiency of the best model.
 
     Where even the best model leaves more than noise, or leaves it correlated, log-likelihoods
     shrink by as much (quasi-likelihood: McCullagh and Nelder 1989, chapter 9). `level` is the
     mean square that it leaves, at most 1: a generous floor leaves less, and is not filled up.
     `least` [nats] is the margin that counts: the floor is an error of the model, which unlike
-    noise does not average out, so that what a part of it could feign is asked for on top.
+    noise does not average out, so that what a part of it could imitate is added.
     """
 
     scale: float
@@ -48,7 +48,7 @@ class LikelihoodScale:
     least: float = MIN_GAIN
 
     def ahead(self, gained: float) -> float:
-        """Nats by which a model that gained `gained` over the base must lead, to refute another.
+        """Lead [nats] with which a model refutes another, having `gained` [nats] over the base.
 
         A law that is nearly that of the measured thing is wrong by a share of what it explains:
         of relative error e in its response, e^2.
@@ -57,7 +57,7 @@ class LikelihoodScale:
 
 
 def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
-    """The yardstick of the model that fits best."""
+    """Scale of log-likelihoods from the model of `models` that fits best."""
     best = min(models, key=lambda m: (m.estimate.scale, m.estimate.objective))
     known, scale = best.estimate.evidence, best.estimate.scale
     worth = robust.inefficiency(known.runs, best.estimate.residuals)
@@ -66,7 +66,7 @@ def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
 
 
 def _false_gain(evidence: Evidence) -> float:
-    """Nats that an effect gains whose response is the share `aligned` of the floor everywhere."""
+    """Gain [nats] of an effect whose response is the share `aligned` of the floor everywhere."""
     shares = [
         np.sum((MODEL_ERROR.aligned * run.samples.floor / scale) ** 2)
         for run, scale in zip(evidence.runs, evidence.scales, strict=True)
@@ -97,7 +97,7 @@ def margin(model: Validated, other: Validated, by: LikelihoodScale) -> Margin:
     gain = float(each.sum())
     se = float(np.sqrt(len(each)) * each.std(ddof=1)) if len(each) > 1 else 0.0
     distance = _distance(model, other, by)
-    if _within(other, model):
+    if _is_nested(other, model):
         p = _likelihood_ratio(model, other, by)
     else:
         p = float(special.ndtr(-(gain + 0.5 * distance**2) / max(distance, 1e-9)))
@@ -107,34 +107,34 @@ def margin(model: Validated, other: Validated, by: LikelihoodScale) -> Margin:
 def share_removed(
     model: Validated, other: Validated, by: LikelihoodScale, without: str | None = None
 ) -> float:
-    """Share of the other's excess gap that the model removes, of all runs but one."""
+    """Share of the excess gap of `other` that `model` removes, in all runs but `without`."""
     before, after = (remaining_gap(m, by, without) for m in (other, model))
     return 1.0 - after / before if before > 0.0 else 0.0
 
 
 def remaining_gap(model: Validated, by: LikelihoodScale, without: str | None = None) -> float:
-    """Excess gap that the model leaves on runs left out, of all but one, wild samples bounded."""
+    """Excess gap of `model` on runs left out, all but `without`, wild samples bounded."""
     runs = zip(model.estimate.evidence.runs, model.left_out, strict=True)
     kept = [residuals for run, residuals in runs if run.name != without]
     return excess(clip_wild(kept, by.scale), by.level)
 
 
-def _within(other: Validated, model: Validated) -> bool:
+def _is_nested(other: Validated, model: Validated) -> bool:
     """Whether `other` is `model` with some of its parameters at their start."""
     fewer = len(other.model.parameters) < len(model.model.parameters)
     return fewer and other.model.names <= model.model.names
 
 
 def _likelihood_ratio(model: Validated, other: Validated, by: LikelihoodScale) -> float:
-    """Likelihood ratio of fitted models (Wilks 1938); conservative where a sign is fixed."""
-    mine = sum(float(robust.loss(r / by.scale).sum()) for r in model.estimate.residuals)
-    its = sum(float(robust.loss(r / by.scale).sum()) for r in other.estimate.residuals)
+    """p-value of the likelihood ratio (Wilks 1938); conservative where a sign is fixed."""
+    loss = sum(float(robust.loss(r / by.scale).sum()) for r in model.estimate.residuals)
+    nested = sum(float(robust.loss(r / by.scale).sum()) for r in other.estimate.residuals)
     freedom = len(model.model.parameters) - len(other.model.parameters)
-    return float(special.chdtrc(freedom, max(0.0, 2.0 * (its - mine) / by.inefficiency)))
+    return float(special.chdtrc(freedom, max(0.0, 2.0 * (nested - loss) / by.inefficiency)))
 
 
 def _distance(model: Validated, other: Validated, by: LikelihoodScale) -> float:
-    """Distance of fitted predictions [sigma]; Cox 1961 judges separate families by it."""
+    """Distance [sigma] of fitted predictions, for tests of separate families (Cox 1961)."""
     a = np.concatenate(model.estimate.residuals)
     b = np.concatenate(other.estimate.residuals)
     return float(np.linalg.norm(a - b) / by.scale / np.sqrt(by.inefficiency))
@@ -146,7 +146,7 @@ def excess(residuals: Sequence[Array], level: float) -> float:
 
 
 def clip_wild(residuals: Sequence[Array], scale: float) -> list[Array]:
-    """Residuals (n,) up to what is wild: no sample that went another way may decide."""
+    """Residuals (n,) clipped at OFF_TRACK times `scale`, so that no wild sample decides."""
     return [np.clip(r, -robust.OFF_TRACK * scale, robust.OFF_TRACK * scale) for r in residuals]
 
 
@@ -156,12 +156,12 @@ def mean_square(residuals: Sequence[Array]) -> float:
 
 
 def family_wise(p: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
-    """Family-wise probabilities of all `names`; one without a test counts as 1."""
+    """Family-wise p-values of all `names`; a name without a test counts as p = 1."""
     return dict(zip(names, holm([p.get(name, 1.0) for name in names]), strict=True))
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Family-wise probabilities (Holm 1979), in the order given."""
+    """Family-wise p-values (Holm 1979), in the order of `p`."""
     order = np.argsort(p)
     adjusted = np.empty(len(p))
     running = 0.0

@@ -1,4 +1,4 @@
-"""Which sets of effects are probable: evidence of the linearised fits, with stated priors.
+"""Posterior over sets of effects, by the evidence of linearised fits with stated priors.
 
 Residuals at the prior mean are normal. Their covariance is that of noise and floor, of the
 unknowns under their priors (`Parameter.spread`), of every other effect of the library at an
@@ -26,12 +26,12 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Beliefs:
-    """What is held probable before the runs are seen.
+    """Prior beliefs about effects and the errors of their laws.
 
-    So many effects of the library are `expected` to be there; one that is `immaterial` does so much
-    (one sigma) of what the floor allows; a law is wrong by a share of what it explains, half-normal
-    of sigma `wrong`, summed over `shares`, and as wrong for `memory` [s]. Source: a prototype on
-    thirteen cases of a foreign simulator, in which spikes decided whether an empty case was named.
+    Of the library `expected` effects are present; an `immaterial` one responds with this share (one
+    sigma) of what the floor allows; a law is wrong by a share of what it explains, half-normal of
+    sigma `wrong`, summed over `shares`, with a correlation time `memory` [s]. Source: a prototype
+    on thirteen cases of a foreign simulator; spikes decided whether an empty case was named.
     """
 
     expected: float = 1.0
@@ -42,11 +42,12 @@ class Beliefs:
 
 
 DEFAULT_BELIEFS = Beliefs()
+LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
 
 
 @dataclass(frozen=True, slots=True)
 class Weighed:
-    """A set of effects with its log evidence and prior [nats], and its probability."""
+    """A set of effects, its log evidence plus log prior [nats], and its probability."""
 
     names: frozenset[str]
     nats: float
@@ -55,20 +56,21 @@ class Weighed:
 
 @dataclass(frozen=True, slots=True)
 class Posterior:
-    """The sets of effects that were fitted, the most probable first; they sum to one."""
+    """Probabilities of the fitted sets of effects, which sum to one; the most probable first."""
 
     models: tuple[Weighed, ...]
 
     @property
     def inclusion(self) -> dict[str, float]:
-        """Probability by name that an effect is there, the most probable first."""
+        """Inclusion probability of each effect by name, the most probable first."""
         names = {name for model in self.models for name in model.names}
         found = {name: sum(m.p for m in self.models if name in m.names) for name in names}
         return dict(sorted(found.items(), key=lambda each: (-each[1], each[0])))
 
     def ahead(self, of: Callable[[frozenset[str]], bool]) -> float:
-        """Nats by which the best of these sets leads the best other; infinite where there is none,
-        negative where it is behind.
+        """Lead [nats] of the best set for which `of` holds over the best other one.
+
+        Infinite where there is no other, negative infinite where it holds for none.
         """
         mine = [m.nats for m in self.models if of(m.names)]
         others = [m.nats for m in self.models if not of(m.names)]
@@ -77,15 +79,13 @@ class Posterior:
         return max(mine) - max(others)
 
     def gain(self, names: frozenset[str], effect: str) -> float:
-        """Nats by which the set `names` leads itself without `effect`; negative infinity where
-        either was not fitted.
-        """
+        """Lead [nats] of the set `names` over itself without `effect`; -inf if one is unfitted."""
         nats = {m.names: m.nats for m in self.models}
         without = names - {effect}
         return nats[names] - nats[without] if {names, without} <= nats.keys() else float("-inf")
 
     def lead(self, names: frozenset[str]) -> float:
-        """Nats by which the set `names` leads the base."""
+        """Lead [nats] of the set `names` over the base."""
         nats = {m.names: m.nats for m in self.models}
         return nats[names] - nats[frozenset()]
 
@@ -98,10 +98,10 @@ def posterior(
     *,
     believed: bool = False,
 ) -> Posterior:
-    """Probabilities of the fitted sets; `probed` is the library as it responds at the base.
+    """Probabilities of the sets of effects in `fits`; `probed` is the library at the base.
 
     Where spreads of the base are `believed`, an effect that only they separate from the base is
-    material: what the base would have to strain for it counts as what it leaves.
+    material: changes of the base against its priors count like residuals.
     """
     about = _About.of(fits, probed, by, beliefs, believed=believed)
     chance = beliefs.expected / max(len(probed), 2.0 * beliefs.expected)
@@ -115,7 +115,7 @@ def posterior(
 
 @dataclass(frozen=True, slots=True)
 class _About:
-    """What all sets share: the base, weights (N,) of the samples, and spikes (N, k) by effect."""
+    """Inputs that all sets share: base, weights (N,) of samples, spikes (N, k) by effect."""
 
     base: Estimate
     weight: Array
@@ -132,8 +132,10 @@ class _About:
         *,
         believed: bool,
     ) -> "_About":
-        """Wild samples are judged at the best fit, alike for all sets: each at its own would let a
-        bad model call what it does not explain wild.
+        """Weights of samples and spikes for all sets of `fits`.
+
+        Wild samples are those of the best fit: at its own, a bad model would call wild what it does
+        not explain.
         """
         base, best = fits.base.estimate, min(fits.models, key=lambda m: m.estimate.objective)
         r = _in_units_of(base, best.estimate)[0] / by.scale
@@ -142,14 +144,14 @@ class _About:
         return cls(base, weight, spikes, beliefs)
 
     def evidence(self, fit: Estimate) -> float:
-        """Log evidence [nats] of a fit, averaged over how wrong its laws may be."""
+        """Log evidence [nats] of a fit, averaged over the possible errors of its laws."""
         shares = self.beliefs.shares if fit.model.effects else (0.0,)
         prior = np.exp(-0.5 * np.square(np.array(shares) / self.beliefs.wrong))
-        nats = [self._with(fit, share) for share in shares]
+        nats = [self._evidence_at(fit, share) for share in shares]
         return float(special.logsumexp(nats, b=prior / prior.sum()))
 
-    def _with(self, fit: Estimate, share: float) -> float:
-        """The same for laws that are wrong by one `share`."""
+    def _evidence_at(self, fit: Estimate, share: float) -> float:
+        """Log evidence [nats] of a fit whose laws are wrong by the `share` of what they explain."""
         residual, jacobian = _in_units_of(self.base, fit)
         spikes = [s for name, s in self.spikes.items() if name not in fit.model.names]
         columns = np.concatenate([residual[:, None], jacobian, *spikes], axis=1)
@@ -157,24 +159,20 @@ class _About:
         whole, logdet = self._whiten(columns, share * explained)
         r, responses = whole[:, 0], whole[:, 1:]
         own = slice(len(fit.model.base), len(fit.model.parameters))
-        limits, z = _proper(fit.limits, own), fit.z
-        known = np.concatenate([limits.precision, np.ones(responses.shape[1] - len(z))])
-        away = np.concatenate([z - limits.mean, np.zeros(len(known) - len(z))])
-        curvature = responses.T @ responses + np.diag(known)
-        pull = responses.T @ r + known * away
-        unit = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-        lower = np.linalg.cholesky(curvature * unit[:, None] * unit + 1e-10 * np.eye(len(unit)))
-        inverse = cho_solve((lower, True), np.eye(len(unit))) * unit[:, None] * unit
+        limits, z = _with_proper_priors(fit.limits, own), fit.z
+        precision = np.concatenate([limits.precision, np.ones(responses.shape[1] - len(z))])
+        away = np.concatenate([z - limits.mean, np.zeros(len(precision) - len(z))])
+        curvature = responses.T @ responses + np.diag(precision)
+        pull = responses.T @ r + precision * away
+        inverse, half_logdet = _invert(curvature)
         step = -inverse @ pull
-        nats = -0.5 * float(r @ r + known @ away**2 + pull @ step) - 0.5 * logdet
-        nats -= float(np.log(np.diag(lower) / unit).sum())
+        nats = -0.5 * float(r @ r + precision @ away**2 + pull @ step) - 0.5 * logdet
+        nats -= half_logdet
         nats += 0.5 * float(np.log(limits.precision[own]).sum())
         return nats + _truncation(limits, z + step[: len(z)], np.diag(inverse)[: len(z)], own)
 
     def _whiten(self, columns: Array, wrong: Array) -> tuple[Array, float]:
-        """Columns (N, k) in units of noise and of an error `wrong` (N,) of the law, and the log
-        determinant of its covariance.
-        """
+        """Columns (N, k) whitened by noise and law error `wrong` (N,), and its log determinant."""
         weighed, error = columns * self.weight[:, None], wrong * self.weight
         if not error.any():
             return weighed, 0.0
@@ -183,16 +181,25 @@ class _About:
             for number in np.unique(run.samples.series):
                 mine = at + np.flatnonzero(run.samples.series == number)
                 t = run.samples.t[mine - at]
-                lower = np.linalg.cholesky(_smooth(t, error[mine], self.beliefs.memory))
+                lower = np.linalg.cholesky(_error_covariance(t, error[mine], self.beliefs.memory))
                 weighed[mine] = solve_triangular(lower, weighed[mine], lower=True)
                 logdet += 2.0 * float(np.log(np.diag(lower)).sum())
             at += len(run.samples)
         return weighed, logdet
 
 
-def _smooth(t: Array, error: Array, memory: float) -> Array:
-    """Covariance (n, n) of unit noise and, beside it, an error as large as `error` (n,) is near by
-    at the times `t` (n,) of a series, and as smooth as `memory` [s].
+def _invert(curvature: Array) -> tuple[Array, float]:
+    """Inverse (size, size) of `curvature` and half its log determinant."""
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    lower = np.linalg.cholesky(curvature * unit[:, None] * unit + 1e-10 * np.eye(len(unit)))
+    inverse = cho_solve((lower, True), np.eye(len(unit))) * unit[:, None] * unit
+    return inverse, float(np.log(np.diag(lower) / unit).sum())
+
+
+def _error_covariance(t: Array, error: Array, memory: float) -> Array:
+    """Covariance (n, n) of unit noise and an error that is smooth over `memory` [s].
+
+    The error is as large as `error` (n,) in the mean square near each of the times `t` (n,) [s].
     """
     near = np.exp(-0.5 * ((t[:, None] - t) / memory) ** 2)
     local = np.sqrt((near @ error**2) / near.sum(axis=1))
@@ -202,9 +209,10 @@ def _smooth(t: Array, error: Array, memory: float) -> Array:
 def _spikes(
     base: Estimate, probed: Sequence[Probed], immaterial: float, *, believed: bool
 ) -> dict[str, Array]:
-    """Whitened responses (N, k) by name to immaterial amounts of each effect: in all the ways that
-    it was probed, no more than the share `immaterial` of the floor once the base has moved, the
-    base's strain included where its spreads are `believed`.
+    """Whitened responses (N, k) to immaterial amounts of each effect by name.
+
+    One for each group of its probes, of the share `immaterial` of the floor once the base absorbs
+    what it can, its changes included where its spreads are `believed`.
     """
     about = projection(base, robustly=False)
     floors = [run.samples.floor for run in base.evidence.runs]
@@ -212,26 +220,24 @@ def _spikes(
     size = immaterial * float(np.linalg.norm(allowed))
     found = {}
     for p in probed:
-        ways = np.concatenate([group[:, :1] for group in p.responses], axis=1)
-        left = about.left(ways)
-        norms = np.sqrt(np.sum((ways if believed else left) * left, axis=0))
-        seen = norms > 1e-6
+        firsts = np.concatenate([group[:, :1] for group in p.responses], axis=1)
+        left = about.left(firsts)
+        norms = np.sqrt(np.sum((firsts if believed else left) * left, axis=0))
+        seen = norms > LEAST_NORM
         if seen.any():
-            found[p.candidate.name] = ways[:, seen] * (size / norms[seen] / np.sqrt(seen.sum()))
+            found[p.candidate.name] = firsts[:, seen] * (size / norms[seen] / np.sqrt(seen.sum()))
     return found
 
 
 def _in_units_of(base: Estimate, fit: Estimate) -> tuple[Array, Array]:
-    """Residual (N,) and Jacobian (N, size) of a fit, whitened as the base is."""
+    """Residual (N,) and Jacobian (N, size) of `fit`, whitened by the scales of `base`."""
     scales = zip(fit.evidence.scales, base.evidence.scales, strict=True)
     unit = np.concatenate([mine / its for mine, its in scales])
     return np.concatenate(fit.residuals) * unit, stacked_jacobian(fit) * unit[:, None]
 
 
-def _proper(limits: normal_equations.Bounds, own: slice) -> normal_equations.Bounds:
-    """Limits in which every unknown of `own` has a prior: one of which nothing was known before has
-    a quarter of its range for a standard deviation.
-    """
+def _with_proper_priors(limits: normal_equations.Bounds, own: slice) -> normal_equations.Bounds:
+    """Copy of `limits` in which unknowns of `own` without a prior get a quarter of their range."""
     precision = limits.precision.copy()
     wide = 0.25 * (limits.high[own] - limits.low[own])
     precision[own] = np.where(precision[own] > 0.0, precision[own], wide**-2)
@@ -239,18 +245,21 @@ def _proper(limits: normal_equations.Bounds, own: slice) -> normal_equations.Bou
 
 
 def _truncation(limits: normal_equations.Bounds, mean: Array, variance: Array, own: slice) -> float:
-    """Log of the share of the posterior within its bounds over that of the prior [nats]; the
-    unknowns `own` each by themselves.
-    """
+    """Log ratio [nats] of posterior to prior mass within bounds, each of `own` by itself."""
 
-    def inside(middle: Array, deviation: Array) -> Array:
+    def log_mass(middle: Array, deviation: Array) -> Array:
         low, high = (limits.low[own] - middle) / deviation, (limits.high[own] - middle) / deviation
-        flip = low > 0.0
-        low, high = np.where(flip, -high, low), np.where(flip, -low, high)
-        share = special.log_ndtr(high) + np.log1p(
-            -np.exp(np.minimum(special.log_ndtr(low) - special.log_ndtr(high), -1e-12))
-        )
-        return np.asarray(share)
+        return _log_normal_mass(low, high)
 
-    before = inside(limits.mean[own], limits.precision[own] ** -0.5)
-    return float((inside(mean[own], np.sqrt(variance[own])) - before).sum())
+    before = log_mass(limits.mean[own], limits.precision[own] ** -0.5)
+    return float((log_mass(mean[own], np.sqrt(variance[own])) - before).sum())
+
+
+def _log_normal_mass(low: Array, high: Array) -> Array:
+    """Log mass (k,) [nats] of the unit normal between `low` (k,) and `high` (k,)."""
+    flip = low > 0.0  # into the lower tail, where no digits cancel
+    low, high = np.where(flip, -high, low), np.where(flip, -low, high)
+    share = special.log_ndtr(high) + np.log1p(
+        -np.exp(np.minimum(special.log_ndtr(low) - special.log_ndtr(high), -1e-12))
+    )
+    return np.asarray(share)

@@ -11,10 +11,10 @@ from cell.gap.selection.posterior import Posterior
 
 @dataclass(frozen=True, slots=True)
 class Distinction:
-    """What sets an effect apart from its rivals. Source: set by hand.
+    """Thresholds that separate an effect from its rivals. Source: set by hand.
 
-    Fitted predictions differ by so many sigma (`distance`), and the effect is rather there than
-    not: its probability of `inclusion` is at least this.
+    Fitted predictions differ by `distance` [sigma], and the effect is rather there than not: its
+    probability of `inclusion` is at least this.
     """
 
     distance: float = 3.0
@@ -26,7 +26,7 @@ DISTINCTION = Distinction()
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """A model that explains the runs about as well, and how many nats it is behind."""
+    """A rival of the accepted model, and the nats by which it is `behind`."""
 
     model: Validated
     behind: float
@@ -35,10 +35,10 @@ class Alternative:
 def rivals(
     accepted: Validated, fits: Fits, by: LikelihoodScale, believed: Posterior | None = None
 ) -> list[Alternative]:
-    """Models of equal size that lie within three sigma of the accepted one, or are not refuted.
+    """Models of as many effects as the accepted one that the runs do not separate or refute.
 
-    Where priors are `believed`, what the runs show to differ is refuted, too, by values that are
-    far less probable than the accepted ones.
+    Where a posterior is `believed`, it refutes, too, models that are far less probable than the
+    accepted one.
     """
     base, found = fits.base, []
     needed = by.ahead(margin(accepted, base, by).gain)
@@ -58,7 +58,7 @@ def rivals(
 
 
 def probable_rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative]:
-    """Models of equal size that are about as probable as the accepted one, or more so."""
+    """Models of as many effects as the accepted one that are about as probable, or more so."""
     others = [_beside(accepted, m, sets) for m in fits.of_size(len(accepted.model.effects))]
     found = [r for r in others if r.model is not accepted and r.behind < MIN_GAIN]
     return sorted(found, key=lambda r: r.behind)
@@ -69,7 +69,7 @@ def _beside(accepted: Validated, other: Validated, sets: Posterior) -> Alternati
 
 
 def more_probable(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative]:
-    """The most probable fitted model without each accepted effect that is rather absent than there.
+    """For each improbable accepted effect, the most probable fitted model without it.
 
     The model of no effect does not count: whether there is a gap at all is decided elsewhere.
     """
@@ -84,7 +84,7 @@ def more_probable(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alte
 
 
 def classes(accepted: Validated, found: Sequence[Alternative]) -> list[list[str]]:
-    """Effects that stand in for one another and cannot be separated, by name.
+    """Classes of effects, by name, that the runs cannot separate from one another.
 
     Rivals that differ in one effect give the class of the two effects; those that share none
     give one class of all.

@@ -1,4 +1,4 @@
-"""What a screen says of a few effects together, and where fits of them begin."""
+"""Screening score of a few effects together, and the starts of their fits."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,14 +17,14 @@ Start = tuple[Point, tuple[Array, ...] | None]
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Effects screened together: nats gained at `start`, their values by name.
+    """Effects screened together: their gain [nats] at the values `start` by name.
 
     `linear`: found by the secants at null, which a fit from null follows by itself. `tried` are
     the values of the probes that gain most as they are: an effect with a threshold does nothing
     below it, so that a share of a probe is no start. `mirrored` is a start of the other sign, of an
     effect that has a place: elsewhere it may do with one sign what it does here with the other.
-    `after` is a fit whose values and effects are kept to begin with. `secants` (N, parameters) by
-    name are whitened, at null.
+    `after` is a fit from whose values and effects to start. `secants` (N, parameters) by name are
+    whitened, at null.
     """
 
     names: tuple[str, ...]
@@ -38,7 +38,7 @@ class Score:
 
     @property
     def starts(self) -> list[dict[str, Array]]:
-        """Where fits begin, values (k,) by effect: what is not known yet at null always."""
+        """Start values (k,) by effect of each fit to try; missing effects start at null."""
         found: list[dict[str, Array]] = [{}]
         if not self.linear:
             found.append(self.start)
@@ -49,7 +49,7 @@ class Score:
         return [{**self._known, **values} for values in found]
 
     def beside(self, fit: Estimate) -> "Score":
-        """The same effects, to be tried beside those of `fit`."""
+        """Score of these effects beside those of `fit`, to start from it."""
         names = tuple(sorted({*fit.model.names, *self.names}))
         return replace(self, names=names, after=fit)
 
@@ -64,10 +64,10 @@ class Score:
 def starts(
     base: Estimate, score: Score, candidates: Sequence[Candidate]
 ) -> tuple[Model, list[Start]]:
-    """The model of a score, and where its fits begin: the first at null of what is new.
+    """Model of `score` and the starts of its fits, the first with new effects at null.
 
-    There the secants are those of the fit that it goes on from, and for what is new those that it
-    was screened by: a fit looks anew where they do not keep what they promise.
+    The secants there are those of the fit that it starts from, and for new effects those of the
+    screen: a fit takes new ones where they do not predict its decrease.
     """
     model = with_effects(base.model, score.names, candidates)
     origin = score.after or base
@@ -78,13 +78,14 @@ def starts(
 
 
 def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candidate]) -> Model:
-    """The base model with the named effects, in the order of the library."""
+    """The base of `model` with the named effects, in the order of `candidates`."""
     return Model(model.base, tuple(c for c in candidates if c.name in names))
 
 
 def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] | None:
-    """Secants of each run at the fit `origin`, of a `model` that has more effects; None where one
-    of them was not screened there.
+    """Secants (n, shared + local) by run of `model` at `origin`, a fit with fewer effects.
+
+    None where one of the effects was not screened there.
     """
     count, base = len(origin.shared), len(model.base)
     whole = np.concatenate([jacobian[:, :count] for jacobian in origin.jacobians])
@@ -93,7 +94,7 @@ def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] 
         by_effect[effect.name] = whole[:, at : at + len(effect.parameters)]
         at += len(effect.parameters)
     found = [by_effect.get(e.name) for e in model.effects]
-    known = [f for f, e in zip(found, model.effects, strict=True) if _fits(f, e)]
+    known = [f for f, e in zip(found, model.effects, strict=True) if _is_complete(f, e)]
     if len(known) < len(found) or not origin.model.names <= model.names:
         return None
     shared = np.concatenate([whole[:, :base], *known], axis=1)
@@ -104,6 +105,6 @@ def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] 
     )
 
 
-def _fits(secants: Array | None, effect: Candidate) -> TypeGuard[Array]:
+def _is_complete(secants: Array | None, effect: Candidate) -> TypeGuard[Array]:
     """Whether there is a secant for each of the effect's parameters."""
     return secants is not None and secants.shape[1] == len(effect.parameters)

@@ -21,13 +21,12 @@ Columns = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How far a screen trusts responses to probes. Source: set by hand.
+    """Limits within which a screen trusts responses to probes. Source: set by hand.
 
-    A response is extrapolated to so many times its probe (`farthest`); a probe as it is is a start
-    where it gains the share `worth` of the best mix. Two responses differ by at least the share
-    `alike` of their square. An effect that near null does less than the share `steep` of what it
-    does farther off, for its size, has a threshold; one of a whitened response below `dead` changes
-    nothing.
+    A response is extrapolated to `farthest` times its probe; an unscaled probe is a start where it
+    gains the share `worth` of the best mix. Two responses differ by at least the share `alike` of
+    their square. An effect whose response per amount near null is below the share `steep` of that
+    farther off has a threshold; one of a whitened response below `dead` changes nothing.
     """
 
     farthest: float = 3.0
@@ -42,10 +41,10 @@ DEFAULT_REACH = Reach()
 
 @dataclass(frozen=True, slots=True)
 class Probed:
-    """Responses of a candidate's groups of probes: one array (N, members) each, whitened.
+    """A candidate's groups of probes with the whitened responses (N, members) to each group.
 
-    The first group are the secants at the null, one parameter at a time, the others the
-    candidate's own probes.
+    The first group are steps from the null, one parameter at a time, the others the candidate's
+    own probes.
     """
 
     candidate: Candidate
@@ -60,15 +59,15 @@ class Probed:
 
     @property
     def dead(self) -> bool:
-        """Whether it changes nothing in these runs."""
+        """Whether the candidate changes nothing in these runs."""
         return all(np.abs(d).max(initial=0.0) < DEFAULT_REACH.dead for d in self.responses)
 
 
 def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
-    """Responses of a candidate's probes at the refitted base; yields simulations."""
+    """Simulate the probes of a candidate at the refitted base; yields simulations."""
     model = Model(base.model.base, (*base.model.effects, candidate))
     groups = (
-        _secants(candidate),
+        _steps_from_null(candidate),
         *(tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes),
     )
     vectors = [v for group in groups for v in group]
@@ -79,11 +78,11 @@ def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
         for run, own in zip(runs, local, strict=True)
     ]
     answers = yield asked
-    here, columns = answers[: len(runs)], []
+    at_null, columns = answers[: len(runs)], []
     for k in range(1, len(vectors) + 1):
-        mine = answers[k * len(runs) : (k + 1) * len(runs)]
-        parts = [response(*each) for each in zip(mine, here, base.evidence.scales, strict=True)]
-        columns.append(np.concatenate(parts))
+        at_probe = answers[k * len(runs) : (k + 1) * len(runs)]
+        rows = zip(at_probe, at_null, base.evidence.scales, strict=True)
+        columns.append(np.concatenate([response(*row) for row in rows]))
     responses, at = [], 0
     for group in groups:
         responses.append(np.array(columns[at : at + len(group)]).T)
@@ -91,8 +90,8 @@ def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
     return Probed(candidate, groups, tuple(responses))
 
 
-def _secants(candidate: Candidate) -> tuple[Array, ...]:
-    """The null with one parameter moved by its step, each."""
+def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
+    """Parameter vectors (k,), each at null but for one parameter, which is a step away."""
     moved = []
     for i, p in enumerate(candidate.parameters):
         vector = candidate.null
@@ -103,7 +102,7 @@ def _secants(candidate: Candidate) -> tuple[Array, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """All probes of all candidates against the refitted objective, computed once.
+    """Normal equations of the refitted objective in the amounts of all candidates' probes.
 
     `form` is in the amounts of all columns; `columns` (candidate, group) are their positions.
     `together` (G, G) is what two of these groups could gain at most [nats], in their order.
@@ -115,9 +114,7 @@ class Table:
     together: Array
 
     def most(self, members: Sequence[Probed]) -> Array:
-        """What one candidate could gain at most [nats] by each of its groups (groups,), or two
-        by theirs (groups, groups).
-        """
+        """Largest gain [nats] of one candidate by group (groups,), of two (groups, groups)."""
         order = list(self.columns)
         rows = [[order.index((p.candidate.name, g)) for g in range(len(p.groups))] for p in members]
         if len(rows) == 1:
@@ -126,14 +123,14 @@ class Table:
 
 
 def table(about: Projection, probed: Sequence[Probed]) -> Table:
-    """The table of every candidate that changes something."""
+    """Table of the probes of every candidate that changes something."""
     alive = tuple(p for p in probed if not p.dead)
     columns: dict[tuple[str, int], Columns] = {}
     at = 0
     for p in alive:
-        for group, moved in enumerate(p.responses):
-            columns[p.candidate.name, group] = np.arange(at, at + moved.shape[1])
-            at += moved.shape[1]
+        for group, responses in enumerate(p.responses):
+            columns[p.candidate.name, group] = np.arange(at, at + responses.shape[1])
+            at += responses.shape[1]
     parts = [about.weigh(response) for p in alive for response in p.responses]
     whole = np.concatenate(parts, axis=1) if parts else np.zeros((len(about.residual), 0))
     form = about.form(whole)
@@ -141,13 +138,13 @@ def table(about: Projection, probed: Sequence[Probed]) -> Table:
 
 
 def ranking(known: Table) -> list[Score]:
-    """All candidates that change something, the most promising first."""
+    """Scores of all candidates that change something, the largest gain first."""
     scores = [_score(known, (p,)) for p in known.probed]
     return sorted(scores, key=lambda s: (-s.gain, s.names))
 
 
 def ranked_pairs(known: Table, among: int, least: float = 0.0) -> list[Score]:
-    """The `among` most promising pairs of candidates that gain over `least` [nats], best first.
+    """Scores of the best `among` pairs of candidates that gain over `least` [nats], best first.
 
     Two effects whose responses nearly cancel gain nothing alone and much together, so that pairs
     are screened over all candidates, not over the best single ones. Pairs are looked at closely
@@ -163,8 +160,9 @@ def ranked_pairs(known: Table, among: int, least: float = 0.0) -> list[Score]:
 
 
 def _most_together(form: normal_equations.Normal, groups: Sequence[Columns]) -> Array:
-    """What each two groups of columns could gain [nats] together were there no bounds (G, G);
-    each alone on the diagonal.
+    """Gain (G, G) [nats] without bounds of each two groups of columns, of one on the diagonal.
+
+    A second group gains by the Schur complement of the first: what that one does not explain.
     """
     gradient, curvature = form.gradient, form.curvature
     first = np.array([at[0] for at in groups], dtype=np.int64)
@@ -173,15 +171,15 @@ def _most_together(form: normal_equations.Normal, groups: Sequence[Columns]) -> 
     for a, at in enumerate(groups):
         inverse = _inverse(curvature[np.ix_(at, at)])
         across = curvature[:, at] @ inverse
-        left = gradient - across @ gradient[at]
+        slope = gradient - across @ gradient[at]
         spare = np.diag(curvature) - (across * curvature[:, at]).sum(axis=1)
         known = spare > DEFAULT_REACH.alike * np.diag(curvature)
-        more = 0.5 * left**2 * known / np.where(known, spare, 1.0)
-        most[a] = more[first]
+        single = 0.5 * slope**2 * known / np.where(known, spare, 1.0)
+        most[a] = single[first]  # right for groups of one column; wider ones follow
         for b in (b for b in wide if b > a):
             on = groups[b]
-            rest = curvature[np.ix_(on, on)] - across[on] @ curvature[np.ix_(at, on)]
-            most[a, b] = 0.5 * float(left[on] @ _inverse(rest) @ left[on])
+            schur = curvature[np.ix_(on, on)] - across[on] @ curvature[np.ix_(at, on)]
+            most[a, b] = 0.5 * float(slope[on] @ _inverse(schur) @ slope[on])
         most[a, a] = 0.0
         most[a] += 0.5 * float(gradient[at] @ inverse @ gradient[at])
     return np.asarray(np.triu(most) + np.triu(most, 1).T)
@@ -195,7 +193,7 @@ def _inverse(matrix: Array) -> Array:
 
 
 def _score(known: Table, members: Sequence[Probed]) -> Score:
-    """Best mix of the probes of one or more candidates, over their groups.
+    """Score of the best mix of probes of one or more candidates, over all choices of groups.
 
     The amounts solve the bounded quadratic programme of the refitted objective: one-sided where
     physics fixes the sign. Groups are tried in the order of what they could gain, until no other
@@ -203,24 +201,24 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
     """
     best = Score(tuple(p.candidate.name for p in members), 0.0, {})
     secants = {p.candidate.name: p.secants for p in members}
-    most, tried, probes = 0.0, None, None
+    unscaled_gain, tried, probes_of_best = 0.0, None, None
     bounds = known.most(members)
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
-        if -bound <= best.gain and -bound <= max(most, DEFAULT_REACH.worth * best.gain):
+        if -bound <= best.gain and -bound <= max(unscaled_gain, DEFAULT_REACH.worth * best.gain):
             break
-        found, whole, values = _best_mix(known, members, choice)
-        if found.gain > best.gain:
-            best, probes = found, values
-        if whole > most and all(choice):
-            most, tried = whole, values
-    if most <= DEFAULT_REACH.worth * best.gain:
-        tried = probes if any(_has_threshold(p) for p in members) else None
+        mix, gain, values = _best_mix(known, members, choice)
+        if mix.gain > best.gain:
+            best, probes_of_best = mix, values
+        if gain > unscaled_gain and all(choice):  # group 0 holds steps, which are no probes
+            unscaled_gain, tried = gain, values
+    if unscaled_gain <= DEFAULT_REACH.worth * best.gain:
+        tried = probes_of_best if any(_has_threshold(p) for p in members) else None
     mirrored = _other_sign(known, members[0], best) if len(members) == 1 else None
     return replace(best, tried=tried, mirrored=mirrored, secants=secants)
 
 
 def _has_threshold(p: Probed) -> bool:
-    """Whether an effect does far less near its null, for its size, than farther off."""
+    """Whether an effect responds far less per amount near its null than farther off."""
     near, *far = (
         float(np.linalg.norm(response[:, 0]))
         / max(abs(group[0][0] - p.candidate.null[0]), np.finfo(float).tiny)
@@ -230,7 +228,8 @@ def _has_threshold(p: Probed) -> bool:
 
 
 def _other_sign(known: Table, p: Probed, best: Score) -> dict[str, Array] | None:
-    """Values of an effect with a place where it gains most with the other sign than in `best`;
+    """Values of an effect at the place where it gains most with the sign opposite to `best`.
+
     None where it has no place, or gains with one sign alone.
     """
     name, null = p.candidate.name, p.candidate.null[0]
@@ -245,7 +244,7 @@ def _other_sign(known: Table, p: Probed, best: Score) -> dict[str, Array] | None
 def _best_mix(
     known: Table, members: Sequence[Probed], choice: tuple[int, ...]
 ) -> tuple[Score, float, dict[str, Array]]:
-    """The best mix of some groups; the gain of their probes as they are, and their values."""
+    """Score of the best mix of the groups `choice`; gain and values of their unscaled probes."""
     names = tuple(p.candidate.name for p in members)
     chosen = list(zip(members, choice, strict=True))
     at = np.concatenate([known.columns[p.candidate.name, group] for p, group in chosen])
@@ -254,22 +253,22 @@ def _best_mix(
         for p, group in chosen
         for vector in p.groups[group]
     ]
-    both = [_has_mirror(p.candidate, v) for p, group in chosen for v in p.groups[group]]
+    signed = [_has_mirror(p.candidate, v) for p, group in chosen for v in p.groups[group]]
     high, zero = np.array(reach), np.zeros(len(at))
     form = normal_equations.Normal(known.form.gradient[at], known.form.curvature[np.ix_(at, at)])
-    limits = normal_equations.Bounds(np.where(both, -high, 0.0), high, zero, zero)
+    limits = normal_equations.Bounds(np.where(signed, -high, 0.0), high, zero, zero)
     amounts = normal_equations.bounded_step(form, zero, limits)
     gain = normal_equations.decrease(form, amounts)
-    whole = np.where(amounts < 0.0, -1.0, 1.0)
+    unscaled = np.where(amounts < 0.0, -1.0, 1.0)
     return (
         Score(names, gain, _values(chosen, amounts), not any(choice)),
-        normal_equations.decrease(form, whole),
-        _values(chosen, whole),
+        normal_equations.decrease(form, unscaled),
+        _values(chosen, unscaled),
     )
 
 
 def _reach(candidate: Candidate, vector: Array) -> float:
-    """Times a secant to the bound: it stands for the response at null."""
+    """Largest multiple of a step from null that stays within the bounds."""
     moved = vector - candidate.null
     ends = [
         abs((p.high if d > 0 else p.low) - p.start) / abs(d)
@@ -287,7 +286,7 @@ def _has_mirror(candidate: Candidate, vector: Array) -> bool:
 
 
 def _shapes(candidate: Candidate) -> NDArray[np.bool_]:
-    """Which parameters are no amounts (k,)."""
+    """Mask (k,) of the shape parameters, which are no amounts."""
     return np.array([p.shape for p in candidate.parameters])
 
 
@@ -297,6 +296,7 @@ def _ends(candidate: Candidate) -> tuple[Array, Array]:
 
 
 def _values(chosen: Sequence[tuple[Probed, int]], amounts: Array) -> dict[str, Array]:
+    """Parameter values (k,) by effect of the probes mixed in `amounts` (probes,)."""
     values, at = {}, 0
     for p, group in chosen:
         value, shapes = p.candidate.null, _shapes(p.candidate)

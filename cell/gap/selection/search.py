@@ -1,4 +1,4 @@
-"""Which models are fitted, and from where: single effects, pairs jointly, three at most."""
+"""Search over models of up to three effects: which are fitted, and from which starts."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,17 +24,16 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """How much is fitted: numbers of models, of steps, and shares of the best one's gain. Source:
-    set by hand.
+    """Effort of the search: numbers of models and steps, and shares of the best model's gain.
 
     So many `singles` and `pairs` are refitted, and so many models with one effect `further`, beside
     so many of the best (`beam`) that gain the share `worth` of what the best one does, from so many
     effects `looked` at there, those that promise most (`extended`). Of `sifted` pairs those
     few are chosen by a fit of `sifting` steps; starts with less than `hope` of the best one's gain
     then are given up, the others go on to `begun` steps, and to the end with `finished` of it. A
-    shape parameter begins also at the share `guess` of what is believed of it, and has to gain the
-    share `shapely` of what an effect has to. For each effect of the accepted model so many
-    `substitutes` are fitted in its place.
+    shape parameter begins also at the share `guess` of its prior spread, and has to gain the share
+    `shapely` of what an effect has to. For each effect of the accepted model so many `substitutes`
+    are fitted in its place. Source: set by hand.
     """
 
     singles: int = 5
@@ -60,18 +59,18 @@ BUDGET = Budget()
 def fit_scores(
     simulate: Simulate, fits: Fits, scores: Sequence[Score], candidates: Sequence[Candidate]
 ) -> Fits:
-    """`fits` and the screened models, refitted with the base from null and from what the screen
-    found; of those that are among `fits` only the ones that come farther.
+    """Fit the screened models of `scores`, with the base free, and add them to `fits`.
 
-    Models that gain far less than others are left where a few steps brought them: they are
-    listed, and nothing is built on them.
+    From null and from the values of the screen; a model that is among `fits` is kept unless it
+    comes farther. Models that gain far less than others are left where a few steps brought them:
+    they are listed, and nothing is built on them.
     """
     tasks, base = [], fits.base.estimate
     candidates = with_shape_parameters(candidates, fits)
     for s in scores:
         known = fits.of(frozenset(s.names))
-        least = known.estimate if known else base
-        tasks.append(_promising(base, *starts(base, s, candidates), least))
+        incumbent = known.estimate if known else None
+        tasks.append(_best_short_fit(base, *starts(base, s, candidates), incumbent))
     begun = [e for e in run_all(simulate, tasks) if e is not None]
     every = [*(m.estimate for m in fits.models), *begun]
     scale = min(e.scale for e in every)
@@ -89,9 +88,9 @@ def shortlist(
     candidates: Sequence[Candidate],
     most: int,
 ) -> list[Score]:
-    """The `most` scores whose models come farthest in a few steps, to go on from there.
+    """The `most` scores whose models gain most in a few steps, with these fits to start from.
 
-    Responses are far from linear where one effect of a pair moves what the other one does.
+    Responses are far from linear where one effect of a pair changes the response to the other.
     """
     tasks = []
     for s in scores:
@@ -104,27 +103,25 @@ def shortlist(
 
 
 def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[list[Estimate]]:
-    """Where the first few steps from each start come."""
+    """Estimates after the first few steps from each of `points`; yields simulations."""
     return side_by_side(
         [refit(model, evidence, p, known, ROUGH_GAIN, BUDGET.sifting) for p, known in points]
     )
 
 
 def _gain(base: Estimate, estimate: Estimate, scale: float) -> float:
-    """Nats that `estimate` gains over the base at a dispersion."""
+    """Gain [nats] of `estimate` over `base` at the dispersion `scale`."""
     return objective_of(base, scale) - objective_of(estimate, scale)
 
 
-def _fit_promising(
-    base: Estimate, model: Model, points: Sequence[Start], least: Estimate
-) -> Task[Estimate | None]:
-    """The fit of `model` that is `_promising`, to the end."""
-    first = yield from _promising(base, model, points, least)
-    return None if first is None else (yield from _finish(first))
+def _fit_promising(base: Estimate, model: Model, points: Sequence[Start]) -> Task[Estimate]:
+    """Fit `model` to the end from the best of its short fits; yields simulations."""
+    first = yield from _best_short_fit(base, model, points)
+    return base if first is None else (yield from _finish(first))
 
 
 def _finish(first: Estimate, *, worth: bool = True) -> Task[Estimate]:
-    """The fit `first` to the end, where it is `worth` it and that is better."""
+    """Continue the fit `first` to its end if it is `worth` that; returns the better of the two."""
     if not worth:
         return first
     known = first.evidence
@@ -132,38 +129,43 @@ def _finish(first: Estimate, *, worth: bool = True) -> Task[Estimate]:
     return best([first, done])
 
 
-def _promising(
-    base: Estimate, model: Model, points: Sequence[Start], least: Estimate
+def _best_short_fit(
+    base: Estimate, model: Model, points: Sequence[Start], incumbent: Estimate | None = None
 ) -> Task[Estimate | None]:
-    """A few steps from each start, a few more from those that came far, and where they came
-    farthest; None where that is not as far as the fit `least` of the same model.
+    """Best fit of `model` after a few steps from each start; yields simulations.
+
+    None where it is no better than `incumbent`, an earlier fit of the same model.
     """
     known = base.evidence
     tried = yield from _few_steps(model, known, points)
-    far = _farthest(base, tried, least) or ([best(tried)] if least is base else [])
-    if len(far) > 1 or (far and least is not base):
+    far = _farthest(base, tried, base if incumbent is None else incumbent)
+    if incumbent is None and not far:
+        far = [best(tried)]
+    if len(far) > 1 or (far and incumbent is not None):
         more = [
             refit(model, known, e.point, e.jacobians, ROUGH_GAIN, BUDGET.begun - BUDGET.sifting)
             for e in far
         ]
         far = [*far, *(yield from side_by_side(more))]
-    if not far or (least is not base and best([least, *far]) is least):
+    if incumbent is not None and (not far or best([incumbent, *far]) is incumbent):
         return None
     return best(far)
 
 
-def _farthest(base: Estimate, begun: Sequence[Estimate], least: Estimate) -> list[Estimate]:
-    """Those that gained over the base a good part of what the best of them, or `least`, did."""
-    every = [*begun, least]
+def _farthest(base: Estimate, begun: Sequence[Estimate], known: Estimate) -> list[Estimate]:
+    """Those of `begun` that gain a good part of the largest gain over `base`, of `known` too."""
+    every = [*begun, known]
     scale = min(e.scale for e in every)
     gains = [_gain(base, e, scale) for e in every]
     most = max(gains)
-    return [e for e, g in zip(begun, gains, strict=False) if g >= min(BUDGET.hope * most, most)]
+    least = min(BUDGET.hope * most, most)
+    return [e for e, gain in zip(begun, gains, strict=False) if gain >= least]
 
 
 def other_sign(simulate: Simulate, fits: Fits, scores: Sequence[Score]) -> list[Validated]:
-    """The best single effect fitted to the end, and so from a start of the other sign if `scores`
-    know one: what is stiffer here may be what is softer beside it, on another base.
+    """Fit the best single effect to the end, also from the start of the other sign in `scores`.
+
+    Empty without one. What is stiffer here may be what is softer beside it, on another base.
     """
     singles, base = fits.of_size(1), fits.base.estimate
     known = {s.names: s.mirrored for s in scores if s.mirrored is not None}
@@ -171,17 +173,17 @@ def other_sign(simulate: Simulate, fits: Fits, scores: Sequence[Score]) -> list[
     if start is None:
         return []
     fit, model = singles[0].estimate, singles[0].model
-    begin = Point(model.join(base.shared, start), base.point.local)
+    mirrored = Point(model.join(base.shared, start), base.point.local)
     tasks = [
         refit(model, fit.evidence, fit.point, fit.jacobians),
-        refit(model, fit.evidence, begin),
+        refit(model, fit.evidence, mirrored),
     ]
     found = best(run_all(simulate, tasks))
     return run_all(simulate, [validate(found)])
 
 
 def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
-    """Free the optional shape parameters of the best models; keep those that gain significantly."""
+    """Free the shape parameters of the best models; returns those that gain significantly."""
     by = fits.scale
     worth = [m for m in fits.worth(len(fits.best.model.effects)) if _has_shape(m.model)]
     tasks = []
@@ -189,10 +191,8 @@ def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
         fit, model = m.estimate, _with_shape(m.model)
         shared, effects = fit.model.split(fit.shared)
         begin = [Point(model.join(shared, v), fit.point.local) for v in _guesses(model, effects)]
-        tasks.append(_fit_promising(fit, model, [(p, None) for p in begin], fit))
-    found = [e if e is not None else m.estimate
-             for e, m in zip(run_all(simulate, tasks), worth, strict=True)]  # fmt: skip
-    done = run_all(simulate, [validate(e) for e in found])
+        tasks.append(_fit_promising(fit, model, [(p, None) for p in begin]))
+    done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
     return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
 
 
@@ -205,26 +205,27 @@ def _with_shape(model: Model) -> Model:
 
 
 def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array]]:
-    """The values with the finer parameters at their start, and off it by a share of what is
-    believed of them: at the start itself some do nothing yet.
+    """Start values (k,) by effect, with shape parameters at their start, and a little off it.
+
+    They are off by a share of their prior spread: at the start itself some do nothing yet.
     """
-    whole = {e.name: e.complete(effects[e.name]) for e in model.effects}
-    moved = {}
+    at_start = {e.name: e.complete(effects[e.name]) for e in model.effects}
+    off_start = {}
     for e in model.effects:
         added = np.array([BUDGET.guess * p.spread for p in e.parameters])
         added[: len(effects[e.name])] = 0.0
-        moved[e.name] = whole[e.name] + added
-    return [whole, moved]
+        off_start[e.name] = at_start[e.name] + added
+    return [at_start, off_start]
 
 
 def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
-    """Whether shape parameters are earned; a shape claims less than an effect does."""
+    """Whether free shape parameters gain enough over `plain`; less is asked than of an effect."""
     ahead = margin(new, plain, by)
     return ahead.gain > BUDGET.shapely * by.least and ahead.p < ALPHA
 
 
 def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[Candidate]:
-    """The candidates, with shape parameters where a model of one effect was fitted with them."""
+    """Candidates, with shape parameters free where a model of one effect was fitted so."""
     known = {e.name: e for m in fits.of_size(1) for e in m.model.effects}
     return [known.get(c.name, c) for c in candidates]
 
@@ -236,39 +237,44 @@ def extend(
     candidates: Sequence[Candidate],
     probed: Sequence[Probed],
 ) -> Fits:
-    """`fits` and the best models of `size` effects, each with the most promising further effects.
+    """Fit the best models of `size` effects with one further effect each, and add them to `fits`.
 
-    Screened from where those models were fitted: responses to a further effect at the base,
-    `probed`, mean little where another one is strong, and only say which are looked at. Only the
-    best model is extended where a larger one leaves nothing: its alternatives are beside that.
+    Only the best model is extended where a larger one leaves nothing: its alternatives are beside
+    that. `probed` are responses at the base.
     """
     beam = 1 if is_exhausted(fits) else BUDGET.beam
     scale, known = fits.scale.scale, with_shape_parameters(candidates, fits)
-    found: dict[tuple[str, ...], tuple[float, Score]] = {}
+    expected: dict[tuple[str, ...], tuple[float, Score]] = {}
     for fit in [m.estimate for m in fits.worth(size, BUDGET.worth)[:beam]]:
-        about = projection(fit)
-        others = [p for p in probed if p.candidate.name not in fit.model.names]
-        looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.looked]}
-        again = run_all(simulate, [probe(fit, c) for c in known if c.name in looked])
-        before, worth = objective_of(fit, scale), (fit.scale / scale) ** 2
-        for s in ranking(table(about, again))[: BUDGET.further]:
+        before, unit = objective_of(fit, scale), (fit.scale / scale) ** 2
+        for s in _screen_further(simulate, fit, known, probed)[: BUDGET.further]:
             beside = s.beside(fit)
-            after = before - worth * s.gain
-            if beside.names not in found or after < found[beside.names][0]:
-                found[beside.names] = after, beside
-    order = sorted(found.values(), key=lambda each: each[0])[: BUDGET.extended]
-    scores, base = [score for _, score in order], fits.base.estimate
+            after = before - unit * s.gain
+            if beside.names not in expected or after < expected[beside.names][0]:
+                expected[beside.names] = after, beside
+    order = sorted(expected.values(), key=lambda each: each[0])[: BUDGET.extended]
+    scores = [score for _, score in order]
     if beam > 1:
-        scores = shortlist(simulate, base, scores, known, BUDGET.further)
+        scores = shortlist(simulate, fits.base.estimate, scores, known, BUDGET.further)
     return fit_scores(simulate, fits, scores, candidates)
+
+
+def _screen_further(
+    simulate: Simulate, fit: Estimate, candidates: Sequence[Candidate], probed: Sequence[Probed]
+) -> list[Score]:
+    """Scores of the effects to add to `fit`, probed at its values, the largest gain first."""
+    about = projection(fit)
+    # responses at the base mean little beside a strong effect: they only choose what is probed
+    others = [p for p in probed if p.candidate.name not in fit.model.names]
+    looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.looked]}
+    again = run_all(simulate, [probe(fit, c) for c in candidates if c.name in looked])
+    return ranking(table(about, again))
 
 
 def beside_base(
     simulate: Simulate, fits: Fits, base: Validated, found: Sequence[Spread], whole: Evidence
 ) -> Fits:
-    """The models of `fits` refitted, from where they were, to the runs as another `base` has them:
-    with the random unknowns `found` of the runs `whole`.
-    """
+    """Refit the models of `fits` beside a new `base`, with the scatter `found` in runs `whole`."""
     known, tasks = base.estimate.evidence, []
     for fit in (m.estimate for m in fits.models if m.model.effects):
         start = with_scatter(fit, found, whole).point
@@ -278,8 +284,9 @@ def beside_base(
 
 
 def _secants(fit: Estimate, known: Evidence) -> tuple[Array, ...] | None:
-    """Secants of a fit, whitened as the runs of `known` are; None where those have other unknowns
-    of their own.
+    """Secants (n, shared + local) of each run at `fit`, whitened by the scales of `known`.
+
+    None where the runs of `known` have other unknowns of their own.
     """
     pairs = list(zip(fit.evidence.runs, known.runs, strict=True))
     if any([p.name for p in a.local] != [p.name for p in b.local] for a, b in pairs):
@@ -289,23 +296,24 @@ def _secants(fit: Estimate, known: Evidence) -> tuple[Array, ...] | None:
 
 
 def without_each(fits: Fits) -> list[Score]:
-    """The accepted model and the best one without each of their effects.
+    """Scores of the accepted and of the best model, each without one of its effects.
 
-    Begun from where they were fitted: beside another effect a fit may have left a local minimum.
+    Fits start from their values: beside another effect a fit may have left a local minimum.
     """
     accepted, first = choose(fits).accepted, fits.best
     scores = []
     for model in [accepted] if first is accepted else [accepted, first]:
         names, fit = sorted(model.model.names), model.estimate
         if len(names) > 1:
-            less = [tuple(n for n in names if n != gone) for gone in names]
-            scores += [Score(kept, 0.0, {}, after=fit) for kept in less]
+            subsets = [tuple(n for n in names if n != gone) for gone in names]
+            scores += [Score(subset, 0.0, {}, after=fit) for subset in subsets]
     return scores
 
 
 def substitutes(simulate: Simulate, fits: Fits, candidates: Sequence[Candidate]) -> list[Score]:
-    """The accepted model with each of its effects replaced by what, beside the others, would
-    explain most in its place: of two effects much alike a search forward meets only one.
+    """Scores of the accepted model with each effect replaced by its best substitutes.
+
+    Of two similar effects a forward search meets only one.
     """
     accepted, found = choose(fits).accepted, dict[tuple[str, ...], Score]()
     for gone in sorted(accepted.model.names):
@@ -323,9 +331,9 @@ def substitutes(simulate: Simulate, fits: Fits, candidates: Sequence[Candidate])
 
 
 def better_base(simulate: Simulate, fits: Fits) -> Estimate | None:
-    """The base refitted from the values that the best model gave it, where that is better.
+    """Refit the base from its values in the best model; None where that is not clearly better.
 
-    A base that had stopped in a local minimum leaves a gap that is none.
+    A base that stopped in a local minimum leaves a gap that is none.
     """
     first, base = fits.best.estimate, fits.base.estimate
     values, _ = first.model.split(first.shared)

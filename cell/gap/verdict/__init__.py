@@ -1,1 +1,1 @@
-"""The verdict: what the stages found, what follows from it, and its acceptance."""
+"""The verdict of an investigation: findings, decision, output and acceptance."""

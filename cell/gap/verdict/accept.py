@@ -1,4 +1,4 @@
-"""Acceptance of a verdict: the patch goes into the file, the old file can come back."""
+"""Acceptance of a verdict: patches the subject's file, and can restore the old one."""
 
 import hashlib
 import json
@@ -21,14 +21,15 @@ from drivers.yaml_edit import edit_text
 
 RECORD, ACCEPTED = "fit.json", "accepted.json"
 PATCH, CELL_PATCH, LAW_PATCH = "patch.yaml", "cell-patch.yaml", "law-patch.yaml"
-BASE_PATCH = "base-patch.yaml"  # values alone: the runs show no effect, and others than stated
+BASE_PATCH = "base-patch.yaml"  # values alone: no effect, but base values other than stated
 MODEL_PATCH, LAW_MODEL_PATCH = "model-patch.xml", "law-model-patch.xml"
 ABSENT = ""  # text of a file that an acceptance makes
+LARGEST_MODEL = 20 * MEGABYTE
 
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """What an acceptance changed: files written, effects added."""
+    """Result of an acceptance or undo: the files that were written, and the effects."""
 
     files: tuple[Path, ...]
     effects: tuple[str, ...]
@@ -40,12 +41,12 @@ def sha256(path: Path) -> str:
 
 
 def accept(out: Path, file: Path, cell_file: Path | None = None, *, law: bool = False) -> Accepted:
-    """Put the patches of the fit in `out` into `file` and, where one belongs there, the cell.
+    """Apply the patches of the fit in `out` to `file` and, where there is one, to the cell file.
 
-    With `law`, the law that describes what no effect explains. Refuses when `file` is not the one
-    that was fitted, has changed since, or there is nothing to accept, and patches that are no
-    longer whole: what is written can be read again. Files of an acceptance that died on the way are
-    brought back first.
+    With `law`, the patch of the law that describes what no effect explains. Refuses when `file` is
+    not the one that was fitted, has changed since, or there is nothing to accept, and patches that
+    are no longer whole: what is written can be read again. Files of an interrupted acceptance are
+    restored first.
     """
     with lock_folders([out_folder(out), *_folders(file, cell_file)]):
         return _accept(out, file, cell_file, law=law)
@@ -53,26 +54,16 @@ def accept(out: Path, file: Path, cell_file: Path | None = None, *, law: bool = 
 
 def _accept(out: Path, file: Path, cell_file: Path | None, *, law: bool) -> Accepted:
     record = _record(out)
-    _take_back_half(out, file, cell_file)
-    patch, cell_patch = _patch(out, law=law), out / CELL_PATCH
+    _restore_interrupted(out, file, cell_file)
+    patch = _patch(out, law=law)
     if not patch.exists():
-        raise ConfigurationError(f"{out}: {_nothing(out, law=law)}")
+        raise ConfigurationError(f"{out}: {_nothing_to_accept(out, law=law)}")
     if sha256(file) != record.file_sha256:
         raise ConfigurationError(
             f"{file}: has changed since it was fitted (or is another file); fit again"
         )
     _check_patch(patch)
-    changes = {file: edit_text(read_text(file), read_yaml(patch))}
-    if cell_patch.exists() and not law:
-        if cell_file is None:
-            raise ConfigurationError(
-                f"{cell_patch}: holds effects of the cell; name the cell file to put them in"
-            )
-        changes[cell_file] = _with_cell(cell_file, cell_patch)
-    model = out / (LAW_MODEL_PATCH if law else MODEL_PATCH)
-    if model.exists():
-        named = str(read_yaml(patch)["model"])
-        changes = {file.parent / named: read_text(model, 20 * MEGABYTE), **changes}
+    changes = _changes(out, patch, file, cell_file, law=law)
     _check_writable(list(changes))
     before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
     after = {_name(p): _hash(text) for p, text in changes.items()}
@@ -82,21 +73,40 @@ def _accept(out: Path, file: Path, cell_file: Path | None, *, law: bool) -> Acce
         _write(changes)
     except ConfigurationError:
         with suppress(ConfigurationError):  # the next command tries again
-            _take_back_half(out, file, cell_file)
+            _restore_interrupted(out, file, cell_file)
         raise
     return Accepted(tuple(changes), record.laws if law else record.effects or record.values)
 
 
+def _changes(
+    out: Path, patch: Path, file: Path, cell_file: Path | None, *, law: bool
+) -> dict[Path, str]:
+    """New text by path: of the model that the patch names, of `file`, and of the cell file."""
+    changes = {file: edit_text(read_text(file), read_yaml(patch))}
+    cell_patch = out / CELL_PATCH
+    if cell_patch.exists() and not law:
+        if cell_file is None:
+            raise ConfigurationError(
+                f"{cell_patch}: holds effects of the cell; name the cell file to put them in"
+            )
+        changes[cell_file] = _with_cell(cell_file, cell_patch)
+    model = out / (LAW_MODEL_PATCH if law else MODEL_PATCH)
+    if model.exists():
+        named = str(read_yaml(patch)["model"])
+        changes = {file.parent / named: read_text(model, LARGEST_MODEL), **changes}
+    return changes
+
+
 def _patch(out: Path, *, law: bool) -> Path:
-    """The patch that is asked for: a law, what was named, or else the values of the base."""
+    """Path of the patch to accept: a law, the named effects, or else values of the base."""
     if law:
         return out / LAW_PATCH
     named, values = out / PATCH, out / BASE_PATCH
     return values if values.exists() and not named.exists() else named
 
 
-def _nothing(out: Path, *, law: bool) -> str:
-    """Why there is nothing to accept, and what there is instead."""
+def _nothing_to_accept(out: Path, *, law: bool) -> str:
+    """Message that there is nothing to accept, with what is offered instead."""
     if law:
         return "no law was offered, so there is none to accept"
     offered = "; a law is offered: add --law" if (out / LAW_PATCH).is_file() else ""
@@ -104,9 +114,9 @@ def _nothing(out: Path, *, law: bool) -> str:
 
 
 def undo(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
-    """Bring back the files as they were before the acceptance of the fit in `out`.
+    """Restore the files as they were before the fit in `out` was accepted.
 
-    Refuses when a file has changed since the acceptance. An undo that died on the way is finished.
+    Refuses when a file has changed since the acceptance. An interrupted undo is finished.
     """
     with lock_folders([out_folder(out), *_folders(file, cell_file)]):
         return _undo(out, file, cell_file)
@@ -130,8 +140,9 @@ def _undo(out: Path, file: Path, cell_file: Path | None) -> Accepted:
 def _files_by_name(
     stored: Acceptance, kept: Path, file: Path, cell_file: Path | None, made: Sequence[Path]
 ) -> Mapping[str, Path]:
-    """The files of an acceptance by their stored names; ConfigurationError for any but `file`,
-    `cell_file` and the models `made` beside it.
+    """Paths of the files of an acceptance, by their stored names.
+
+    Raises ConfigurationError for any but `file`, `cell_file` and the models `made` beside it.
     """
     given = {_name(p): p for p in (file, cell_file, *made) if p is not None}
     if _name(file) not in stored.before:
@@ -145,11 +156,11 @@ def _files_by_name(
     return {name: given[name] for name in stored.before}
 
 
-def _take_back_half(out: Path, file: Path, cell_file: Path | None) -> None:
-    """Bring back the files of an acceptance or undo that ended between two files.
+def _restore_interrupted(out: Path, file: Path, cell_file: Path | None) -> None:
+    """Restore the files of an acceptance or undo that was interrupted between two files.
 
-    One that changed all of its files, or none, left nothing half, and files that somebody changed
-    since are left alone.
+    One that changed all of its files, or none, was complete, and files that somebody changed since
+    are left alone.
     """
     kept = out / ACCEPTED
     if not kept.exists():
@@ -168,7 +179,7 @@ def _take_back_half(out: Path, file: Path, cell_file: Path | None) -> None:
 
 
 def _write(changes: Mapping[Path, str]) -> None:
-    """Write the files, one after the other; one that was absent goes."""
+    """Write the files one after the other; delete those whose text is ABSENT."""
     for path, text in changes.items():
         if text == ABSENT:
             path.unlink(missing_ok=True)
@@ -177,17 +188,17 @@ def _write(changes: Mapping[Path, str]) -> None:
 
 
 def _current_hash(path: Path) -> str:
-    """Hash of the file as it is, of ABSENT where there is none."""
+    """Hash of the file at `path`, or of ABSENT where there is none."""
     return sha256(path) if path.exists() else _hash(ABSENT)
 
 
 def _folders(*files: Path | None) -> list[Path]:
-    """Folders of those files that exist; a missing file is refused where it is read."""
+    """Existing folders that hold the given files; a missing file is refused on reading."""
     return [p.parent for p in files if p is not None and p.parent.is_dir()]
 
 
 def out_folder(out: Path) -> Path:
-    """The folder of a fit; ConfigurationError where there is none."""
+    """`out` itself, if it is a folder; raises ConfigurationError otherwise."""
     if not out.is_dir():
         what = "is a file" if out.exists() else "no such folder"
         raise ConfigurationError(f"{out}: {what}; name the folder that `cell gap fit --out` wrote")
@@ -195,10 +206,10 @@ def out_folder(out: Path) -> Path:
 
 
 def _models_beside(out: Path, file: Path) -> list[Path]:
-    """Models that an acceptance of the fit in `out` writes beside `file`."""
+    """Paths of the models that an acceptance of the fit in `out` writes beside `file`."""
     patches = [p for p in (out / PATCH, out / LAW_PATCH, out / BASE_PATCH) if p.exists()]
-    kinds = [read_yaml(p) for p in patches]
-    return [file.parent / str(k["model"]) for k in kinds if k.get("kind") == "mechanism"]
+    contents = [read_yaml(p) for p in patches]
+    return [file.parent / str(c["model"]) for c in contents if c.get("kind") == "mechanism"]
 
 
 def _check_patch(patch: Path) -> None:
@@ -221,14 +232,14 @@ def _with_cell(path: Path, patch: Path) -> str:
     merged = {**content, "effects": {**(content.get("effects") or {}), **added.effects}}
     for key, parts in (("fci", added.fci), ("twin", added.twin)):
         if parts:
-            had: dict[str, Any] = content.get(key) or {}
-            merged[key] = had | {k: (had.get(k) or {}) | part for k, part in parts.items()}
+            old: dict[str, Any] = content.get(key) or {}
+            merged[key] = old | {k: (old.get(k) or {}) | part for k, part in parts.items()}
     _check_cell(merged, path)
     return edit_text(read_text(path), merged)
 
 
 def _check_cell(content: Mapping[str, object], path: Path) -> None:
-    """Refuse what is no cell file; its section `twin` is not checked."""
+    """Refuse `content` that is no valid cell file, its section `twin` aside."""
     known = {key: value for key, value in content.items() if key != "twin"}
     parse(known, CellSettings, str(path))
 
@@ -254,7 +265,7 @@ def _record(out: Path) -> FitRecord:
 
 
 def _name(path: Path) -> str:
-    """The whole path as text that any file can hold."""
+    """Resolved path as text that any file can hold."""
     return str(path.resolve()).encode(errors="backslashreplace").decode()
 
 

@@ -1,4 +1,4 @@
-"""What would separate the accepted explanation from the next best: experiments, better repeats."""
+"""Advice on separating the accepted explanation from its strongest rival."""
 
 from dataclasses import replace
 
@@ -17,9 +17,9 @@ from drivers.types import Array
 def advice(
     subject: Subject, screened: Screened, choice: Choice, judged: Judged, simulate: Simulate
 ) -> Advised:
-    """What would separate the accepted explanation from the rival that most needs it.
+    """Experiments and better repeats that would separate the accepted model from a rival.
 
-    In planned runs those quantities differ that were found to differ in the runs so far.
+    Planned runs scatter in the quantities that scatter in the runs so far.
     """
     second = _alternative(screened, choice, judged)
     if second is None:
@@ -35,7 +35,7 @@ def advice(
 
 
 def _alternative(screened: Screened, choice: Choice, judged: Judged) -> tuple[Model, Array] | None:
-    """The explanation to separate first from the accepted one, with its values."""
+    """Model to separate first from the accepted one, with its shared values (P,)."""
     if judged.rivals:
         other = judged.rivals[0].model
         return other.model, other.estimate.shared
@@ -50,4 +50,4 @@ def _alternative(screened: Screened, choice: Choice, judged: Judged) -> tuple[Mo
         return None
     base, candidate = choice.accepted.estimate, alive[0].candidate
     model = Model(base.model.base, (candidate,))
-    return model, np.concatenate([base.shared, np.array(candidate.probes[0][0])])
+    return model, np.concatenate([base.shared, np.array(candidate.probes[0][0])])  # the smallest

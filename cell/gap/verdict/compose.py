@@ -1,4 +1,4 @@
-"""The verdict as it is written: from findings to the document of `verdict`."""
+"""Composes the verdict document from the findings of an investigation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -34,12 +34,12 @@ from cell.gap.verdict.schema import (
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """What a verdict lists. Source: set by hand, but for the customary `significance`.
+    """Limits of what a verdict lists. Source: set by hand, but for the customary `significance`.
 
-    Places of a smaller family-wise probability than `significance`, at most so many (`places`); so
-    many `sets` of effects, the most probable; experiments that separate by `separation` [sigma] or
-    more; numbers that deviate from what is stated by more than so many standard deviations
-    (`tolerated`) of what was known before, 95 %, where no range is stated.
+    At most `places` bins of a smaller family-wise p-value than `significance`; the most probable
+    `sets` of effects; experiments that separate by `separation` [sigma] or more; values that differ
+    from the stated ones by more than `tolerated` prior standard deviations, 95 %, where no range is
+    stated.
     """
 
     significance: float = 0.05
@@ -50,10 +50,11 @@ class Listed:
 
 
 LISTED = Listed()
+HUGE = 1e12  # stands for an infinite value, which JSON cannot hold
 
 
 def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
-    """The verdict of an investigation."""
+    """Verdict document of an investigation, from its findings."""
     which, sets, gap = kind(found), _posterior(found), _gap(found)
     values = intervals(found.judged.sized, found.by.inefficiency, found.judged.scatter)
     sure = found.sure if which == "named" else ()
@@ -91,8 +92,8 @@ def intervals(
 ) -> dict[str, list[Measured]]:
     """95 % intervals of the base's parameters (`base`) and of each effect's, in their order.
 
-    They hold noise, what differs from run to run, and what measuring errs by in all runs alike;
-    they are wider where few runs show how much they differ.
+    They cover noise, run-to-run scatter and measurement errors common to all runs; they are wider
+    where few runs show how large the scatter is.
     """
     spread = np.sqrt(np.diag(covariance(estimate, inefficiency)))
     reach = special.stdtrit(degrees_of_freedom(estimate, inefficiency, scatter), 0.975)
@@ -111,7 +112,7 @@ def _interval(p: Parameter, value: float, half: float) -> Measured:
     shown = sorted(p.stated_value(v) for v in ends)
     low, high = (v if np.isfinite(v) else None for v in shown)
     middle = p.stated_value(value)
-    return Measured(value=middle if np.isfinite(middle) else 1e12, low=low, high=high, unit=p.unit)
+    return Measured(value=middle if np.isfinite(middle) else HUGE, low=low, high=high, unit=p.unit)
 
 
 def _values_by_parameter(candidate: Candidate, values: list[Measured]) -> dict[str, Measured]:
@@ -136,7 +137,7 @@ def _gap(found: Findings) -> Gap:
 
 
 def _posterior(found: Findings) -> Probable:
-    """The most probable sets; what is named may differ among sets of one class."""
+    """Posterior part of a verdict; the lead is that of the accepted model and its rivals."""
     sets, after = found.posterior, found.shown.after
     own = {found.accepted.model.names, *(r.model.model.names for r in found.judged.rivals)}
     ahead = sets.ahead(lambda names: names in own)
@@ -150,7 +151,7 @@ def _posterior(found: Findings) -> Probable:
 
 
 def _candidates(found: Findings) -> list[Compared]:
-    """Models that were refitted, then candidates that only the screen has seen, best first."""
+    """Candidates by their gain, the best first: refitted models, and others as screened."""
     fits = found.choice.fits
     base, others = fits.base, [m for m in fits.models if m.model.effects]
     singles = [m for m in others if len(m.model.effects) == 1]
@@ -166,7 +167,7 @@ def _candidates(found: Findings) -> list[Compared]:
 
 
 def _family(found: Findings, base: Validated, singles: list[Validated]) -> dict[str, float]:
-    """Probabilities of single candidates, family-wise over the whole library."""
+    """Family-wise p-values of single candidates over the whole library."""
     raw = {m.model.name: margin(m, base, found.by).p for m in singles}
     return family_wise(raw, [c.name for c in found.subject.scope.candidates])
 
@@ -194,7 +195,7 @@ def _compare_with_base(
 
 
 def _compare_by_screen(found: Findings, name: str, gain: float) -> Compared:
-    """A candidate that was not worth a refit: its gain is that of the linear screen."""
+    """Row of a candidate that was not refitted, with its gain in the linear screen."""
     by = found.by
     score = next((s for s in found.screened.singles if s.names == (name,)), None)
     candidate = next(c for c in found.subject.scope.candidates if c.name == name)
@@ -228,7 +229,7 @@ def _advice(found: Findings) -> list[Recommended]:
 
 
 def deviations(base: Sequence[Parameter], found: Mapping[str, Interval]) -> list[Deviation]:
-    """The values `found` whose whole 95 % interval lies outside what the file tolerates."""
+    """Values of `found` whose whole 95 % interval lies outside what the file tolerates."""
     rows = []
     for p in base:
         value = found.get(p.name)
@@ -251,7 +252,7 @@ def deviations(base: Sequence[Parameter], found: Mapping[str, Interval]) -> list
 
 
 def _range_of(p: Parameter) -> tuple[float, float]:
-    """The range that the file allows, as files state the value."""
+    """Range of a parameter that the file tolerates, as files state the value."""
     if p.tolerated is not None:
         return p.tolerated
     reach = LISTED.tolerated * p.spread

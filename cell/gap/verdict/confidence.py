@@ -1,9 +1,9 @@
-"""The probability that a name is right: a logistic function of a few signs, calibrated.
+"""Calibrated probability that a named verdict is right: a logistic function of its features.
 
-The posterior speaks of the library's laws as they are. What no law accounts for, and how much of
-the gap on held-out runs is closed, say whether to believe it; how much they say was measured on
-verdicts held against the truth, a part of them with the true effect withheld from the library
-(`cell study confidence`; Platt 1999, Probabilities for SV machines).
+The posterior holds for the library's laws as they are. What no law accounts for, and how much of
+the gap on held-out runs is closed, show whether to believe it; their weights were measured on
+verdicts whose truth is known, a part of them with the true effect withheld from the library (`cell
+study confidence`; Platt 1999, Probabilities for SV machines).
 """
 
 from dataclasses import asdict, dataclass
@@ -22,7 +22,7 @@ CONFIDENCE_FILE = Path(__file__).with_name("confidence.yaml")
 
 @dataclass(frozen=True, slots=True)
 class Signs:
-    """What speaks for a name or against it.
+    """Features of a verdict that speak for or against the named effects.
 
     `ahead` [nats] is the lead of what is named, with its class, over the best other set; `left` the
     rms on held-out runs in units of noise and floor, `correlation` that of neighbours in time
@@ -37,14 +37,15 @@ class Signs:
 
     @classmethod
     def of(cls, sets: Probable, gap: Gap) -> "Signs":
-        """The signs that stand in a verdict; a lead over no other set is as good as any."""
+        """Features from the posterior and gap of a verdict; a lead over no set is infinite."""
         ahead = np.inf if sets.ahead is None else sets.ahead
         return cls(ahead, sets.left, sets.correlation, gap.before["excess"], gap.shrink)
 
 
 class Weight(Settings):
-    """What a sign adds to the log-odds: nothing at `low`, `weight` at `high`, and between them in
-    proportion to its value or, `by_order`, to the logarithm of one more than its value.
+    """Contribution of one feature to the log-odds: zero at `low`, `weight` at `high`.
+
+    Between them in proportion to its value or, `by_order`, to log(1 + value).
     """
 
     weight: float
@@ -53,15 +54,16 @@ class Weight(Settings):
     by_order: bool = False
 
     def share(self, value: float) -> float:
-        """Where `value` lies between `low` and `high`, 0 to 1."""
+        """Position of `value` between `low` and `high`, 0 to 1."""
         ends = np.array([np.clip(value, self.low, self.high), self.low, self.high])
         at, low, high = np.log1p(ends) if self.by_order else ends
         return float((at - low) / (high - low))
 
 
 class Calibration(Settings):
-    """confidence.yaml: the log-odds of a right name are `intercept` plus what each sign weighs;
-    `source` says of which verdicts that was found, `belongs_to` where the file lies.
+    """Content of confidence.yaml: `intercept` and `weights` of the log-odds of a right verdict.
+
+    `source` names the verdicts that were used, `belongs_to` the place of the file.
     """
 
     intercept: float
@@ -70,7 +72,7 @@ class Calibration(Settings):
     belongs_to: str = ""
 
     def probability(self, found: Signs) -> float:
-        """Probability that a name with these signs is right."""
+        """Probability that a verdict with the features `found` names the right effects."""
         values = asdict(found)
         parts = [w.weight * w.share(values[name]) for name, w in self.weights.items()]
         return float(special.expit(self.intercept + sum(parts)))
@@ -78,10 +80,10 @@ class Calibration(Settings):
 
 @cache
 def calibration() -> Calibration:
-    """Calibration of the stated confidence that the package ships."""
+    """Load the calibration of stated confidence that the package ships."""
     return load(CONFIDENCE_FILE, Calibration)
 
 
 def confidence(sets: Probable, gap: Gap) -> float:
-    """The probability that what is named is right."""
+    """Probability that the named effects of a verdict are right."""
     return calibration().probability(Signs.of(sets, gap))

@@ -16,13 +16,12 @@ from cell.gap.verdict.schema import Kind, Unexplained
 
 @dataclass(frozen=True, slots=True)
 class Bars:
-    """What an explanation must do, in shares of an excess gap or in its units (of the noise).
-    Source: set by hand in sight of exams.
+    """Thresholds of a verdict, as shares of the excess gap or in its units (of the noise).
 
     A named model has removed the share `most`, where more than noise is left, and `half` of a gap
-    on held-out runs that is `clear`, or leaves no more than the `law` of a true cause gets wrong;
-    one below `noise` there is none. A model rests on one run that gives the share `one` of its
-    gain.
+    on held-out runs that is `clear`, or leaves no more than the `law` of a true cause gets wrong; a
+    gap below `noise` is none. A model rests on one run that gives the share `one` of its gain.
+    Source: set by hand in sight of exams.
     """
 
     most: float = 0.6
@@ -37,12 +36,12 @@ BARS = Bars()
 
 
 def kind(found: Findings) -> Kind:
-    """One of the four verdicts, from the findings."""
+    """Kind of verdict that the findings support."""
     judged = found.judged
     if not found.accepted.model.effects:
         return "unexplained" if gap_is_there(found) else "no_gap"
     changes = judged.repeats.drifts or judged.repeats.differ or drifting(found)
-    if judged.leftover < ALPHA or changes or not _mostly(found) or unseen_remains(found):
+    if judged.leftover < ALPHA or changes or not _explains_most(found) or unseen_remains(found):
         return "unexplained"
     if is_proxy(found):
         return "unexplained"
@@ -50,7 +49,7 @@ def kind(found: Findings) -> Kind:
 
 
 def gap_is_there(found: Findings) -> bool:
-    """Whether the base leaves a gap: in a place, beyond repeats and scatter, or on held-out runs.
+    """Whether the base leaves a gap that shows in a place or on held-out runs.
 
     A misfit as a whole that no place shows, and no run that was held out, is no gap.
     """
@@ -60,7 +59,7 @@ def gap_is_there(found: Findings) -> bool:
 
 
 def is_proxy(found: Findings) -> bool:
-    """Whether several effects together are but a proxy of a cause: a clear part of the gap is left.
+    """Whether several accepted effects only imitate a cause: they leave a clear part of the gap.
 
     One effect of a nearly true law may leave some of what it explains; of two, each would have to
     take up what the other gets wrong, as they do for a cause that the library does not hold.
@@ -72,8 +71,9 @@ def is_proxy(found: Findings) -> bool:
 
 
 def in_doubt(found: Findings) -> bool:
-    """Whether the named effects may imitate another cause: they are several, leave more than noise
-    on any runs, or rest on a single run.
+    """Whether the named effects may imitate another cause.
+
+    So may several, those that leave more than noise on any runs, or that rest on a single run.
     """
     if len(found.accepted.model.effects) > 1 or found.judged.remains:
         return True
@@ -85,10 +85,11 @@ def unseen_gap(found: Findings) -> float:
     return _bounded_gap(found.shown.before, found.shown.before)
 
 
-def _mostly(found: Findings) -> bool:
-    """Whether the whole model leaves only noise, or as little as a law may get wrong, or has
-    removed most of the excess gap; where a run went another way, the others alone must bear the
-    model out.
+def _explains_most(found: Findings) -> bool:
+    """Whether the accepted model leaves only noise, or removes most of the excess gap.
+
+    As little as a law may get wrong may be left, too. Where a run is an outlier, the others alone
+    must confirm the model.
     """
     judged, by = found.judged, found.by
     if not judged.remains:
@@ -104,32 +105,29 @@ def _mostly(found: Findings) -> bool:
 
 
 def unseen_remains(found: Findings) -> bool:
-    """Whether held-out runs show a clear gap, and the model neither halves it nor leaves
-    as little as a law may get wrong; no sample counts beyond what is wild among those that the
-    model leaves.
+    """Whether held-out runs show a clear gap that the accepted model does not close.
+
+    That is, it neither halves it nor leaves as little as a law may get wrong.
     """
     before, after = _gaps(found)
     return before > BARS.clear and after > max(BARS.half * before, BARS.law)
 
 
 def _gaps(found: Findings) -> tuple[float, float]:
-    """Excess gaps of base and accepted model on held-out runs, what is wild beside the latter
-    bounded.
-    """
+    """Excess gaps of base and accepted model on held-out runs, bounded at the latter's scale."""
     after = found.shown.after
     return _bounded_gap(found.shown.before, after), _bounded_gap(after, after)
 
 
 def _bounded_gap(estimate: Estimate, beside: Estimate) -> float:
+    """Excess gap of `estimate`, with wild samples bounded at the dispersion of `beside`."""
     scale = robust.scale(np.concatenate(beside.residuals))
     clipped = tuple(clip_wild(estimate.residuals, scale))
     return held_out_gap.excess_of(replace(estimate, residuals=clipped))
 
 
 def drifting(found: Findings) -> list[str]:
-    """Effects whose amplitude does not serve all conditions, or of several one that does not serve
-    all phases of a motion: proxies, not causes.
-    """
+    """Accepted effects that are proxies: their amplitude differs between conditions or phases."""
     tests = found.judged.invariances.get(found.accepted.model.name, {})
     names = [name for name, test in tests.items() if not test.holds]
     return [
@@ -139,25 +137,25 @@ def drifting(found: Findings) -> list[str]:
 
 
 def lone_run(found: Findings) -> Run | None:
-    """The one run that the accepted model rests on, where no other bears it out.
+    """The single run that the accepted model rests on; None where others confirm the model.
 
-    Neither do the other runs that were fitted gain what counts, nor does one that was held out show
-    a gap that the model closes.
+    The other fitted runs confirm it if they gain enough, held-out ones if they show a gap that the
+    model closes.
     """
-    by, base, whole = found.by, found.choice.fits.base, found.accepted
-    if not whole.model.effects:
+    by, base, accepted = found.by, found.choice.fits.base, found.accepted
+    if not accepted.model.effects:
         return None
-    each = margin(whole, base, by).each
+    each = margin(accepted, base, by).each
     best = int(np.argmax(each))
-    rest = float(each.sum() - each[best])
-    borne_out = unseen_gap(found) > BARS.noise and not unseen_remains(found)
-    if borne_out or rest > by.least or each[best] < BARS.one * each.sum():
+    others = float(each.sum() - each[best])
+    is_confirmed = unseen_gap(found) > BARS.noise and not unseen_remains(found)
+    if is_confirmed or others > by.least or each[best] < BARS.one * each.sum():
         return None
     return base.estimate.evidence.runs[best]
 
 
 def describe_rest(found: Findings, which: Kind) -> Unexplained | None:
-    """What remains: if `unexplained`, or if a cause leaves more than noise."""
+    """Description of an unexplained gap, or of what an accepted model leaves; None if nothing."""
     if which == "no_gap" or not (which == "unexplained" or found.judged.remains):
         return None
     law = found.offered.words if found.offered is not None else "no sparse law found"
@@ -167,7 +165,7 @@ def describe_rest(found: Findings, which: Kind) -> Unexplained | None:
 
 
 def unexplained_part(found: Findings) -> str:
-    """One sentence on what the best model leaves, and why it is not believed."""
+    """Sentence on what the best model leaves, and why it is not believed."""
     quantities, shown = found.subject.scope.quantities, found.shown
     after = held_out_gap.sizes(shown.after, quantities)
     least = held_out_gap.floor(shown.before.evidence, quantities)
@@ -182,7 +180,7 @@ def unexplained_part(found: Findings) -> str:
 
 
 def _reasons(found: Findings) -> Iterator[str]:
-    """Why the best model is left open, or not all of the cause."""
+    """Reasons why the best model is not, or not wholly, the cause."""
     judged, drift = found.judged, drifting(found)
     if drift:
         where = "conditions or phases" if judged.phases else "conditions"

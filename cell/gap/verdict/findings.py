@@ -1,4 +1,4 @@
-"""What an investigation finds, stage by stage."""
+"""Results of an investigation, stage by stage."""
 
 from dataclasses import dataclass
 
@@ -22,11 +22,11 @@ from cell.gap.verdict.offered_law import OfferedLaw
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """The refitted base and what it leaves.
+    """The refitted base and the tests of its residuals.
 
-    `misfit` is the probability of that by noise alone; `weak` are directions that the runs do not
-    determine, `scatter` the quantities that differ from run to run; `strained` where it fits by
-    values that what was known of them all but rules out.
+    `misfit` is the p-value of the residuals under noise; `weak` are directions that the runs do not
+    determine, `scatter` the quantities that differ from run to run; `strained` where the fitted
+    values contradict their priors.
     """
 
     base: Validated
@@ -39,7 +39,7 @@ class Fitted:
 
     @property
     def doubted(self) -> bool:
-        """Whether effects are sought beside the base, which leaves a gap or strains its priors."""
+        """Whether the base leaves a gap or contradicts its priors, so that effects are sought."""
         return self.gap or self.strained
 
     @property
@@ -51,8 +51,9 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Screened:
-    """Screening results: probes and their table, scores of singles [nats], probabilities and the
-    smallest detectable size by effect (None where no possible size would show).
+    """Results of the screen: probes, their table, scores of single effects, p-values by name.
+
+    `detectable` are smallest sizes by effect, None where no possible size would show.
     """
 
     probed: tuple[Probed, ...]
@@ -66,13 +67,12 @@ class Screened:
 class Judged:
     """Tests that may cast doubt on the accepted model.
 
-    `misfit` is the probability of what it leaves by noise alone, `leftover` by noise and tolerance,
-    without the `outlying_run` where it fits all others; `repeats` differ by what it leaves.
-    `classes` are effects that stand in for one another,
-    `scatter` the quantities that differ from run to run beside it, `sized` the model fitted with
-    these, from which sizes are estimated. `phases` tests each of several effects by the parts of a
-    motion: by rate, height, direction and time. `places` are where the accepted effects show in
-    what the base leaves, none without any.
+    `misfit` is the p-value of its residuals under noise, `leftover` under noise and tolerance,
+    without the `outlying_run` where it fits all others; `repeats` are compared in its residuals.
+    `classes` are effects that the runs do not separate, `scatter` the quantities that differ from
+    run to run beside it, `sized` the model fitted with these, from which sizes are estimated.
+    `phases` tests each of several effects by the parts of a motion: by rate, height, direction and
+    time. `places` are where the accepted effects show in the residuals of the base.
     """
 
     invariances: dict[str, dict[str, Invariance]]
@@ -95,18 +95,21 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """The base and the accepted model on held-out runs."""
+    """The base and the accepted model on held-out runs, and how much the gap shrinks."""
 
     before: Estimate
     after: Estimate
     shrink: held_out_gap.Shrink
 
+    @property
+    def changed(self) -> bool:
+        """Whether an effect was accepted; without one, `after` is `before`."""
+        return self.after is not self.before
+
 
 @dataclass(frozen=True, slots=True)
 class Advised:
-    """Planned `experiments`, the one that separates most for its minutes first, and what
-    `steadier` runs would add; both empty where nothing would help.
-    """
+    """Advice: `experiments`, best per minute first, and the gain of `steadier` quantities."""
 
     experiments: tuple[Advice, ...] = ()
     steadier: tuple[RepeatabilityGain, ...] = ()
@@ -114,7 +117,7 @@ class Advised:
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """Everything that an investigation found, stage by stage."""
+    """All results of an investigation, stage by stage."""
 
     subject: Subject
     held_out: tuple[str, ...]
@@ -134,14 +137,12 @@ class Findings:
 
     @property
     def accepted(self) -> Validated:
-        """The accepted model; the base where no effect was earned."""
+        """The accepted model; the base where no effect was accepted."""
         return self.choice.accepted
 
     @property
     def places(self) -> tuple[Bin, ...]:
-        """Where the base disagrees with the runs, strongest first: by itself, or by what the
-        accepted effects would do there.
-        """
+        """Bins where the base disagrees, alone or as accepted effects would, strongest first."""
         return tuple(stronger_of_two(self.fitted.places, self.judged.places))
 
     @property
@@ -151,6 +152,6 @@ class Findings:
 
     @property
     def sure(self) -> tuple[Candidate, ...]:
-        """The accepted effects that no other stands in for."""
+        """The accepted effects that the runs separate from all others."""
         doubtful = {name for group in self.judged.classes for name in group}
         return tuple(e for e in self.accepted.model.effects if e.name not in doubtful)

@@ -1,4 +1,4 @@
-"""Doubts about the accepted model: does it fit, serve all conditions, and stand alone?"""
+"""Tests of the accepted model: its fit, equal amplitudes in all conditions, and rivals."""
 
 from dataclasses import replace
 
@@ -28,10 +28,10 @@ from drivers.types import Array
 def chosen(
     subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior, *, gap: bool
 ) -> Choice:
-    """The choice among `fits`, its accepted model refitted against the finest simulation.
+    """Choose among `fits`, and refit the accepted model against the finest simulation.
 
     The other models are compared as they are. Where there is a `gap` that no margin explains, the
-    evidence chooses.
+    posterior chooses.
     """
     found = choose(fits, sets)
     found = by_evidence(found, sets) if gap else found
@@ -51,7 +51,7 @@ def judge(
     whole: Evidence,
     rng: np.random.Generator,
 ) -> Judged:
-    """Test the accepted model of `choice` for what it leaves, drift and alternatives.
+    """Test the accepted model of `choice` for lack of fit, drift and rivals.
 
     `sets` are the probabilities of what was fitted; `whole` are the runs with every random unknown
     that they may have.
@@ -61,32 +61,31 @@ def judge(
     tolerance = {k: q.tolerance for k, q in subject.scope.quantities.items()}
     repeats, noise = Repeats.of(best), lack_of_fit.noise_left(best, rng)
     strict = lack_of_fit.slack(best.evidence, repeats.inflation)
-    kind = lack_of_fit.slack(best.evidence, repeats.inflation, tolerance)
-    misfit = lack_of_fit.lack_of_fit(best, noise, strict)
-    kind[lack_of_fit.lost_samples(best)] = np.inf
-    leftover, outlying_run = _leftover(best, noise, kind)
+    lenient = lack_of_fit.slack(best.evidence, repeats.inflation, tolerance)
+    lenient[lack_of_fit.lost_samples(best)] = np.inf
+    leftover, outlying_run = _leftover(best, noise, lenient)
     believed = subject.scope.believed
     close = _rivals(choice, sets, believed=believed) if best.model.effects else []
-    groups = tuple(map(tuple, classes(choice.accepted, close)))
     scatter = estimate_spreads(simulate, best, whole)
     return Judged(
-        invariances,
-        misfit,
-        leftover,
-        outlying_run,
-        repeats,
-        tuple(close),
-        groups,
-        run_one(simulate, settle(with_own_scatter(simulate, best, scatter, whole))),
-        scatter,
-        _by_phases(choice, simulate),
-        _places(choice, rng),
+        invariances=invariances,
+        misfit=lack_of_fit.lack_of_fit(best, noise, strict),
+        leftover=leftover,
+        outlying_run=outlying_run,
+        repeats=repeats,
+        rivals=tuple(close),
+        classes=tuple(map(tuple, classes(choice.accepted, close))),
+        sized=run_one(simulate, settle(with_own_scatter(simulate, best, scatter, whole))),
+        scatter=scatter,
+        phases=_phase_tests(choice, simulate),
+        places=_matching_places(choice, rng),
     )
 
 
 def _rivals(choice: Choice, sets: Posterior, *, believed: bool) -> list[Alternative]:
-    """What explains the runs about as well as the accepted model, by what accepted it, and what is
-    more probable; where priors are `believed`, they refute, too.
+    """Models that explain the runs about as well as the accepted one, and more probable ones.
+
+    By the criterion that accepted it; where priors are `believed`, they refute, too.
     """
     known = (choice.accepted, choice.fits)
     if choice.sets is not None:
@@ -95,7 +94,7 @@ def _rivals(choice: Choice, sets: Posterior, *, believed: bool) -> list[Alternat
     return [*close, *more_probable(*known, sets)]
 
 
-def _places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...]:
+def _matching_places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...]:
     """Bins where the residuals of the base match the accepted effects; none without any."""
     fitted, base = choice.accepted, choice.fits.base.estimate
     if not fitted.model.effects:
@@ -106,8 +105,8 @@ def _places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...]:
     return tuple(matching_bins(base, fitted.estimate, others, noise, allowed))
 
 
-def _by_phases(choice: Choice, simulate: Simulate) -> tuple[Invariance, ...]:
-    """Whether each of several accepted effects has one amplitude in all parts of a motion.
+def _phase_tests(choice: Choice, simulate: Simulate) -> tuple[Invariance, ...]:
+    """Tests of each of several accepted effects for one amplitude in all parts of a motion.
 
     Two effects that only imitate a cause share its parts between them in other ways than each
     would by itself.
@@ -135,7 +134,7 @@ def _invariances(choice: Choice, simulate: Simulate) -> dict[str, dict[str, Inva
 
 
 def _leftover(estimate: Estimate, noise: Array, allowed: Array) -> tuple[float, str | None]:
-    """Lack of fit of all runs; where effects fit all runs but one, of the others, and that one."""
+    """p-value of the lack of fit, and name of the one run left out if effects fit all others."""
     whole = lack_of_fit.lack_of_fit(estimate, noise, allowed)
     if whole >= ALPHA or not estimate.model.effects:
         return whole, None
@@ -152,14 +151,14 @@ def show(
     test: Evidence,
     rng: np.random.Generator,
 ) -> Shown:
-    """The base and the accepted model on the held-out runs `test`."""
+    """Fit base and accepted model to the held-out runs `test`, only their own unknowns free."""
 
-    def at(fit: Estimate) -> Evidence:
+    def corrected_for(fit: Estimate) -> Evidence:
         return refine(subject, fit.model, Point(fit.shared, test.start()), test)
 
-    known = at(base.estimate)
+    known = corrected_for(base.estimate)
     before = after = held_out_gap.unseen(simulate, base.estimate, known)
     if accepted.model.effects:
-        runs = at(accepted.estimate).runs
+        runs = corrected_for(accepted.estimate).runs
         after = held_out_gap.unseen(simulate, accepted.estimate, Evidence(runs, known.scales))
     return Shown(before, after, held_out_gap.shrink(before, after, rng))

@@ -1,4 +1,4 @@
-"""A law that describes the gap where no effect accounts for it, refitted and proven."""
+"""Empirical law fitted to a gap that no effect accounts for, and tested on unseen runs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from cell.gap.subject.subject import Subject
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """When a law is offered. Source: set by hand in sight of effects withheld from the library.
+    """Thresholds by which a law is offered. Source: set by hand on withheld effects.
 
     It closes the share `least` of the excess gap on held-out runs, where that is over `nothing`, by
     at most `longest` terms, each of which keeps its sign in the share `often` of halves of the
@@ -41,7 +41,7 @@ OFFER = Offer()
 
 @dataclass(frozen=True, slots=True)
 class OfferedLaw:
-    """Terms of the subject with their refitted amounts: a description, and no cause.
+    """An empirical law: terms of the subject with fitted amounts, a description and no cause.
 
     `base` and `terms` hold values by name; `shrink` is the share of the excess gap on held-out
     runs that it closes.
@@ -55,10 +55,10 @@ class OfferedLaw:
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """What the library says of the runs: the accepted `model`, and whether it is `sure` of a name.
+    """The accepted `model`, which a law must match to be offered, and whether it is `sure`.
 
-    A law stands beside it where it predicts better on the scale `by`, or as well with fewer terms;
-    where no name is sure, as well is enough. A model that `leaves_nothing` is not bettered.
+    A law is offered where it predicts better on the scale `by`, or as well with fewer terms; where
+    no name is sure, as well is enough. None predicts better than a model that `leaves_nothing`.
     """
 
     model: Validated
@@ -68,15 +68,15 @@ class Names:
 
     @property
     def longest(self) -> int:
-        """Terms of the longest law that may stand beside them."""
+        """Number of terms of the longest law that may be offered beside the model."""
         return (
             len(self.model.model.effects) - 1
             if self.sure and self.leaves_nothing
             else OFFER.longest
         )
 
-    def leave_room(self, law: Validated) -> bool:
-        """Whether the law may stand beside them."""
+    def allow(self, law: Validated) -> bool:
+        """Whether `law` predicts well enough to be offered beside the model."""
         lead = margin(law, self.model, self.by).gain
         fewer = len(law.model.effects) < len(self.model.model.effects)
         least = -self.by.least if fewer or not self.sure else self.by.least
@@ -91,10 +91,10 @@ def offered_law(
     rng: np.random.Generator,
     names: Names | None = None,
 ) -> OfferedLaw | None:
-    """The largest stable law of what the base leaves that shrinks the gap `before` on unseen runs.
+    """Largest stable law, fitted beside the base, that shrinks the gap `before` on unseen runs.
 
     None where no term gains on runs left out, no law is stable, no run that was held out shows a
-    gap that it closes, or `names` leave no room for it.
+    gap that it closes, or `names` do not allow it.
     """
     if held_out_gap.excess_of(before) < OFFER.nothing:
         return None
@@ -102,7 +102,7 @@ def offered_law(
     if not longest:
         return None
     for law in _laws_by_size(_fit_laws(subject, simulate, base, longest)):
-        if (names is None or names.leave_room(law)) and _stable(law.estimate):
+        if (names is None or names.allow(law)) and _stable(law.estimate):
             after = held_out_gap.unseen(simulate, law.estimate, before.evidence)
             closed = held_out_gap.shrink(before, after, rng).value
             if closed >= OFFER.least:
@@ -111,9 +111,7 @@ def offered_law(
 
 
 def _fit_laws(subject: Subject, simulate: Simulate, base: Validated, longest: int) -> Fits:
-    """The base, the most promising laws of one and two terms, and those of three beside them; none
-    of more terms than `longest`.
-    """
+    """Fit the most promising laws of up to `longest` terms; returns them with the base."""
     fit = base.estimate
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
     probed = run_all(simulate, [probe(fit, t) for t in terms])
@@ -129,7 +127,7 @@ def _fit_laws(subject: Subject, simulate: Simulate, base: Validated, longest: in
 
 
 def _laws_by_size(fits: Fits) -> Iterator[Validated]:
-    """The laws each term of which is earned, the largest first."""
+    """Accepted laws, the one with the most terms first."""
     return (step.model for step in reversed(choose(fits).steps) if step.accepted)
 
 

@@ -1,4 +1,4 @@
-"""The verdict as other programs read it; see the contract of `cell gap fit`."""
+"""Schema of verdict.json, as other programs read it (contract of `cell gap fit`)."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,7 +14,7 @@ Kind = Literal["named", "ambiguous", "no_gap", "unexplained"]
 
 
 class Entry(BaseModel):
-    """Base of everything in a verdict: frozen, keys by name, unknown ones tolerated."""
+    """Base of all parts of a verdict: frozen, filled by field name, unknown keys ignored."""
 
     model_config = ConfigDict(frozen=True, populate_by_name=True)
 
@@ -34,7 +34,7 @@ class Measured(Interval):
 
 
 class Deviation(Measured):
-    """A refitted value of the base beyond what the file tolerates; no upper end for infinity."""
+    """A refitted base value outside `tolerated`, whose upper end is None for infinity."""
 
     parameter: str
     stated: float
@@ -51,7 +51,7 @@ class NamedEffect(Entry):
 
 
 class Unexplained(Entry):
-    """What no effect of the library accounts for; `law` describes and does not explain."""
+    """The gap that no effect of the library accounts for; `law` describes it, and is no cause."""
 
     description: str
     law: str
@@ -59,7 +59,7 @@ class Unexplained(Entry):
 
 
 class WhereBin(Entry):
-    """A place of disagreement, family-wise corrected."""
+    """A bin where simulation and measurement disagree, with its family-wise p-value."""
 
     channel: str
     phase: str
@@ -70,7 +70,7 @@ class WhereBin(Entry):
 
 
 class Gap(Entry):
-    """The gap on held-out runs, rms by quantity, and the share of the excess that is gone."""
+    """The gap on held-out runs, rms by quantity, and the share of the excess that is closed."""
 
     before: dict[str, float]
     after: dict[str, float]
@@ -81,7 +81,7 @@ class Gap(Entry):
 
 
 class Compared(Entry):
-    """A candidate (or several joined by ` + `): nats gained over the base on runs left out."""
+    """A candidate, or several joined by ` + `, with its gain [nats] over the base."""
 
     name: str
     elpd_gain: float
@@ -92,7 +92,7 @@ class Compared(Entry):
 
 
 class Recommended(Entry):
-    """An experiment by expected separation per minute."""
+    """A recommended experiment: the two explanations it separates, by how much, in what time."""
 
     experiment: str
     separates: tuple[str, str]
@@ -101,7 +101,7 @@ class Recommended(Entry):
 
 
 class ProbableSet(Entry):
-    """Effects that are there together, with no other of the library, with probability `p`."""
+    """A set of effects and the probability `p` that these and no others are present."""
 
     names: list[str]
     p: float

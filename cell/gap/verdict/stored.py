@@ -1,4 +1,4 @@
-"""What a fit and an acceptance leave for the next command, checked when it is read again."""
+"""Files that a fit and an acceptance leave for the next command, validated on reading."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +13,7 @@ STORED = 4 * MEGABYTE
 
 
 class Stored(Settings):
-    """Base: keys that are not known are tolerated, for a program wrote them."""
+    """Base of stored files: unknown keys are ignored, for a program wrote them."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -35,11 +35,11 @@ class StoredLaw(Stored):
 
 
 class FitRecord(Stored):
-    """fit.json: hash of the file that was fitted, and the effects that were named.
+    """Content of fit.json: hash of the file that was fitted, and the effects that were named.
 
-    `values` of the base leave what the file states; `scatter` are quantities that differ from run
-    to run; by `steadier` sigma the runs would separate two explanations better, had one differed by
-    half as much; `law` describes what nothing explains.
+    `values` of the base are outside what the file tolerates; `scatter` are quantities that differ
+    from run to run; `steadier` [sigma] is how much better the runs would separate two explanations,
+    had one of these differed by half as much; `law` describes what nothing explains.
     """
 
     file_sha256: str
@@ -56,14 +56,14 @@ class FitRecord(Stored):
 
 
 class Acceptance(Stored):
-    """accepted.json: path -> text before, and path -> hash after."""
+    """Content of accepted.json: by path, the text before an acceptance and the hash after it."""
 
     before: dict[str, str]
     after: dict[str, str]
 
 
 class Patch(Stored):
-    """What every patch holds, of whatever subject: effects and their parameters.
+    """Content of a patch of any subject: effects and their parameters.
 
     That of an arm may hold settings of the cell: its tool, and the delay of its twin.
     """

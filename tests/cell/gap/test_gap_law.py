@@ -105,11 +105,11 @@ def test_as_good_as_what_was_named_is_enough_only_for_a_shorter_law_or_where_no_
     )
     law = run_one(subject.simulate, validate(engine.fitted(subject, ("twin",))))
     by = likelihood_scale([right])
-    assert not Names(right, by, sure=True).leave_room(law)
-    assert Names(right, by, sure=False).leave_room(law)
-    assert Names(pair, by, sure=True).leave_room(law)
+    assert not Names(right, by, sure=True).allow(law)
+    assert Names(right, by, sure=False).allow(law)
+    assert Names(pair, by, sure=True).allow(law)
     worse = run_one(subject.simulate, validate(engine.fitted(subject, ("wave",))))
-    assert not Names(right, by, sure=False).leave_room(worse)
+    assert not Names(right, by, sure=False).allow(worse)
 
 
 def test_beside_a_sure_name_that_leaves_nothing_only_a_shorter_law_is_looked_for() -> None:
