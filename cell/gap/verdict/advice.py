@@ -45,9 +45,13 @@ def _alternative(screened: Screened, choice: Choice, judged: Judged) -> tuple[Mo
     if others:
         best = min(others, key=lambda m: float(m.losses(choice.by.scale).sum()))
         return best.model, best.estimate.shared
-    alive = [p for p in screened.probed if not p.dead]
+    accepted = choice.accepted.estimate
+    known = {effect.name for effect in accepted.model.effects}
+    alive = [p.candidate for p in screened.probed
+             if not p.dead and p.candidate.name not in known]  # fmt: skip
     if not alive:
         return None
-    base, candidate = choice.accepted.estimate, alive[0].candidate
-    model = Model(base.model.base, (candidate,))
-    return model, np.concatenate([base.shared, np.array(candidate.probes[0][0])])  # the smallest
+    candidate, (base, _) = alive[0], accepted.model.split(accepted.shared)
+    smallest = np.array(candidate.probes[0][0])
+    model = Model(accepted.model.base, (candidate,))
+    return model, model.join(base, {candidate.name: smallest})
