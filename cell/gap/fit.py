@@ -155,5 +155,6 @@ def _clear(out: Path) -> None:
         what = "cannot be written to" if first.is_dir() else "is a file"
         raise ConfigurationError(f"--out {out}: {first} {what}; give a folder that can be written")
     patches = (PATCH, BASE_PATCH, CELL_PATCH, LAW_PATCH, MODEL_PATCH, LAW_MODEL_PATCH)
-    for name in ("verdict.json", *patches, "accepted.json"):
+    pages = (RECORD, "report.html", "overlay.rrd")
+    for name in ("verdict.json", *pages, *patches, "accepted.json"):
         (out / name).unlink(missing_ok=True)

@@ -21,12 +21,18 @@ from tests.cell.cli.test_command_errors import refused
 SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"
 
 
-def test_missing_runs_are_refused_and_leave_no_verdict(monkeypatch, capsys, tmp_path) -> None:
-    strip = Path("configs/strips/denim.yaml").resolve()
-    words = ("gap", "fit", tmp_path / "none", "--strip", strip, "--out", tmp_path / "out")
-    line = refused(monkeypatch, capsys, *words)
+def test_missing_runs_are_refused_and_leave_nothing_of_an_earlier_fit(
+    monkeypatch, capsys, tmp_path
+) -> None:
+    strip, out = Path("configs/strips/denim.yaml").resolve(), tmp_path / "out"
+    out.mkdir()
+    for name in ("verdict.json", "report.html", "fit.json", "overlay.rrd"):
+        (out / name).write_text("earlier")
+    line = refused(
+        monkeypatch, capsys, "gap", "fit", tmp_path / "none", "--strip", strip, "--out", out
+    )
     assert str(tmp_path / "none") in line
-    assert not (tmp_path / "out" / "verdict.json").exists()
+    assert not list(out.iterdir())
 
 
 @pytest.mark.parametrize("command", ["accept", "undo"])
