@@ -23,7 +23,7 @@ def grid(n: int) -> list[StripFile]:
 
 
 def sample(n: int, rng: np.random.Generator) -> list[StripFile]:
-    """n x n strips, one at random in each cell of the square: stratified over the range."""
+    """n x n strips, one at random in each cell of the unit square (stratified sampling)."""
     shift: Array = rng.uniform(size=(n, n, 2))
     cells = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1)
     places = ((cells + shift) / n).reshape(-1, 2)

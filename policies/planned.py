@@ -1,4 +1,4 @@
-"""The policy `planned`, an upper bound for feedback: it knows the strip and plans in the rod."""
+"""The policy `planned`, an upper bound for feedback: plans by simulating the known strip."""
 
 from collections.abc import Sequence
 
@@ -33,7 +33,7 @@ def raise_path(length: float, rise: float) -> Path:
 
 
 class Planned:
-    """Follows the raised triangle on which the rod folds the strip with d = 0.
+    """Follows the raised triangle on which the simulated strip folds with displacement 0.
 
     Plans once for a strip and a speed. `strips` are the known strips of a batch; without them all
     equal the strip given at `reset`.
@@ -49,11 +49,11 @@ class Planned:
         self._paths = Paths([])
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Plan for the displacement in the rod that is 0 in truth: minus both biases [m]."""
+        """Aim at a simulated displacement of -`seen` - `unseen` [m], known biases of the rod."""
         self._aim = -seen - unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Plan the path, unless already planned; see `Policy.reset`, and `plan` for its errors."""
+        """Plan for `strip` at `speed` [m/s], unless already planned; errors are those of `plan`."""
         asked = (self._strips or (strip,), speed, self._aim)
         if asked != self._known:
             self.rises, self._known = plan(*asked), asked
@@ -92,7 +92,7 @@ class Paths:
         return self._each[0]
 
     def decide(self, observation: Observation) -> Decision:
-        """Directions along each gripper's own path."""
+        """Headings along each gripper's own path."""
         places = zip(self._followers, observation.x, observation.z, strict=True)
         each = [f.decide(np.array([x]), np.array([z]), self._speed) for f, x, z in places]
         return Decision(
@@ -135,7 +135,7 @@ class Motions:
         self._known: dict[int, Array] = {}
 
     def poses(self, steps: Array) -> Array:
-        """Poses (k, n, 3) along the paths whose rises are `steps` (n,) of RISE_STEP."""
+        """Poses (k, n, 3) along the paths whose rises are `steps` (n,) times RISE_STEP."""
         new = sorted(set(steps.tolist()) - set(self._known))
         if new:
             self._simulate_motions(new)
@@ -189,7 +189,7 @@ class _PoseRecorder:
 
 
 def _displacements(strips: Sequence[StripFile], motions: Motions, steps: Array) -> Array:
-    """d (n, m) [m] of n strips on the raised triangles `steps` (n, m); NaN without a touch."""
+    """Displacements (n, m) [m] of n strips on triangles raised by `steps`; NaN without a touch."""
     rod = Rod(SEGMENTS, strict=False)
     rod.reset([model for strip in strips for model in [describe(strip)] * steps.shape[1]])
     touches = rod.advance(motions.poses(steps.ravel()), motions.dt).touch
@@ -206,7 +206,7 @@ def _check(strip: StripFile, d: Array) -> None:
 
 
 def _brackets_zero(d: Array) -> NDArray[np.bool_]:
-    """Rows of displacements `d` (n, m) that hold both signs: a zero within the searched rises."""
+    """Mask (n,) of rows of displacements `d` (n, m) that hold both signs, so that 0 is between."""
     return np.asarray(np.any(d <= 0, axis=1) & np.any(d >= 0, axis=1))
 
 

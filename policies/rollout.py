@@ -77,7 +77,7 @@ def roll_out(
     rng: np.random.Generator,
     groups: int = 1,
 ) -> Folds:
-    """Fold `models` in one batch; the policy is given only `strip` and its observations.
+    """Results of folding `models` in one batch; the policy gets only `strip` and observations.
 
     `groups` equal groups of strips get the same noise and delays, so that candidates can be
     compared.
@@ -102,7 +102,7 @@ def roll_out(
 
 
 class _Loop:
-    """State of grippers and strips between two decisions."""
+    """Closed loop of grippers and strips: advances their state between decisions."""
 
     def __init__(self, engine: Stepper, settings: Rollout, eye: Eye) -> None:
         self.eye = eye

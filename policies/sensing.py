@@ -67,9 +67,9 @@ EXACT_SENSING = Sensing(
 
 
 class ImageNoise(Settings):
-    """Noise and biases of the twin's images, as in `Sensing`. Written by `cell study perception`.
+    """Measured noise and biases of the simulated cell's images; fields are as in `Sensing`.
 
-    Biases are over strips.
+    Written by `cell study perception`; biases are over strips.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")
@@ -86,7 +86,7 @@ class ImageNoise(Settings):
     belongs_to: str
 
     def sensing(self) -> Sensing:
-        """Images whose stamps are read as well as a calibrated camera's are."""
+        """Sensing with this noise and the delays of a calibrated camera."""
         sizes = self.model_dump(exclude={"schema_", "strips", "source", "belongs_to"})
         return Sensing(**sizes, delay=(0.02, 0.04), delay_error=0.002)
 
@@ -118,11 +118,11 @@ class Draws:
         self._groups, self._size, self._rng = groups, size, rng
 
     def normal(self, *shape: int) -> Array:
-        """Standard normal (n, *shape)."""
+        """Standard normal values (n, *shape)."""
         return self._repeat_for_groups(self._rng.normal(size=(self._size, *shape)))
 
     def uniform(self, low: float, high: float) -> Array:
-        """Uniform (n,) over [low, high)."""
+        """Uniform values (n,) over [low, high)."""
         return self._repeat_for_groups(self._rng.uniform(low, high, size=self._size))
 
     def _repeat_for_groups(self, values: Array) -> Array:
@@ -186,7 +186,7 @@ class Eye:
         return self._points > 0
 
     def look(self, time: float, points: Array) -> Observation:
-        """The observation at `time` [s] with the exact grippers at `points` (n, 2)."""
+        """Observation at `time` [s], of grippers known exactly to be at `points` (n, 2) [m]."""
         shown = self._drop_images(self._add_noise(time))
         return Observation(
             time=np.full(len(points), time),

@@ -1,4 +1,4 @@
-"""The policy `adaptive`: moves the path until the displacement that its critic predicts is 0."""
+"""The policy `adaptive`: shifts the path until its network, the critic, predicts displacement 0."""
 
 import math
 from collections import deque
@@ -27,8 +27,8 @@ UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: 
 
 
 class Fold(NamedTuple):
-    """State of n folds: `rise` (n,) [m] of their lines, `memory` (n, units) summed over the
-    images `counted` (n,), `time` (n,) [s] of the last decision.
+    """State of n folds: `rise` (n,) [m] of the line that each gripper follows down, `memory`
+    (n, units) summed over `counted` (n,) images, `time` (n,) [s] of the last decision.
     """
 
     rise: Array
@@ -38,16 +38,16 @@ class Fold(NamedTuple):
 
 
 class Adaptive:
-    """Steers down along z = x + rise, with the rise at which the critic predicts d = 0.
+    """Descends along z = x + rise, with the rise for which the critic predicts zero displacement.
 
-    While no image deserves belief it holds the rise; after `BLIND_TIME` it takes that of `shifted`,
-    and `blind` says so.
+    After `BLIND_TIME` without an image of sufficient confidence, `blind` is set and the rise goes
+    to that of the policy `shifted`.
     """
 
     name = "adaptive"
 
     def __init__(self, critic: Critic, transfer: Transfer | None = None) -> None:
-        """Fold by `critic`, corrected by the `transfer` to images; None in the rod."""
+        """Predict by `critic`; `transfer` corrects for camera images, None in simulated folds."""
         self.critic = critic
         self.transfer = transfer or Transfer()
         self._seen, self._unseen = 0.0, 0.0
@@ -61,7 +61,7 @@ class Adaptive:
         self._fold: Fold = _begun(REFERENCE_LENGTH, 1, critic.memory)
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Add biases to predicted displacements: `seen` [m] for images, `unseen` [m] for truth."""
+        """Add biases [m] to predictions: `seen` up to the image, `unseen` from image to truth."""
         self._seen, self._unseen = seen, unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
@@ -78,16 +78,16 @@ class Adaptive:
         self._fold = _begun(strip.length, count, self.critic.memory)
 
     def lift(self) -> Path:
-        """Path of the lift, which goes up without a push on the strip."""
+        """Path of the lift: vertical at first, so that the strip is not pushed along the desk."""
         return vertical_lift(self._length)
 
     @property
     def rise(self) -> Array:
-        """Rises (n,) [m] of the lines along which the grippers come down."""
+        """Rises (n,) [m] of the lines z = x + rise along which the grippers descend."""
         return self._fold.rise
 
     def prediction(self) -> FoldPrediction | None:
-        """Predicted measurement of the first fold in images; None before the first decision."""
+        """Predicted displacement and strip of the batch's first fold; None before a decision."""
         if not self._recent:
             return None
         judged = middle(self._recent)
@@ -100,7 +100,7 @@ class Adaptive:
         )
 
     def decide(self, observation: Observation) -> Decision:
-        """Directions towards the line of each strip, moved by the prediction from its images."""
+        """Headings towards each strip's line, whose rise follows the prediction from images."""
         fresh = self._features.tell(observation)
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
         judgement = self._judge(inputs, fresh)
@@ -111,7 +111,7 @@ class Adaptive:
         return self._steering.decide(observation.x, observation.z, self.rise)
 
     def _judge(self, inputs: Array, fresh: NDArray[np.bool_]) -> Judgement:
-        """The critic's judgement on `inputs` (n, COUNT), remembered where they are `fresh`."""
+        """Prediction from `inputs` (n, COUNT); those that are `fresh` (n,) enter the memory."""
         whitened = self.critic.whiten(inputs)
         memory = self._fold.memory + fresh[:, None] * self.critic.memorise(whitened)
         counted = self._fold.counted + fresh
@@ -121,7 +121,7 @@ class Adaptive:
         return self.judgement
 
     def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
-        """Rises (n,) at which d = 0 is predicted, approached smoothly."""
+        """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is predicted."""
         bias = self.transfer.bias.of(judgement.belief, self._thickness)
         missing = bias - self._seen - self._unseen - judgement.displacement
         rise = self.rise + missing / judgement.slope
@@ -143,7 +143,7 @@ def _begun(length: float, count: int, memory: int) -> Fold:
 
 
 def _check(length: float, speed: float) -> None:
-    """Refuse a strip's `length` [m] or a `speed` [m/s] that the policy was not trained for."""
+    """Refuse a strip's `length` [m] or a `speed` [m/s] outside the range of the training."""
     low, high = LENGTH_RANGE
     if not low <= length <= high:
         raise ConfigurationError(

@@ -1,4 +1,4 @@
-"""The critic: predicts a fold's displacement with its uncertainty, and estimates the strip."""
+"""The critic, a network that predicts a fold's displacement and estimates the strip's behaviour."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Self
@@ -22,8 +22,8 @@ ARRAY_NAMES = (
 
 
 class Belief(NamedTuple):
-    """Estimate of the strip from n folds so far: `log_bending_length`, `log_retardation_time` [m,
-    s] and `friction`, ln(1 + yield curvature / YIELD_UNIT), each mean and sigma: arrays (n, 2).
+    """Estimates of n strips, arrays (n, 2) of mean and standard deviation: `log_bending_length`
+    [ln m], `log_retardation_time` [ln s] and `friction`, ln(1 + yield curvature / YIELD_UNIT).
     """
 
     log_bending_length: Array
@@ -31,7 +31,7 @@ class Belief(NamedTuple):
     friction: Array
 
     def first(self) -> dict[str, Estimate]:
-        """The first fold's bending length [m], retardation time [s] and yield curvature [1/m]."""
+        """Bending length [m], retardation time [s], yield curvature [1/m] of the first strip."""
         logs = (self.log_bending_length, self.log_retardation_time, self.friction)
         ends = [
             np.exp(mean + np.array([0.0, -sigma, sigma])) for mean, sigma in (b[0] for b in logs)
@@ -42,8 +42,8 @@ class Belief(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """Prediction for n folds: the `displacement` (n,) [m] if the rise is kept, its `slope` (n,)
-    over the rise, its `sigma` (n,) [m], and the `belief` about the strips.
+    """Prediction for n folds: `displacement` (n,) [m] if the rise is kept, its derivative `slope`
+    (n,) by the rise, its standard deviation `sigma` (n,) [m], and the `belief` about the strips.
     """
 
     displacement: Array
@@ -53,7 +53,7 @@ class Judgement(NamedTuple):
 
 
 def middle(judgements: Sequence[Judgement]) -> Judgement:
-    """Medians of `judgements` on the same folds, at least one: a single outlier moves none."""
+    """Median, element by element, of at least one prediction of the same folds."""
 
     def median(of: Callable[[Judgement], Array]) -> Array:
         return np.asarray(np.median([of(judged) for judged in judgements], axis=0))
@@ -71,10 +71,10 @@ def middle(judgements: Sequence[Judgement]) -> Judgement:
 
 
 class Critic:
-    """A network of two hidden layers over whitened inputs and a running mean of its memory units.
+    """A network of two hidden layers over whitened inputs and the mean of its memory units.
 
-    `recalled` inputs (n, inputs) become (n, memory) units, whose mean over a fold's images is the
-    fold's memory; `judge` reads inputs and memory. `weights` are the arrays called ARRAY_NAMES.
+    The layer `recall` turns inputs (n, k) into (n, memory) units, whose mean over a fold's images
+    is the fold's memory; `judge` reads both. `weights` are the arrays called ARRAY_NAMES.
     """
 
     def __init__(self, weights: dict[str, Array]) -> None:
@@ -86,17 +86,17 @@ class Critic:
         return int(self.weights["recall"].shape[1])
 
     def whiten(self, inputs: Array) -> Array:
-        """Inputs (n, inputs) with unit spread uncorrelated, within `INPUT_LIMIT` of their mean."""
+        """Inputs (n, k) decorrelated and scaled to unit variance, clipped to +-`INPUT_LIMIT`."""
         return np.clip(
             (inputs - self.weights["mean"]) @ self.weights["whiten"], -INPUT_LIMIT, INPUT_LIMIT
         )
 
     def memorise(self, whitened: Array) -> Array:
-        """Contribution (n, memory) of whitened inputs (n, k) to the memory."""
+        """Values (n, memory) of the memory units for `whitened` inputs (n, k) of one image."""
         return np.tanh(whitened @ self.weights["recall"] + self.weights["recall_bias"])
 
     def judge(self, whitened: Array, memory: Array) -> Judgement:
-        """The prediction from whitened inputs (n, k) with `memory` (n, memory)."""
+        """Prediction from `whitened` inputs (n, k) and the mean memory units (n, memory)."""
         w = self.weights
         known = np.concatenate([whitened, memory], axis=1)
         hidden = np.tanh(known @ w["first"] + w["first_bias"])
@@ -113,5 +113,5 @@ class Critic:
         )
 
     def with_stretch(self, stretch: Array) -> Self:
-        """A copy of the critic with its four sigmas larger by `stretch` (4,)."""
+        """A copy of the critic with its four standard deviations multiplied by `stretch` (4,)."""
         return type(self)(self.weights | {"stretch": self.weights["stretch"] * stretch})

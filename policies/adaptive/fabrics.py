@@ -1,4 +1,4 @@
-"""Random strips for training: the paper's range, yarn friction, and effects of textile size."""
+"""Random strips for training: the paper's range, yarn friction, and other effects of fabrics."""
 
 from collections.abc import Mapping
 
@@ -14,7 +14,7 @@ THICKNESS_RANGE = (0.0003, 0.002)  # m, log-uniform
 DENSITY_RANGE = (0.1, 0.5)  # kg/m^2, log-uniform: light shirting to heavy denim
 FRICTION_SHARE = 0.43  # share of strips with yarn friction
 FRICTION_EFFECT = "bending_hysteresis"
-OTHER = 0.25  # share of strips with one effect besides
+OTHER = 0.25  # share of strips with one further effect
 
 
 EFFECTS = {
@@ -30,27 +30,27 @@ EFFECTS = {
     "relaxation": 1.0,
     "length_error": 1.0,
 }
-"""Effects besides friction, and how often against each other: the hard ones more often. Their sizes
-over textiles are in their own files.
+"""Effects besides friction with their relative frequencies, hard ones more often. Their sizes over
+textiles are in their own files.
 """
 
 
 def friction(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
-    """Yarn friction with a yield curvature log-uniform over [`low`, `high`] [1/m]."""
+    """Random parameters of yarn friction, yield curvature log-uniform in [`low`, `high`] [1/m]."""
     ratio = registry()[FRICTION_EFFECT].textile["stiffness_ratio"]
     curvature = _log_uniform(rng, low, high)
     return {"yield_curvature": curvature, "stiffness_ratio": ratio.draw(rng, STRIP_LENGTH)}
 
 
 def effect(name: str, rng: np.random.Generator, length: float = STRIP_LENGTH) -> dict[str, float]:
-    """The effect called `name` at a size drawn at random, on a strip of `length` [m]."""
+    """Random parameters of the effect `name` over textiles, for a strip of `length` [m]."""
     return {key: span.draw(rng, length) for key, span in registry()[name].textile.items()}
 
 
 def plain(
     rng: np.random.Generator, length: float = STRIP_LENGTH, **effects: Mapping[str, float]
 ) -> StripFile:
-    """A strip of the paper's range of `length` [m] with textile weight and the given effects."""
+    """A random strip of `length` [m] in the paper's range, of a textile's weight, with `effects`."""
     range_ = strip_at(rng.uniform(), rng.uniform())
     return StripFile(
         name="unknown",
@@ -65,7 +65,7 @@ def plain(
 
 
 def unknown(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
-    """A random strip as an operator may bring it: friction on many, another effect on some."""
+    """A random strip as operators may bring it: many have yarn friction, some another effect."""
     effects: dict[str, Mapping[str, float]] = {}
     if rng.uniform() < FRICTION_SHARE:
         curvature = registry()[FRICTION_EFFECT].textile["yield_curvature"]

@@ -1,4 +1,4 @@
-"""Inputs of the critic: the gripper, its line, and the images of the last tenth of a second."""
+"""Inputs of the critic: gripper, its line, and line fits to the images of the last 0.12 s."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ class Features:
         return self._window.newest
 
     def tell(self, seen: Observation) -> NDArray[np.bool_]:
-        """Add an observation; for which strips (n,) its image is new, and with confidence."""
+        """Add an observation; returns for which strips (n,) its image is new and reliable."""
         count = len(seen.x)
         flat = seen.profile.reshape(count, -1)
         values = np.concatenate([seen.contact_x[:, None], seen.tip_x[:, None], flat], axis=1)
@@ -40,7 +40,7 @@ class Features:
         return self._window.tell(seen.stamp, values / self._length, good)
 
     def inputs(self, seen: Observation, rise: Array, descending: NDArray[np.bool_]) -> Array:
-        """Inputs (n, COUNT) for grippers whose line has `rise` (n,) [m]."""
+        """Inputs (n, COUNT) of the critic for grippers at lines of `rise` (n,) [m]."""
         trend = self._window.trend()
         x, z, r = seen.x / self._length, seen.z / self._length, rise / self._length
         age = np.clip(seen.time - self.newest, 0.0, 0.5)

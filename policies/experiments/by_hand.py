@@ -1,4 +1,4 @@
-"""Motions by hand: a person leads the gripper over the strip, no two of them alike."""
+"""Random gripper motions, as of a person who leads the gripper over the strip by hand."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -22,12 +22,12 @@ PATH_SAMPLES = 2001  # of a path as a polyline
 
 
 def generator(seed: int, number: int) -> np.random.Generator:
-    """Random generator of motion `number` by the hand of `seed`."""
+    """Random generator of motion `number` by the simulated person `seed`."""
     return np.random.default_rng([seed, HAND_STREAM, number])
 
 
 def by_hand(length: float, seed: int, number: int) -> Motion:
-    """Motion `number` by the hand of `seed` over a strip of `length` [m], without its tremor."""
+    """Motion `number` by the simulated person `seed` over a strip of `length` [m], no tremor."""
     line, travel = hand_path(length, generator(seed, number))
     whole = np.linspace(0.0, line.x[-1], PATH_SAMPLES)
     times: Array = STEP * np.arange(len(travel), dtype=float)
@@ -35,17 +35,17 @@ def by_hand(length: float, seed: int, number: int) -> Motion:
 
 
 def hand_path(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Array]:
-    """The way of a gripper that a person leads from the grasped edge of a strip of `length` [m] to
-    over its fixed edge, points [m] by distance, and the distance (n,) [m] every STEP.
+    """Spline of a hand-led path, x, z [m] by distance [m], and the distance (n,) [m] every STEP.
 
-    Up first, then over, with pauses and returns.
+    From the grasped edge of a strip of `length` [m] up, then over to its fixed edge, with pauses
+    and returns.
     """
     line = _smooth_line(length, rng)
     return line, _travel(float(line.x[-1]), rng)
 
 
 def _smooth_line(length: float, rng: np.random.Generator) -> CubicSpline:
-    """Points [m] by distance along a smooth curve through the places that a person aims for."""
+    """Spline x, z [m] by distance [m], through the random places that a person aims for."""
     apex = (rng.uniform(0.42, 0.58), rng.uniform(0.40, 0.55))
     corners = np.array([
         (1.0, 0.0),
@@ -62,7 +62,7 @@ def _smooth_line(length: float, rng: np.random.Generator) -> CubicSpline:
 
 
 def _travel(whole: float, rng: np.random.Generator) -> Array:
-    """Distance along the way (n,) [m] every STEP, in strokes from rest to rest, with pauses."""
+    """Distance along the path (n,) [m] every STEP, in strokes from rest to rest, with pauses."""
     stops = [*np.sort(rng.uniform(0.2, 0.8, rng.integers(MOST_STOPS + 1))), 1.0]
     if rng.uniform() < RETURN_SHARE and len(stops) > 1:
         stops.insert(1, stops[0] - rng.uniform(*RETURN_RANGE))
@@ -75,7 +75,7 @@ def _travel(whole: float, rng: np.random.Generator) -> Array:
 
 
 def _stroke(begin: float, end: float, speed: float, rng: np.random.Generator) -> Array:
-    """Distances along the way from `begin` to `end` [m] at about `speed`, from rest to rest."""
+    """Distances (n,) along the path from `begin` to `end` [m] at about `speed`, rest to rest."""
     t = np.arange(0.0, abs(end - begin) / speed + STARTING, STEP)
     pace = np.exp(HASTE * wavering(t, WAVER, rng))
     near = np.clip(np.minimum(t, t[-1] - t) / STARTING, 0.0, 1.0)

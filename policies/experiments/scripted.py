@@ -34,11 +34,11 @@ class Scripted:
         self._begun = np.full(count, np.nan)
 
     def lift(self) -> Path:
-        """The motion's path."""
+        """Path of the lift: the motion's own path."""
         return self._active_motion().path
 
     def decide(self, observation: Observation) -> Decision:
-        """Direction to the motion's present point, at its velocity; done at its end."""
+        """Headings and speeds that track the motion's present point; done at its end."""
         motion = self._active_motion()
         here = np.stack([observation.x, observation.z], axis=-1)
         if np.isnan(self._begun).any():

@@ -27,7 +27,7 @@ def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: in
 
 
 def evaluator(settings: TrainingSettings, executor: Executor) -> Callable[[Array, int], Scores]:
-    """The search's `evaluate` function, in pieces over `executor`."""
+    """The search's `evaluate` function, which runs pieces of a generation over `executor`."""
 
     def evaluate(candidates: Array, generation: int) -> Scores:
         pieces = [candidates[i : i + PIECE] for i in range(0, len(candidates), PIECE)]
@@ -39,7 +39,7 @@ def evaluator(settings: TrainingSettings, executor: Executor) -> Callable[[Array
 
 
 def validate(settings: TrainingSettings, weights: Array) -> float:
-    """Root mean square of d [m] of `weights` (WEIGHT_COUNT,) on a grid, with noise, in a finer rod.
+    """Rms displacement [m] by `weights` (WEIGHT_COUNT,) over a grid, with noise, in a finer rod.
 
     The root mean square, because a policy must be good on every strip.
     """

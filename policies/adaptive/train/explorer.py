@@ -1,4 +1,4 @@
-"""The policy of training folds: its rises are switched at random moments, its inputs are kept."""
+"""Exploring policy of training folds: changes each rise at a random moment and records inputs."""
 
 import math
 
@@ -18,7 +18,7 @@ AS_IT_IS = 0.25  # share of the folds whose rise is never switched
 
 
 class Silent(Critic):
-    """A critic before any training, which predicts nothing."""
+    """Placeholder critic whose weights are all zero, for folds before any training."""
 
     def __init__(self) -> None:
         sizes = {"mean": (COUNT,), "whiten": (COUNT, 1), "recall": (1, 1), "recall_bias": (1,)}
@@ -28,7 +28,7 @@ class Silent(Critic):
 
 
 class Explorer(Adaptive):
-    """Folds with a critic, or without one with random rises, until each fold's switch.
+    """Policy whose rises follow a critic, or are random without one, until each fold's switch.
 
     `kept` are inputs (n, COUNT) at every `INPUT_STRIDE`th decision, `rises` (n,) the rises kept
     from then on, `times` (n,) [s]; `switch` (n,) counts the kept decisions before the switch.
@@ -43,7 +43,10 @@ class Explorer(Adaptive):
         *,
         switches: bool = True,
     ) -> None:
-        """Perturb rises by `perturbation` [m], deciding at `rate` [Hz]; never unless `switches`."""
+        """Perturb each rise once by `perturbation` [m], one sigma, unless `switches` is false.
+
+        Decisions are made at `rate` [Hz].
+        """
         super().__init__(critic or Silent())
         self._alone, self._switches = critic is None, switches
         self._perturbation, self._rng = perturbation, rng
@@ -69,7 +72,7 @@ class Explorer(Adaptive):
             self._after = np.where(stays, self.rise, rng.uniform(0.0, highest, count))
 
     def decide(self, observation: Observation) -> Decision:
-        """Follow the critic before the switch, and keep the rise after it."""
+        """Headings along each fold's line, whose rise is the critic's before the switch."""
         decision = super().decide(observation)
         self._count += 1
         return decision
@@ -80,7 +83,7 @@ class Explorer(Adaptive):
         return super()._judge(inputs, fresh)
 
     def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
-        """Rises before each fold's switch as the critic's, after it the drawn ones."""
+        """Rises (n,) [m]: the critic's before each fold's switch, the drawn ones after it."""
         before = self.rise if self._alone else super()._smooth_rise(judgement, time)
         step = self._count / INPUT_STRIDE
         reached = np.isnan(self._after) & (step >= self.switch)

@@ -1,4 +1,4 @@
-"""Regression of the critic on folds: displacement, its slope and spread, and the strip."""
+"""Regression of the critic on training folds by maximum likelihood, with torch."""
 
 import numpy as np
 import torch
@@ -31,7 +31,7 @@ BELIEF = 0.1  # weight of the strip's likelihood
 
 
 class Network(nn.Module):
-    """The critic's arrays as parameters; see `policies.adaptive.critic.Critic`."""
+    """The critic as a module of torch, for training; see `policies.adaptive.critic.Critic`."""
 
     def __init__(self, inputs: int, memory: int, hidden: tuple[int, int]) -> None:
         super().__init__()
@@ -60,7 +60,7 @@ class Network(nn.Module):
 
 
 def whitening(piece: Piece) -> tuple[Array, Array]:
-    """Mean (k,) and matrix (k, k) that give inputs of living folds unit spread, uncorrelated."""
+    """Mean (k,) and matrix (k, k) that whiten the inputs of `piece` before the touch."""
     inputs = piece.inputs[piece.alive].astype(np.float64)
     mean = inputs.mean(axis=0)
     scale = np.ones(inputs.shape[1])
@@ -71,7 +71,7 @@ def whitening(piece: Piece) -> tuple[Array, Array]:
 
 
 def input_mask(settings: CriticSettings) -> Array:
-    """1 for the inputs (COUNT,) that a critic may use, 0 for those left out."""
+    """Mask (COUNT,) of inputs: 1 for those that a critic may use, 0 for those left out."""
     kept = np.ones(COUNT)
     for part in (kept[STATE_SIZE : STATE_SIZE + CHANNELS], kept[STATE_SIZE + CHANNELS :]):
         part[1] = settings.tip
@@ -82,7 +82,7 @@ def input_mask(settings: CriticSettings) -> Array:
 def fit(
     piece: Piece, settings: CriticSettings, epochs: int, seed: int, start: Critic | None
 ) -> Critic:
-    """Fit the critic over `epochs` to `piece`, from `start` or random weights by `seed`.
+    """Critic fitted over `epochs` to `piece`, from `start` or from random weights of `seed`.
 
     Deterministic: one thread, its own generator.
     """
@@ -97,7 +97,7 @@ def fit(
 
 
 def _fit(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
-    """Train by Adam with a cosine schedule, each batch with new biases of its inputs."""
+    """Fit by Adam with a cosine schedule, adding newly drawn biases to each batch's inputs."""
     mean, whiten = (start.weights["mean"], start.weights["whiten"]) if start else whitening(piece)
     whiten = whiten * input_mask(settings)[:, None]
     network = Network(len(mean), settings.memory, settings.hidden)
@@ -123,8 +123,8 @@ def _fit(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | No
 def biases(count: int) -> Tensor:
     """Random errors (count, COUNT) of a fold's inputs that stay the same in all its images.
 
-    Of contact and tip, and of the profile an error that changes linearly along it: what images
-    leave, as `cell study perception` shows.
+    One of the contact, one of the tip, and one of the profile that changes linearly along it, as
+    measured by `cell study perception`.
     """
     along = torch.linspace(0.0, 1.0, POINTS)[:, None]
     begin, end = IMAGE_BIAS * torch.randn(2, count, 1, 2)

@@ -1,4 +1,4 @@
-"""A training of the critic in a folder: pieces, the critic after each round, the weights."""
+"""A resumable training of the critic in a folder: data, critic of each round, final weights."""
 
 import json
 from collections.abc import Iterator
@@ -75,7 +75,7 @@ class CriticTraining:
         self._finish()
 
     def _pieces(self, turn: int, count: int, executor: Executor) -> Iterator[int]:
-        """Fold and store the missing pieces of a round; returns their numbers."""
+        """Fold and store the missing pieces of round `turn`; yields each piece's number."""
         missing = [n for n in range(count) if self._read(turn, n) is None]
         yield from sorted(set(range(count)) - set(missing))
         known = (self.settings, turn)

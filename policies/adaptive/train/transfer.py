@@ -1,4 +1,4 @@
-"""Fits a critic's transfer to folds that its policy made through images."""
+"""Fit of a critic's correction, its `Transfer`, to folds that were made through images."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -19,8 +19,8 @@ COVERAGE = 0.68  # share of folds within one sigma
 
 
 class FoldedBatch(NamedTuple):
-    """Data of n folds, arrays (n,): the measured displacement, displacement and sigma as the critic
-    predicted them, the belief's logarithms, and the thickness [m].
+    """Data of n folds, arrays (n,): measured displacement [m], the critic's predicted displacement
+    and sigma [m], logarithms of its estimate of the strip, and thickness [m].
     """
 
     displacement: Array
@@ -39,7 +39,7 @@ class FoldedBatch(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FitQuality:
-    """Quality of a transfer on left-out `folds`: rms [m], and the share `within` one sigma."""
+    """Cross-validated quality over `folds`: rms error `bias` [m], share `within` one sigma."""
 
     folds: int
     bias: float
@@ -51,8 +51,9 @@ class FitQuality:
 
 
 def fit_transfer(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
-    """The transfer fitted to `batch`, and its quality on folds that were left out, a tenth each
-    time. Raises ValueError for fewer folds than the bias has terms.
+    """The transfer fitted to `batch`, and its quality by tenfold cross-validation.
+
+    Raises ValueError for fewer folds than the bias has terms.
     """
     count = len(batch.displacement)
     if count < len(PRIOR):
@@ -77,7 +78,7 @@ def fit_transfer(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
 
 
 def _coefficients(batch: FoldedBatch) -> Array:
-    """Posterior mode of the bias (3,)."""
+    """Posterior mode (3,) of the bias's coefficients [m, m, m/m]."""
     terms, values = _bias_terms(batch), batch.predicted - batch.displacement
 
     def residuals(scaled: Array) -> Array:

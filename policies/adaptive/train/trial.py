@@ -1,4 +1,4 @@
-"""Trial folds of a finished critic: its errors, and the factors that calibrate its sigmas."""
+"""Trial folds of a finished critic: its errors, and factors that calibrate its uncertainty."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ COVERAGES = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """|d| over folds in the rod [m], and the shares within 1 and 1.96 sigma of the prediction."""
+    """Results of trial folds: mean, 95 % quantile, worst |d| [m]; shares within 1, 1.96 sigma."""
 
     folds: int
     untouched: int
@@ -30,7 +30,7 @@ class Trial:
 
 
 def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
-    """`critic` with sigmas that cover their share of outcomes of `piece`, and the trial."""
+    """`critic` with sigmas scaled to their coverage of the outcomes in `piece`, and its trial."""
     ratios = off_over_sigma(critic, piece)
     critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
     at_touch = off_over_sigma(critic, piece, last=1)[0]
@@ -46,7 +46,7 @@ def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
 
 
 def off_over_sigma(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
-    """|outcome - predicted| / sigma (m,) of d and the belief, `last` decisions before touch."""
+    """Four arrays (m,) of |error| / sigma: d, then the belief, `last` decisions before touch."""
     found: list[list[Array]] = [[] for _ in range(4)]
     count = len(piece.displacement)
     memory, counted = np.zeros((count, critic.memory)), np.zeros((count, 1))
