@@ -60,7 +60,7 @@ class BoardSettings(Settings):
         return np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (self.width, self.rows * self.square)
 
     def board(self) -> cv2.aruco.CharucoBoard:
-        """The board as an OpenCV object; even rows are a ConfigurationError."""
+        """The board as an OpenCV object; impossible sizes are a ConfigurationError."""
         if self.rows % 2 == 0:
             raise ConfigurationError(f"board: rows: is {self.rows}, must be odd; print another")
         if self.marker >= self.square:
@@ -73,7 +73,7 @@ class BoardSettings(Settings):
 
 @dataclass(frozen=True, slots=True)
 class BoardView:
-    """Corners of one view: `ids` (n,), `board` (n, 3) [m] on it, `image` (n, 2) [px]."""
+    """Board corners detected in one view: `ids` (n,), `board` (n, 3) [m], `image` (n, 2) [px]."""
 
     ids: Array
     board: Array
@@ -87,7 +87,7 @@ class BoardView:
         return float(np.median(np.hypot(*(self.image[i] - other.image[j]).T)))
 
     def tilt(self, lens: Lens) -> tuple[float, float]:
-        """Angles [rad] by which the board's top and right edge lean away from the camera."""
+        """Two angles [rad] by which the board's top and right edge lean away from the camera."""
         turned = cv2.Rodrigues(self._board_pose(lens)[0])[0]
         return float(np.arcsin(-turned[2, 1])), float(np.arcsin(turned[2, 0]))
 

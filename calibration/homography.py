@@ -31,17 +31,17 @@ class Homography:
         return cls(frozen(scaled), frozen(np.linalg.inv(scaled)))
 
     def to_plane(self, pixels: Array) -> Array:
-        """(n, 2) undistorted pixels -> (n, 2) x, z [m]."""
+        """Points (n, 2) x, z [m] in the plane at undistorted `pixels` (n, 2)."""
         return _apply(self.matrix, pixels)
 
     def to_image(self, points: Array) -> Array:
-        """(n, 2) x, z [m] -> (n, 2) undistorted pixels."""
+        """Undistorted pixels (n, 2) of `points` (n, 2) x, z [m] in the plane."""
         return _apply(self.inverse, points)
 
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """A touched point rejected by the fit: number, place [m], distance [px] from the map."""
+    """A touched point rejected by the fit: number, place [m], and residual `error` [px]."""
 
     number: int
     x: float
@@ -74,11 +74,11 @@ class Viewpoint:
     distance: float
 
     def foot(self) -> Array:
-        """(2,) x, z [m], the point where all lines along y meet in the image."""
+        """Point (2,) x, z [m] of the plane nearest to the camera, where lines along y meet."""
         return np.array([self.x, self.z])
 
     def sweep(self, depth: float) -> float:
-        """Fraction of the distance to the foot by which a point at `depth` [m] appears shifted."""
+        """Share of the way to `foot` by which a point `depth` [m] behind the plane is shifted."""
         return depth / (self.distance + depth)
 
 

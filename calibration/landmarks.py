@@ -1,4 +1,4 @@
-"""Detection of a moved camera by landmarks: the finger tip at a known pose, the desk's line."""
+"""Detection of a moved camera by landmarks: the finger tip at a known pose, the desk's edge."""
 
 from base64 import b64decode, b64encode
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from drivers.pictures import LARGEST_SIDE, sides
 from drivers.settings import Settings
 from drivers.types import Array, Frame, Image, Pose
 
-TIP_SIDE, DESK_SIDE = 96, 28  # px, of the remembered squares
+TIP_SIDE, DESK_SIDE = 96, 28  # px, sides of the patches
 SEARCH_RADIUS = 40  # px by which a landmark is looked for around its place
 DESK_HEIGHTS = (0.010, 0.060)  # m over which the desk's line is looked for, above a lying strip
 CONTRAST = 6.0  # grey levels that a line must show
@@ -25,9 +25,9 @@ MATCH_CORRELATION = 0.6  # correlation from which a landmark counts as found
 
 
 class LandmarkSettings(Settings):
-    """Pose of the empty hand for landmarks, x, z [m] and pitch [rad], and the allowed shift.
+    """Pose of the empty hand for landmarks, x, z [m] and pitch [rad], and the allowed shift [mm].
 
-    The hand must be clear of strips and in the image, the same pose for all of them.
+    The hand must be in the image and clear of strips; the pose is the same for all strips.
     """
 
     x: float = Field(0.42, ge=-0.5, le=2.0)
@@ -37,12 +37,12 @@ class LandmarkSettings(Settings):
 
     @property
     def pose(self) -> Pose:
-        """The gripper's pose."""
+        """Pose of the gripper at which landmarks are taken."""
         return Pose(self.x, self.z, self.pitch)
 
 
 class Landmark(Settings):
-    """A square image patch: its name, top left corner [px], and grey levels."""
+    """A square image patch: its kind, top left corner [px], and grey levels as PNG."""
 
     kind: Literal["tip", "desk"]
     left: int = Field(ge=0)
@@ -51,7 +51,7 @@ class Landmark(Settings):
 
     @classmethod
     def of(cls, kind: Literal["tip", "desk"], grey: Image, left: int, top: int, side: int) -> Self:
-        """The square of `side` [px] at (`left`, `top`) in `grey` (height, width)."""
+        """The patch of `side` [px] at (`left`, `top`) in the image `grey` (height, width)."""
         _, content = cv2.imencode(".png", grey[top : top + side, left : left + side])
         return cls(kind=kind, left=left, top=top, png=b64encode(bytes(content)).decode("ascii"))
 
@@ -79,7 +79,7 @@ class Landmarks(Settings):
 
     @property
     def pose(self) -> Pose:
-        """The pose at which the tip must appear where it did."""
+        """Pose of the gripper at which the landmarks were taken."""
         return Pose(self.x, self.z, self.pitch)
 
 
@@ -103,8 +103,7 @@ class CameraShift:
 
 
 def remember(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> Landmarks:
-    """Landmarks from an image (h, w, 3) of the empty hand at rest at the measured `pose`, the desk
-    bare.
+    """Landmarks from an image (h, w, 3) of the empty hand at rest at `pose` over a bare desk.
 
     Raises ConfigurationError where the camera does not see the tip.
     """
@@ -125,7 +124,7 @@ def remember(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> La
 def camera_shift(
     frame: Frame, landmarks: Landmarks, lens: Lens, homography: Homography
 ) -> CameraShift:
-    """Shift of the landmarks in an image (h, w, 3) of the hand at rest at the same pose."""
+    """Shift of the landmarks in an image (h, w, 3) of the empty hand at rest at their pose."""
     grey = grey_of(frame.image)
     found = [(mark, _find(grey, mark)) for mark in landmarks.marks]
     tips = [_moved_mm(m, at, lens, homography) for m, at in found if m.kind == "tip" and at]
@@ -135,7 +134,7 @@ def camera_shift(
 
 
 def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark]:
-    """Patches on the strongest horizontal edge behind the strip; none where it is too weak."""
+    """Patches on the desk's horizontal edge behind the strip; none where its contrast is weak."""
     marks = []
     for x in np.linspace(0.05, 0.55, 7):
         ends = lens.distort(homography.to_image(np.array([(x, z) for z in DESK_HEIGHTS])))
@@ -158,7 +157,7 @@ def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark
 
 
 def _find(grey: Image, mark: Landmark) -> tuple[float, float] | None:
-    """Shift (u, v) [px] at which the landmark is found again, or None."""
+    """Shift (u, v) [px] of a landmark by template matching; None where it is not found."""
     patch = mark.patch()
     reach_u = SEARCH_RADIUS if mark.kind == "tip" else 0  # a level line hides sideways motion
     left, top = max(mark.left - reach_u, 0), max(mark.top - SEARCH_RADIUS, 0)
@@ -175,7 +174,7 @@ def _find(grey: Image, mark: Landmark) -> tuple[float, float] | None:
 
 
 def peak(scores: Array, at: int) -> float:
-    """Position of the maximum near index `at` of `scores` (n,), relative to it, by a parabola."""
+    """Offset of the maximum of `scores` (n,) from index `at`, by a parabola through 3 values."""
     if not 0 < at < len(scores) - 1:
         return 0.0
     before, here, after = (float(score) for score in scores[at - 1 : at + 2])
@@ -186,7 +185,7 @@ def peak(scores: Array, at: int) -> float:
 def _moved_mm(
     mark: Landmark, shift: Sequence[float], lens: Lens, homography: Homography
 ) -> tuple[float, float]:
-    """Shift of a landmark [px] converted to x, z [mm] in the plane of the near edge."""
+    """Convert the `shift` of a landmark [px] to x, z [mm] in the plane of the near edge."""
     side = TIP_SIDE if mark.kind == "tip" else DESK_SIDE
     here = np.array([mark.left, mark.top]) + side / 2
     was, now = homography.to_plane(lens.undistort(np.array([here, here + shift])))
@@ -195,5 +194,5 @@ def _moved_mm(
 
 
 def grey_of(image: Image) -> Image:
-    """`image` (h, w, 3) in grey levels (h, w)."""
+    """Grey levels (h, w) of a colour `image` (h, w, 3)."""
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

@@ -88,7 +88,7 @@ def fit_lens(
 
 
 def _check_inside(points: Array, size: tuple[int, int]) -> None:
-    """Refuse points (n, 2) [px] outside an image of `size`; OpenCV does not check."""
+    """Refuse `points` (n, 2) [px] outside an image of `size` [px]; OpenCV does not check."""
     width, height = size
     u, v = points.max(axis=0)
     if u > width or v > height:
@@ -134,7 +134,7 @@ Positive = Annotated[int, Field(gt=0)]
 
 
 class MatrixFile(Settings):
-    """A matrix in ROS format."""
+    """A matrix in the format of ROS: shape, and values row by row."""
 
     rows: Positive
     cols: Positive
@@ -142,7 +142,7 @@ class MatrixFile(Settings):
 
     @classmethod
     def of(cls, matrix: Array) -> Self:
-        """`matrix` (rows, cols), row by row."""
+        """The file content of `matrix` (rows, cols)."""
         rows, cols = matrix.shape
         return cls(rows=rows, cols=cols, data=tuple(float(value) for value in matrix.ravel()))
 

@@ -25,7 +25,7 @@ def find_pointer(image: Image) -> Array | None:
 
 
 def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
-    """Centre of the disc within `outline`, or None where it is no disc on a dark plate."""
+    """Centre (2,) u, v [px] of the disc in `outline`, or None without a disc on a dark plate."""
     (u, v), radius = cv2.minEnclosingCircle(outline)
     if not RADII[0] <= radius <= RADII[1]:
         return None

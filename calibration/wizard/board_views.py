@@ -25,8 +25,8 @@ VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad, from t
 
 
 class BoardViews:
-    """Ask and tell: the caller shows the board as `ask()` says and passes the camera's image to
-    `tell()`.
+    """Collects views of the board by ask and tell: the caller shows the board as `ask()` requests
+    and passes the camera's image to `tell()`.
 
     Views that were not asked for count as well. With `patience` a requested view is given up after
     that many refused images; a person (`patient`) calls `skip` instead.
@@ -73,7 +73,7 @@ class BoardViews:
         return Result(number, view, view, None)
 
     def restore(self, number: int, image: Image) -> BoardView | None:
-        """Accept the view in `image` (h, w, 3) of a resumed session; None without a board."""
+        """Accept and return the view in a resumed session's `image` (h, w, 3); None without one."""
         view = find_board(image, self._detector, self._board).view
         if view is not None:
             self._accept(number, image, view)
@@ -81,7 +81,7 @@ class BoardViews:
         return view
 
     def sketch(self, size: tuple[int, int], view: BoardView | None) -> Sketch:
-        """The requested view and the one that is seen, in images of `size` (width, height) [px]."""
+        """Outlines of the requested view and of `view` in images of `size` (width, height) [px]."""
         outline, wanted = self._settings.outline(), self.ask()
         enough = view is not None and len(view.ids) >= self._settings.corners
         return Sketch(
@@ -113,7 +113,7 @@ class BoardViews:
         return tuple(self._views.values())
 
     def gates(self) -> tuple[Gate, ...]:
-        """Coverage by the views so far, gate by gate."""
+        """Coverage requirements and how far the views so far meet each."""
         return coverage(self.views, self._lens or guessed_lens((1280, 720)), self._settings)
 
     def verdict(self) -> LensVerdict:
@@ -174,7 +174,7 @@ class BoardViews:
 
 
 def _matches(wanted: WantedView, shown: Placement, width: float) -> bool:
-    """Whether the `shown` view is close enough to the `wanted` one."""
+    """Whether a view `shown` with relative `width` is within VIEW_TOLERANCE of `wanted`."""
     misses = (
         abs(shown.x - wanted.x),
         abs(shown.y - wanted.y),

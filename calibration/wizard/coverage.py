@@ -1,4 +1,4 @@
-"""The views of the board that are required, and the coverage of those that were taken."""
+"""Required views of the calibration board, and how well the accepted views cover them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from calibration.lens import Lens
 from drivers.types import Array
 
 MIDDLE_SHARE = 0.05  # share of the image within which a place is called the middle
-FLAT_ANGLE = 0.05  # rad under which a lean is not spoken of
+FLAT_ANGLE = 0.05  # rad under which a lean is not mentioned
 
 
 @dataclass(frozen=True, slots=True)
 class WantedView:
-    """A required view of the board, given by its image.
+    """A required view of the board: its place, size and angles in the image.
 
     `x`, `y` are its centre as fractions of the image, from the left and from the top, `size` its
     width as a fraction of the image's. Facing the camera at zero angles [rad]: `tilt` leans its top
@@ -43,7 +43,7 @@ class WantedView:
         return f"{where}, {100 * self.size:.0f} % of the image wide, {how}"
 
     def outline(self, corners: Array, lens: Lens) -> Array:
-        """Where `lens` shows the outer `corners` (4, 2) [m] of a board held so, (4, 2) [px]."""
+        """Image points (4, 2) [px] of the board's outer `corners` (4, 2) [m] in this view."""
         from scipy.spatial.transform import Rotation  # half a second that no fold needs
 
         turned = Rotation.from_euler("zxy", (self.roll, -self.tilt, -self.turn)).as_matrix()
@@ -56,7 +56,7 @@ class WantedView:
 
 
 def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, ...]:
-    """Thirteen views: five places, four leans, four leans with roll; `sizes` far and near.
+    """Thirteen required views: five places, four leans, four with roll; `sizes` far and near.
 
     `lean` [rad] is the largest tilt.
     """
@@ -114,7 +114,7 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """One coverage requirement: how much of its `need` the views `have`, and the remedy."""
+    """One coverage requirement: how much of the `need` the views `have`, and `advice`."""
 
     name: str
     have: float
@@ -129,7 +129,7 @@ class Gate:
 
     @property
     def passed(self) -> bool:
-        """Whether the views cover enough."""
+        """Whether the views meet the requirement."""
         return self.have >= self.need
 
     @property
@@ -152,8 +152,9 @@ def guessed_lens(size: tuple[int, int]) -> Lens:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sketch:
-    """The board in an image of `size` (width, height) [px]: outer corners (4, 2) [px] of the
-    `wanted` view and of the one that is `seen`, None where there is none.
+    """Outer corners (4, 2) [px] of the board, `wanted` and `seen`, None where unknown.
+
+    `size` is the (width, height) [px] of the image.
     """
 
     size: tuple[int, int]
@@ -162,14 +163,14 @@ class Sketch:
 
 
 def seen_outline(view: BoardView, outline: Array) -> Array:
-    """Where `view` shows the outer corners `outline` (4, 2) [m] of the board, (4, 2) [px]."""
+    """Image points (4, 2) [px] in `view` of the board's outer corners `outline` (4, 2) [m]."""
     there, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
     at = np.column_stack([outline, np.ones(4)]) @ there.T
     return np.asarray(at[:, :2] / at[:, 2:])
 
 
 def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
-    """How `view` shows a board whose outer corners are `outline` (4, 2) [m], clockwise."""
+    """Placement in `view` of a board with outer corners `outline` (4, 2) [m], clockwise."""
     corners = seen_outline(view, outline) / (lens.width, lens.height)
     aspect = np.array([lens.width / lens.height, 1.0])
     before, after = (corners[0] - corners[1]) * aspect, (corners[2] - corners[1]) * aspect
@@ -188,7 +189,7 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
 
 
 def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
-    """Every coverage requirement (gate), as met by `views` of the board through `lens`."""
+    """All coverage requirements, as far as `views` of the board through `lens` meet them."""
     seen = [placement(view, needs.outline(), lens) for view in views]
     tilt, turn = (np.array([getattr(p, name) for p in seen]) for name in ("tilt", "turn"))
     x, y, size = (_range([getattr(p, name) for p in seen]) for name in ("x", "y", "size"))

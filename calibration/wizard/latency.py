@@ -1,4 +1,4 @@
-"""Camera latency from steps of the arm: positions in images compared with the arm's own."""
+"""Camera latency from steps of the arm: the pointer in images against the arm's positions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,15 +14,15 @@ from calibration.wizard.verdict import Line, Verdict, grade_line, reasons
 from drivers.settings import Settings
 from drivers.types import ArmState, Array, Frame, Pose
 
-DRIFT_SIGMA = 6.0  # sigma by which a drift must be seen
+DRIFT_SIGMA = 6.0  # sigma by which a drift must differ from zero
 NAN = float("nan")
-MOVING_SPEED = 0.02  # m/s from which a moment says something about time
+MOVING_SPEED = 0.02  # m/s of the pointer from which an image reveals the latency
 FIRST_STEP = 0.005  # s between the latencies that are tried first
 
 
 class LatencySettings(Settings):
-    """Steps along x of `step` [m] from (`x`, `z`) and back, their number `steps`, and the
-    acceptance criteria.
+    """Settings of the latency measurement: `steps` moves of `step` [m] along x from (`x`, `z`) and
+    back, and the acceptance criteria.
 
     `most` is the largest plausible latency and `uncertainty` the allowed difference between two
     halves of the images, both [s]; `images` is the number required in motion.
@@ -48,7 +48,7 @@ class SeenStep:
 
 @dataclass(frozen=True, slots=True)
 class LatencyVerdict(Verdict):
-    """How much earlier than its stamp an image shows the world [s], and why it is refused.
+    """Measured `latency` [s], the time from an exposure to its stamp, and reasons for refusal.
 
     `apart` [s] is the difference between two halves of the images, `misfit_mm` the rms distance
     between image and arm at the best latency, `images` the number taken in motion.
@@ -60,7 +60,7 @@ class LatencyVerdict(Verdict):
     images: int = 0
 
     def lines(self, speed: float) -> list[Line]:
-        """The latency with its effect at `speed` [m/s], or why it is refused."""
+        """Line on the latency and its effect at `speed` [m/s], or the reasons for refusal."""
         if self.reasons:
             return self.bad_lines()
         late = round(1e3 * self.latency, 1) + 0.0  # never minus nothing
@@ -71,7 +71,7 @@ class LatencyVerdict(Verdict):
 
 
 class LatencySteps:
-    """Ask and tell: move the pointer to `ask()`, pass on every arm state and image on the way."""
+    """Collects arm states and images by ask and tell, while the caller moves the arm to `ask()`."""
 
     def __init__(self, settings: LatencySettings) -> None:
         self._settings = settings
@@ -95,7 +95,7 @@ class LatencySteps:
 
     @property
     def seen(self) -> tuple[SeenStep, ...]:
-        """Pointer positions in the images."""
+        """Positions of the pointer in the images so far."""
         return tuple(self._seen)
 
     def ask(self) -> Pose | None:
@@ -119,7 +119,7 @@ class LatencySteps:
         return centre is not None
 
     def verdict(self, lens: Lens, homography: Homography) -> LatencyVerdict:
-        """The verdict on the latency, through the map that the touched points gave."""
+        """The verdict on the latency, with `lens` and the `homography` of the touched points."""
         return latency_verdict(self.arm, self._seen, lens, homography, self._settings)
 
 
@@ -130,7 +130,7 @@ def latency_verdict(
     homography: Homography,
     settings: LatencySettings,
 ) -> LatencyVerdict:
-    """The verdict on images `seen` while the arm was at `arm` (n, 3) stamp [s], x, z [m]."""
+    """The verdict from images `seen` and arm measurements `arm` (n, 3) stamp [s], x, z [m]."""
     if len(arm) < 2 or not seen:
         return LatencyVerdict(reasons=("no step of the arm was seen; step again",))
     stamps = np.array([step.stamp for step in seen])
@@ -152,7 +152,7 @@ def latency_verdict(
 def _drift(
     arm: Array, stamps: Array, along: Array, latency: float, settings: LatencySettings
 ) -> tuple[str, ...]:
-    """Latency that changes linearly over the steps: two clocks at different rates."""
+    """Reason for refusal where the latency drifts over the steps: two clocks of unequal rate."""
     from scipy.optimize import least_squares
 
     since = stamps - stamps.mean()
@@ -176,7 +176,7 @@ def _drift(
 
 
 def _best_latency(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, float]:
-    """The latency [s] at which image and arm agree best, and their rms distance [m] then.
+    """Latency [s] at which images and arm agree best, and their remaining rms distance [m].
 
     A constant offset between both is a free parameter: it belongs to the map.
     """

@@ -27,13 +27,13 @@ class Bow:
 
 
 def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
-    """The bow of the board in `views`, seen through `lens`, which was fitted to a flat one.
+    """The bow of the board in `views` through a `lens` that was fitted to a flat board.
 
     `outline` (4, 2) [m] are the corners of its pattern.
 
     One Gauss-Newton step of the whole bundle, in which the board gains the heights
-    a x^2 + b y^2 + c x y: what they explain of the corners' errors, beyond what lens and poses
-    could, is the board's. x, y from its middle over half its length.
+    a x^2 + b y^2 + c x y: the part of the corners' errors that these explain and lens and poses do
+    not is the board's. x, y are from its middle, over half its length.
     """
     shared, own, errors = [], [], []
     middle, reach = _centre_and_size(outline)
@@ -61,13 +61,13 @@ def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
 
 
 def _centre_and_size(outline: Array) -> tuple[Array, float]:
-    """Middle (2,) and half the longer side [m] of a pattern with corners `outline` (4, 2)."""
+    """Middle (2,) and half the longer side [m] of a pattern with corners `outline` (4, 2) [m]."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     return 0.5 * (low + high), 0.5 * float((high - low).max())
 
 
 def _grid(outline: Array) -> Array:
-    """Nine points (9, 2): corners, sides and middle of a pattern."""
+    """Nine points (9, 2) [m] of a pattern: corners, middles of the sides, and middle."""
     x, y = np.linspace(outline.min(axis=0), outline.max(axis=0), 3).T
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
@@ -79,7 +79,7 @@ def _bow_modes(board: Array, middle: Array, reach: float) -> Array:
 
 
 def _linearise(view: BoardView, lens: Lens) -> tuple[Array, Array, Array, Array]:
-    """Errors (2n,) of corners [px]; derivatives by camera (2n, 8), pose (2n, 6), height (2n, 1)."""
+    """Errors (2n,) [px] of corners, derivatives by camera (2n, 8), pose (2n, 6), height (2n, 1)."""
     board = np.asarray(view.board, dtype=np.float64)
     _, turn, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
     seen, slopes = cv2.projectPoints(board, turn, shift, lens.matrix, lens.distortion)
@@ -94,14 +94,14 @@ def _solution(by: Array, values: Array) -> Array:
     return np.asarray(np.linalg.lstsq(by, values, rcond=None)[0])
 
 
-SEEN_SIGMA = 4.0  # sigma by which a bow or a difference of the halves must be seen
+SEEN_SIGMA = 4.0  # sigma by which a bow or a difference of the halves is significant
 OFF_CENTRE = 0.15  # share of the image by which a principal point may lie off its centre
 NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
 class LensVerdict(Verdict):
-    """The lens fit, the difference between two independent halves of the views, and the reasons for
+    """The lens fit, differences between the lenses of two halves of the views, and the reasons for
     failure.
 
     `split` is their relative difference in focal length; `bend_px` the largest difference of their
@@ -125,7 +125,7 @@ def lens_verdict(
     length: float | None,
     settings: BoardSettings,
 ) -> LensVerdict:
-    """The verdict on `views` by number of image, of `size` [px]; independent of their order.
+    """The verdict from `views` by number, in images of `size` [px]; independent of their order.
 
     `length` [m] is the ruler's length of the printed squares across all columns.
     """
@@ -158,7 +158,7 @@ def lens_verdict(
 
 
 def lens_lines(verdict: LensVerdict) -> tuple[Line, ...]:
-    """Lines of the verdict on a session with the board."""
+    """Lines for the operator about the verdict on the lens."""
     lines = []
     if verdict.fit is not None:
         lens = verdict.fit.lens
@@ -194,8 +194,8 @@ def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
 def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[str, ...]:
     """Reasons for refusal: defects of the lens itself.
 
-    Noise of the corners explains a difference of halves with twice the deviation of the whole; what
-    exceeds that, and the tolerance, has another cause.
+    Noise of the corners explains a difference of halves of twice the whole's deviation; one beyond
+    that and the tolerance has another cause.
     """
     lens = fit.lens
     deviation = fit.focal_deviation / float(lens.matrix[0, 0])

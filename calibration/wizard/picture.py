@@ -12,7 +12,7 @@ from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touches import Touched
 from drivers.types import Array, Image
 
-ENLARGED = 300.0  # times by which errors are drawn longer than they are
+ENLARGED = 300.0  # scale of drawn errors
 FITTED_BGR, HELD_OUT_BGR, BAD_BGR, WHITE_BGR = (
     (80, 210, 110),
     (255, 170, 40),
@@ -24,7 +24,7 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def views_picture(image: Image, views: Iterable[BoardView], per_view: Mapping[int, float]) -> Image:
-    """`image` (h, w, 3) with every corner of all views, which shows the coverage."""
+    """`image` (h, w, 3) with every corner of all views drawn in, to show the coverage."""
     drawn = _darken(image)
     for view in views:
         for corner in view.image:
@@ -38,7 +38,7 @@ def views_picture(image: Image, views: Iterable[BoardView], per_view: Mapping[in
 def touches_picture(
     image: Image, touches: Sequence[Touched], lens: Lens, verdict: TouchVerdict
 ) -> Image:
-    """`image` (h, w, 3) with each touched point, its error `ENLARGED` times, outliers crossed."""
+    """`image` (h, w, 3) with touched points, errors drawn `ENLARGED` times, outliers crossed."""
     drawn = _darken(image)
     off = {point.number for point in verdict.rejected}
     replaced = {point.number for point in verdict.wild}

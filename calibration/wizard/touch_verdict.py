@@ -18,10 +18,10 @@ from drivers.types import Array
 
 NAN = float("nan")
 HALF_POINTS = 6  # points from which half a map is still worth comparing
-ORIENTATION_STEP = 0.01  # m, over which the map's orientation is looked at
+ORIENTATION_STEP = 0.01  # m, side of the triangle by which a mirrored map is detected
 # an error e of x lengthens one layer and shortens the other: d is off by 2 e
 DISPLACEMENT_FACTOR = 2.0
-FEWEST_POINTS = 3  # points that decide
+FEWEST_POINTS = 3  # held-out points on which a verdict can rest
 ANEW = "run `cell calibrate homography` again"
 
 
@@ -57,7 +57,7 @@ class TouchVerdict(Verdict):
     grade: Grade = Grade.REFUSED
 
     def lines(self) -> list[Line]:
-        """Lines for the operator on the map and its points, worst news last."""
+        """Lines for the operator on the map and its points, reasons for refusal last."""
         lines = []
         if self.homography is not None:
             lines = [
@@ -77,7 +77,7 @@ class TouchVerdict(Verdict):
 
 @dataclass(frozen=True, slots=True)
 class CheckVerdict(Verdict):
-    """Distance of each touched point, by its number, from where the calibration shows it [mm].
+    """Error [mm] of a calibration in use at each touched point, by the point's number.
 
     `median_mm` and `worst_mm` are NaN without points.
     """
@@ -88,7 +88,7 @@ class CheckVerdict(Verdict):
 
 
 def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> TouchVerdict:
-    """The verdict on `touches`, seen through `lens`; independent of their order."""
+    """The verdict on the map from `touches` through `lens`; independent of their order."""
     try:
         solved = solve(touches, lens, settings)
     except ConfigurationError as error:
@@ -104,7 +104,7 @@ def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSetting
 def check_verdict(
     touches: Sequence[Touched], calibration: Calibration, settings: TouchSettings
 ) -> CheckVerdict:
-    """The verdict on `calibration` from `touches` that it was not made of."""
+    """The verdict on `calibration` from new `touches`, to which it was not fitted."""
     off = 1e3 * np.reshape([calibration.to_plane(t.pixel[None])[0] - t.place for t in touches],
                            (-1, 2))  # fmt: skip
     values = np.hypot(*off.T)
@@ -128,7 +128,7 @@ def check_verdict(
 def touch_lines(
     touches: TouchVerdict | None, latency: LatencyVerdict | None, speed: float
 ) -> tuple[Line, ...]:
-    """Lines of the verdict on touches and steps; `speed` [m/s] is that of a fold."""
+    """Lines for the operator on touches and latency; `speed` [m/s] is that of a fold."""
     if touches is None:
         return (Line(Level.BAD, "refused: nothing was touched"),)
     missing = [Line(Level.BAD, "the latency was not measured")]
@@ -148,7 +148,7 @@ def refusals(touches: TouchVerdict | None, latency: LatencyVerdict | None) -> tu
 
 
 def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
-    """Lines of the verdict on an old calibration."""
+    """Lines for the operator on the check of a calibration in use."""
     lines = verdict.bad_lines()
     if verdict.errors_mm:
         text = f"half of {len(verdict.errors_mm)} touched points are under "
@@ -158,7 +158,7 @@ def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
 
 
 def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
-    """Shift of all errors `off` (n, 2) [mm], larger than they differ: no loose pointer."""
+    """Reason for refusal where all errors `off` (n, 2) [mm] share a shift: a moved camera."""
     shared = np.median(off, axis=0)
     apart = float(np.hypot(*(off - shared).T).max())
     size = float(np.hypot(*shared))
@@ -170,7 +170,7 @@ def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
 
 
 def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings) -> tuple[str, ...]:
-    """Explanations for bad touches as a whole: a mirrored plane, or a camera that moved."""
+    """Reasons for refusal that explain all others: a mirrored plane, or a camera that moved."""
     middle = np.mean([touched.place for touched in touches], axis=0)
     around = solved.homography.to_image(
         middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
@@ -192,7 +192,7 @@ def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings)
 
 
 def _compose(solved: Solved, settings: TouchSettings) -> TouchVerdict:
-    """Verdict on a solved map: its errors at held-out points, rejected points, and grade."""
+    """Verdict on a fitted map: its errors at held-out points, rejected points, and grade."""
     decide = np.reshape([solved.error(p) for p in solved.decide], (-1, 2))
     errors = 1e3 * np.hypot(*decide.T)
     points = sorted((*solved.used, *solved.decide), key=lambda p: p.number)

@@ -1,4 +1,4 @@
-"""Touched points: where to touch, the robust fit of the map, a camera that moved among them."""
+"""Touched points: the plan of poses, the robust fit of the map, detection of a moved camera."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ Count = Annotated[int, Field(ge=3, le=12)]
 
 
 class TouchSettings(Settings):
-    """Positions to touch, images per point, and acceptance criteria.
+    """Settings of the touch calibration: poses, images per point, and acceptance criteria.
 
     The points lie on a grid of `columns` x `rows` over the work area [m]; every `hold_out`-th is
     held out of the fit and used for the verdict. An image is accepted when two in a row agree
@@ -86,8 +86,8 @@ def held_out(number: int, settings: TouchSettings) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touched:
-    """One point: the pose's `number`, where the arm was, `place` (2,) x, z [m], and where the raw
-    image showed it, `pixel` (2,). `again` for a second touch of the same pose.
+    """One touched point: `number` of the pose, the arm's `place` (2,) x, z [m], the disc's `pixel`
+    (2,) u, v in the raw image; `again` marks a second touch of the same pose.
     """
 
     number: int
@@ -99,9 +99,9 @@ class Touched:
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """The map from the points `used`, and its residuals at all points.
+    """The map fitted to the points `used`, and the groups of all other points.
 
-    `decide` are the held-out ones, `off` all outliers, `stubborn` those of them whose second touch
+    `decide` are held-out points, `off` all outliers, `stubborn` those of them whose second touch
     is off by the same error, `wild` first touches that a second one replaced.
     """
 
@@ -114,19 +114,19 @@ class Solved:
     lens: Lens
 
     def error(self, touched: Touched) -> Array:
-        """(2,) x, z [m]: where the map puts the point minus where the arm was."""
+        """Residual (2,) x, z [m] of a point: its place by the map minus the arm's."""
         seen = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
         return np.asarray(seen - touched.place)
 
     def rejection(self, touched: Touched) -> Rejected:
-        """The point by its number, with its distance from the map in the image."""
+        """Description of a rejected point: number, place [m], and residual [px] in the image."""
         there = self.homography.to_image(touched.place)[0]
         off = float(np.hypot(*(there - self.lens.undistort(touched.pixel)[0])))
         return Rejected(touched.number, float(touched.place[0]), float(touched.place[1]), off)
 
 
 def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> Solved:
-    """Fit the newest touch of each fitted point robustly, then evaluate the map at all points.
+    """The map fitted robustly to the newest touch of each pose that is not held out.
 
     Independent of the order of `touches`. Raises ConfigurationError where they give no map.
     """
@@ -160,7 +160,7 @@ def _newest_touches(touches: Sequence[Touched]) -> list[Touched]:
 def _repeats_error(
     again: Touched, firsts: dict[int, Touched], solved: Solved, settings: TouchSettings
 ) -> bool:
-    """Whether a second touch has the same error as the first, so that the map is wrong there."""
+    """Whether a second touch repeats the first one's error, which shows that the map is wrong."""
     first = firsts.get(again.number)
     if first is None or not again.again:
         return False
@@ -168,7 +168,7 @@ def _repeats_error(
 
 
 def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> tuple[int, ...]:
-    """Numbers of the points that disagree with the map of the rest and are touched again."""
+    """Numbers of the outliers of the fitted map, which are to be touched again."""
     try:
         solved = solve(touches, lens, settings)
     except ConfigurationError:
@@ -177,14 +177,14 @@ def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) ->
 
 
 FEWEST_TOUCHES = 3  # touches on either side of a move
-LOSS_SCALE = 0.3  # px, from where a touch counts less: it may be wild
+LOSS_SCALE = 0.3  # px, error from which a touch counts less, as it may be an outlier
 MAD = 1.4826  # sigma over the median of deviations
-MOVE_SIGMA = 3.8  # sigma by which a move must be seen: the slow tests of `test_causes.py`
+MOVE_SIGMA = 3.8  # sigma by which a move is significant; Source: slow tests in test_causes.py
 
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """A move of the camera after point `after`, by `mrad`: later touches shift by `shift_mm`."""
+    """A turn of the camera by `mrad` after point `after`; later touches shift by `shift_mm`."""
 
     after: int
     shift_mm: float
@@ -218,7 +218,7 @@ def camera_move(
 
 
 def _start_numbers(homography: Homography, places: Array) -> Array:
-    """The homography's eight numbers, over the middle and reach of `places`."""
+    """The homography's eight free numbers (8,), for places centred and scaled to unit reach."""
     middle, reach = _centre_and_reach(places)
     matrix = homography.inverse @ np.array(
         [[reach, 0.0, middle[0]], [0.0, reach, middle[1]], [0.0, 0.0, 1.0]]
@@ -233,7 +233,7 @@ def _centre_and_reach(places: Array) -> tuple[Array, float]:
 def _fit_move(
     places: Array, pixels: Array, moment: int, start: Array
 ) -> tuple[float, Array, float]:
-    """Cost of a map with a shift from `moment` on, the shift (2,) and one sigma of it [px]."""
+    """Cost of a map with an image shift from `moment` on, shift (2,) and its sigma [px]."""
     middle, reach = _centre_and_reach(places)
     plane = np.column_stack([(places - middle) / reach, np.ones(len(places))])
     later = (np.arange(len(places)) >= moment).astype(np.float64)[:, None]

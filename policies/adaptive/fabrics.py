@@ -50,7 +50,7 @@ def effect(name: str, rng: np.random.Generator, length: float = STRIP_LENGTH) ->
 def plain(
     rng: np.random.Generator, length: float = STRIP_LENGTH, **effects: Mapping[str, float]
 ) -> StripFile:
-    """A random strip of `length` [m] in the paper's range, of a textile's weight, with `effects`."""
+    """A random strip of `length` [m] in the paper's range, of textile weight, with `effects`."""
     range_ = strip_at(rng.uniform(), rng.uniform())
     return StripFile(
         name="unknown",
