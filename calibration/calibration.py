@@ -30,8 +30,8 @@ class Calibration:
     `residual_mm` is the rms distance at touched points that the fit did not use, `latency` [s] how
     much earlier than its stamp an image shows the world, `contact_bias` [m] the additional offset
     of contact_x, `date` ISO 8601, `camera` the identity of its device, `locks` the locked control
-    values, `landmarks` image patches that reveal a moved camera. `accepted_anyway` are the reasons
-    for which the wizard refused it, if it was accepted nevertheless. `id` is the hash of all of this
+    values, `landmarks` image patches that reveal a moved camera, `accepted_anyway` the reasons for
+    which the wizard refused it, if it was accepted nevertheless. `id` is the hash of all of this
     but the date: calibrating the twin again gives the same id.
     """
 

@@ -16,8 +16,7 @@ from policies.policy import Decision, Observation
 COMMITTED = FilePath(__file__).with_name("weights") / "feedback.json"
 
 # Over the strip's length. Below LOWEST_HEIGHT the gripper does not go down, above LOFT not up, and
-# at NEARLY_TAUT from the fixed edge not outward. Beyond PAST it has gone by the fixed edge and
-# there is nothing left to fold.
+# farther than NEARLY_TAUT from the fixed edge not outward. Beyond PAST the fold has ended.
 LOWEST_HEIGHT = 0.05
 LOFT = 0.75
 NEARLY_TAUT = 0.95
@@ -78,8 +77,8 @@ class Feedback:
 
 def limit_directions(direction: Array, x: Array, z: Array) -> Array:
     """Directions (n,) [rad] clipped to the bounds above; `x`, `z` (n,) over the strip's length."""
-    taut = np.arctan2(z, x) + 0.5 * math.pi
-    low = np.where(np.hypot(x, z) > NEARLY_TAUT, taut, 0.5 * math.pi)
+    along_circle = np.arctan2(z, x) + 0.5 * math.pi  # heading at a constant distance from the edge
+    low = np.where(np.hypot(x, z) > NEARLY_TAUT, along_circle, 0.5 * math.pi)
     low = np.where(z > LOFT, np.maximum(low, math.pi), low)
     high = np.where(z < LOWEST_HEIGHT, math.pi, 1.5 * math.pi)
     return np.asarray(np.clip(direction, np.minimum(low, high), high))

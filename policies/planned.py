@@ -112,17 +112,17 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     reaches d = `aim`.
     """
     motions = Motions(strips[0], speed)
-    length = strips[0].length
-    tried = np.round(FIRST_RISES / RISE_STEP).astype(int)
-    coarse = np.tile(tried, (len(strips), 1))
-    d = _displacements(strips, motions, coarse) - aim
-    for strip, row in zip(strips, d, strict=True):
-        _check(strip, row)
-    rough = _interpolate_zeros(coarse, d)
+    first_steps = np.round(FIRST_RISES / RISE_STEP).astype(int)
+    coarse = np.tile(first_steps, (len(strips), 1))
+    coarse_misses = _displacements(strips, motions, coarse) - aim
+    for strip, misses in zip(strips, coarse_misses, strict=True):
+        _check_reachable(strip, misses)
+    rough = _interpolate_zeros(coarse, coarse_misses)
     fine = (np.round(rough)[:, None] + FINE_STEPS).astype(int)
-    close = _displacements(strips, motions, fine) - aim
-    found = np.where(_brackets_zero(close), _interpolate_zeros(fine, close), rough)
-    return found * RISE_STEP * length
+    fine_misses = _displacements(strips, motions, fine) - aim
+    refined = _interpolate_zeros(fine, fine_misses)
+    steps = np.where(_brackets_zero(fine_misses), refined, rough)
+    return steps * RISE_STEP * strips[0].length
 
 
 class Motions:
@@ -139,9 +139,12 @@ class Motions:
         new = sorted(set(steps.tolist()) - set(self._known))
         if new:
             self._simulate_motions(new)
-        last = max(len(motion) for motion in self._known.values())
-        motions = [self._known[step] for step in steps.tolist()]
-        return np.stack([np.pad(m, ((0, last - len(m)), (0, 0)), "edge") for m in motions], axis=1)
+        longest = max(len(motion) for motion in self._known.values())
+        padded = {
+            step: np.pad(motion, ((0, longest - len(motion)), (0, 0)), "edge")
+            for step, motion in self._known.items()
+        }
+        return np.stack([padded[step] for step in steps.tolist()], axis=1)
 
     def _simulate_motions(self, steps: list[int]) -> None:
         length = self._strip.length
@@ -177,9 +180,8 @@ class _PoseRecorder:
     def step(self, poses: Array, dt: float) -> Observables:
         self.dt = dt
         self._kept.append(poses.copy())
-        nothing = np.zeros(self._count)
-        both = np.zeros((self._count, 2))
-        return Observables(0.0, nothing, both, nothing, both, (None,) * self._count)
+        scalars, points = np.zeros(self._count), np.zeros((self._count, 2))
+        return Observables(0.0, scalars, points, scalars, points, (None,) * self._count)
 
     def shapes(self) -> Array:
         return np.zeros((self._count, 0, 2))
@@ -191,13 +193,14 @@ class _PoseRecorder:
 def _displacements(strips: Sequence[StripFile], motions: Motions, steps: Array) -> Array:
     """Displacements (n, m) [m] of n strips on triangles raised by `steps`; NaN without a touch."""
     rod = Rod(SEGMENTS, strict=False)
-    rod.reset([model for strip in strips for model in [describe(strip)] * steps.shape[1]])
+    rod.reset([model for model in map(describe, strips) for _ in range(steps.shape[1])])
     touches = rod.advance(motions.poses(steps.ravel()), motions.dt).touch
     d = [np.nan if touch is None else touch.displacement for touch in touches]
     return np.array(d).reshape(steps.shape)
 
 
-def _check(strip: StripFile, d: Array) -> None:
+def _check_reachable(strip: StripFile, d: Array) -> None:
+    """Refuse a `strip` whose displacements `d` (m,) [m] on the first rises have one sign."""
     if not (np.any(d < 0) and np.any(d > 0)):
         raise ConfigurationError(
             f"planned: {strip.name}: on no raised triangle do its layers lie even in the rod, "
@@ -216,6 +219,6 @@ def _interpolate_zeros(steps: Array, d: Array) -> Array:
 
 
 def _interpolate_zero(steps: Array, d: Array) -> float:
-    order = np.argsort(d)  # NaN last
-    count = int(np.isfinite(d).sum())
-    return float(np.interp(0.0, d[order][:count], steps[order][:count]))
+    """Rise at which the displacements `d` (m,) of the rises `steps` (m,) vanish."""
+    order = np.argsort(d)[: int(np.isfinite(d).sum())]  # NaN sorts last and is left out
+    return float(np.interp(0.0, d[order], steps[order]))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
-from policies.adaptive.critic import Critic, Judgement, middle
+from policies.adaptive.critic import Critic, Judgement, median_judgement
 from policies.adaptive.features import REFERENCE_LENGTH, Features
 from policies.adaptive.steering import Steering
 from policies.adaptive.transfer import Transfer
@@ -18,12 +18,12 @@ from policies.path import Path, vertical_lift
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
 
-SMOOTHING_TIME = 0.08  # s in which the path follows a new judgement
-BLIND_TIME = 0.2  # s without an image that deserves belief, after which nothing is foreseen
-RECENT_JUDGEMENTS = 5  # judgements whose middle is predicted
+SMOOTHING_TIME = 0.08  # s, time constant with which the rise follows the predictions
+BLIND_TIME = 0.2  # s without a reliable image, after which predictions are not used
+RECENT_JUDGEMENTS = 5  # newest predictions, whose median is reported
 LENGTH_RANGE = (0.45, 0.75)  # m, of strips that the critic was trained on
-SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, likewise
-UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: that of `shifted`
+SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, of folds that the critic was trained on
+UNKNOWING = 0.07  # of the length, rise without any prediction: that of the policy `shifted`
 
 
 class Fold(NamedTuple):
@@ -58,7 +58,7 @@ class Adaptive:
         self._thickness: float | None = None
         self._steering = Steering(REFERENCE_LENGTH, SPEED, 1)
         self._features = Features(REFERENCE_LENGTH, 1)
-        self._fold: Fold = _begun(REFERENCE_LENGTH, 1, critic.memory)
+        self._fold: Fold = _initial_fold(REFERENCE_LENGTH, 1, critic.memory)
 
     def correct(self, seen: float, unseen: float) -> None:
         """Add biases [m] to predictions: `seen` up to the image, `unseen` from image to truth."""
@@ -69,13 +69,13 @@ class Adaptive:
 
         Raises ConfigurationError for a length or speed that the critic was not trained for.
         """
-        _check(strip.length, speed)
+        _check_range(strip.length, speed)
         self._length, self.judgement = strip.length, None
         self._recent.clear()
         self._thickness = None if "thickness" in strip.spread else strip.thickness
         self._steering = Steering(strip.length, speed, count)
         self._features = Features(strip.length, count)
-        self._fold = _begun(strip.length, count, self.critic.memory)
+        self._fold = _initial_fold(strip.length, count, self.critic.memory)
 
     def lift(self) -> Path:
         """Path of the lift: vertical at first, so that the strip is not pushed along the desk."""
@@ -90,7 +90,7 @@ class Adaptive:
         """Predicted displacement and strip of the batch's first fold; None before a decision."""
         if not self._recent:
             return None
-        judged = middle(self._recent)
+        judged = median_judgement(self._recent)
         bias = self.transfer.bias.of(judged.belief, self._thickness)
         return FoldPrediction(
             displacement=float(judged.displacement[0] - bias[0] + self._seen),
@@ -116,7 +116,8 @@ class Adaptive:
         memory = self._fold.memory + fresh[:, None] * self.critic.memorise(whitened)
         counted = self._fold.counted + fresh
         self._fold = self._fold._replace(memory=memory, counted=counted)
-        self.judgement = self.critic.judge(whitened, memory / np.maximum(counted, 1)[:, None])
+        mean_memory = memory / np.maximum(counted, 1)[:, None]
+        self.judgement = self.critic.judge(whitened, mean_memory)
         self._recent.append(self.judgement)
         return self.judgement
 
@@ -124,15 +125,16 @@ class Adaptive:
         """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is predicted."""
         bias = self.transfer.bias.of(judgement.belief, self._thickness)
         missing = bias - self._seen - self._unseen - judgement.displacement
-        rise = self.rise + missing / judgement.slope
-        rise = np.where(self.blind, UNKNOWING * self._length, rise)
-        rise = np.clip(rise, 0.0, self._steering.highest)
-        since = np.clip(np.nan_to_num(time - self._fold.time, nan=math.inf), 0.0, None)
-        followed = 1.0 - np.exp(-since / SMOOTHING_TIME)
-        return np.asarray(self.rise + followed * (rise - self.rise))
+        target = self.rise + missing / judgement.slope
+        target = np.where(self.blind, UNKNOWING * self._length, target)
+        target = np.clip(target, 0.0, self._steering.highest)
+        # the first decision, of no time before it, takes the target at once
+        elapsed = np.clip(np.nan_to_num(time - self._fold.time, nan=math.inf), 0.0, None)
+        gain = 1.0 - np.exp(-elapsed / SMOOTHING_TIME)
+        return np.asarray(self.rise + gain * (target - self.rise))
 
 
-def _begun(length: float, count: int, memory: int) -> Fold:
+def _initial_fold(length: float, count: int, memory: int) -> Fold:
     """State of `count` folds before the first decision."""
     return Fold(
         rise=np.full(count, UNKNOWING * length),
@@ -142,7 +144,7 @@ def _begun(length: float, count: int, memory: int) -> Fold:
     )
 
 
-def _check(length: float, speed: float) -> None:
+def _check_range(length: float, speed: float) -> None:
     """Refuse a strip's `length` [m] or a `speed` [m/s] outside the range of the training."""
     low, high = LENGTH_RANGE
     if not low <= length <= high:

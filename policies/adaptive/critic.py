@@ -8,11 +8,14 @@ import numpy as np
 from drivers.types import Array
 from policies.prediction import Estimate
 
-LARGEST_SLOPE, SMALLEST_SLOPE = 2.0, 0.1  # of dd/dr that are believed
+LARGEST_SLOPE, SMALLEST_SLOPE = 2.0, 0.1  # to which predicted dd/dr are clipped
 DISPLACEMENT, SLOPE, SPREAD = range(3)
 STRIP = 3  # first of the outputs about the strip: (mean, log sigma) each
 OUTPUTS = STRIP + 6
-INPUT_LIMIT = 8.0  # spreads from the mean beyond which inputs are not believed
+STRIP_MEANS, STRIP_LOG_SIGMAS = slice(STRIP, OUTPUTS, 2), slice(STRIP + 1, OUTPUTS, 2)
+LOG_SIGMAS = [SPREAD, *range(OUTPUTS)[STRIP_LOG_SIGMAS]]  # outputs, of displacement and strip
+LOG_SIGMA_RANGE = (-8.0, 4.0)  # to which they are clipped, against overflow of the exponential
+INPUT_LIMIT = 8.0  # standard deviations from the mean to which inputs are clipped
 UNIT = 0.01  # m, of displacement in the outputs
 YIELD_UNIT = 10.0  # 1/m, yarn friction that makes one unit of its output
 ARRAY_NAMES = (
@@ -32,13 +35,19 @@ class Belief(NamedTuple):
 
     def first(self) -> dict[str, Estimate]:
         """Bending length [m], retardation time [s], yield curvature [1/m] of the first strip."""
-        logs = (self.log_bending_length, self.log_retardation_time, self.friction)
-        ends = [
-            np.exp(mean + np.array([0.0, -sigma, sigma])) for mean, sigma in (b[0] for b in logs)
-        ]
-        ends[2] = YIELD_UNIT * np.maximum(ends[2] - 1.0, 0.0)
-        names = ("bending_length", "retardation_time", "yield_curvature")
-        return {name: Estimate(*map(float, each)) for name, each in zip(names, ends, strict=True)}
+        friction = _exponential(self.friction[0])
+        intervals = {
+            "bending_length": _exponential(self.log_bending_length[0]),
+            "retardation_time": _exponential(self.log_retardation_time[0]),
+            "yield_curvature": YIELD_UNIT * np.maximum(friction - 1.0, 0.0),
+        }
+        return {name: Estimate(*map(float, each)) for name, each in intervals.items()}
+
+
+def _exponential(logarithm: Array) -> Array:
+    """Value and one-sigma bounds (3,) from mean and sigma (2,) of the `logarithm`."""
+    mean, sigma = logarithm
+    return np.asarray(np.exp(mean + np.array([0.0, -sigma, sigma])))
 
 
 class Judgement(NamedTuple):
@@ -52,7 +61,7 @@ class Judgement(NamedTuple):
     belief: Belief
 
 
-def middle(judgements: Sequence[Judgement]) -> Judgement:
+def median_judgement(judgements: Sequence[Judgement]) -> Judgement:
     """Median, element by element, of at least one prediction of the same folds."""
 
     def median(of: Callable[[Judgement], Array]) -> Array:
@@ -102,13 +111,12 @@ class Critic:
         hidden = np.tanh(known @ w["first"] + w["first_bias"])
         hidden = np.tanh(hidden @ w["second"] + w["second_bias"])
         out = hidden @ w["last"] + w["last_bias"]
-        stretch = w["stretch"]
-        spread = np.exp(np.clip(out[:, [SPREAD, 4, 6, 8]], -8.0, 4.0)) * stretch
-        strip = np.stack([out[:, STRIP::2], spread[:, 1:]], axis=2)
+        sigma = np.exp(np.clip(out[:, LOG_SIGMAS], *LOG_SIGMA_RANGE)) * w["stretch"]
+        strip = np.stack([out[:, STRIP_MEANS], sigma[:, 1:]], axis=2)
         return Judgement(
             displacement=UNIT * out[:, DISPLACEMENT],
             slope=np.clip(out[:, SLOPE], SMALLEST_SLOPE, LARGEST_SLOPE),
-            sigma=UNIT * spread[:, 0],
+            sigma=UNIT * sigma[:, 0],
             belief=Belief(strip[:, 0], strip[:, 1], strip[:, 2]),
         )
 

@@ -14,7 +14,7 @@ THICKNESS_RANGE = (0.0003, 0.002)  # m, log-uniform
 DENSITY_RANGE = (0.1, 0.5)  # kg/m^2, log-uniform: light shirting to heavy denim
 FRICTION_SHARE = 0.43  # share of strips with yarn friction
 FRICTION_EFFECT = "bending_hysteresis"
-OTHER = 0.25  # share of strips with one further effect
+OTHER_SHARE = 0.25  # share of strips with one further effect
 
 
 EFFECTS = {
@@ -51,14 +51,14 @@ def plain(
     rng: np.random.Generator, length: float = STRIP_LENGTH, **effects: Mapping[str, float]
 ) -> StripFile:
     """A random strip of `length` [m] in the paper's range, of textile weight, with `effects`."""
-    range_ = strip_at(rng.uniform(), rng.uniform())
+    of_paper = strip_at(rng.uniform(), rng.uniform())
     return StripFile(
         name="unknown",
         length=length,
         width=0.05,
         areal_density=_log_uniform(rng, *DENSITY_RANGE),
-        bending_length=range_.bending_length,
-        retardation_time=range_.retardation_time,
+        bending_length=of_paper.bending_length,
+        retardation_time=of_paper.retardation_time,
         thickness=_log_uniform(rng, *THICKNESS_RANGE),
         effects={name: dict(values) for name, values in effects.items()},
     )
@@ -70,9 +70,9 @@ def unknown(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile
     if rng.uniform() < FRICTION_SHARE:
         curvature = registry()[FRICTION_EFFECT].textile["yield_curvature"]
         effects[FRICTION_EFFECT] = friction(rng, curvature.low, curvature.high)
-    if rng.uniform() < OTHER:
-        weights = np.array([*EFFECTS.values()])
-        name = str(rng.choice(list(EFFECTS), p=weights / weights.sum()))
+    if rng.uniform() < OTHER_SHARE:
+        frequencies = np.array([*EFFECTS.values()])
+        name = str(rng.choice(list(EFFECTS), p=frequencies / frequencies.sum()))
         effects[name] = effect(name, rng, length)
     return plain(rng, length, **effects)
 

@@ -14,8 +14,8 @@ from policies.train.objective import Scores, fold_all, misses, rollout_settings,
 from policies.train.settings import TrainingSettings
 
 PIECE = 12  # candidates a piece; fixed, so that no result depends on the number of workers
-JUDGING_SEGMENTS = 100  # segments of the rod that judges
-VALIDATION = 8  # strips a side of the grid that picks among generations
+JUDGING_SEGMENTS = 100  # segments of the rod in a validation
+VALIDATION = 8  # strips along each side of the grid that a validation folds
 
 
 def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
@@ -31,9 +31,9 @@ def evaluator(settings: TrainingSettings, executor: Executor) -> Callable[[Array
 
     def evaluate(candidates: Array, generation: int) -> Scores:
         pieces = [candidates[i : i + PIECE] for i in range(0, len(candidates), PIECE)]
-        waiting = [executor.submit(evaluate_piece, settings, p, generation) for p in pieces]
-        found = [w.result() for w in waiting]
-        return Scores(*(np.concatenate(part) for part in zip(*found, strict=True)))
+        jobs = [executor.submit(evaluate_piece, settings, p, generation) for p in pieces]
+        found = [job.result() for job in jobs]
+        return Scores(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
     return evaluate
 

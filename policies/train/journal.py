@@ -81,16 +81,16 @@ class Journal:
 
     def _parse(self, text: str) -> list[Line]:
         """Complete lines of `text`, settings first; refuses what is no training journal."""
-        whole = text[: text.rindex("\n")].split("\n") if "\n" in text else []
+        complete = text[: text.rindex("\n")].split("\n") if "\n" in text else []
         try:
-            lines = [json.loads(line) for line in whole]
+            lines = [json.loads(line) for line in complete]
         except json.JSONDecodeError:
             raise self._not_a_journal() from None
-        if not all(isinstance(line, dict) for line in lines):
-            raise self._not_a_journal()
-        if not all(line.keys() >= GENERATION_KEYS for line in lines[1:]):
-            raise self._not_a_journal()
-        if text and not lines and not text.startswith("{"):
+        valid = all(isinstance(line, dict) for line in lines) and all(
+            line.keys() >= GENERATION_KEYS for line in lines[1:]
+        )
+        may_be_cut_off = not text or text.startswith("{")  # in its first line, by a kill
+        if not valid or not (lines or may_be_cut_off):
             raise self._not_a_journal()
         return lines
 

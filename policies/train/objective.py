@@ -38,8 +38,8 @@ def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -
     Without a touch, the strip's length plus the remaining distance of the gripper from the fixed
     edge: worse than any touch, and less so the nearer (paper, reward shaping).
     """
-    left = np.abs(folds.trace[-1][:, 0])
-    end = np.where(folds.touched, np.abs(folds.displacement), length + left)
+    to_edge = np.abs(folds.trace[-1][:, 0])
+    end = np.where(folds.touched, np.abs(folds.displacement), length + to_edge)
     return np.asarray(end + force_weight * folds.holding_force / weight)
 
 

@@ -1,20 +1,18 @@
 """Exploring policy of training folds: changes each rise at a random moment and records inputs."""
 
-import math
-
 import numpy as np
 
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
-from policies.adaptive.critic import Critic, Judgement
+from policies.adaptive.critic import OUTPUTS, Critic, Judgement
 from policies.adaptive.features import COUNT
 from policies.policy import Decision, Observation
 
 INPUT_STRIDE = 4  # decisions between inputs that are kept
 LATEST = 5.8  # s after the first decision, until which rises are switched
-NEVER = 1_000_000  # kept decisions
-AS_IT_IS = 0.25  # share of the folds whose rise is never switched
+NEVER = 1_000_000  # kept decisions, more than any fold has
+UNSWITCHED = 0.25  # share of the folds with random rises whose rise is never switched
 
 
 class Silent(Critic):
@@ -23,7 +21,7 @@ class Silent(Critic):
     def __init__(self) -> None:
         sizes = {"mean": (COUNT,), "whiten": (COUNT, 1), "recall": (1, 1), "recall_bias": (1,)}
         sizes |= {"first": (2, 1), "first_bias": (1,), "second": (1, 1), "second_bias": (1,)}
-        sizes |= {"last": (1, 9), "last_bias": (9,), "stretch": (4,)}
+        sizes |= {"last": (1, OUTPUTS), "last_bias": (OUTPUTS,), "stretch": (4,)}
         super().__init__({name: np.zeros(size) for name, size in sizes.items()})
 
 
@@ -48,7 +46,7 @@ class Explorer(Adaptive):
         Decisions are made at `rate` [Hz].
         """
         super().__init__(critic or Silent())
-        self._alone, self._switches = critic is None, switches
+        self._random_rises, self._switches = critic is None, switches
         self._perturbation, self._rng = perturbation, rng
         self._latest = int(LATEST * rate) // INPUT_STRIDE
         self.kept: list[Array] = []
@@ -59,17 +57,17 @@ class Explorer(Adaptive):
         """Clear all state; draw the time and the new rise of each fold's switch."""
         super().reset(strip, speed, count)
         rng, highest = self._rng, self._steering.highest
-        self.switch = rng.integers(0, self._latest, count)
         self.kept, self.rises, self.times = [], [], []
+        self._count = 0
+        self.switch = rng.integers(0, self._latest, count)
         if not self._switches:
             self.switch = np.full(count, NEVER)
-        self._after: Array = np.full(count, np.nan)
-        self._count = 0
-        if self._alone:
+        self._rise_after: Array = np.full(count, np.nan)  # NaN until it is drawn at the switch
+        if self._random_rises:
             self._fold = self._fold._replace(rise=rng.uniform(0.0, highest, count))
-            stays = rng.uniform(size=count) < AS_IT_IS
+            stays = rng.uniform(size=count) < UNSWITCHED
             self.switch = np.where(stays, 0, self.switch)
-            self._after = np.where(stays, self.rise, rng.uniform(0.0, highest, count))
+            self._rise_after = np.where(stays, self.rise, rng.uniform(0.0, highest, count))
 
     def decide(self, observation: Observation) -> Decision:
         """Headings along each fold's line, whose rise is the critic's before the switch."""
@@ -84,15 +82,15 @@ class Explorer(Adaptive):
 
     def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
         """Rises (n,) [m]: the critic's before each fold's switch, the drawn ones after it."""
-        before = self.rise if self._alone else super()._smooth_rise(judgement, time)
-        step = self._count / INPUT_STRIDE
-        reached = np.isnan(self._after) & (step >= self.switch)
-        if reached.any():
+        before = self.rise if self._random_rises else super()._smooth_rise(judgement, time)
+        switched = self._count / INPUT_STRIDE >= self.switch
+        just_switched = np.isnan(self._rise_after) & switched
+        if just_switched.any():
             noise = self._rng.normal(size=len(time)) * self._perturbation
-            chosen = np.clip(before + noise, 0.0, self._steering.highest)
-            self._after = np.where(reached, chosen, self._after)
-        rise = np.where(step >= self.switch, self._after, before)
-        if math.fmod(self._count, INPUT_STRIDE) == 0:
+            perturbed = np.clip(before + noise, 0.0, self._steering.highest)
+            self._rise_after = np.where(just_switched, perturbed, self._rise_after)
+        rise = np.where(switched, self._rise_after, before)
+        if self._count % INPUT_STRIDE == 0:
             self.rises.append(rise)
             self.times.append(time)
         return np.asarray(rise)

@@ -19,11 +19,11 @@ from policies.adaptive.fabrics import STRIP_LENGTH, plain, unknown
 from policies.adaptive.features import RISE_AT
 from policies.adaptive.train.explorer import Explorer
 from policies.adaptive.train.settings import CriticSettings
-from policies.rollout import Rollout, roll_out
+from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING, TRAINING
 
-ABSURD = 0.2  # m of displacement, clipped
-RATES = (45.0, 75.0)  # Hz, of the camera
+ABSURD = 0.2  # m, to which displacements are clipped
+RATES, TRIAL_RATE = (45.0, 75.0), 60.0  # Hz, of the camera in training and in trials
 
 
 Flags = NDArray[np.bool_]
@@ -111,24 +111,30 @@ def _fold_strips(
 ) -> Piece:
     """Training data of `strips`, folded by an exploring policy in round `turn`."""
     trial = turn >= settings.rounds
-    rate = 60.0 if trial else float(rng.uniform(*RATES))
+    rate = TRIAL_RATE if trial else float(rng.uniform(*RATES))
     sensing = IMAGE_SENSING if trial else TRAINING
     rollout = Rollout(speed=settings.speed, rate=rate, sensing=sensing)
-    moved = 0.0 if trial else settings.perturbation[turn]
-    explorer = Explorer(critic, moved, rate, rng, switches=not trial)
+    perturbation = 0.0 if trial else settings.perturbation[turn]
+    explorer = Explorer(critic, perturbation, rate, rng, switches=not trial)
     rod = Rod(settings.segments, strict=False)
     models = [describe(strip) for strip in strips]
     folds = roll_out(explorer, rod, strips[0], models, settings=rollout, rng=rng)
-    ended = np.array([np.inf if t is None else t.time for t in folds.touch])
-    times = np.array(explorer.times).T
-    rises = np.array(explorer.rises).T
-    length = strips[0].length
+    return _training_data(explorer, folds, strips, trial=trial)
+
+
+def _training_data(
+    explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool
+) -> Piece:
+    """Inputs that `explorer` kept, with the results of its `folds`; a `trial` predicts always."""
+    times, rises = np.array(explorer.times).T, np.array(explorer.rises).T
     inputs = np.moveaxis(np.array(explorer.kept), 0, 1)
+    rises_seen = inputs[..., RISE_AT] * strips[0].length
+    touch_times = np.array([np.inf if touch is None else touch.time for touch in folds.touch])
     steps = np.arange(times.shape[1])
     return Piece(
         inputs=inputs,
-        moved=(rises - inputs[..., RISE_AT] * length).astype(np.float32),
-        alive=times < ended[:, None],
+        moved=(rises - rises_seen).astype(np.float32),
+        alive=times < touch_times[:, None],
         predicted=(steps >= explorer.switch[:, None]) | trial,
         displacement=np.clip(folds.displacement, -ABSURD, ABSURD),
         strip=np.array([truth(strip) for strip in strips]),
