@@ -81,15 +81,15 @@ class BoardView:
 
     def distance(self, other: "BoardView") -> float:
         """Median distance [px] of corners common to both views; inf without any."""
-        _, i, j = np.intersect1d(self.ids, other.ids, return_indices=True)
-        if len(i) == 0:
+        _, mine, others = np.intersect1d(self.ids, other.ids, return_indices=True)
+        if len(mine) == 0:
             return float("inf")
-        return float(np.median(np.hypot(*(self.image[i] - other.image[j]).T)))
+        return float(np.median(np.hypot(*(self.image[mine] - other.image[others]).T)))
 
     def tilt(self, lens: Lens) -> tuple[float, float]:
         """Two angles [rad] by which the board's top and right edge lean away from the camera."""
-        turned = cv2.Rodrigues(self._board_pose(lens)[0])[0]
-        return float(np.arcsin(-turned[2, 1])), float(np.arcsin(turned[2, 0]))
+        rotation = cv2.Rodrigues(self._board_pose(lens)[0])[0]
+        return float(np.arcsin(-rotation[2, 1])), float(np.arcsin(rotation[2, 0]))
 
     def depth(self, lens: Lens) -> float:
         """Distance [m] from the camera to the middle of the corners, along the optical axis."""
@@ -137,5 +137,6 @@ def find_board(
 
 def _mean_side(outlines: object) -> float:
     """Mean side [px] of marker outlines, each (4, 2)."""
-    square = np.asarray(outlines, dtype=np.float64).reshape(-1, 4, 2)
-    return float(np.hypot(*np.moveaxis(square - np.roll(square, 1, axis=1), -1, 0)).mean())
+    corners = np.asarray(outlines, dtype=np.float64).reshape(-1, 4, 2)
+    sides = corners - np.roll(corners, 1, axis=1)
+    return float(np.hypot(sides[..., 0], sides[..., 1]).mean())

@@ -61,8 +61,7 @@ def vertical_lift(length: float) -> Path:
     z = np.linspace(0.0, TAKEOVER_HEIGHT, 41)
     x = length - z**2 / (2 * TAKEOVER_HEIGHT)  # a parabola whose slope at the take-over is 1
     further = length / 2 - TAKEOVER_HEIGHT
-    end = (x[-1] - further, length / 2)
-    return Path.through(np.append(np.stack([x, z], -1), [end], axis=0))
+    return Path.through(np.append(np.stack([x, z], -1), [(x[-1] - further, length / 2)], axis=0))
 
 
 def circular(length: float) -> Path:

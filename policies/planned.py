@@ -139,12 +139,9 @@ class Motions:
         new = sorted(set(steps.tolist()) - set(self._known))
         if new:
             self._simulate_motions(new)
-        longest = max(len(motion) for motion in self._known.values())
-        padded = {
-            step: np.pad(motion, ((0, longest - len(motion)), (0, 0)), "edge")
-            for step, motion in self._known.items()
-        }
-        return np.stack([padded[step] for step in steps.tolist()], axis=1)
+        last = max(len(motion) for motion in self._known.values())
+        motions = [self._known[step] for step in steps.tolist()]
+        return np.stack([np.pad(m, ((0, last - len(m)), (0, 0)), "edge") for m in motions], axis=1)
 
     def _simulate_motions(self, steps: list[int]) -> None:
         length = self._strip.length

@@ -18,6 +18,8 @@ PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0), "A1"
 QUIET_ZONE = 0.5  # squares of white around the pattern
 FOOT = 16.0  # mm under the pattern, for the ruler and the instructions
 MODULES = 7  # of a marker of 5 x 5 bits, its border included
+SCALE = 24  # px of a square in the image that shows the layout
+DARK = 128  # grey level under which a pixel is dark
 PLATE_MM, DISC_MM = 14.0, 5.0  # mm, radii of the pointer's dark plate and bright disc
 INCHES_PER_MM = 1 / 25.4  # inches
 
@@ -46,8 +48,10 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
         _fill_rectangle(axes, left + x * square, top - (y + 1) * square, square, square)
     for number, place in enumerate(board.getObjPoints()):
         corner = 1e3 * np.asarray(place)[0, :2]
-        _marker(axes, int(board.getIds()[number]), (left + corner[0], top - corner[1]), settings)
-    _ruler(axes, settings, left, top - settings.rows * square - 6.0, name)
+        _draw_marker(
+            axes, int(board.getIds()[number]), (left + corner[0], top - corner[1]), settings
+        )
+    _draw_ruler(axes, settings, left, top - settings.rows * square - 6.0, name)
     return page, _pointer_page()
 
 
@@ -90,19 +94,19 @@ def _blank_page(width: float, height: float) -> tuple["Figure", Any]:
 
 def _dark_squares(settings: BoardSettings) -> list[tuple[int, int]]:
     """Column and row of each dark square, as this version of OpenCV lays them out."""
-    scale = 24
-    size = (settings.columns * scale, settings.rows * scale)
-    drawn = settings.board().generateImage(size)
-    corners = [(x, y) for y in range(settings.rows) for x in range(settings.columns)]
-    return [(x, y) for x, y in corners if drawn[y * scale + 1, x * scale + 1] < 128]
+    drawn = settings.board().generateImage((settings.columns * SCALE, settings.rows * SCALE))
+    squares = [(x, y) for y in range(settings.rows) for x in range(settings.columns)]
+    return [(x, y) for x, y in squares if drawn[y * SCALE + 1, x * SCALE + 1] < DARK]
 
 
-def _marker(axes: Any, number: int, corner: tuple[float, float], settings: BoardSettings) -> None:
+def _draw_marker(
+    axes: Any, number: int, corner: tuple[float, float], settings: BoardSettings
+) -> None:
     """Draw marker `number` with its upper left corner at `corner` [mm]."""
     dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
     bits = cv2.aruco.generateImageMarker(dictionary, number, MODULES)
     side = 1e3 * settings.marker / MODULES
-    for row, column in zip(*np.nonzero(bits < 128), strict=True):
+    for row, column in zip(*np.nonzero(bits < DARK), strict=True):
         x, y = corner[0] + column * side, corner[1] - (row + 1) * side
         _fill_rectangle(axes, x, y, side, side)
 
@@ -113,7 +117,7 @@ def _fill_rectangle(axes: Any, x: float, y: float, width: float, height: float) 
     axes.add_patch(Rectangle((x, y), width, height, facecolor="black", linewidth=0))
 
 
-def _ruler(axes: Any, settings: BoardSettings, left: float, y: float, name: str) -> None:
+def _draw_ruler(axes: Any, settings: BoardSettings, left: float, y: float, name: str) -> None:
     """Draw a line as long as all columns, to check with a ruler, and the instructions."""
     length = 1e3 * settings.width
     axes.plot([left, left + length], [y, y], color="black", linewidth=0.4)

@@ -21,6 +21,7 @@ from calibration.wizard.news import Result, ViewResult
 from drivers.types import Frame, Image
 
 FEWEST_VIEWS = 4  # views from which a lens is fitted, to compute how the board leans
+TYPICAL_SIZE = (1280, 720)  # px, assumed before the first view
 VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad, from the wanted view
 
 
@@ -114,7 +115,7 @@ class BoardViews:
 
     def gates(self) -> tuple[Gate, ...]:
         """Coverage requirements and how far the views so far meet each."""
-        return coverage(self.views, self._lens or guessed_lens((1280, 720)), self._settings)
+        return coverage(self.views, self._lens or guessed_lens(TYPICAL_SIZE), self._settings)
 
     def verdict(self) -> LensVerdict:
         """The verdict on the lens from the views so far."""
@@ -155,11 +156,11 @@ class BoardViews:
         self._size = (image.shape[1], image.shape[0])
         self._views[number] = view
         self._last, self._tries = None, 0
-        lens = self._lens = self._fitted_so_far(self._size)
+        self._lens = lens = self._fitted_so_far(self._size)
         shown = placement(view, self._settings.outline(), lens)
         width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width
-        self._met[number] = [want for want in self._wanted if _matches(want, shown, width)]
-        self._wanted = [want for want in self._wanted if want not in self._met[number]]
+        self._met[number] = [wanted for wanted in self._wanted if _matches(wanted, shown, width)]
+        self._wanted = [wanted for wanted in self._wanted if wanted not in self._met[number]]
 
     def _drop_request(self) -> None:
         self._tries += 1

@@ -173,10 +173,10 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
     """Placement in `view` of a board with outer corners `outline` (4, 2) [m], clockwise."""
     corners = seen_outline(view, outline) / (lens.width, lens.height)
     aspect = np.array([lens.width / lens.height, 1.0])
-    before, after = (corners[0] - corners[1]) * aspect, (corners[2] - corners[1]) * aspect
-    cosine = float(before @ after / (np.linalg.norm(before) * np.linalg.norm(after)))
+    top, right = (corners[0] - corners[1]) * aspect, (corners[2] - corners[1]) * aspect
+    cosine = float(top @ right / (np.linalg.norm(top) * np.linalg.norm(right)))
     x, y = corners.T
-    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))  # shoelace formula
     tilt, turn = view.tilt(lens)
     return Placement(
         x=float(x.mean()),
@@ -191,32 +191,28 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
 def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
     """All coverage requirements, as far as `views` of the board through `lens` meet them."""
     seen = [placement(view, needs.outline(), lens) for view in views]
-    tilt, turn = (np.array([getattr(p, name) for p in seen]) for name in ("tilt", "turn"))
     x, y, size = (_range([getattr(p, name) for p in seen]) for name in ("x", "y", "size"))
-    angle = f"by {degrees(needs.tilted):.0f} deg or more"
-
-    def leaning(name: str, angles: Array) -> Gate:
-        count = float((angles > needs.tilted).sum())
-        return Gate(name, count, needs.tilted_views, "views", f"lean {name} {angle}")
-
+    skew, cells = max((p.skew for p in seen), default=0.0), _cell_share(views, lens)
+    tilt, turn = [p.tilt for p in seen], [p.turn for p in seen]
     return (
         Gate("x", x, needs.range_x, "", "show it far left and far right"),
         Gate("y", y, needs.range_y, "", "show it high and low"),
         Gate("size", size, needs.range_size, "", "show it nearer and farther"),
-        Gate("skew", max([p.skew for p in seen] or [0.0]), needs.skew, "", "lean a corner away"),
-        leaning("its top away", tilt),
-        leaning("its top nearer", -tilt),
-        leaning("its right edge away", turn),
-        leaning("its right edge nearer", -turn),
-        Gate(
-            "image",
-            _cell_share(views, lens),
-            needs.covered,
-            "",
-            "bring corners to the image's edges",
-        ),
+        Gate("skew", skew, needs.skew, "", "lean a corner away"),
+        _lean_gate("its top away", tilt, needs),
+        _lean_gate("its top nearer", [-angle for angle in tilt], needs),
+        _lean_gate("its right edge away", turn, needs),
+        _lean_gate("its right edge nearer", [-angle for angle in turn], needs),
+        Gate("image", cells, needs.covered, "", "bring corners to the image's edges"),
         Gate("views", float(len(views)), needs.views, "views", "show more"),
     )
+
+
+def _lean_gate(name: str, angles: Sequence[float], needs: BoardSettings) -> Gate:
+    """Requirement that enough views lean by `angles` [rad] beyond the threshold."""
+    count = float(sum(angle > needs.tilted for angle in angles))
+    advice = f"lean {name} by {degrees(needs.tilted):.0f} deg or more"
+    return Gate(name, count, needs.tilted_views, "views", advice)
 
 
 def _range(values: Sequence[float]) -> float:

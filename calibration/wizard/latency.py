@@ -14,6 +14,8 @@ from calibration.wizard.verdict import Line, Verdict, grade_line, reasons
 from drivers.settings import Settings
 from drivers.types import ArmState, Array, Frame, Pose
 
+APART_GRADES = (2.0, 5.0)  # ms between two halves of the images, up to which good, then fair
+DRIFT_LOSS_SCALE = 5e-4  # m, error from which an image counts less
 DRIFT_SIGMA = 6.0  # sigma by which a drift must differ from zero
 NAN = float("nan")
 MOVING_SPEED = 0.02  # m/s of the pointer from which an image reveals the latency
@@ -67,7 +69,7 @@ class LatencyVerdict(Verdict):
         text = f"images show the world {late:+.1f} ms before their stamps, halves "
         text += f"agree within {1e3 * self.apart:.1f} ms; taken back: at {speed:.2f} m/s this "
         text += f"would be {1e3 * abs(self.latency) * speed:.1f} mm"
-        return [grade_line(1e3 * self.apart, 2.0, 5.0, text)]
+        return [grade_line(1e3 * self.apart, *APART_GRADES, text)]
 
 
 class LatencySteps:
@@ -75,11 +77,9 @@ class LatencySteps:
 
     def __init__(self, settings: LatencySettings) -> None:
         self._settings = settings
-        here, there = settings.x, settings.x + settings.step
-        self._queue = [Pose(here, settings.z, pi / 2)]
-        self._queue += [
-            Pose((there, here)[k % 2], settings.z, pi / 2) for k in range(settings.steps)
-        ]
+        here = Pose(settings.x, settings.z, pi / 2)
+        there = Pose(settings.x + settings.step, settings.z, pi / 2)
+        self._queue = [(here, there)[k % 2] for k in range(settings.steps + 1)]
         self._arm: list[tuple[float, float, float]] = []
         self._seen: list[SeenStep] = []
 
@@ -145,11 +145,11 @@ def latency_verdict(
     latency, misfit = _best_latency(arm, stamps, along, settings.most)
     halves = [_best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)]
     verdict = LatencyVerdict(latency, abs(halves[0] - halves[1]), 1e3 * misfit, moving)
-    found = _drift(arm, stamps, along, latency, settings) or _reasons(verdict, settings)
-    return replace(verdict, reasons=found)
+    drift = _drift_reasons(arm, stamps, along, latency, settings)
+    return replace(verdict, reasons=drift or _reasons(verdict, settings))
 
 
-def _drift(
+def _drift_reasons(
     arm: Array, stamps: Array, along: Array, latency: float, settings: LatencySettings
 ) -> tuple[str, ...]:
     """Reason for refusal where the latency drifts over the steps: two clocks of unequal rate."""
@@ -158,15 +158,18 @@ def _drift(
     since = stamps - stamps.mean()
 
     def errors(unknown: Array) -> Array:
-        shown = stamps - (unknown[0] + unknown[1] * since)
-        return np.asarray(along - np.interp(shown, arm[:, 0], arm[:, 1]) - unknown[2])
+        late, rate, offset = unknown
+        exposures = stamps - (late + rate * since)
+        return np.asarray(along - np.interp(exposures, arm[:, 0], arm[:, 1]) - offset)
 
-    found = least_squares(errors, (latency, 0.0, 0.0), loss="cauchy", f_scale=5e-4, x_scale="jac")
-    left = errors(found.x)
-    sigma = float(np.sqrt(np.mean(left**2) * np.linalg.pinv(found.jac.T @ found.jac)[1, 1]))
+    found = least_squares(
+        errors, (latency, 0.0, 0.0), loss="cauchy", f_scale=DRIFT_LOSS_SCALE, x_scale="jac"
+    )
+    rate, noise = found.x[1], np.mean(errors(found.x) ** 2)
+    rate_sigma = float(np.sqrt(noise * np.linalg.pinv(found.jac.T @ found.jac)[1, 1]))
     lasted = float(np.ptp(stamps))
-    drift = float(found.x[1]) * lasted
-    if abs(drift) <= settings.uncertainty or abs(found.x[1]) < DRIFT_SIGMA * sigma:
+    drift = float(rate) * lasted
+    if abs(drift) <= settings.uncertainty or abs(rate) < DRIFT_SIGMA * rate_sigma:
         return ()
     return (
         f"the camera's stamps drift against the arm's, by {1e3 * drift:+.0f} ms over {lasted:.0f} "

@@ -13,12 +13,8 @@ from calibration.wizard.touches import Touched
 from drivers.types import Array, Image
 
 ENLARGED = 300.0  # scale of drawn errors
-FITTED_BGR, HELD_OUT_BGR, BAD_BGR, WHITE_BGR = (
-    (80, 210, 110),
-    (255, 170, 40),
-    (60, 60, 235),
-    (255, 255, 255),
-)  # BGR
+FITTED_BGR, HELD_OUT_BGR = (80, 210, 110), (255, 170, 40)
+BAD_BGR, WHITE_BGR = (60, 60, 235), (255, 255, 255)
 LINE_TYPE = cv2.LINE_AA
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 

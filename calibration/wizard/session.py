@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field
 
 from calibration.board import BoardSettings
 from calibration.lens import CameraFile
-from calibration.wizard.latency import LatencySettings
+from calibration.wizard.latency import LatencySettings, LatencySteps
 from calibration.wizard.news import News, TouchNews, ViewNews, Watcher, nobody
 from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
@@ -114,15 +114,18 @@ class SessionFolder:
         if news.frame is not None:
             self.newest = news
         if isinstance(news, TouchNews) and news.steps is not None:
-            seen = [(step.stamp, *step.pixel.tolist()) for step in news.steps.seen]
-            content = {"arm": news.steps.arm.tolist(), "seen": seen}
-            write_file(self.folder / LATENCY_FILE, json.dumps(content) + "\n", MAKE_ROOM)
+            self._write_latency(news.steps)
         elif isinstance(news, TouchNews) and news.dropped is not None:
             self.add(Row(number=news.dropped.number, again=news.dropped.again, dropped=True))
         elif news.frame is not None and (row := _row(news)) is not None:
             taken = news.result is not None and news.result.taken is not None
             self.add(row, news.frame.image if taken else None)
         self._watch(news)
+
+    def _write_latency(self, steps: LatencySteps) -> None:
+        seen = [(step.stamp, *step.pixel.tolist()) for step in steps.seen]
+        content = {"arm": steps.arm.tolist(), "seen": seen}
+        write_file(self.folder / LATENCY_FILE, json.dumps(content) + "\n", MAKE_ROOM)
 
     def add(self, row: Row, image: Image | None = None) -> None:
         """Append `row` to the file of rows and write its `image` (height, width, 3), if any.
@@ -147,8 +150,8 @@ def _row(news: News) -> Row | None:
     if isinstance(news, ViewNews):
         view = news.result.seen
         corners = [] if view is None else zip(view.ids, view.image, strict=True)
-        seen = tuple((int(i), float(u), float(v)) for i, (u, v) in corners)
-        return Row(number=number, refused=refused, corners=seen)
+        numbered = tuple((int(corner), float(u), float(v)) for corner, (u, v) in corners)
+        return Row(number=number, refused=refused, corners=numbered)
     if news.pose is None:
         return None
     taken, centre = news.result.taken, news.result.seen

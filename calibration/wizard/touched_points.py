@@ -144,10 +144,12 @@ class TouchedPoints:
         last, self._last = self._last, (centre, place)
         if last is None:
             return Result(number, centre, None, None, waits=True)
-        moved, drifted = np.hypot(*(centre - last[0])), np.hypot(*(place - last[1]))
-        if drifted > self._settings.arm_still:
-            reason = f"the arm moved by {1e3 * drifted:.1f} mm between two images"
+        last_centre, last_place = last
+        arm_moved = np.hypot(*(place - last_place))
+        if arm_moved > self._settings.arm_still:
+            reason = f"the arm moved by {1e3 * arm_moved:.1f} mm between two images"
             return Result(number, centre, None, f"{reason}; wait until it is still")
+        moved = np.hypot(*(centre - last_centre))
         if moved > self._settings.still:
             reason = f"the pointer moved by {moved:.1f} px between two images"
             return Result(number, centre, None, f"{reason}; wait until it is still")

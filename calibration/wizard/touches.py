@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from math import pi
 from typing import Annotated
 
@@ -54,9 +55,10 @@ class BegunPlan(tuple[Pose, ...]):
 def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
     """Poses over the work area, row by row, back and forth; at least twelve to fit."""
     poses: list[Pose] = []
-    for i, z in enumerate(np.linspace(settings.z_min, settings.z_max, settings.rows)):
-        columns = np.linspace(settings.x_min, settings.x_max, settings.columns)
-        poses += [Pose(float(x), float(z), pi / 2) for x in columns[:: 1 if i % 2 == 0 else -1]]
+    rightwards = np.linspace(settings.x_min, settings.x_max, settings.columns)
+    for row, z in enumerate(np.linspace(settings.z_min, settings.z_max, settings.rows)):
+        columns = rightwards if row % 2 == 0 else rightwards[::-1]
+        poses += [Pose(float(x), float(z), pi / 2) for x in columns]
     return checked_plan(poses, settings)
 
 
@@ -120,9 +122,10 @@ class Solved:
 
     def rejection(self, touched: Touched) -> Rejected:
         """Description of a rejected point: number, place [m], and residual [px] in the image."""
-        there = self.homography.to_image(touched.place)[0]
-        off = float(np.hypot(*(there - self.lens.undistort(touched.pixel)[0])))
-        return Rejected(touched.number, float(touched.place[0]), float(touched.place[1]), off)
+        mapped = self.homography.to_image(touched.place)[0]
+        residual = float(np.hypot(*(mapped - self.lens.undistort(touched.pixel)[0])))
+        x, z = map(float, touched.place)
+        return Rejected(touched.number, x, z, residual)
 
 
 def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> Solved:
@@ -132,23 +135,21 @@ def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> So
     """
     newest = _newest_touches(touches)
     fitted = [p for p in newest if not p.held_out]
+    held = [p for p in newest if p.held_out]
     fit = fit_homography(
         lens.undistort(np.reshape([p.pixel for p in fitted], (-1, 2))),
         np.reshape([p.place for p in fitted], (-1, 2)),
     )
-    used = tuple(p for p, inside in zip(fitted, fit.used, strict=True) if inside)
-    whole = Solved(fit.homography, used, (), (), (), (), lens)
-    outside = [p for p, inside in zip(fitted, fit.used, strict=True) if not inside]
-    held = [p for p in newest if p.held_out]
-    outside += [p for p in held if 1e3 * np.hypot(*whole.error(p)) > settings.worst_mm]
+    solved = Solved(fit.homography, tuple(compress(fitted, fit.used)), (), (), (), (), lens)
+    off = list(compress(fitted, ~fit.used))
+    off += [p for p in held if 1e3 * np.hypot(*solved.error(p)) > settings.worst_mm]
     firsts = {p.number: p for p in touches if not p.again}
-    stubborn = tuple(p for p in outside if _repeats_error(p, firsts, whole, settings))
-    scattered = tuple(p for p in outside if p.again and p not in stubborn)
-    wild = tuple(
-        firsts[p.number] for p in newest if p.again and p.number in firsts and p not in outside
-    )
+    stubborn = tuple(p for p in off if _repeats_error(p, firsts, solved, settings))
+    replaced = [p.number for p in newest if p.again and p not in off]
+    wild = tuple(firsts[number] for number in replaced if number in firsts)
+    scattered = [p for p in off if p.again and p not in stubborn]  # twice off, each time otherwise
     decide = tuple(p for p in held if p not in scattered)
-    return replace(whole, decide=decide, off=tuple(outside), stubborn=stubborn, wild=wild)
+    return replace(solved, decide=decide, off=tuple(off), stubborn=stubborn, wild=wild)
 
 
 def _newest_touches(touches: Sequence[Touched]) -> list[Touched]:
@@ -179,6 +180,8 @@ def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) ->
 FEWEST_TOUCHES = 3  # touches on either side of a move
 LOSS_SCALE = 0.3  # px, error from which a touch counts less, as it may be an outlier
 MAD = 1.4826  # sigma over the median of deviations
+INLIER_SIGMA, SMALLEST_SIGMA = 5.0, 1e-6  # of the errors that count; px, under which none is
+MAP_NUMBERS, UNKNOWNS = 8, 10  # free numbers of a homography; with a shift of the image
 MOVE_SIGMA = 3.8  # sigma by which a move is significant; Source: slow tests in test_causes.py
 
 
@@ -206,13 +209,14 @@ def camera_move(
     if not moments:
         return None
     start = _start_numbers(homography, places)
-    tried = [(_fit_move(places, pixels, moment, start), moment) for moment in moments]
-    (fit, shift, sigma), moment = min(tried, key=lambda each: each[0][0])
+    fits = {moment: _fit_move(places, pixels, moment, start) for moment in moments}
+    moment = min(fits, key=lambda tried: fits[tried][0])
+    cost, shift, sigma = fits[moment]
     middle = homography.to_image(places.mean(axis=0)[None])[0]
-    across = homography.to_plane(np.array([middle, middle + shift]))
-    shift_mm = 1e3 * float(np.hypot(*(across[1] - across[0])))
+    before, after = homography.to_plane(np.array([middle, middle + shift]))
+    shift_mm = 1e3 * float(np.hypot(*(after - before)))
     size = float(np.hypot(*shift))
-    if shift_mm < least_mm or size < MOVE_SIGMA * sigma or not np.isfinite(fit):
+    if shift_mm < least_mm or size < MOVE_SIGMA * sigma or not np.isfinite(cost):
         return None
     return Move(ordered[moment - 1].number, shift_mm, 1e3 * size / float(lens.matrix[0, 0]))
 
@@ -223,7 +227,7 @@ def _start_numbers(homography: Homography, places: Array) -> Array:
     matrix = homography.inverse @ np.array(
         [[reach, 0.0, middle[0]], [0.0, reach, middle[1]], [0.0, 0.0, 1.0]]
     )
-    return np.asarray((matrix / matrix[2, 2]).ravel()[:8])
+    return np.asarray((matrix / matrix[2, 2]).ravel()[:MAP_NUMBERS])
 
 
 def _centre_and_reach(places: Array) -> tuple[Array, float]:
@@ -239,21 +243,24 @@ def _fit_move(
     later = (np.arange(len(places)) >= moment).astype(np.float64)[:, None]
 
     def errors(unknown: Array) -> Array:
-        mapped = plane @ np.append(unknown[:8], 1.0).reshape(3, 3).T
-        return np.asarray((mapped[:, :2] / mapped[:, 2:] + later * unknown[8:] - pixels).ravel())
+        numbers, shift = unknown[:MAP_NUMBERS], unknown[MAP_NUMBERS:]
+        return np.asarray((_project(plane, numbers) + later * shift - pixels).ravel())
 
     begin = np.append(start, np.median((pixels - _project(plane, start))[moment:], axis=0))
     from scipy.optimize import least_squares
 
     found = least_squares(errors, begin, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac")
     left = errors(found.x)
-    sigma = max(MAD * float(np.median(np.abs(left))), 1e-6) * np.sqrt(len(left) / (len(left) - 10))
-    used = np.abs(left) < 5.0 * sigma
-    slopes = found.jac[used] if used.sum() > 12 else found.jac
-    spread = sigma**2 * np.linalg.pinv(slopes.T @ slopes)[8:, 8:]
-    return float(found.cost), found.x[8:], float(np.sqrt(np.linalg.eigvalsh(spread)[-1]))
+    sigma = max(MAD * float(np.median(np.abs(left))), SMALLEST_SIGMA)
+    sigma = sigma * np.sqrt(len(left) / (len(left) - UNKNOWNS))
+    used = np.abs(left) < INLIER_SIGMA * sigma
+    slopes = found.jac[used] if used.sum() > UNKNOWNS + 2 else found.jac
+    covariance = sigma**2 * np.linalg.pinv(slopes.T @ slopes)[MAP_NUMBERS:, MAP_NUMBERS:]
+    shift_sigma = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    return float(found.cost), found.x[MAP_NUMBERS:], shift_sigma
 
 
-def _project(plane: Array, start: Array) -> Array:
-    mapped = plane @ np.append(start, 1.0).reshape(3, 3).T
+def _project(plane: Array, numbers: Array) -> Array:
+    """Image points (n, 2) [px] of `plane` (n, 3) by a homography of eight `numbers` (8,)."""
+    mapped = plane @ np.append(numbers, 1.0).reshape(3, 3).T
     return np.asarray(mapped[:, :2] / mapped[:, 2:])

@@ -76,9 +76,7 @@ def _read_arrays(path: FilePath) -> dict[str, Any]:
     try:
         with np.load(BytesIO(content), allow_pickle=False) as held:
             return {name: held[name] for name in held.files}
-    except OSError:
-        raise _broken(path, "not a file of arrays") from None
-    except (ValueError, KeyError, EOFError, AttributeError, zipfile.BadZipFile, TypeError):
+    except (OSError, ValueError, KeyError, EOFError, AttributeError, zipfile.BadZipFile, TypeError):
         raise _broken(path, "not a file of arrays") from None
 
 

@@ -58,8 +58,8 @@ def _smooth_line(length: float, rng: np.random.Generator) -> CubicSpline:
         (rng.uniform(0.0, 0.03), rng.uniform(0.04, 0.06)),
     ])  # fmt: skip
     chords = arc_lengths(places)
-    curve = PchipInterpolator(chords, length * places)
-    points = curve(np.linspace(0.0, chords[-1], CURVE_SAMPLES))
+    samples = np.linspace(0.0, chords[-1], CURVE_SAMPLES)
+    points = PchipInterpolator(chords, length * places)(samples)
     return CubicSpline(arc_lengths(points), points)
 
 

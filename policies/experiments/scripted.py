@@ -47,7 +47,9 @@ class Scripted:
             self._begun = observation.time - np.array(passed)
         now = observation.time - self._begun
         place = motion.at(np.clip(now, 0.0, motion.duration))
-        velocity = _mean_velocity(motion, now) + GAIN * (place - here)
+        before = motion.at(np.clip(now - LEAD, 0.0, motion.duration))
+        after = motion.at(np.clip(now + LEAD, 0.0, motion.duration))
+        velocity = (after - before) / (2 * LEAD) + GAIN * (place - here)
         done = now >= motion.duration
         speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST_COMMAND))
         direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)
@@ -57,13 +59,6 @@ class Scripted:
         if self._motion is None:
             raise RuntimeError(f"{self.name}: reset before the first decision")
         return self._motion
-
-
-def _mean_velocity(motion: Motion, time: Array) -> Array:
-    """Velocity (n, 2) [m/s] of `motion`, averaged over LEAD before and after `time` (n,) [s]."""
-    before = np.clip(time - LEAD, 0.0, motion.duration)
-    after = np.clip(time + LEAD, 0.0, motion.duration)
-    return (motion.at(after) - motion.at(before)) / (2 * LEAD)
 
 
 def _nearest_travel(path: Path, points: Array) -> Array:

@@ -38,8 +38,8 @@ def first_weights(rng: np.random.Generator) -> Array:
     hidden_biases[0] = (INPUT_CENTRE[0] - APEX) / TURN_LENGTH
     output_weights = np.zeros(HIDDEN_UNITS)
     output_weights[0] = -(FALLING - RISING)
-    output_bias = FALLING + RISING - 2.0
-    return np.concatenate([input_weights.ravel(), hidden_biases, output_weights, [output_bias]])
+    output_bias = [FALLING + RISING - 2.0]
+    return np.concatenate([input_weights.ravel(), hidden_biases, output_weights, output_bias])
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,10 +41,7 @@ class Explorer(Adaptive):
         *,
         switches: bool = True,
     ) -> None:
-        """Perturb each rise once by `perturbation` [m], one sigma, unless `switches` is false.
-
-        Decisions are made at `rate` [Hz].
-        """
+        """Perturb rises once by `perturbation` [m] if `switches`; decide at `rate` [Hz]."""
         super().__init__(critic or Silent())
         self._random_rises, self._switches = critic is None, switches
         self._perturbation, self._rng = perturbation, rng

@@ -119,12 +119,10 @@ def _fold_strips(
     rod = Rod(settings.segments, strict=False)
     models = [describe(strip) for strip in strips]
     folds = roll_out(explorer, rod, strips[0], models, settings=rollout, rng=rng)
-    return _training_data(explorer, folds, strips, trial=trial)
+    return _piece_of(explorer, folds, strips, trial=trial)
 
 
-def _training_data(
-    explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool
-) -> Piece:
+def _piece_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool) -> Piece:
     """Inputs that `explorer` kept, with the results of its `folds`; a `trial` predicts always."""
     times, rises = np.array(explorer.times).T, np.array(explorer.rises).T
     inputs = np.moveaxis(np.array(explorer.kept), 0, 1)

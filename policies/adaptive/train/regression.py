@@ -102,19 +102,13 @@ def fit(
 
 
 def _fit(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
-    """Critic fitted to `piece` from `start`, whose whitening it keeps, or from random weights."""
+    """Fit by Adam with a cosine schedule, adding newly drawn biases to each batch's inputs."""
     mean, whiten = (start.weights["mean"], start.weights["whiten"]) if start else whitening(piece)
     whiten = whiten * input_mask(settings)[:, None]
     network = Network(len(mean), settings.memory, settings.hidden)
     if start is not None:
         network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})
-    _optimise(network, _tensors(piece, mean, whiten), whiten, epochs)
-    return _critic(network, mean, whiten)
-
-
-def _optimise(network: Network, data: list[Tensor], whiten: Array, epochs: int) -> None:
-    """Fit by Adam with a cosine schedule, adding newly drawn biases to each batch's inputs."""
-    whiten_bias = torch.tensor(whiten, dtype=torch.float32)
+    data, whiten_bias = _tensors(piece, mean, whiten), torch.tensor(whiten, dtype=torch.float32)
     folds = len(data[0])
     batches = folds // BATCH
     optimiser = torch.optim.Adam(network.parameters(), lr=FIRST_RATE)
@@ -127,6 +121,7 @@ def _optimise(network: Network, data: list[Tensor], whiten: Array, epochs: int) 
             torch.autograd.backward(loss)
             optimiser.step()
             schedule.step()
+    return _critic(network, mean, whiten)
 
 
 def biases(count: int) -> Tensor:

@@ -61,16 +61,12 @@ def fit_transfer(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
         raise ValueError(f"{count} folds; the fit needs {len(PRIOR)}")
     errors = _cross_validated_errors(batch)
     sigma = float(np.quantile(np.abs(errors) / batch.sigma, COVERAGE))
-    always, of_length, of_thickness = _coefficients(batch)
+    coefficients = _coefficients(batch)
     beyond = batch.thickness - REFERENCE_THICKNESS
-    unmeasured = abs(of_thickness) * float(np.sqrt(np.mean(beyond**2)))
-    terms = (always, of_length, of_thickness, sigma, unmeasured)
-    quality = FitQuality(
-        folds=count,
-        bias=_round(np.sqrt(np.mean(errors**2))),
-        within=round(float(np.mean(np.abs(errors) < sigma * batch.sigma)), 3),
-    )
-    return Transfer(Bias(*map(_round, terms))), quality
+    unmeasured = abs(coefficients[2]) * float(np.sqrt(np.mean(beyond**2)))
+    within = round(float(np.mean(np.abs(errors) < sigma * batch.sigma)), 3)
+    quality = FitQuality(count, _round(np.sqrt(np.mean(errors**2))), within)
+    return Transfer(Bias(*map(_round, (*coefficients, sigma, unmeasured)))), quality
 
 
 def _cross_validated_errors(batch: FoldedBatch) -> Array:
