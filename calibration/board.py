@@ -120,7 +120,7 @@ class BoardLook:
 def find_board(
     image: Image, detector: cv2.aruco.CharucoDetector, board: cv2.aruco.CharucoBoard
 ) -> BoardLook:
-    """Detection of `board` in `image` (h, w, 3)."""
+    """Detect `board` in `image` (h, w, 3): its corners, if any, and number and size of markers."""
     corners, ids, outlines, marks = detector.detectBoard(image)
     markers = 0 if marks is None else len(marks)
     side = _mean_side(outlines) if markers else 0.0

@@ -135,7 +135,7 @@ def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
-    """Write the file atomically; a place that cannot be written is a ConfigurationError.
+    """Write `calibration` to `path` atomically; ConfigurationError where that is not possible.
 
     The old file, if any, stays until the new one is complete.
     """

@@ -19,7 +19,7 @@ RANSAC_THRESHOLD = 1.5  # px, RANSAC on millimetres to pixels
 
 @dataclass(frozen=True, slots=True)
 class Homography:
-    """`matrix` (3, 3) takes undistorted pixels to (x, z) [m]; `inverse` takes them back."""
+    """Map from undistorted pixels to x, z [m] by `matrix` (3, 3), and back by its `inverse`."""
 
     matrix: Array
     inverse: Array
@@ -80,7 +80,7 @@ class Viewpoint:
         return np.array([self.x, self.z])
 
     def sweep(self, depth: float) -> float:
-        """Share of the way to `foot` by which a point `depth` [m] behind the plane is shifted."""
+        """Parallax of a point `depth` [m] behind the plane, over its distance from `foot`."""
         return depth / (self.distance + depth)
 
 

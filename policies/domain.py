@@ -10,7 +10,7 @@ DAMPING_RATIO = 50.0  # largest damping over the smallest at the same stiffness 
 
 
 def strip_at(u: float, v: float) -> StripFile:
-    """The strip at (u, v) in the unit square: log k over [0.02, 0.3], log b over [1, 50] b_min."""
+    """The strip at (u, v) of the unit square, on which log stiffness and log damping are linear."""
     low, high = STIFFNESS_RANGE
     k = low * (high / low) ** u
     return paper_strip(k, paper_damping_minimum(k) * DAMPING_RATIO**v)

@@ -76,7 +76,7 @@ class Feedback:
 
 
 def limit_directions(direction: Array, x: Array, z: Array) -> Array:
-    """Directions (n,) [rad] clipped to the bounds above; `x`, `z` (n,) over the strip's length."""
+    """Directions (n,) [rad] clipped to bounds of height and distance; `x`, `z` (n,) over length."""
     along_circle = np.arctan2(z, x) + 0.5 * math.pi  # heading at a constant distance from the edge
     low = np.where(np.hypot(x, z) > NEARLY_TAUT, along_circle, 0.5 * math.pi)
     low = np.where(z > LOFT, np.maximum(low, math.pi), low)

@@ -30,7 +30,7 @@ class Path:
         return float(self.travel[-1])
 
     def at(self, travel: Array | float) -> Array:
-        """Points (..., 2) at distances along the path, clamped to its ends."""
+        """Points (..., 2) x, z [m] at distances `travel` (...,) [m], clamped to the path's ends."""
         x = np.interp(travel, self.travel, self.points[:, 0])
         z = np.interp(travel, self.travel, self.points[:, 1])
         return np.stack([x, z], axis=-1)

@@ -49,7 +49,7 @@ class Planned:
         self._paths = Paths([])
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Aim at a simulated displacement of -`seen` - `unseen` [m], known biases of the rod."""
+        """Cancel biases [m]: `seen`, measured minus simulated, `unseen`, true minus measured."""
         self._aim = -seen - unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
@@ -66,7 +66,7 @@ class Planned:
         return self._paths.lift()
 
     def decide(self, observation: Observation) -> Decision:
-        """Direction along the planned path; images are not used."""
+        """Headings along the planned paths; images are not used."""
         return self._paths.decide(observation)
 
 
@@ -197,7 +197,7 @@ def _displacements(strips: Sequence[StripFile], motions: Motions, steps: Array) 
 
 
 def _check_reachable(strip: StripFile, d: Array) -> None:
-    """Refuse a `strip` whose displacements `d` (m,) [m] on the first rises have one sign."""
+    """Refuse a `strip` whose displacements `d` (m,) [m] have one sign at all rises."""
     if not (np.any(d < 0) and np.any(d > 0)):
         raise ConfigurationError(
             f"planned: {strip.name}: on no raised triangle do its layers lie even in the rod, "

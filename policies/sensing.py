@@ -225,7 +225,7 @@ class Eye:
         return profile + noise
 
     def _drop_images(self, new: Shown) -> Shown:
-        """The newest image that was not lost."""
+        """The newest image of each strip that was not lost: `new` or the previous one."""
         if self._shown is not None and self._sensing.dropped[1] > 0:
             lost = self._draws.uniform(0.0, 1.0) < self._dropped
             new = Shown(

@@ -46,13 +46,13 @@ class WantedView:
         """Image points (4, 2) [px] of the board's outer `corners` (4, 2) [m] in this view."""
         from scipy.spatial.transform import Rotation  # half a second that no fold needs
 
-        turned = Rotation.from_euler("zxy", (self.roll, -self.tilt, -self.turn)).as_matrix()
+        rotation = Rotation.from_euler("zxy", (self.roll, -self.tilt, -self.turn)).as_matrix()
         depth = float(lens.matrix[0, 0]) * float(np.ptp(corners[:, 0])) / (self.size * lens.width)
         middle = np.array([self.x * lens.width, self.y * lens.height, 1.0])
         flat = np.column_stack([corners - corners.mean(axis=0), np.zeros(len(corners))])
-        held = flat @ turned.T + np.linalg.solve(lens.matrix, middle) * depth
-        seen = held @ lens.matrix.T
-        return np.asarray(seen[:, :2] / seen[:, 2:])
+        in_camera = flat @ rotation.T + np.linalg.solve(lens.matrix, middle) * depth
+        image = in_camera @ lens.matrix.T
+        return np.asarray(image[:, :2] / image[:, 2:])
 
 
 def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, ...]:
@@ -164,9 +164,9 @@ class Sketch:
 
 def seen_outline(view: BoardView, outline: Array) -> Array:
     """Image points (4, 2) [px] in `view` of the board's outer corners `outline` (4, 2) [m]."""
-    there, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
-    at = np.column_stack([outline, np.ones(4)]) @ there.T
-    return np.asarray(at[:, :2] / at[:, 2:])
+    to_image, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
+    image = np.column_stack([outline, np.ones(4)]) @ to_image.T
+    return np.asarray(image[:, :2] / image[:, 2:])
 
 
 def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
@@ -189,7 +189,7 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
 
 
 def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
-    """All coverage requirements, as far as `views` of the board through `lens` meet them."""
+    """All coverage requirements, each with how far `views` through `lens` meet it."""
     seen = [placement(view, needs.outline(), lens) for view in views]
     x, y, size = (_range([getattr(p, name) for p in seen]) for name in ("x", "y", "size"))
     skew, cells = max((p.skew for p in seen), default=0.0), _cell_share(views, lens)

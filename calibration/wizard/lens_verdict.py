@@ -28,7 +28,7 @@ class Bow:
 
 
 def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
-    """The bow of the board in `views` through a `lens` that was fitted to a flat board.
+    """The bow of the board in `views` through `lens`, which was fitted as if it were flat.
 
     `outline` (4, 2) [m] are the corners of its pattern.
 
@@ -84,12 +84,12 @@ def _bow_modes(board: Array, middle: Array, reach: float) -> Array:
 def _linearise(view: BoardView, lens: Lens) -> tuple[Array, Array, Array, Array]:
     """Errors (2n,) [px] of corners, derivatives by camera (2n, 8), pose (2n, 6), height (2n, 1)."""
     board = np.asarray(view.board, dtype=np.float64)
-    _, turn, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
-    seen, slopes = cv2.projectPoints(board, turn, shift, lens.matrix, lens.distortion)
+    _, rotation, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
+    image, slopes = cv2.projectPoints(board, rotation, shift, lens.matrix, lens.distortion)
     raised = board + np.array([0.0, 0.0, NORMAL_STEP])
-    lifted, _ = cv2.projectPoints(raised, turn, shift, lens.matrix, lens.distortion)
-    error = (np.asarray(view.image) - seen.reshape(-1, 2)).ravel()
-    height = (lifted - seen).reshape(-1, 1) / NORMAL_STEP
+    raised_image, _ = cv2.projectPoints(raised, rotation, shift, lens.matrix, lens.distortion)
+    error = (np.asarray(view.image) - image.reshape(-1, 2)).ravel()
+    height = (raised_image - image).reshape(-1, 1) / NORMAL_STEP
     return error, slopes[:, CAMERA_COLUMNS], slopes[:, :POSE_COLUMNS], height
 
 

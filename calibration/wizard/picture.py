@@ -40,11 +40,11 @@ def touches_picture(
     replaced = {point.number for point in verdict.wild}
     for touched in touches:
         at = _pixel(touched.pixel)
-        wild = touched.number in off or (touched.number in replaced and not touched.again)
-        colour = BAD_BGR if wild else HELD_OUT_BGR if touched.held_out else FITTED_BGR
-        if wild:
+        if touched.number in off or (touched.number in replaced and not touched.again):
+            colour = BAD_BGR
             cv2.drawMarker(drawn, at, BAD_BGR, cv2.MARKER_TILTED_CROSS, 20, 2, LINE_TYPE)
         else:
+            colour = HELD_OUT_BGR if touched.held_out else FITTED_BGR
             cv2.circle(drawn, at, 6, colour, 1, LINE_TYPE)
             _draw_error(drawn, touched, lens, verdict.homography, colour)
         cv2.putText(

@@ -61,7 +61,7 @@ class Adaptive:
         self._fold: Fold = _initial_fold(REFERENCE_LENGTH, 1, critic.memory)
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Add biases [m] to predictions: `seen` up to the image, `unseen` from image to truth."""
+        """Add biases [m]: `seen`, measured minus predicted, and `unseen`, true minus measured."""
         self._seen, self._unseen = seen, unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:

@@ -41,7 +41,7 @@ class Features:
         return self._window.tell(seen.stamp, values / self._length, good)
 
     def inputs(self, seen: Observation, rise: Array, descending: NDArray[np.bool_]) -> Array:
-        """Inputs (n, COUNT) of the critic for grippers at lines of `rise` (n,) [m]."""
+        """Inputs (n, COUNT) of the critic, from `seen`, `rise` (n,) [m] and `descending` (n,)."""
         trend = self._window.trend()
         x, z, r = seen.x / self._length, seen.z / self._length, rise / self._length
         age = np.clip(seen.time - self.newest, 0.0, LARGEST_AGE)

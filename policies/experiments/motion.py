@@ -48,7 +48,7 @@ Part = Go | Rest | Shake
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Planned gripper position over time since it left the beginning of `path`.
+    """A planned gripper motion along `path`, over the time since its start.
 
     `times` (k,) [s] and `travels` (k,) [m] are the corners of the travel along the path over time;
     `shakes` begin at their times [s].

@@ -26,7 +26,7 @@ RISING, FALLING = 0.73, 1.25  # headings of the two legs, over pi
 
 
 def first_weights(rng: np.random.Generator) -> Array:
-    """First weights (WEIGHT_COUNT,): one unit turns the heading at the apex, the others do nothing.
+    """Initial weights (WEIGHT_COUNT,): one unit turns the heading at the apex, others do nothing.
 
     y = (FALLING + RISING - 2) - (FALLING - RISING) tanh((x - APEX) / TURN_LENGTH),
     phi = pi (1 + y / 2).

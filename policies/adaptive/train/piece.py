@@ -66,7 +66,7 @@ def explore(settings: CriticSettings, turn: int, number: int, critic: Critic | N
 
 
 def _explore(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
-    """Draw strips of one length and fold them, those that need the rod's further terms apart."""
+    """Draw strips of one length and fold them in two batches: without and with further terms."""
     rng = np.random.default_rng([settings.seed, turn, number])
     draw = unknown if settings.friction else plain
     length = STRIP_LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTH_RANGE))
@@ -88,7 +88,7 @@ def concatenate(pieces: list[Piece]) -> Piece:
 
 
 def _pad(piece: Piece, length: int) -> Piece:
-    """`piece` padded to `length` decisions; those added are not alive."""
+    """Copy of `piece` padded to `length` decisions, of which those added are not alive."""
     more = length - piece.moved.shape[1]
 
     def longer(values: NDArray[T]) -> NDArray[T]:
@@ -123,7 +123,7 @@ def _fold_strips(
 
 
 def _piece_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool) -> Piece:
-    """Inputs that `explorer` kept, with the results of its `folds`; a `trial` predicts always."""
+    """Training data from inputs kept by `explorer` and its `folds`; a `trial` always predicts."""
     times, rises = np.array(explorer.times).T, np.array(explorer.rises).T
     inputs = np.moveaxis(np.array(explorer.kept), 0, 1)
     rises_seen = inputs[..., RISE_AT] * strips[0].length

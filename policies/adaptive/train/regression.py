@@ -51,15 +51,15 @@ class Network(nn.Module):
 
         `counted` (n, k, 1) is 1 for the moments that go into the memory.
         """
-        p = self.get_parameter
-        recalled = torch.tanh(whitened @ p("recall") + p("recall_bias")) * counted
+        parameter = self.get_parameter
+        recalled = torch.tanh(whitened @ parameter("recall") + parameter("recall_bias")) * counted
         memory = torch.cumsum(recalled, 1) / torch.cumsum(counted, 1).clamp(min=1.0)
         known = torch.cat(
             [_select_moments(whitened, picked), _select_moments(memory, picked)], dim=-1
         )
-        hidden = torch.tanh(known @ p("first") + p("first_bias"))
-        hidden = torch.tanh(hidden @ p("second") + p("second_bias"))
-        return hidden @ p("last") + p("last_bias")
+        hidden = torch.tanh(known @ parameter("first") + parameter("first_bias"))
+        hidden = torch.tanh(hidden @ parameter("second") + parameter("second_bias"))
+        return hidden @ parameter("last") + parameter("last_bias")
 
 
 def whitening(piece: Piece) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ SETTINGS, CHECKPOINT = "adaptive.json", "adaptive.npz"
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Progress of a training: `done` of `total` steps, and the last one in words."""
+    """Progress of a training: `done` of `total` steps; `said` describes the last one."""
 
     done: int
     total: int

@@ -30,7 +30,7 @@ class Trial:
 
 
 def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
-    """`critic` with sigmas scaled to their coverage of the outcomes in `piece`, and its trial."""
+    """`critic` with sigmas scaled to cover the errors in `piece`, and the results of the trial."""
     ratios = error_ratios(critic, piece)
     critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
     at_touch = error_ratios(critic, piece, last=1)[0]
@@ -46,7 +46,7 @@ def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
 
 
 def error_ratios(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
-    """Four arrays (m,) of |error| / sigma: d, then the belief, `last` decisions before touch."""
+    """Four arrays (m,) |error| / sigma, of d and the strip, in the `last` decisions of folds."""
     ratios: list[list[Array]] = [[] for _ in range(4)]
     count = len(piece.displacement)
     memory, counted = np.zeros((count, critic.memory)), np.zeros((count, 1))
