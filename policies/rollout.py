@@ -96,7 +96,8 @@ def roll_out(
     )
     loop = _Loop(engine, settings, eye)
     loop.lift(policy.lift(), len(models))
-    for _ in range(round(settings.patience * strip.length / settings.speed * settings.rate)):
+    decisions = round(settings.patience * strip.length / settings.speed * settings.rate)
+    for _ in range(decisions):
         decision = policy.decide(loop.eye.look(loop.time, loop.poses[:, :2]))
         if loop.follow(decision):
             break

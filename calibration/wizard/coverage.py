@@ -92,6 +92,7 @@ def _lean_words(angle: float, positive: str, negative: str) -> str:
 
 
 COVERAGE_CELLS = (4, 3)  # of the image, over which the corners must spread
+BELOW_ONE = 0.999999  # of the image, so that a corner on its edge falls into the last cell
 GUESS = 2.0  # focal length over image width, before any is known
 
 
@@ -224,6 +225,7 @@ def _cell_share(views: Sequence[BoardView], lens: Lens) -> float:
     if not views:
         return 0.0
     points = np.vstack([view.image for view in views]) / (lens.width, lens.height)
-    inside = np.clip(points, 0.0, 0.999999)
-    reached = np.unique((inside * COVERAGE_CELLS).astype(int) @ (1, COVERAGE_CELLS[0]))
-    return len(reached) / (COVERAGE_CELLS[0] * COVERAGE_CELLS[1])
+    columns, rows = COVERAGE_CELLS
+    cells = (np.clip(points, 0.0, BELOW_ONE) * COVERAGE_CELLS).astype(int)
+    reached = np.unique(cells @ (1, columns))  # numbers of the cells, row by row
+    return len(reached) / (columns * rows)

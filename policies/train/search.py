@@ -93,7 +93,7 @@ class Search:
         if self._is_validated(number):
             validated = validate(self._optimiser.mean)
             self._keep_best(validated)
-        done = Progress(
+        progress = Progress(
             generation=number,
             best=float(scores.miss.min()),
             mean=float(scores.miss.mean()),
@@ -101,9 +101,9 @@ class Search:
             seconds=round(time.monotonic() - start, 3),
         )
         self._journal.append(
-            {"asked": _digest(asked), "costs": scores.cost.tolist(), **asdict(done)}
+            {"asked": _digest(asked), "costs": scores.cost.tolist(), **asdict(progress)}
         )
-        return done
+        return progress
 
     def _is_validated(self, number: int) -> bool:
         """Whether to validate this generation; only validated weights are kept."""
