@@ -16,7 +16,7 @@ from drivers.types import Array
 
 NORMAL_STEP = 1e-4  # m, difference for the derivative along the board's normal
 POSE_COLUMNS, CAMERA_COLUMNS = 6, slice(6, 14)  # of cv2.projectPoints' Jacobian: pose, lens but k3
-MODES = 3  # of a bow: x^2, y^2, x y
+BOW_MODES = 3  # of a bow: x^2, y^2, x y
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +45,9 @@ def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
     solution = inverse @ (design / scale).T @ errors / scale
     freedom = max(len(errors) - POSE_COLUMNS * len(views) - len(solution), 1)
     noise = float(np.sum((errors - design @ solution) ** 2)) / freedom
-    covariance = (noise * inverse / np.outer(scale, scale))[-MODES:, -MODES:]
+    covariance = (noise * inverse / np.outer(scale, scale))[-BOW_MODES:, -BOW_MODES:]
     modes = _bow_modes(_grid(outline), middle, reach)
-    heights = modes @ solution[-MODES:]
+    heights = modes @ solution[-BOW_MODES:]
     lowest_to_highest = modes[np.argmax(heights)] - modes[np.argmin(heights)]
     sigma = float(np.sqrt(lowest_to_highest @ covariance @ lowest_to_highest))
     return Bow(1e3 * float(np.ptp(heights)), 1e3 * sigma)
