@@ -60,7 +60,7 @@ class BoardSettings(Settings):
         return np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (self.width, self.rows * self.square)
 
     def board(self) -> cv2.aruco.CharucoBoard:
-        """The board as an OpenCV object; even rows are a ConfigurationError."""
+        """The board as an OpenCV object; impossible sizes are a ConfigurationError."""
         if self.rows % 2 == 0:
             raise ConfigurationError(f"board: rows: is {self.rows}, must be odd; print another")
         if self.marker >= self.square:
@@ -73,7 +73,7 @@ class BoardSettings(Settings):
 
 @dataclass(frozen=True, slots=True)
 class BoardView:
-    """Corners of one view: `ids` (n,), `board` (n, 3) [m] on it, `image` (n, 2) [px]."""
+    """Board corners detected in one view: `ids` (n,), `board` (n, 3) [m], `image` (n, 2) [px]."""
 
     ids: Array
     board: Array
@@ -81,15 +81,15 @@ class BoardView:
 
     def distance(self, other: "BoardView") -> float:
         """Median distance [px] of corners common to both views; inf without any."""
-        _, i, j = np.intersect1d(self.ids, other.ids, return_indices=True)
-        if len(i) == 0:
+        _, mine, others = np.intersect1d(self.ids, other.ids, return_indices=True)
+        if len(mine) == 0:
             return float("inf")
-        return float(np.median(np.hypot(*(self.image[i] - other.image[j]).T)))
+        return float(np.median(np.hypot(*(self.image[mine] - other.image[others]).T)))
 
     def tilt(self, lens: Lens) -> tuple[float, float]:
-        """Angles [rad] by which the board's top and right edge lean away from the camera."""
-        turned = cv2.Rodrigues(self._board_pose(lens)[0])[0]
-        return float(np.arcsin(-turned[2, 1])), float(np.arcsin(turned[2, 0]))
+        """Two angles [rad] by which the board's top and right edge lean away from the camera."""
+        rotation = cv2.Rodrigues(self._board_pose(lens)[0])[0]
+        return float(np.arcsin(-rotation[2, 1])), float(np.arcsin(rotation[2, 0]))
 
     def depth(self, lens: Lens) -> float:
         """Distance [m] from the camera to the middle of the corners, along the optical axis."""
@@ -120,7 +120,7 @@ class BoardLook:
 def find_board(
     image: Image, detector: cv2.aruco.CharucoDetector, board: cv2.aruco.CharucoBoard
 ) -> BoardLook:
-    """Detection of `board` in `image` (h, w, 3)."""
+    """Detect `board` in `image` (h, w, 3): its corners, if any, and number and size of markers."""
     corners, ids, outlines, marks = detector.detectBoard(image)
     markers = 0 if marks is None else len(marks)
     side = _mean_side(outlines) if markers else 0.0
@@ -137,5 +137,6 @@ def find_board(
 
 def _mean_side(outlines: object) -> float:
     """Mean side [px] of marker outlines, each (4, 2)."""
-    square = np.asarray(outlines, dtype=np.float64).reshape(-1, 4, 2)
-    return float(np.hypot(*np.moveaxis(square - np.roll(square, 1, axis=1), -1, 0)).mean())
+    corners = np.asarray(outlines, dtype=np.float64).reshape(-1, 4, 2)
+    sides = corners - np.roll(corners, 1, axis=1)
+    return float(np.hypot(sides[..., 0], sides[..., 1]).mean())

@@ -25,14 +25,14 @@ KEYWORDS = ("residual_mm", "date", "camera", "latency", *OPTIONAL_KEYS)
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """One camera at one pose, looking at the plane of the strip's near edge.
+    """Calibration of a camera at one pose: lens and map to the plane of the strip's near edge.
 
     `residual_mm` is the rms distance at touched points that the fit did not use, `latency` [s] how
     much earlier than its stamp an image shows the world, `contact_bias` [m] the additional offset
     of contact_x, `date` ISO 8601, `camera` the identity of its device, `locks` the locked control
-    values, `landmarks` image patches that reveal a moved camera. `accepted_anyway` is the reason
-    why the wizard refused it and it was accepted nevertheless. `id` is the hash of all of this but
-    the date: calibrating the twin again gives the same id.
+    values, `landmarks` image patches that reveal a moved camera, `accepted_anyway` the reasons for
+    which the wizard refused it, if it was accepted nevertheless. `id` is the hash of all of this
+    but the date: calibrating the twin again gives the same id.
     """
 
     lens: Lens
@@ -49,11 +49,11 @@ class Calibration:
     accepted_anyway: tuple[str, ...] = ()
 
     def to_plane(self, pixels: Array) -> Array:
-        """(n, 2) raw image points [px] -> (n, 2) x, z [m] in the plane of the near edge."""
+        """Points (n, 2) x, z [m] in the plane of the near edge at raw image points (n, 2) [px]."""
         return self.homography.to_plane(self.lens.undistort(pixels))
 
     def to_image(self, points: Array) -> Array:
-        """(n, 2) x, z [m] in the plane of the near edge -> (n, 2) raw image points [px]."""
+        """Raw image points (n, 2) [px] of points (n, 2) x, z [m] in the plane of the near edge."""
         return self.lens.distort(self.homography.to_image(points))
 
 
@@ -74,7 +74,7 @@ class CalibrationFile(Settings):
     accepted_anyway: tuple[str, ...] = ()
 
     def content(self) -> dict[str, Any]:
-        """Plain mapping for YAML; empty values are omitted."""
+        """The file as a plain mapping for YAML; empty values are omitted."""
         left_out = {key for key in OPTIONAL_KEYS if not getattr(self, key)}
         return self.model_dump(mode="json", by_alias=True, exclude=left_out)
 
@@ -135,7 +135,7 @@ def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
-    """Write the file atomically; a place that cannot be written is a ConfigurationError.
+    """Write `calibration` to `path` atomically; ConfigurationError where that is not possible.
 
     The old file, if any, stays until the new one is complete.
     """

@@ -12,12 +12,14 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array, frozen
 
 MINIMUM_POINTS = 12
+MINIMUM_INLIERS = MINIMUM_POINTS * 3 // 4  # that a map must fit
+SMALLEST_DETERMINANT = 1e-18  # of a matrix from pixels to metres, under which it is singular
 RANSAC_THRESHOLD = 1.5  # px, RANSAC on millimetres to pixels
 
 
 @dataclass(frozen=True, slots=True)
 class Homography:
-    """`matrix` (3, 3) takes undistorted pixels to (x, z) [m]; `inverse` takes them back."""
+    """Map from undistorted pixels to x, z [m] by `matrix` (3, 3), and back by its `inverse`."""
 
     matrix: Array
     inverse: Array
@@ -26,22 +28,22 @@ class Homography:
     def of(cls, matrix: Array) -> Self:
         """The homography with this matrix; a singular one is a ConfigurationError."""
         scaled = np.asarray(matrix, dtype=np.float64)
-        if not np.isfinite(scaled).all() or abs(np.linalg.det(scaled)) < 1e-18:
+        if not np.isfinite(scaled).all() or abs(np.linalg.det(scaled)) < SMALLEST_DETERMINANT:
             raise ConfigurationError("homography: the matrix is singular; calibrate again")
         return cls(frozen(scaled), frozen(np.linalg.inv(scaled)))
 
     def to_plane(self, pixels: Array) -> Array:
-        """(n, 2) undistorted pixels -> (n, 2) x, z [m]."""
+        """Points (n, 2) x, z [m] in the plane at undistorted `pixels` (n, 2)."""
         return _apply(self.matrix, pixels)
 
     def to_image(self, points: Array) -> Array:
-        """(n, 2) x, z [m] -> (n, 2) undistorted pixels."""
+        """Undistorted pixels (n, 2) of `points` (n, 2) x, z [m] in the plane."""
         return _apply(self.inverse, points)
 
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """A touched point rejected by the fit: number, place [m], distance [px] from the map."""
+    """A touched point rejected by the fit: number, place [m], and residual `error` [px]."""
 
     number: int
     x: float
@@ -74,11 +76,11 @@ class Viewpoint:
     distance: float
 
     def foot(self) -> Array:
-        """(2,) x, z [m], the point where all lines along y meet in the image."""
+        """Point (2,) x, z [m] of the plane nearest to the camera, where lines along y meet."""
         return np.array([self.x, self.z])
 
     def sweep(self, depth: float) -> float:
-        """Fraction of the distance to the foot by which a point at `depth` [m] appears shifted."""
+        """Parallax of a point `depth` [m] behind the plane, over its distance from `foot`."""
         return depth / (self.distance + depth)
 
 
@@ -98,7 +100,7 @@ def fit_homography(pixels: Array, points: Array) -> HomographyFit:
     if to_pixels is None:
         raise ConfigurationError("homography: the touched points determine no map; spread them")
     used = np.ravel(mask).astype(bool)
-    if used.sum() < MINIMUM_POINTS * 3 // 4:
+    if used.sum() < MINIMUM_INLIERS:
         raise ConfigurationError(
             f"homography: only {used.sum()} of {len(points)} touched points agree; "
             "check the pointer and touch again"
@@ -109,14 +111,14 @@ def fit_homography(pixels: Array, points: Array) -> HomographyFit:
         Rejected(int(i), float(points[i, 0]), float(points[i, 1]), float(errors[i]))
         for i in np.flatnonzero(~used)
     )
-    homography = Homography.of(np.diag([1e-3, 1e-3, 1.0]) @ np.linalg.inv(refit))
+    homography = Homography.of(np.diag([1e-3, 1e-3, 1.0]) @ np.linalg.inv(refit))  # to metres
     return HomographyFit(homography, used, rejected)
 
 
 def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
     """The camera's position from lens and map; ConfigurationError where they contradict."""
-    corners = np.array([(u, v) for u in (0.1, 0.5, 0.9) for v in (0.1, 0.5, 0.9)])
-    pixels = corners * (lens.width, lens.height)
+    shares = np.array([(u, v) for u in (0.1, 0.5, 0.9) for v in (0.1, 0.5, 0.9)])
+    pixels = shares * (lens.width, lens.height)
     plane = homography.to_plane(pixels)
     world = np.column_stack([plane[:, 0], np.zeros(len(plane)), plane[:, 1]])
     found, rotation, translation = cv2.solvePnP(world, pixels, lens.matrix, None)

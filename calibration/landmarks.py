@@ -1,4 +1,4 @@
-"""Detection of a moved camera by landmarks: the finger tip at a known pose, the desk's line."""
+"""Detection of a moved camera by landmarks: the finger tip at a known pose, the desk's edge."""
 
 from base64 import b64decode, b64encode
 from collections.abc import Sequence
@@ -17,17 +17,19 @@ from drivers.pictures import LARGEST_SIDE, sides
 from drivers.settings import Settings
 from drivers.types import Array, Frame, Image, Pose
 
-TIP_SIDE, DESK_SIDE = 96, 28  # px, of the remembered squares
+TIP_SIDE, DESK_SIDE = 96, 28  # px, sides of the patches
 SEARCH_RADIUS = 40  # px by which a landmark is looked for around its place
-DESK_HEIGHTS = (0.010, 0.060)  # m over which the desk's line is looked for, above a lying strip
-CONTRAST = 6.0  # grey levels that a line must show
+DESK_HEIGHTS = (0.010, 0.060)  # m, z over which the desk's edge is searched, above a lying strip
+DESK_RANGE, DESK_PATCHES = (0.05, 0.55), 7  # m, x over which patches of the desk's edge lie
+EDGE_ROWS = 4  # px over which the brightness changes at an edge
+CONTRAST = 6.0  # grey levels, least change at an edge
 MATCH_CORRELATION = 0.6  # correlation from which a landmark counts as found
 
 
 class LandmarkSettings(Settings):
-    """Pose of the empty hand for landmarks, x, z [m] and pitch [rad], and the allowed shift.
+    """Pose of the empty hand for landmarks, x, z [m] and pitch [rad], and the allowed shift [mm].
 
-    The hand must be clear of strips and in the image, the same pose for all of them.
+    The hand must be in the image and clear of strips; the pose is the same for all strips.
     """
 
     x: float = Field(0.42, ge=-0.5, le=2.0)
@@ -37,12 +39,12 @@ class LandmarkSettings(Settings):
 
     @property
     def pose(self) -> Pose:
-        """The gripper's pose."""
+        """Pose of the gripper at which landmarks are taken."""
         return Pose(self.x, self.z, self.pitch)
 
 
 class Landmark(Settings):
-    """A square image patch: its name, top left corner [px], and grey levels."""
+    """A square image patch: its kind, top left corner [px], and grey levels as PNG."""
 
     kind: Literal["tip", "desk"]
     left: int = Field(ge=0)
@@ -51,7 +53,7 @@ class Landmark(Settings):
 
     @classmethod
     def of(cls, kind: Literal["tip", "desk"], grey: Image, left: int, top: int, side: int) -> Self:
-        """The square of `side` [px] at (`left`, `top`) in `grey` (height, width)."""
+        """The patch of `side` [px] at (`left`, `top`) in the image `grey` (height, width)."""
         _, content = cv2.imencode(".png", grey[top : top + side, left : left + side])
         return cls(kind=kind, left=left, top=top, png=b64encode(bytes(content)).decode("ascii"))
 
@@ -79,7 +81,7 @@ class Landmarks(Settings):
 
     @property
     def pose(self) -> Pose:
-        """The pose at which the tip must appear where it did."""
+        """Pose of the gripper at which the landmarks were taken."""
         return Pose(self.x, self.z, self.pitch)
 
 
@@ -103,8 +105,7 @@ class CameraShift:
 
 
 def remember(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> Landmarks:
-    """Landmarks from an image (h, w, 3) of the empty hand at rest at the measured `pose`, the desk
-    bare.
+    """Landmarks from an image (h, w, 3) of the empty hand at rest at `pose` over a bare desk.
 
     Raises ConfigurationError where the camera does not see the tip.
     """
@@ -125,40 +126,44 @@ def remember(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> La
 def camera_shift(
     frame: Frame, landmarks: Landmarks, lens: Lens, homography: Homography
 ) -> CameraShift:
-    """Shift of the landmarks in an image (h, w, 3) of the hand at rest at the same pose."""
+    """Shift of the landmarks in an image (h, w, 3) of the empty hand at rest at their pose."""
     grey = grey_of(frame.image)
-    found = [(mark, _find(grey, mark)) for mark in landmarks.marks]
-    tips = [_moved_mm(m, at, lens, homography) for m, at in found if m.kind == "tip" and at]
-    desk = [_moved_mm(m, at, lens, homography)[1] for m, at in found if m.kind == "desk" and at]
-    x, z = tips[0] if tips else (float("nan"), float("nan"))
+    shifts: dict[str, list[tuple[float, float]]] = {"tip": [], "desk": []}
+    for mark in landmarks.marks:
+        shift = _find_shift(grey, mark)
+        if shift is not None:
+            shifts[mark.kind].append(_shift_mm(mark, shift, lens, homography))
+    x, z = shifts["tip"][0] if shifts["tip"] else (float("nan"), float("nan"))
+    desk = [up for _, up in shifts["desk"]]
     return CameraShift(x, z, float(np.median(desk)) if desk else float("nan"))
 
 
 def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark]:
-    """Patches on the strongest horizontal edge behind the strip; none where it is too weak."""
-    marks = []
-    for x in np.linspace(0.05, 0.55, 7):
-        ends = lens.distort(homography.to_image(np.array([(x, z) for z in DESK_HEIGHTS])))
-        (u, low), (_, high) = ends
-        left, first, last = round(float(u)) - DESK_SIDE // 2, round(float(high)), round(float(low))
-        if (
-            left < 0
-            or left + DESK_SIDE > grey.shape[1]
-            or first < SEARCH_RADIUS
-            or last > len(grey) - SEARCH_RADIUS
-        ):
-            continue
-        rows = grey[first:last, left : left + DESK_SIDE].astype(np.float64).mean(axis=1)
-        steps = np.abs(rows[4:] - rows[:-4])
-        if len(steps) == 0 or steps.max() < CONTRAST:
-            continue
-        top = first + int(np.argmax(steps)) + 2 - DESK_SIDE // 2
-        marks.append(Landmark.of("desk", grey, left, top, DESK_SIDE))
-    return marks
+    """Patches on the desk's horizontal edge behind the strip; none where its contrast is weak."""
+    places = np.linspace(*DESK_RANGE, DESK_PATCHES)
+    patches = [_desk_patch(grey, float(x), lens, homography) for x in places]
+    return [patch for patch in patches if patch is not None]
 
 
-def _find(grey: Image, mark: Landmark) -> tuple[float, float] | None:
-    """Shift (u, v) [px] at which the landmark is found again, or None."""
+def _desk_patch(grey: Image, x: float, lens: Lens, homography: Homography) -> Landmark | None:
+    """Patch on the strongest horizontal edge above `x` [m]; None at the border or without one."""
+    ends = lens.distort(homography.to_image(np.array([(x, z) for z in DESK_HEIGHTS])))
+    (u, low), (_, high) = ends
+    left, first, last = round(float(u)) - DESK_SIDE // 2, round(float(high)), round(float(low))
+    if left < 0 or left + DESK_SIDE > grey.shape[1]:
+        return None
+    if first < SEARCH_RADIUS or last > len(grey) - SEARCH_RADIUS:
+        return None
+    rows = grey[first:last, left : left + DESK_SIDE].astype(np.float64).mean(axis=1)
+    steps = np.abs(rows[EDGE_ROWS:] - rows[:-EDGE_ROWS])
+    if len(steps) == 0 or steps.max() < CONTRAST:
+        return None
+    top = first + int(np.argmax(steps)) + EDGE_ROWS // 2 - DESK_SIDE // 2
+    return Landmark.of("desk", grey, left, top, DESK_SIDE)
+
+
+def _find_shift(grey: Image, mark: Landmark) -> tuple[float, float] | None:
+    """Shift (u, v) [px] of a landmark by template matching; None where it is not found."""
     patch = mark.patch()
     reach_u = SEARCH_RADIUS if mark.kind == "tip" else 0  # a level line hides sideways motion
     left, top = max(mark.left - reach_u, 0), max(mark.top - SEARCH_RADIUS, 0)
@@ -175,7 +180,7 @@ def _find(grey: Image, mark: Landmark) -> tuple[float, float] | None:
 
 
 def peak(scores: Array, at: int) -> float:
-    """Position of the maximum near index `at` of `scores` (n,), relative to it, by a parabola."""
+    """Offset of the maximum of `scores` (n,) from index `at`, by a parabola through 3 values."""
     if not 0 < at < len(scores) - 1:
         return 0.0
     before, here, after = (float(score) for score in scores[at - 1 : at + 2])
@@ -183,17 +188,17 @@ def peak(scores: Array, at: int) -> float:
     return 0.0 if bend >= 0 else 0.5 * (before - after) / bend
 
 
-def _moved_mm(
+def _shift_mm(
     mark: Landmark, shift: Sequence[float], lens: Lens, homography: Homography
 ) -> tuple[float, float]:
-    """Shift of a landmark [px] converted to x, z [mm] in the plane of the near edge."""
+    """Convert the `shift` of a landmark [px] to x, z [mm] in the plane of the near edge."""
     side = TIP_SIDE if mark.kind == "tip" else DESK_SIDE
-    here = np.array([mark.left, mark.top]) + side / 2
-    was, now = homography.to_plane(lens.undistort(np.array([here, here + shift])))
-    x, z = 1e3 * (now - was)
+    middle = np.array([mark.left, mark.top]) + side / 2
+    before, now = homography.to_plane(lens.undistort(np.array([middle, middle + shift])))
+    x, z = 1e3 * (now - before)
     return float(x), float(z)
 
 
 def grey_of(image: Image) -> Image:
-    """`image` (h, w, 3) in grey levels (h, w)."""
+    """Grey levels (h, w) of a colour `image` (h, w, 3)."""
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

@@ -19,7 +19,7 @@ from drivers.types import Array, frozen
 CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 MINIMUM_VIEWS = 3
 FOCAL = 0.1, 100.0  # of the image's longer side: from a fisheye to a telescope
-DISTORTION = 100.0
+DISTORTION = 100.0  # largest coefficient
 LARGEST_SIDE = 20_000  # px of a side
 
 
@@ -88,7 +88,7 @@ def fit_lens(
 
 
 def _check_inside(points: Array, size: tuple[int, int]) -> None:
-    """Refuse points (n, 2) [px] outside an image of `size`; OpenCV does not check."""
+    """Refuse `points` (n, 2) [px] outside an image of `size` [px]; OpenCV does not check."""
     width, height = size
     u, v = points.max(axis=0)
     if u > width or v > height:
@@ -104,37 +104,43 @@ def checked_lens(lens: Lens, origin: str) -> Lens:
     Focal lengths must be finite and of the order of the image, its centre near the image, the
     distortion finite and bounded.
     """
+    fault = _fault_of(lens)
+    if fault is not None:
+        raise ConfigurationError(f"{origin}: {fault}; calibrate the camera again")
+    return lens
+
+
+def _fault_of(lens: Lens) -> str | None:
+    """The first property of `lens` that no camera can have, as text; None without one."""
     sides = np.array([lens.width, lens.height], dtype=np.float64)
     focal, centre = np.diag(lens.matrix)[:2], lens.matrix[:2, 2]
     low, high = FOCAL[0] * sides.max(), FOCAL[1] * sides.max()
     if sides.max() > LARGEST_SIDE:
         size = f"{lens.width} x {lens.height} px"
-        reason = f"image_width, image_height: are {size}, at most {LARGEST_SIDE}"
-    elif not ((focal >= low) & (focal <= high)).all():
-        reason = (
+        return f"image_width, image_height: are {size}, at most {LARGEST_SIDE}"
+    # negated, so that NaN is refused too
+    if not ((focal >= low) & (focal <= high)).all():
+        return (
             f"camera_matrix: focal lengths are {focal[0]:g} and {focal[1]:g} px, allowed "
             f"{low:.0f} to {high:.0f} px for this image"
         )
-    elif not ((centre >= -sides) & (centre <= 2.0 * sides)).all():
-        reason = (
+    if not ((centre >= -sides) & (centre <= 2.0 * sides)).all():
+        return (
             f"camera_matrix: the centre is u {centre[0]:g}, v {centre[1]:g} px, far outside of an "
             f"image of {lens.width} x {lens.height} px"
         )
-    elif not (np.abs(lens.distortion) <= DISTORTION).all():
-        worst = lens.distortion[np.argmax(~(np.abs(lens.distortion) <= DISTORTION))]
-        reason = (
-            f"distortion_coefficients: hold {worst:g}, allowed -{DISTORTION:g} to {DISTORTION:g}"
-        )
-    else:
-        return lens
-    raise ConfigurationError(f"{origin}: {reason}; calibrate the camera again")
+    beyond = ~(np.abs(lens.distortion) <= DISTORTION)
+    if beyond.any():
+        first = lens.distortion[np.argmax(beyond)]
+        return f"distortion_coefficients: hold {first:g}, allowed -{DISTORTION:g} to {DISTORTION:g}"
+    return None
 
 
 Positive = Annotated[int, Field(gt=0)]
 
 
 class MatrixFile(Settings):
-    """A matrix in ROS format."""
+    """A matrix in the format of ROS: shape, and values row by row."""
 
     rows: Positive
     cols: Positive
@@ -142,7 +148,7 @@ class MatrixFile(Settings):
 
     @classmethod
     def of(cls, matrix: Array) -> Self:
-        """`matrix` (rows, cols), row by row."""
+        """The file content of `matrix` (rows, cols)."""
         rows, cols = matrix.shape
         return cls(rows=rows, cols=cols, data=tuple(float(value) for value in matrix.ravel()))
 

@@ -10,6 +10,8 @@ LIT_LEVELS = (170, 110)  # grey levels of the darkest channel of a lit disc, and
 CONTRAST = 90.0  # grey levels between disc and plate
 RADII = (3.0, 30.0)  # px, sizes that are looked for
 ROUND = 0.75  # share of its circumscribed circle that the disc fills
+WINDOW_REACH, PLATE_EDGE, INSIDE = 1.7, 1.25, 0.7  # over the disc's radius
+DARK_SHARE = 0.1  # of the contrast, brightness above the plate that carries no weight
 
 
 def find_pointer(image: Image) -> Array | None:
@@ -25,24 +27,26 @@ def find_pointer(image: Image) -> Array | None:
 
 
 def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
-    """Centre of the disc within `outline`, or None where it is no disc on a dark plate."""
+    """Centre (2,) u, v [px] of the disc in `outline`, or None without a disc on a dark plate."""
     (u, v), radius = cv2.minEnclosingCircle(outline)
     if not RADII[0] <= radius <= RADII[1]:
         return None
     if cv2.contourArea(outline) < ROUND * np.pi * (radius - 0.5) ** 2:
         return None
-    reach = int(np.ceil(1.7 * radius)) + 2
+    reach = int(np.ceil(WINDOW_REACH * radius)) + 2
     left, top = round(u) - reach, round(v) - reach
     window = grey[max(top, 0) : top + 2 * reach + 1, max(left, 0) : left + 2 * reach + 1]
     if window.shape != (2 * reach + 1, 2 * reach + 1):
         return None
     dv, du = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     distance = np.hypot(du - (u - round(u)), dv - (v - round(v)))
-    plate = float(np.median(window[(distance > 1.25 * radius + 1) & (distance < reach)]))
-    disc = float(np.median(window[distance < 0.7 * radius]))
+    on_plate = (distance > PLATE_EDGE * radius + 1) & (distance < reach)
+    plate = float(np.median(window[on_plate]))
+    disc = float(np.median(window[distance < INSIDE * radius]))
     if disc - plate < CONTRAST:
         return None
-    share = np.clip((window - plate) / (disc - plate) - 0.1, 0.0, 0.9)
-    share[distance > 1.25 * radius + 2] = 0.0
-    total = share.sum()
-    return np.array([round(u) + (share * du).sum() / total, round(v) + (share * dv).sum() / total])
+    weight = np.clip((window - plate) / (disc - plate) - DARK_SHARE, 0.0, 1.0 - DARK_SHARE)
+    weight[distance > PLATE_EDGE * radius + 2] = 0.0
+    total = weight.sum()
+    centre = (round(u) + (weight * du).sum() / total, round(v) + (weight * dv).sum() / total)
+    return np.array(centre)

@@ -10,7 +10,7 @@ DAMPING_RATIO = 50.0  # largest damping over the smallest at the same stiffness 
 
 
 def strip_at(u: float, v: float) -> StripFile:
-    """The strip at (u, v) in the unit square: log k over [0.02, 0.3], log b over [1, 50] b_min."""
+    """The strip at (u, v) of the unit square, on which log stiffness and log damping are linear."""
     low, high = STIFFNESS_RANGE
     k = low * (high / low) ** u
     return paper_strip(k, paper_damping_minimum(k) * DAMPING_RATIO**v)
@@ -23,7 +23,7 @@ def grid(n: int) -> list[StripFile]:
 
 
 def sample(n: int, rng: np.random.Generator) -> list[StripFile]:
-    """n x n strips, one at random in each cell of the square: stratified over the range."""
+    """n x n strips, one at random in each cell of the unit square (stratified sampling)."""
     shift: Array = rng.uniform(size=(n, n, 2))
     cells = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1)
     places = ((cells + shift) / n).reshape(-1, 2)

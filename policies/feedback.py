@@ -1,4 +1,4 @@
-"""The feedback policy of the paper: phi from gripper x, z and desk_contact x."""
+"""The paper's feedback policy: heading phi from gripper x, z and desk_contact x."""
 
 import math
 from pathlib import Path as FilePath
@@ -16,8 +16,7 @@ from policies.policy import Decision, Observation
 COMMITTED = FilePath(__file__).with_name("weights") / "feedback.json"
 
 # Over the strip's length. Below LOWEST_HEIGHT the gripper does not go down, above LOFT not up, and
-# at NEARLY_TAUT from the fixed edge not outward. Beyond PAST it has gone by the fixed edge and
-# there is nothing left to fold.
+# farther than NEARLY_TAUT from the fixed edge not outward. Beyond PAST the fold has ended.
 LOWEST_HEIGHT = 0.05
 LOFT = 0.75
 NEARLY_TAUT = 0.95
@@ -25,7 +24,7 @@ PAST = -0.20
 
 
 class Feedback:
-    """The paper's feedback network; `weights` (p, WEIGHT_COUNT) drive p equal groups of the batch.
+    """Policy of the paper's network; `weights` (p, WEIGHT_COUNT) drive p equal groups of the batch.
 
     Speed and pitch are constant. The direction always has a component toward the fixed edge, so
     that every fold ends in a touch or past the edge.
@@ -52,7 +51,7 @@ class Feedback:
         return triangular(self._length)
 
     def decide(self, observation: Observation) -> Decision:
-        """Directions by the network, from the newest desk contact that was seen."""
+        """Headings by the network, from the gripper and the newest desk contact that was seen."""
         seen = np.isfinite(observation.contact_x)
         self._contact = np.where(seen, observation.contact_x, self._contact)
         state = np.stack([observation.x, observation.z, self._contact], axis=-1) / self._length
@@ -77,9 +76,9 @@ class Feedback:
 
 
 def limit_directions(direction: Array, x: Array, z: Array) -> Array:
-    """Directions (n,) limited to the fixed edge's side and the bounds; `x`, `z` over length."""
-    taut = np.arctan2(z, x) + 0.5 * math.pi
-    low = np.where(np.hypot(x, z) > NEARLY_TAUT, taut, 0.5 * math.pi)
+    """Directions (n,) [rad] clipped to bounds of height and distance; `x`, `z` (n,) over length."""
+    along_circle = np.arctan2(z, x) + 0.5 * math.pi  # heading at a constant distance from the edge
+    low = np.where(np.hypot(x, z) > NEARLY_TAUT, along_circle, 0.5 * math.pi)
     low = np.where(z > LOFT, np.maximum(low, math.pi), low)
     high = np.where(z < LOWEST_HEIGHT, math.pi, 1.5 * math.pi)
     return np.asarray(np.clip(direction, np.minimum(low, high), high))

@@ -14,7 +14,7 @@ END_TOLERANCE = 0.0005  # m before its end at which a path has been followed
 
 
 class Follower:
-    """Path following of n grippers along one path; their progress never decreases.
+    """Steers n grippers along one path; their progress never decreases.
 
     `progress` (n,) is the distance along the path [m] of the point nearest to each gripper.
     """
@@ -25,8 +25,7 @@ class Follower:
         self._reach = path.length
 
     def decide(self, x: Array, z: Array, speed: float) -> Decision:
-        """Direction along the path at `speed` [m/s] from grippers at `x`, `z` (n,) [m]; done at its
-        end.
+        """Headings along the path at `speed` [m/s] from `x`, `z` (n,) [m]; done at its end.
 
         The first call searches the whole path, later ones at most `SEARCH_WINDOW` ahead.
         """
@@ -73,7 +72,7 @@ def tangents(path: Path, travel: Array) -> Array:
 
 
 class PathPolicy:
-    """A policy that follows a path known before the fold; subclasses define it."""
+    """A policy that follows a path known before the fold; subclasses define the path."""
 
     name = ""
 
@@ -95,7 +94,7 @@ class PathPolicy:
         return self._active_follower().path
 
     def decide(self, observation: Observation) -> Decision:
-        """Directions along the path at the configured speed; done at its end."""
+        """Headings along the path at the configured speed; done at its end."""
         return self._active_follower().decide(observation.x, observation.z, self._speed)
 
     def _active_follower(self) -> Follower:

@@ -30,38 +30,38 @@ class Path:
         return float(self.travel[-1])
 
     def at(self, travel: Array | float) -> Array:
-        """Points (..., 2) at distances along the path, clamped to its ends."""
+        """Points (..., 2) x, z [m] at distances `travel` (...,) [m], clamped to the path's ends."""
         x = np.interp(travel, self.travel, self.points[:, 0])
         z = np.interp(travel, self.travel, self.points[:, 1])
         return np.stack([x, z], axis=-1)
 
     def poses(self, travel: Array | float) -> Array:
-        """Gripper poses (..., 3): the points, and the pitch of a flat start."""
+        """Gripper poses (..., 3) x, z [m], pitch [rad] at distances along the path."""
         return np.concatenate([self.at(travel), lift_pitch(travel)[..., None]], axis=-1)
 
 
 def lift_pitch(travel: Array | float) -> Array:
-    """Pitch (...,) [rad] after `travel` (...,) [m] from a flat start: in proportion, then pi/2."""
+    """Pitch (...,) [rad] after `travel` (...,) [m] from a flat start: proportional up to pi/2."""
     return np.asarray(np.pi / 2 * np.clip(np.asarray(travel) / LIFT_TRAVEL, 0.0, 1.0))
 
 
 def triangular(length: float, rise: float = 0.0) -> Path:
-    """(L, 0) to (L/2, L/2 + rise) to (0, rise): the triangle, moved up by `rise` [m]."""
+    """Triangle (L, 0), (L/2, L/2 + rise), (0, rise) over a strip of `length` L [m]; `rise` [m]."""
     apex = (length / 2, length / 2 + rise)
     return Path.through(np.array([(length, 0.0), apex, (0.0, rise)]))
 
 
 def vertical_lift(length: float) -> Path:
-    """From (L, 0) straight up, turning to 45 degrees at the take-over height, and on to L/2.
+    """Path from (L, 0) straight up, turning to 45 degrees by the take-over height, up to z = L/2.
 
     The triangle's first leg pushes the strip back along the desk until it buckles at the grip, to
     curvatures of up to 180 1/m, of which friction between yarns keeps a part; on this parabola they
     stay under 20 1/m.
     """
     z = np.linspace(0.0, TAKEOVER_HEIGHT, 41)
-    x = length - z**2 / (2 * TAKEOVER_HEIGHT)
-    more = length / 2 - TAKEOVER_HEIGHT
-    return Path.through(np.append(np.stack([x, z], -1), [(x[-1] - more, length / 2)], axis=0))
+    x = length - z**2 / (2 * TAKEOVER_HEIGHT)  # a parabola whose slope at the take-over is 1
+    further = length / 2 - TAKEOVER_HEIGHT
+    return Path.through(np.append(np.stack([x, z], -1), [(x[-1] - further, length / 2)], axis=0))
 
 
 def circular(length: float) -> Path:

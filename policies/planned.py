@@ -1,4 +1,4 @@
-"""The policy `planned`, an upper bound for feedback: it knows the strip and plans in the rod."""
+"""The policy `planned`, an upper bound for feedback: plans by simulating the known strip."""
 
 from collections.abc import Sequence
 
@@ -33,7 +33,7 @@ def raise_path(length: float, rise: float) -> Path:
 
 
 class Planned:
-    """Follows the raised triangle on which the rod folds the strip with d = 0.
+    """Follows the raised triangle on which the simulated strip folds with displacement 0.
 
     Plans once for a strip and a speed. `strips` are the known strips of a batch; without them all
     equal the strip given at `reset`.
@@ -49,11 +49,11 @@ class Planned:
         self._paths = Paths([])
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Plan for the displacement in the rod that is 0 in truth: minus both biases [m]."""
+        """Cancel biases [m]: `seen`, measured minus simulated, `unseen`, true minus measured."""
         self._aim = -seen - unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Plan the path, unless already planned; see `Policy.reset`, and `plan` for its errors."""
+        """Plan for `strip` at `speed` [m/s], unless already planned; errors are those of `plan`."""
         asked = (self._strips or (strip,), speed, self._aim)
         if asked != self._known:
             self.rises, self._known = plan(*asked), asked
@@ -66,7 +66,7 @@ class Planned:
         return self._paths.lift()
 
     def decide(self, observation: Observation) -> Decision:
-        """Direction along the planned path; images are not used."""
+        """Headings along the planned paths; images are not used."""
         return self._paths.decide(observation)
 
 
@@ -92,7 +92,7 @@ class Paths:
         return self._each[0]
 
     def decide(self, observation: Observation) -> Decision:
-        """Directions along each gripper's own path."""
+        """Headings along each gripper's own path."""
         places = zip(self._followers, observation.x, observation.z, strict=True)
         each = [f.decide(np.array([x]), np.array([z]), self._speed) for f, x, z in places]
         return Decision(
@@ -112,17 +112,17 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     reaches d = `aim`.
     """
     motions = Motions(strips[0], speed)
-    length = strips[0].length
-    tried = np.round(FIRST_RISES / RISE_STEP).astype(int)
-    coarse = np.tile(tried, (len(strips), 1))
-    d = _displacements(strips, motions, coarse) - aim
-    for strip, row in zip(strips, d, strict=True):
-        _check(strip, row)
-    rough = _interpolate_zeros(coarse, d)
+    first_steps = np.round(FIRST_RISES / RISE_STEP).astype(int)
+    coarse = np.tile(first_steps, (len(strips), 1))
+    coarse_misses = _displacements(strips, motions, coarse) - aim
+    for strip, misses in zip(strips, coarse_misses, strict=True):
+        _check_reachable(strip, misses)
+    rough = _interpolate_zeros(coarse, coarse_misses)
     fine = (np.round(rough)[:, None] + FINE_STEPS).astype(int)
-    close = _displacements(strips, motions, fine) - aim
-    found = np.where(_brackets_zero(close), _interpolate_zeros(fine, close), rough)
-    return found * RISE_STEP * length
+    fine_misses = _displacements(strips, motions, fine) - aim
+    refined = _interpolate_zeros(fine, fine_misses)
+    steps = np.where(_brackets_zero(fine_misses), refined, rough)
+    return steps * RISE_STEP * strips[0].length
 
 
 class Motions:
@@ -135,7 +135,7 @@ class Motions:
         self._known: dict[int, Array] = {}
 
     def poses(self, steps: Array) -> Array:
-        """Poses (k, n, 3) along the paths whose rises are `steps` (n,) of RISE_STEP."""
+        """Poses (k, n, 3) along the paths whose rises are `steps` (n,) times RISE_STEP."""
         new = sorted(set(steps.tolist()) - set(self._known))
         if new:
             self._simulate_motions(new)
@@ -177,9 +177,8 @@ class _PoseRecorder:
     def step(self, poses: Array, dt: float) -> Observables:
         self.dt = dt
         self._kept.append(poses.copy())
-        nothing = np.zeros(self._count)
-        both = np.zeros((self._count, 2))
-        return Observables(0.0, nothing, both, nothing, both, (None,) * self._count)
+        scalars, points = np.zeros(self._count), np.zeros((self._count, 2))
+        return Observables(0.0, scalars, points, scalars, points, (None,) * self._count)
 
     def shapes(self) -> Array:
         return np.zeros((self._count, 0, 2))
@@ -189,15 +188,16 @@ class _PoseRecorder:
 
 
 def _displacements(strips: Sequence[StripFile], motions: Motions, steps: Array) -> Array:
-    """d (n, m) [m] of n strips on the raised triangles `steps` (n, m); NaN without a touch."""
+    """Displacements (n, m) [m] of n strips on triangles raised by `steps`; NaN without a touch."""
     rod = Rod(SEGMENTS, strict=False)
-    rod.reset([model for strip in strips for model in [describe(strip)] * steps.shape[1]])
+    rod.reset([model for model in map(describe, strips) for _ in range(steps.shape[1])])
     touches = rod.advance(motions.poses(steps.ravel()), motions.dt).touch
     d = [np.nan if touch is None else touch.displacement for touch in touches]
     return np.array(d).reshape(steps.shape)
 
 
-def _check(strip: StripFile, d: Array) -> None:
+def _check_reachable(strip: StripFile, d: Array) -> None:
+    """Refuse a `strip` whose displacements `d` (m,) [m] have one sign at all rises."""
     if not (np.any(d < 0) and np.any(d > 0)):
         raise ConfigurationError(
             f"planned: {strip.name}: on no raised triangle do its layers lie even in the rod, "
@@ -206,7 +206,7 @@ def _check(strip: StripFile, d: Array) -> None:
 
 
 def _brackets_zero(d: Array) -> NDArray[np.bool_]:
-    """Rows of displacements `d` (n, m) that hold both signs: a zero within the searched rises."""
+    """Mask (n,) of rows of displacements `d` (n, m) that hold both signs, so that 0 is between."""
     return np.asarray(np.any(d <= 0, axis=1) & np.any(d >= 0, axis=1))
 
 
@@ -216,6 +216,6 @@ def _interpolate_zeros(steps: Array, d: Array) -> Array:
 
 
 def _interpolate_zero(steps: Array, d: Array) -> float:
-    order = np.argsort(d)  # NaN last
-    count = int(np.isfinite(d).sum())
-    return float(np.interp(0.0, d[order][:count], steps[order][:count]))
+    """Rise at which the displacements `d` (m,) of the rises `steps` (m,) vanish."""
+    order = np.argsort(d)[: int(np.isfinite(d).sum())]  # NaN sorts last and is left out
+    return float(np.interp(0.0, d[order], steps[order]))

@@ -46,12 +46,12 @@ class Decision:
 
 
 class Policy(Protocol):
-    """Decides on each new frame; keeps its own memory, cleared by `reset`."""
+    """A folding policy: turns observations into commands; keeps its own state until `reset`."""
 
     name: str
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Clear the memory; prepare for `count` strips as long as `strip`, at `speed` [m/s]."""
+        """Clear the state; prepare for `count` strips as long as `strip`, at `speed` [m/s]."""
 
     def lift(self) -> Path:
         """The path whose first section lifts the edge from (L, 0) to the take-over height."""

@@ -20,8 +20,8 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class FoldPrediction:
-    """Expected `displacement` and one `sigma` of it [m]; estimated strip: bending length [m],
-    retardation time [s], yield curvature of yarn friction [1/m].
+    """Predicted `displacement` and its standard deviation `sigma` [m]; estimates of the bending
+    length [m], retardation time [s] and yield curvature of yarn friction [1/m].
 
     With `blind` no image is reliable at present, and nothing is predicted for this fold.
     """

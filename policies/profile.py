@@ -17,13 +17,14 @@ def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
     """
     share = np.linspace(0.0, 1.0, POINTS)
     at = contact_x[:, None] + share * (arc[:, -1] - contact_x)[:, None]
-    j = (arc[:, None, :] <= at[:, :, None]).sum(axis=-1) - 1
-    j = np.clip(j, 0, arc.shape[1] - 2)
-    lane = np.arange(len(arc))[:, None]
-    part = (at - arc[lane, j]) / (arc[lane, j + 1] - arc[lane, j])
-    found = (1 - part)[..., None] * shapes[lane, j] + part[..., None] * shapes[lane, j + 1]
-    found[:, -1] = grip
-    return np.asarray(found)
+    node = (arc[:, None, :] <= at[:, :, None]).sum(axis=-1) - 1  # last one before each point
+    node = np.clip(node, 0, arc.shape[1] - 2)
+    strip = np.arange(len(arc))[:, None]
+    part = (at - arc[strip, node]) / (arc[strip, node + 1] - arc[strip, node])
+    before, after = shapes[strip, node], shapes[strip, node + 1]
+    points = (1 - part)[..., None] * before + part[..., None] * after
+    points[:, -1] = grip
+    return np.asarray(points)
 
 
 def seen_profile(points: Array, contact_x: float, gripper: tuple[float, float]) -> Array:

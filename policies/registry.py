@@ -45,7 +45,7 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
 
 
 def _standard_motion(name: str) -> Policy:
-    """Policy for a motion named in full: a standard one, or by hand with its seed and number."""
+    """Policy that executes the motion `name`: a standard one, or by hand of a seed and number."""
     from policies.experiments.scripted import Scripted
     from policies.experiments.standard import STANDARD
 

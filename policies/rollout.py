@@ -17,6 +17,8 @@ from policies.policy import Decision, Policy
 from policies.sensing import Eye, Sensing
 
 NO_SHAPES = (np.empty((0, 0, 2)), np.empty((0, 0)))
+LIFT_SHARE = 0.9  # of the height of a path below TAKEOVER_HEIGHT, at which its lift ends
+TINY_SPEED = 1e-12  # m/s, against a division by zero
 
 
 @runtime_checkable
@@ -77,7 +79,7 @@ def roll_out(
     rng: np.random.Generator,
     groups: int = 1,
 ) -> Folds:
-    """Fold `models` in one batch; the policy is given only `strip` and its observations.
+    """Results of folding `models` in one batch; the policy gets only `strip` and observations.
 
     `groups` equal groups of strips get the same noise and delays, so that candidates can be
     compared.
@@ -94,7 +96,8 @@ def roll_out(
     )
     loop = _Loop(engine, settings, eye)
     loop.lift(policy.lift(), len(models))
-    for _ in range(round(settings.patience * strip.length / settings.speed * settings.rate)):
+    decisions = round(settings.patience * strip.length / settings.speed * settings.rate)
+    for _ in range(decisions):
         decision = policy.decide(loop.eye.look(loop.time, loop.poses[:, :2]))
         if loop.follow(decision):
             break
@@ -102,7 +105,7 @@ def roll_out(
 
 
 class _Loop:
-    """State of grippers and strips between two decisions."""
+    """Closed loop of grippers and strips: advances their state between decisions."""
 
     def __init__(self, engine: Stepper, settings: Rollout, eye: Eye) -> None:
         self.eye = eye
@@ -113,29 +116,28 @@ class _Loop:
         self._dt = settings.period / settings.substeps
         self._velocity: Array = np.zeros((0, 2))
         self._force: Array = np.zeros(0)
-        self._looks: Array = np.zeros(0)
+        self._folding_periods: Array = np.zeros(0)
         self._trace: list[Array] = []
         self._touch: tuple[Touch | None, ...] = ()
-        self._going: NDArray[np.bool_] = np.zeros(0, dtype=bool)
+        self._folding: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._march = engine.advance if isinstance(engine, Marching) else self._step
 
     def lift(self, path: Path, count: int) -> None:
         """Move along `path` from rest until the grippers stand at the take-over height."""
-        speed = self._settings.speed
-        rise = path.points[np.argmax(path.points[:, 1]), 1]
-        height = min(TAKEOVER_HEIGHT, 0.9 * float(rise))
-        self._force, self._looks = np.zeros(count), np.zeros(count)
-        travel, pace = 0.0, 0.0
+        height = min(TAKEOVER_HEIGHT, LIFT_SHARE * float(path.points[:, 1].max()))
+        self._force, self._folding_periods = np.zeros(count), np.zeros(count)
+        travel, speed = 0.0, 0.0
         while path.at(travel)[1] < height:
-            along = []
+            travels = []
             for _ in range(self._settings.substeps):
-                pace = min(speed, pace + self._settings.acceleration * self._dt)
-                travel += pace * self._dt
-                along.append(travel)
-            poses = path.poses(np.array(along))
+                faster = speed + self._settings.acceleration * self._dt
+                speed = min(self._settings.speed, faster)
+                travel += speed * self._dt
+                travels.append(travel)
+            poses = path.poses(np.array(travels))
             self._advance(np.repeat(poses[:, None], count, axis=1))
-        step = path.at(travel) - path.at(travel - pace * self._dt)
-        self._velocity = np.tile(step / self._dt, (count, 1))
+        last_step = path.at(travel) - path.at(travel - speed * self._dt)
+        self._velocity = np.tile(last_step / self._dt, (count, 1))
 
     def follow(self, decision: Decision) -> bool:
         """Carry out `decision` until the next one; returns whether every fold has ended."""
@@ -148,37 +150,37 @@ class _Loop:
         """Poses (substeps, n, 3) of the grippers while they turn into the decided directions."""
         heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], axis=-1)
         wanted = decision.speed[:, None] * heading
-        most = self._settings.acceleration * self._dt
+        largest_change = self._settings.acceleration * self._dt
         poses = np.empty((self._settings.substeps, *self.poses.shape))
-        rates, place = np.empty(self.poses.shape), self.poses
+        rates, previous = np.empty(self.poses.shape), self.poses
         rates[:, 2] = decision.pitch_rate
         for pose in poses:
             change = wanted - self._velocity
             size = np.hypot(change[:, 0], change[:, 1])
-            share = np.minimum(1.0, most / (size + 1e-12))
+            share = np.minimum(1.0, largest_change / (size + TINY_SPEED))
             self._velocity = self._velocity + change * share[:, None]
             rates[:, :2] = self._velocity
-            pose[:] = place + rates * self._dt
-            place = pose
+            pose[:] = previous + rates * self._dt
+            previous = pose
         return poses
 
     def folds(self) -> Folds:
         """The results of the folds."""
-        gone = [t.displacement if t is not None else np.nan for t in self._touch]
-        force = self._force / np.maximum(self._looks, 1)
-        return Folds(np.array(gone), self._touch, force, np.array(self._trace))
+        displacements = [np.nan if touch is None else touch.displacement for touch in self._touch]
+        force = self._force / np.maximum(self._folding_periods, 1)
+        return Folds(np.array(displacements), self._touch, force, np.array(self._trace))
 
     def _has_ended(self, decision: Decision) -> bool:
-        return not np.any(self._going & ~decision.done)
+        return not np.any(self._folding & ~decision.done)
 
     def _advance(self, poses: Array) -> None:
         """Move the grippers through `poses`, add up forces, and let the camera see the result."""
         seen = self._march(poses, self._dt)
         if seen.touch is not self._touch:
             self._touch = seen.touch
-            self._going = np.array([t is None for t in seen.touch])
-        self._force += np.where(self._going, np.abs(seen.holding_force), 0.0)
-        self._looks += self._going
+            self._folding = np.array([touch is None for touch in seen.touch])
+        self._force += np.where(self._folding, np.abs(seen.holding_force), 0.0)
+        self._folding_periods += self._folding
         self.time += self._settings.period
         self.poses = poses[-1]
         shapes, arc = NO_SHAPES

@@ -67,9 +67,9 @@ EXACT_SENSING = Sensing(
 
 
 class ImageNoise(Settings):
-    """Noise and biases of the twin's images, as in `Sensing`. Written by `cell study perception`.
+    """Measured noise and biases of the simulated cell's images; fields are as in `Sensing`.
 
-    Biases are over strips.
+    Written by `cell study perception`; biases are over strips.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")
@@ -86,7 +86,7 @@ class ImageNoise(Settings):
     belongs_to: str
 
     def sensing(self) -> Sensing:
-        """Images whose stamps are read as well as a calibrated camera's are."""
+        """Sensing with this noise and the delays of a calibrated camera."""
         sizes = self.model_dump(exclude={"schema_", "strips", "source", "belongs_to"})
         return Sensing(**sizes, delay=(0.02, 0.04), delay_error=0.002)
 
@@ -118,11 +118,11 @@ class Draws:
         self._groups, self._size, self._rng = groups, size, rng
 
     def normal(self, *shape: int) -> Array:
-        """Standard normal (n, *shape)."""
+        """Standard normal values (n, *shape)."""
         return self._repeat_for_groups(self._rng.normal(size=(self._size, *shape)))
 
     def uniform(self, low: float, high: float) -> Array:
-        """Uniform (n,) over [low, high)."""
+        """Uniform values (n,) over [low, high)."""
         return self._repeat_for_groups(self._rng.uniform(low, high, size=self._size))
 
     def _repeat_for_groups(self, values: Array) -> Array:
@@ -156,14 +156,15 @@ class Eye:
             late = np.maximum(late + draws.normal() * sensing.delay_error / period, 0.0)
         self._factor = np.exp(draws.uniform(*np.log(sensing.factor)))
         self._dropped = draws.uniform(*sensing.dropped)
-        self._shift = draws.normal(1, 2) * sensing.profile_bias
+        self._profile_bias = draws.normal(1, 2) * sensing.profile_bias
+        # a ring of true states; an image lies between two of them, `late` decisions ago
         depth = int(np.ceil(late.max(initial=0.0))) + 2
         self._points = POINTS if profile else 0
         self._recent: Array = np.full((depth, count, STATE_SIZE + 2 * self._points), np.nan)
         self._newest = 0
-        self._back = np.floor(late).astype(int)
-        self._share = (late - self._back)[:, None]
-        self._lane = np.arange(count)
+        self._whole_late = np.floor(late).astype(int)
+        self._part_late = (late - self._whole_late)[:, None]
+        self._strips = np.arange(count)
         self._shown: Shown | None = None
 
     def remember(self, seen: Observables, shapes: Array, arc: Array, grip: Array) -> None:
@@ -186,7 +187,7 @@ class Eye:
         return self._points > 0
 
     def look(self, time: float, points: Array) -> Observation:
-        """The observation at `time` [s] with the exact grippers at `points` (n, 2)."""
+        """Observation at `time` [s], of grippers known exactly to be at `points` (n, 2) [m]."""
         shown = self._drop_images(self._add_noise(time))
         return Observation(
             time=np.full(len(points), time),
@@ -202,10 +203,10 @@ class Eye:
 
     def _add_noise(self, time: float) -> Shown:
         """The newest image of each strip, with noise added."""
-        near = (self._newest + self._back) % len(self._recent)
-        far = (near + 1) % len(self._recent)
-        true = (1 - self._share) * self._recent[near, self._lane]
-        true += self._share * self._recent[far, self._lane]
+        after = (self._newest + self._whole_late) % len(self._recent)
+        before = (after + 1) % len(self._recent)
+        true = (1 - self._part_late) * self._recent[after, self._strips]
+        true += self._part_late * self._recent[before, self._strips]
         noise = self._draws.normal(STATE_SIZE) * self._sensing.sigmas * self._factor[:, None]
         state = true[:, :STATE_SIZE] + self._bias + noise
         profile = true[:, STATE_SIZE:].reshape(len(true), self._points, 2)
@@ -219,18 +220,18 @@ class Eye:
     def _blur_profile(self, profile: Array) -> Array:
         """Profiles with noise on all points but the last, which the arm measures."""
         noise = self._draws.normal(self._points, 2) * self._sensing.profile_sigma
-        noise = noise * self._factor[:, None, None] + self._shift
+        noise = noise * self._factor[:, None, None] + self._profile_bias
         noise[:, -1] = 0.0
         return profile + noise
 
     def _drop_images(self, new: Shown) -> Shown:
-        """The newest image that was not lost."""
+        """The newest image of each strip that was not lost: `new` or the previous one."""
         if self._shown is not None and self._sensing.dropped[1] > 0:
-            gone = self._draws.uniform(0.0, 1.0) < self._dropped
+            lost = self._draws.uniform(0.0, 1.0) < self._dropped
             new = Shown(
-                np.where(gone, self._shown.stamp, new.stamp),
-                np.where(gone[:, None], self._shown.state, new.state),
-                np.where(gone[:, None, None], self._shown.profile, new.profile),
+                np.where(lost, self._shown.stamp, new.stamp),
+                np.where(lost[:, None], self._shown.state, new.state),
+                np.where(lost[:, None, None], self._shown.profile, new.profile),
             )
         self._shown = new
         return new

@@ -1,1 +1,1 @@
-"""Calibration wizards: they request views or touches, give the reason, and judge the result."""
+"""Calibration wizards: each requests views or touches, explains why, and judges the result."""

@@ -16,14 +16,16 @@ if TYPE_CHECKING:
 
 PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0), "A1": (841.0, 594.0)}
 QUIET_ZONE = 0.5  # squares of white around the pattern
-FOOT = 16.0  # mm under it, for the ruler and the words
+FOOT = 16.0  # mm under the pattern, for the ruler and the instructions
 MODULES = 7  # of a marker of 5 x 5 bits, its border included
+SCALE = 24  # px of a square in the image that shows the layout
+DARK = 128  # grey level under which a pixel is dark
 PLATE_MM, DISC_MM = 14.0, 5.0  # mm, radii of the pointer's dark plate and bright disc
 INCHES_PER_MM = 1 / 25.4  # inches
 
 
 def paper(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
-    """Smallest sheet [mm, wide and high] that holds the board; ConfigurationError without one."""
+    """Name, width and height [mm] of the smallest sheet for the board, or ConfigurationError."""
     square = 1e3 * settings.square
     wide = (settings.columns + 2 * QUIET_ZONE) * square
     high = (settings.rows + 2 * QUIET_ZONE) * square + FOOT
@@ -36,7 +38,7 @@ def paper(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
 
 
 def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
-    """The board's page and the pointer's, as matplotlib figures of true size."""
+    """Two matplotlib figures of true size: the page of the board and that of the pointer."""
     name, (width, height) = paper(settings)
     page, axes = _blank_page(width, height)
     square = 1e3 * settings.square
@@ -46,8 +48,10 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
         _fill_rectangle(axes, left + x * square, top - (y + 1) * square, square, square)
     for number, place in enumerate(board.getObjPoints()):
         corner = 1e3 * np.asarray(place)[0, :2]
-        _marker(axes, int(board.getIds()[number]), (left + corner[0], top - corner[1]), settings)
-    _ruler(axes, settings, left, top - settings.rows * square - 6.0, name)
+        _draw_marker(
+            axes, int(board.getIds()[number]), (left + corner[0], top - corner[1]), settings
+        )
+    _draw_ruler(axes, settings, left, top - settings.rows * square - 6.0, name)
     return page, _pointer_page()
 
 
@@ -77,7 +81,7 @@ def _create(path: Path) -> FileIO:
 
 
 def _blank_page(width: float, height: float) -> tuple["Figure", Any]:
-    """A figure whose axes are millimetres from the sheet's lower left corner."""
+    """An empty figure and its axes, in millimetres from the sheet's lower left corner."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width * INCHES_PER_MM, height * INCHES_PER_MM))
@@ -89,20 +93,20 @@ def _blank_page(width: float, height: float) -> tuple["Figure", Any]:
 
 
 def _dark_squares(settings: BoardSettings) -> list[tuple[int, int]]:
-    """Columns and rows of the dark squares, as this version of OpenCV lays them out."""
-    scale = 24
-    size = (settings.columns * scale, settings.rows * scale)
-    drawn = settings.board().generateImage(size)
-    corners = [(x, y) for y in range(settings.rows) for x in range(settings.columns)]
-    return [(x, y) for x, y in corners if drawn[y * scale + 1, x * scale + 1] < 128]
+    """Column and row of each dark square, as this version of OpenCV lays them out."""
+    drawn = settings.board().generateImage((settings.columns * SCALE, settings.rows * SCALE))
+    squares = [(x, y) for y in range(settings.rows) for x in range(settings.columns)]
+    return [(x, y) for x, y in squares if drawn[y * SCALE + 1, x * SCALE + 1] < DARK]
 
 
-def _marker(axes: Any, number: int, corner: tuple[float, float], settings: BoardSettings) -> None:
-    """A marker whose upper left corner is at `corner` [mm]."""
+def _draw_marker(
+    axes: Any, number: int, corner: tuple[float, float], settings: BoardSettings
+) -> None:
+    """Draw marker `number` with its upper left corner at `corner` [mm]."""
     dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
     bits = cv2.aruco.generateImageMarker(dictionary, number, MODULES)
     side = 1e3 * settings.marker / MODULES
-    for row, column in zip(*np.nonzero(bits < 128), strict=True):
+    for row, column in zip(*np.nonzero(bits < DARK), strict=True):
         x, y = corner[0] + column * side, corner[1] - (row + 1) * side
         _fill_rectangle(axes, x, y, side, side)
 
@@ -113,8 +117,8 @@ def _fill_rectangle(axes: Any, x: float, y: float, width: float, height: float) 
     axes.add_patch(Rectangle((x, y), width, height, facecolor="black", linewidth=0))
 
 
-def _ruler(axes: Any, settings: BoardSettings, left: float, y: float, name: str) -> None:
-    """A line as long as all columns for a ruler, with instructions."""
+def _draw_ruler(axes: Any, settings: BoardSettings, left: float, y: float, name: str) -> None:
+    """Draw a line as long as all columns, to check with a ruler, and the instructions."""
     length = 1e3 * settings.width
     axes.plot([left, left + length], [y, y], color="black", linewidth=0.4)
     for end in (left, left + length):
@@ -128,7 +132,7 @@ def _ruler(axes: Any, settings: BoardSettings, left: float, y: float, name: str)
 
 
 def _pointer_page() -> "Figure":
-    """The page with the pointer to cut out: a bright disc on a dark plate."""
+    """Page with the pointer to cut out: a bright disc on a dark plate."""
     from matplotlib.patches import Circle
 
     page, axes = _blank_page(*PAPERS["A4"])

@@ -21,12 +21,13 @@ from calibration.wizard.news import Result, ViewResult
 from drivers.types import Frame, Image
 
 FEWEST_VIEWS = 4  # views from which a lens is fitted, to compute how the board leans
+TYPICAL_SIZE = (1280, 720)  # px, assumed before the first view
 VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad, from the wanted view
 
 
 class BoardViews:
-    """Ask and tell: the caller shows the board as `ask()` says and passes the camera's image to
-    `tell()`.
+    """Collects views of the board by ask and tell: the caller shows the board as `ask()` requests
+    and passes the camera's image to `tell()`.
 
     Views that were not asked for count as well. With `patience` a requested view is given up after
     that many refused images; a person (`patient`) calls `skip` instead.
@@ -73,7 +74,7 @@ class BoardViews:
         return Result(number, view, view, None)
 
     def restore(self, number: int, image: Image) -> BoardView | None:
-        """Accept the view in `image` (h, w, 3) of a resumed session; None without a board."""
+        """Accept and return the view in a resumed session's `image` (h, w, 3); None without one."""
         view = find_board(image, self._detector, self._board).view
         if view is not None:
             self._accept(number, image, view)
@@ -81,7 +82,7 @@ class BoardViews:
         return view
 
     def sketch(self, size: tuple[int, int], view: BoardView | None) -> Sketch:
-        """The requested view and the one that is seen, in images of `size` (width, height) [px]."""
+        """Outlines of the requested view and of `view` in images of `size` (width, height) [px]."""
         outline, wanted = self._settings.outline(), self.ask()
         enough = view is not None and len(view.ids) >= self._settings.corners
         return Sketch(
@@ -113,8 +114,8 @@ class BoardViews:
         return tuple(self._views.values())
 
     def gates(self) -> tuple[Gate, ...]:
-        """Coverage by the views so far, gate by gate."""
-        return coverage(self.views, self._lens or guessed_lens((1280, 720)), self._settings)
+        """Coverage requirements and how far the views so far meet each."""
+        return coverage(self.views, self._lens or guessed_lens(TYPICAL_SIZE), self._settings)
 
     def verdict(self) -> LensVerdict:
         """The verdict on the lens from the views so far."""
@@ -155,11 +156,11 @@ class BoardViews:
         self._size = (image.shape[1], image.shape[0])
         self._views[number] = view
         self._last, self._tries = None, 0
-        lens = self._lens = self._fitted_so_far(self._size)
+        self._lens = lens = self._fitted_so_far(self._size)
         shown = placement(view, self._settings.outline(), lens)
         width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width
-        self._met[number] = [want for want in self._wanted if _matches(want, shown, width)]
-        self._wanted = [want for want in self._wanted if want not in self._met[number]]
+        self._met[number] = [wanted for wanted in self._wanted if _matches(wanted, shown, width)]
+        self._wanted = [wanted for wanted in self._wanted if wanted not in self._met[number]]
 
     def _drop_request(self) -> None:
         self._tries += 1
@@ -174,7 +175,7 @@ class BoardViews:
 
 
 def _matches(wanted: WantedView, shown: Placement, width: float) -> bool:
-    """Whether the `shown` view is close enough to the `wanted` one."""
+    """Whether a view `shown` with relative `width` is within VIEW_TOLERANCE of `wanted`."""
     misses = (
         abs(shown.x - wanted.x),
         abs(shown.y - wanted.y),

@@ -1,4 +1,4 @@
-"""The views of the board that are required, and the coverage of those that were taken."""
+"""Required views of the calibration board, and how well the accepted views cover them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from calibration.lens import Lens
 from drivers.types import Array
 
 MIDDLE_SHARE = 0.05  # share of the image within which a place is called the middle
-FLAT_ANGLE = 0.05  # rad under which a lean is not spoken of
+FLAT_ANGLE = 0.05  # rad under which a lean is not mentioned
 
 
 @dataclass(frozen=True, slots=True)
 class WantedView:
-    """A required view of the board, given by its image.
+    """A required view of the board: its place, size and angles in the image.
 
     `x`, `y` are its centre as fractions of the image, from the left and from the top, `size` its
     width as a fraction of the image's. Facing the camera at zero angles [rad]: `tilt` leans its top
@@ -43,20 +43,20 @@ class WantedView:
         return f"{where}, {100 * self.size:.0f} % of the image wide, {how}"
 
     def outline(self, corners: Array, lens: Lens) -> Array:
-        """Where `lens` shows the outer `corners` (4, 2) [m] of a board held so, (4, 2) [px]."""
+        """Image points (4, 2) [px] of the board's outer `corners` (4, 2) [m] in this view."""
         from scipy.spatial.transform import Rotation  # half a second that no fold needs
 
-        turned = Rotation.from_euler("zxy", (self.roll, -self.tilt, -self.turn)).as_matrix()
+        rotation = Rotation.from_euler("zxy", (self.roll, -self.tilt, -self.turn)).as_matrix()
         depth = float(lens.matrix[0, 0]) * float(np.ptp(corners[:, 0])) / (self.size * lens.width)
         middle = np.array([self.x * lens.width, self.y * lens.height, 1.0])
         flat = np.column_stack([corners - corners.mean(axis=0), np.zeros(len(corners))])
-        held = flat @ turned.T + np.linalg.solve(lens.matrix, middle) * depth
-        seen = held @ lens.matrix.T
-        return np.asarray(seen[:, :2] / seen[:, 2:])
+        in_camera = flat @ rotation.T + np.linalg.solve(lens.matrix, middle) * depth
+        image = in_camera @ lens.matrix.T
+        return np.asarray(image[:, :2] / image[:, 2:])
 
 
 def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, ...]:
-    """Thirteen views: five places, four leans, four leans with roll; `sizes` far and near.
+    """Thirteen required views: five places, four leans, four with roll; `sizes` far and near.
 
     `lean` [rad] is the largest tilt.
     """
@@ -92,6 +92,7 @@ def _lean_words(angle: float, positive: str, negative: str) -> str:
 
 
 COVERAGE_CELLS = (4, 3)  # of the image, over which the corners must spread
+BELOW_ONE = 0.999999  # of the image, so that a corner on its edge falls into the last cell
 GUESS = 2.0  # focal length over image width, before any is known
 
 
@@ -114,7 +115,7 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """One coverage requirement: how much of its `need` the views `have`, and the remedy."""
+    """One coverage requirement: how much of the `need` the views `have`, and `advice`."""
 
     name: str
     have: float
@@ -129,7 +130,7 @@ class Gate:
 
     @property
     def passed(self) -> bool:
-        """Whether the views cover enough."""
+        """Whether the views meet the requirement."""
         return self.have >= self.need
 
     @property
@@ -152,8 +153,9 @@ def guessed_lens(size: tuple[int, int]) -> Lens:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sketch:
-    """The board in an image of `size` (width, height) [px]: outer corners (4, 2) [px] of the
-    `wanted` view and of the one that is `seen`, None where there is none.
+    """Outer corners (4, 2) [px] of the board, `wanted` and `seen`, None where unknown.
+
+    `size` is the (width, height) [px] of the image.
     """
 
     size: tuple[int, int]
@@ -162,20 +164,20 @@ class Sketch:
 
 
 def seen_outline(view: BoardView, outline: Array) -> Array:
-    """Where `view` shows the outer corners `outline` (4, 2) [m] of the board, (4, 2) [px]."""
-    there, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
-    at = np.column_stack([outline, np.ones(4)]) @ there.T
-    return np.asarray(at[:, :2] / at[:, 2:])
+    """Image points (4, 2) [px] in `view` of the board's outer corners `outline` (4, 2) [m]."""
+    to_image, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
+    image = np.column_stack([outline, np.ones(4)]) @ to_image.T
+    return np.asarray(image[:, :2] / image[:, 2:])
 
 
 def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
-    """How `view` shows a board whose outer corners are `outline` (4, 2) [m], clockwise."""
+    """Placement in `view` of a board with outer corners `outline` (4, 2) [m], clockwise."""
     corners = seen_outline(view, outline) / (lens.width, lens.height)
     aspect = np.array([lens.width / lens.height, 1.0])
-    before, after = (corners[0] - corners[1]) * aspect, (corners[2] - corners[1]) * aspect
-    cosine = float(before @ after / (np.linalg.norm(before) * np.linalg.norm(after)))
+    top, right = (corners[0] - corners[1]) * aspect, (corners[2] - corners[1]) * aspect
+    cosine = float(top @ right / (np.linalg.norm(top) * np.linalg.norm(right)))
     x, y = corners.T
-    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))  # shoelace formula
     tilt, turn = view.tilt(lens)
     return Placement(
         x=float(x.mean()),
@@ -188,34 +190,30 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
 
 
 def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
-    """Every coverage requirement (gate), as met by `views` of the board through `lens`."""
+    """All coverage requirements, each with how far `views` through `lens` meet it."""
     seen = [placement(view, needs.outline(), lens) for view in views]
-    tilt, turn = (np.array([getattr(p, name) for p in seen]) for name in ("tilt", "turn"))
     x, y, size = (_range([getattr(p, name) for p in seen]) for name in ("x", "y", "size"))
-    angle = f"by {degrees(needs.tilted):.0f} deg or more"
-
-    def leaning(name: str, angles: Array) -> Gate:
-        count = float((angles > needs.tilted).sum())
-        return Gate(name, count, needs.tilted_views, "views", f"lean {name} {angle}")
-
+    skew, cells = max((p.skew for p in seen), default=0.0), _cell_share(views, lens)
+    tilt, turn = [p.tilt for p in seen], [p.turn for p in seen]
     return (
         Gate("x", x, needs.range_x, "", "show it far left and far right"),
         Gate("y", y, needs.range_y, "", "show it high and low"),
         Gate("size", size, needs.range_size, "", "show it nearer and farther"),
-        Gate("skew", max([p.skew for p in seen] or [0.0]), needs.skew, "", "lean a corner away"),
-        leaning("its top away", tilt),
-        leaning("its top nearer", -tilt),
-        leaning("its right edge away", turn),
-        leaning("its right edge nearer", -turn),
-        Gate(
-            "image",
-            _cell_share(views, lens),
-            needs.covered,
-            "",
-            "bring corners to the image's edges",
-        ),
+        Gate("skew", skew, needs.skew, "", "lean a corner away"),
+        _lean_gate("its top away", tilt, needs),
+        _lean_gate("its top nearer", [-angle for angle in tilt], needs),
+        _lean_gate("its right edge away", turn, needs),
+        _lean_gate("its right edge nearer", [-angle for angle in turn], needs),
+        Gate("image", cells, needs.covered, "", "bring corners to the image's edges"),
         Gate("views", float(len(views)), needs.views, "views", "show more"),
     )
+
+
+def _lean_gate(name: str, angles: Sequence[float], needs: BoardSettings) -> Gate:
+    """Requirement that enough views lean by `angles` [rad] beyond the threshold."""
+    count = float(sum(angle > needs.tilted for angle in angles))
+    advice = f"lean {name} by {degrees(needs.tilted):.0f} deg or more"
+    return Gate(name, count, needs.tilted_views, "views", advice)
 
 
 def _range(values: Sequence[float]) -> float:
@@ -227,6 +225,7 @@ def _cell_share(views: Sequence[BoardView], lens: Lens) -> float:
     if not views:
         return 0.0
     points = np.vstack([view.image for view in views]) / (lens.width, lens.height)
-    inside = np.clip(points, 0.0, 0.999999)
-    reached = np.unique((inside * COVERAGE_CELLS).astype(int) @ (1, COVERAGE_CELLS[0]))
-    return len(reached) / (COVERAGE_CELLS[0] * COVERAGE_CELLS[1])
+    columns, rows = COVERAGE_CELLS
+    cells = (np.clip(points, 0.0, BELOW_ONE) * COVERAGE_CELLS).astype(int)
+    reached = np.unique(cells @ (1, columns))  # numbers of the cells, row by row
+    return len(reached) / (columns * rows)

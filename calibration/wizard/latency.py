@@ -1,4 +1,4 @@
-"""Camera latency from steps of the arm: positions in images compared with the arm's own."""
+"""Camera latency from steps of the arm: the pointer in images against the arm's positions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,15 +14,17 @@ from calibration.wizard.verdict import Line, Verdict, grade_line, reasons
 from drivers.settings import Settings
 from drivers.types import ArmState, Array, Frame, Pose
 
-DRIFT_SIGMA = 6.0  # sigma by which a drift must be seen
+APART_GRADES = (2.0, 5.0)  # ms between two halves of the images, up to which good, then fair
+DRIFT_LOSS_SCALE = 5e-4  # m, error from which an image counts less
+DRIFT_SIGMA = 6.0  # sigma by which a drift must differ from zero
 NAN = float("nan")
-MOVING_SPEED = 0.02  # m/s from which a moment says something about time
+MOVING_SPEED = 0.02  # m/s of the pointer from which an image reveals the latency
 FIRST_STEP = 0.005  # s between the latencies that are tried first
 
 
 class LatencySettings(Settings):
-    """Steps along x of `step` [m] from (`x`, `z`) and back, their number `steps`, and the
-    acceptance criteria.
+    """Settings of the latency measurement: `steps` moves of `step` [m] along x from (`x`, `z`) and
+    back, and the acceptance criteria.
 
     `most` is the largest plausible latency and `uncertainty` the allowed difference between two
     halves of the images, both [s]; `images` is the number required in motion.
@@ -48,7 +50,7 @@ class SeenStep:
 
 @dataclass(frozen=True, slots=True)
 class LatencyVerdict(Verdict):
-    """How much earlier than its stamp an image shows the world [s], and why it is refused.
+    """Measured `latency` [s], the time from an exposure to its stamp, and reasons for refusal.
 
     `apart` [s] is the difference between two halves of the images, `misfit_mm` the rms distance
     between image and arm at the best latency, `images` the number taken in motion.
@@ -60,26 +62,24 @@ class LatencyVerdict(Verdict):
     images: int = 0
 
     def lines(self, speed: float) -> list[Line]:
-        """The latency with its effect at `speed` [m/s], or why it is refused."""
+        """Line on the latency and its effect at `speed` [m/s], or the reasons for refusal."""
         if self.reasons:
             return self.bad_lines()
         late = round(1e3 * self.latency, 1) + 0.0  # never minus nothing
         text = f"images show the world {late:+.1f} ms before their stamps, halves "
         text += f"agree within {1e3 * self.apart:.1f} ms; taken back: at {speed:.2f} m/s this "
         text += f"would be {1e3 * abs(self.latency) * speed:.1f} mm"
-        return [grade_line(1e3 * self.apart, 2.0, 5.0, text)]
+        return [grade_line(1e3 * self.apart, *APART_GRADES, text)]
 
 
 class LatencySteps:
-    """Ask and tell: move the pointer to `ask()`, pass on every arm state and image on the way."""
+    """Collects arm states and images by ask and tell, while the caller moves the arm to `ask()`."""
 
     def __init__(self, settings: LatencySettings) -> None:
         self._settings = settings
-        here, there = settings.x, settings.x + settings.step
-        self._queue = [Pose(here, settings.z, pi / 2)]
-        self._queue += [
-            Pose((there, here)[k % 2], settings.z, pi / 2) for k in range(settings.steps)
-        ]
+        here = Pose(settings.x, settings.z, pi / 2)
+        there = Pose(settings.x + settings.step, settings.z, pi / 2)
+        self._queue = [(here, there)[k % 2] for k in range(settings.steps + 1)]
         self._arm: list[tuple[float, float, float]] = []
         self._seen: list[SeenStep] = []
 
@@ -95,7 +95,7 @@ class LatencySteps:
 
     @property
     def seen(self) -> tuple[SeenStep, ...]:
-        """Pointer positions in the images."""
+        """Positions of the pointer in the images so far."""
         return tuple(self._seen)
 
     def ask(self) -> Pose | None:
@@ -119,7 +119,7 @@ class LatencySteps:
         return centre is not None
 
     def verdict(self, lens: Lens, homography: Homography) -> LatencyVerdict:
-        """The verdict on the latency, through the map that the touched points gave."""
+        """The verdict on the latency, with `lens` and the `homography` of the touched points."""
         return latency_verdict(self.arm, self._seen, lens, homography, self._settings)
 
 
@@ -130,7 +130,7 @@ def latency_verdict(
     homography: Homography,
     settings: LatencySettings,
 ) -> LatencyVerdict:
-    """The verdict on images `seen` while the arm was at `arm` (n, 3) stamp [s], x, z [m]."""
+    """The verdict from images `seen` and arm measurements `arm` (n, 3) stamp [s], x, z [m]."""
     if len(arm) < 2 or not seen:
         return LatencyVerdict(reasons=("no step of the arm was seen; step again",))
     stamps = np.array([step.stamp for step in seen])
@@ -145,28 +145,31 @@ def latency_verdict(
     latency, misfit = _best_latency(arm, stamps, along, settings.most)
     halves = [_best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)]
     verdict = LatencyVerdict(latency, abs(halves[0] - halves[1]), 1e3 * misfit, moving)
-    found = _drift(arm, stamps, along, latency, settings) or _reasons(verdict, settings)
-    return replace(verdict, reasons=found)
+    drift = _drift_reasons(arm, stamps, along, latency, settings)
+    return replace(verdict, reasons=drift or _reasons(verdict, settings))
 
 
-def _drift(
+def _drift_reasons(
     arm: Array, stamps: Array, along: Array, latency: float, settings: LatencySettings
 ) -> tuple[str, ...]:
-    """Latency that changes linearly over the steps: two clocks at different rates."""
+    """Reason for refusal where the latency drifts over the steps: two clocks of unequal rate."""
     from scipy.optimize import least_squares
 
     since = stamps - stamps.mean()
 
     def errors(unknown: Array) -> Array:
-        shown = stamps - (unknown[0] + unknown[1] * since)
-        return np.asarray(along - np.interp(shown, arm[:, 0], arm[:, 1]) - unknown[2])
+        late, rate, offset = unknown
+        exposures = stamps - (late + rate * since)
+        return np.asarray(along - np.interp(exposures, arm[:, 0], arm[:, 1]) - offset)
 
-    found = least_squares(errors, (latency, 0.0, 0.0), loss="cauchy", f_scale=5e-4, x_scale="jac")
-    left = errors(found.x)
-    sigma = float(np.sqrt(np.mean(left**2) * np.linalg.pinv(found.jac.T @ found.jac)[1, 1]))
+    found = least_squares(
+        errors, (latency, 0.0, 0.0), loss="cauchy", f_scale=DRIFT_LOSS_SCALE, x_scale="jac"
+    )
+    rate, noise = found.x[1], np.mean(errors(found.x) ** 2)
+    rate_sigma = float(np.sqrt(noise * np.linalg.pinv(found.jac.T @ found.jac)[1, 1]))
     lasted = float(np.ptp(stamps))
-    drift = float(found.x[1]) * lasted
-    if abs(drift) <= settings.uncertainty or abs(found.x[1]) < DRIFT_SIGMA * sigma:
+    drift = float(rate) * lasted
+    if abs(drift) <= settings.uncertainty or abs(rate) < DRIFT_SIGMA * rate_sigma:
         return ()
     return (
         f"the camera's stamps drift against the arm's, by {1e3 * drift:+.0f} ms over {lasted:.0f} "
@@ -176,7 +179,7 @@ def _drift(
 
 
 def _best_latency(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, float]:
-    """The latency [s] at which image and arm agree best, and their rms distance [m] then.
+    """Latency [s] at which images and arm agree best, and their remaining rms distance [m].
 
     A constant offset between both is a free parameter: it belongs to the map.
     """

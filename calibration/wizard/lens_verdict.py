@@ -15,7 +15,8 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 NORMAL_STEP = 1e-4  # m, difference for the derivative along the board's normal
-CAMERA_COLUMNS = slice(6, 14)  # of cv2.projectPoints' Jacobian: focal lengths, centre, k1 k2 p1 p2
+POSE_COLUMNS, CAMERA_COLUMNS = 6, slice(6, 14)  # of cv2.projectPoints' Jacobian: pose, lens but k3
+BOW_MODES = 3  # of a bow: x^2, y^2, x y
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,47 +28,49 @@ class Bow:
 
 
 def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
-    """The bow of the board in `views`, seen through `lens`, which was fitted to a flat one.
+    """The bow of the board in `views` through `lens`, which was fitted as if it were flat.
 
     `outline` (4, 2) [m] are the corners of its pattern.
 
     One Gauss-Newton step of the whole bundle, in which the board gains the heights
-    a x^2 + b y^2 + c x y: what they explain of the corners' errors, beyond what lens and poses
-    could, is the board's. x, y from its middle over half its length.
+    a x^2 + b y^2 + c x y: the part of the corners' errors that these explain and lens and poses do
+    not is the board's. x, y are from its middle, over half its length.
     """
-    shared, own, errors = [], [], []
     middle, reach = _centre_and_size(outline)
-    for view in views:
-        error, camera, pose, height = _linearise(view, lens)
-        shape = _bow_modes(view.board, middle, reach)
-        shared.append(np.hstack([camera, height * np.repeat(shape, 2, axis=0)]))
-        own.append(pose)
-        errors.append(error)
-    # what a pose explains is taken out view by view; lens and bow remain
-    rest = [(s - p @ _solution(p, s), e - p @ _solution(p, e))
-            for s, p, e in zip(shared, own, errors, strict=True)]  # fmt: skip
-    a, b = np.vstack([r[0] for r in rest]), np.concatenate([r[1] for r in rest])
-    scale = np.linalg.norm(a, axis=0)
-    inverse = np.linalg.inv((a / scale).T @ (a / scale))
-    found = inverse @ (a / scale).T @ b / scale
-    freedom = max(len(b) - 6 * len(views) - len(found), 1)
-    noise = float(np.sum((b - a @ found) ** 2)) / freedom
-    spread = (noise * inverse / np.outer(scale, scale))[-3:, -3:]
-    everywhere = _bow_modes(_grid(outline), middle, reach)
-    heights = everywhere @ found[-3:]
-    across = everywhere[np.argmax(heights)] - everywhere[np.argmin(heights)]
-    sigma = float(np.sqrt(across @ spread @ across))
+    systems = [_pose_free_system(view, lens, middle, reach) for view in views]
+    design = np.vstack([slopes for slopes, _ in systems])
+    errors = np.concatenate([error for _, error in systems])
+    scale = np.linalg.norm(design, axis=0)
+    inverse = np.linalg.inv((design / scale).T @ (design / scale))
+    solution = inverse @ (design / scale).T @ errors / scale
+    freedom = max(len(errors) - POSE_COLUMNS * len(views) - len(solution), 1)
+    noise = float(np.sum((errors - design @ solution) ** 2)) / freedom
+    covariance = (noise * inverse / np.outer(scale, scale))[-BOW_MODES:, -BOW_MODES:]
+    modes = _bow_modes(_grid(outline), middle, reach)
+    heights = modes @ solution[-BOW_MODES:]
+    lowest_to_highest = modes[np.argmax(heights)] - modes[np.argmin(heights)]
+    sigma = float(np.sqrt(lowest_to_highest @ covariance @ lowest_to_highest))
     return Bow(1e3 * float(np.ptp(heights)), 1e3 * sigma)
 
 
+def _pose_free_system(
+    view: BoardView, lens: Lens, middle: Array, reach: float
+) -> tuple[Array, Array]:
+    """Derivatives (2n, 11) by lens and bow, and errors (2n,), without what the pose explains."""
+    error, camera, pose, height = _linearise(view, lens)
+    modes = _bow_modes(view.board, middle, reach)
+    shared = np.hstack([camera, height * np.repeat(modes, 2, axis=0)])
+    return shared - pose @ _solution(pose, shared), error - pose @ _solution(pose, error)
+
+
 def _centre_and_size(outline: Array) -> tuple[Array, float]:
-    """Middle (2,) and half the longer side [m] of a pattern with corners `outline` (4, 2)."""
+    """Middle (2,) and half the longer side [m] of a pattern with corners `outline` (4, 2) [m]."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     return 0.5 * (low + high), 0.5 * float((high - low).max())
 
 
 def _grid(outline: Array) -> Array:
-    """Nine points (9, 2): corners, sides and middle of a pattern."""
+    """Nine points (9, 2) [m] of a pattern: corners, middles of the sides, and middle."""
     x, y = np.linspace(outline.min(axis=0), outline.max(axis=0), 3).T
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
@@ -79,29 +82,30 @@ def _bow_modes(board: Array, middle: Array, reach: float) -> Array:
 
 
 def _linearise(view: BoardView, lens: Lens) -> tuple[Array, Array, Array, Array]:
-    """Errors (2n,) of corners [px]; derivatives by camera (2n, 8), pose (2n, 6), height (2n, 1)."""
+    """Errors (2n,) [px] of corners, derivatives by camera (2n, 8), pose (2n, 6), height (2n, 1)."""
     board = np.asarray(view.board, dtype=np.float64)
-    _, turn, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
-    seen, slopes = cv2.projectPoints(board, turn, shift, lens.matrix, lens.distortion)
+    _, rotation, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
+    image, slopes = cv2.projectPoints(board, rotation, shift, lens.matrix, lens.distortion)
     raised = board + np.array([0.0, 0.0, NORMAL_STEP])
-    lifted, _ = cv2.projectPoints(raised, turn, shift, lens.matrix, lens.distortion)
-    error = (np.asarray(view.image) - seen.reshape(-1, 2)).ravel()
-    height = (lifted - seen).reshape(-1, 1) / NORMAL_STEP
-    return error, slopes[:, CAMERA_COLUMNS], slopes[:, :6], height
+    raised_image, _ = cv2.projectPoints(raised, rotation, shift, lens.matrix, lens.distortion)
+    error = (np.asarray(view.image) - image.reshape(-1, 2)).ravel()
+    height = (raised_image - image).reshape(-1, 1) / NORMAL_STEP
+    return error, slopes[:, CAMERA_COLUMNS], slopes[:, :POSE_COLUMNS], height
 
 
-def _solution(by: Array, values: Array) -> Array:
-    return np.asarray(np.linalg.lstsq(by, values, rcond=None)[0])
+def _solution(design: Array, values: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(design, values, rcond=None)[0])
 
 
-SEEN_SIGMA = 4.0  # sigma by which a bow or a difference of the halves must be seen
+BEND_GRADES = (0.3, 1.0)  # mm between two halves at the board, up to which good, then fair
+SEEN_SIGMA = 4.0  # sigma by which a bow or a difference of the halves is significant
 OFF_CENTRE = 0.15  # share of the image by which a principal point may lie off its centre
 NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
 class LensVerdict(Verdict):
-    """The lens fit, the difference between two independent halves of the views, and the reasons for
+    """The lens fit, differences between the lenses of two halves of the views, and the reasons for
     failure.
 
     `split` is their relative difference in focal length; `bend_px` the largest difference of their
@@ -125,7 +129,7 @@ def lens_verdict(
     length: float | None,
     settings: BoardSettings,
 ) -> LensVerdict:
-    """The verdict on `views` by number of image, of `size` [px]; independent of their order.
+    """The verdict from `views` by number, in images of `size` [px]; independent of their order.
 
     `length` [m] is the ruler's length of the printed squares across all columns.
     """
@@ -145,11 +149,11 @@ def lens_verdict(
     depth = float(np.median([view.depth(fit.lens) for view in ordered]))
     bent = bow(ordered, fit.lens, settings.outline())
     gates = coverage(ordered, fit.lens, settings)
-    causes = _bow_reasons(bent, settings)
+    bow_reasons = _bow_reasons(bent, settings)
     found = (
-        *causes,
+        *bow_reasons,
         *(str(gate) for gate in gates if not gate.passed),
-        *(() if causes else _lens_reasons(fit, split, settings)),  # a cause brings them along
+        *(() if bow_reasons else _lens_reasons(fit, split, settings)),  # a bow causes them too
         *_length_reasons(length, settings),
     )
     per_view = dict(sorted(zip(numbers, fit.per_view.tolist(), strict=True)))
@@ -158,7 +162,7 @@ def lens_verdict(
 
 
 def lens_lines(verdict: LensVerdict) -> tuple[Line, ...]:
-    """Lines of the verdict on a session with the board."""
+    """Lines for the operator about the verdict on the lens."""
     lines = []
     if verdict.fit is not None:
         lens = verdict.fit.lens
@@ -170,7 +174,7 @@ def lens_lines(verdict: LensVerdict) -> tuple[Line, ...]:
             Line(Level.PLAIN, f"{verdict.views} views, corners {verdict.fit.rms:.2f} px off (rms)"),
             Line(Level.PLAIN,
                  f"focal length {focal:.0f} px, principal point {u:.0f}, {v:.0f} px"),
-            grade_line(verdict.bend_mm, 0.3, 1.0, halves),
+            grade_line(verdict.bend_mm, *BEND_GRADES, halves),
         ]  # fmt: skip
     last = verdict.last_line("next, `cell calibrate homography`",
                              "mend what is said above and go on")  # fmt: skip
@@ -194,8 +198,8 @@ def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
 def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[str, ...]:
     """Reasons for refusal: defects of the lens itself.
 
-    Noise of the corners explains a difference of halves with twice the deviation of the whole; what
-    exceeds that, and the tolerance, has another cause.
+    Noise of the corners explains a difference of halves of twice the whole's deviation; one beyond
+    that and the tolerance has another cause.
     """
     lens = fit.lens
     deviation = fit.focal_deviation / float(lens.matrix[0, 0])
@@ -237,7 +241,7 @@ def _largest_difference(one: Lens, other: Lens) -> float:
     """Largest difference [px] of two lenses over the image, after the best plane homography."""
     u, v = np.meshgrid(np.linspace(0.02, 0.98, 12), np.linspace(0.02, 0.98, 8))
     pixels = np.column_stack([u.ravel(), v.ravel()]) * (one.width, one.height)
-    here, there = one.undistort(pixels), other.undistort(pixels)
-    between, _ = cv2.findHomography(there, here, 0)
-    mapped: Array = np.column_stack([there, np.ones(len(there))]) @ between.T
-    return float(np.hypot(*(mapped[:, :2] / mapped[:, 2:] - here).T).max())
+    by_one, by_other = one.undistort(pixels), other.undistort(pixels)
+    between, _ = cv2.findHomography(by_other, by_one, 0)
+    mapped: Array = np.column_stack([by_other, np.ones(len(by_other))]) @ between.T
+    return float(np.hypot(*(mapped[:, :2] / mapped[:, 2:] - by_one).T).max())

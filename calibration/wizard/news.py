@@ -17,8 +17,8 @@ Taken = TypeVar("Taken")
 
 @dataclass(frozen=True, slots=True)
 class Result(Generic[Seen, Taken]):
-    """Result of one image: its `number`, what was `seen` in it, what was accepted (`taken`) or the
-    reason why it was `refused`. `waits` means that the next image decides.
+    """Result of one image: its `number`, the measurement `seen`, the accepted one (`taken`) or the
+    reason why it was `refused`; `waits` means that the next image decides.
     """
 
     number: int
@@ -28,7 +28,7 @@ class Result(Generic[Seen, Taken]):
     waits: bool = False
 
     def text(self, kind: str, taken: str) -> str:
-        """The result of an image for the operator, empty while the next image is awaited."""
+        """Text of the result for the operator; empty while the next image is awaited."""
         if self.refused is None and self.waits:
             return ""
         return f"{kind} {self.number}: {self.refused or taken}"
@@ -40,7 +40,7 @@ TouchResult = Result[Array, Touched]  # seen: the disc's centre (2,) [px]
 
 @dataclass(frozen=True, slots=True)
 class ViewNews:
-    """Progress with the board: view `wanted` and `why`, coverage, last result, and a `sketch`."""
+    """Progress of the lens calibration: view `wanted` and `why`, coverage, last result, sketch."""
 
     wanted: WantedView | None
     why: str
@@ -66,7 +66,7 @@ class ViewNews:
 
 
 class Stage(StrEnum):
-    """Stages of a wizard that touches."""
+    """Stages of the touch calibration, in order."""
 
     TOUCH = "touch"
     AGAIN = "touch again"
@@ -76,7 +76,7 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TouchNews:
-    """Progress with the pointer: which pose of the `plan` is `wanted` and `why`, the last result.
+    """Progress of the touch calibration: pose `wanted` of the `plan` and `why`, last result.
 
     `touches` are all points so far; `frame` and `pose` the newest image and the arm's pose;
     `dropped` the touch that the operator took back.

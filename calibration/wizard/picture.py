@@ -12,19 +12,15 @@ from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touches import Touched
 from drivers.types import Array, Image
 
-ENLARGED = 300.0  # times by which errors are drawn longer than they are
-FITTED_BGR, HELD_OUT_BGR, BAD_BGR, WHITE_BGR = (
-    (80, 210, 110),
-    (255, 170, 40),
-    (60, 60, 235),
-    (255, 255, 255),
-)  # BGR
+ENLARGED = 300.0  # scale of drawn errors
+FITTED_BGR, HELD_OUT_BGR = (80, 210, 110), (255, 170, 40)
+BAD_BGR, WHITE_BGR = (60, 60, 235), (255, 255, 255)
 LINE_TYPE = cv2.LINE_AA
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def views_picture(image: Image, views: Iterable[BoardView], per_view: Mapping[int, float]) -> Image:
-    """`image` (h, w, 3) with every corner of all views, which shows the coverage."""
+    """`image` (h, w, 3) with every corner of all views drawn in, to show the coverage."""
     drawn = _darken(image)
     for view in views:
         for corner in view.image:
@@ -38,17 +34,17 @@ def views_picture(image: Image, views: Iterable[BoardView], per_view: Mapping[in
 def touches_picture(
     image: Image, touches: Sequence[Touched], lens: Lens, verdict: TouchVerdict
 ) -> Image:
-    """`image` (h, w, 3) with each touched point, its error `ENLARGED` times, outliers crossed."""
+    """`image` (h, w, 3) with touched points, errors drawn `ENLARGED` times, outliers crossed."""
     drawn = _darken(image)
     off = {point.number for point in verdict.rejected}
     replaced = {point.number for point in verdict.wild}
     for touched in touches:
         at = _pixel(touched.pixel)
-        wild = touched.number in off or (touched.number in replaced and not touched.again)
-        colour = BAD_BGR if wild else HELD_OUT_BGR if touched.held_out else FITTED_BGR
-        if wild:
+        if touched.number in off or (touched.number in replaced and not touched.again):
+            colour = BAD_BGR
             cv2.drawMarker(drawn, at, BAD_BGR, cv2.MARKER_TILTED_CROSS, 20, 2, LINE_TYPE)
         else:
+            colour = HELD_OUT_BGR if touched.held_out else FITTED_BGR
             cv2.circle(drawn, at, 6, colour, 1, LINE_TYPE)
             _draw_error(drawn, touched, lens, verdict.homography, colour)
         cv2.putText(

@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field
 
 from calibration.board import BoardSettings
 from calibration.lens import CameraFile
-from calibration.wizard.latency import LatencySettings
+from calibration.wizard.latency import LatencySettings, LatencySteps
 from calibration.wizard.news import News, TouchNews, ViewNews, Watcher, nobody
 from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
@@ -35,10 +35,10 @@ Side = Annotated[int, Field(gt=0, le=LARGEST_SIDE)]
 
 
 class Session(Settings):
-    """session.yaml: the settings of the session.
+    """Contents of session.yaml: the settings of a calibration session.
 
     `image` is width and height [px], `length` [m] the ruler's length of the board, `locks` the
-    values of the locked camera controls, `lens` that of a session of touches.
+    values of the locked camera controls, `lens` the one used in a session of touches.
     """
 
     model_config = ConfigDict(extra="allow")  # a program writes it
@@ -84,19 +84,19 @@ class Row(Settings):
 
     @property
     def taken(self) -> bool:
-        """Whether the image of this row counts."""
+        """Whether the image of this row was accepted."""
         return self.image is not None
 
 
 class SessionFolder:
-    """An observer that writes a session as it goes, so that nothing is lost when it stops, and
-    passes the news on to `watch`. `newest` are the last news with an image.
+    """An observer that writes each message of a session to its folder at once, so that nothing is
+    lost, and passes it on to `watch`; `newest` is the last message with an image.
     """
 
     def __init__(self, folder: Path, session: Session, watch: Watcher = nobody) -> None:
-        """Create `folder`, which must be new or empty, or go on in that of the same `session`.
+        """Create `folder`, which must be new or empty, or resume that of the same `session`.
 
-        One that cannot be written is a ConfigurationError.
+        A folder that cannot be written is a ConfigurationError.
         """
         self.folder, self.session = folder, session
         self.newest: News | None = None
@@ -110,13 +110,11 @@ class SessionFolder:
         write_yaml(folder / SESSION_FILE, session.model_dump(mode="json", by_alias=True))
 
     def __call__(self, news: News) -> None:
-        """Write the measurements of the news, and its image where it counts."""
+        """Write the measurements in `news`, with the image where it was accepted."""
         if news.frame is not None:
             self.newest = news
         if isinstance(news, TouchNews) and news.steps is not None:
-            seen = [(step.stamp, *step.pixel.tolist()) for step in news.steps.seen]
-            content = {"arm": news.steps.arm.tolist(), "seen": seen}
-            write_file(self.folder / LATENCY_FILE, json.dumps(content) + "\n", MAKE_ROOM)
+            self._write_latency(news.steps)
         elif isinstance(news, TouchNews) and news.dropped is not None:
             self.add(Row(number=news.dropped.number, again=news.dropped.again, dropped=True))
         elif news.frame is not None and (row := _row(news)) is not None:
@@ -124,8 +122,13 @@ class SessionFolder:
             self.add(row, news.frame.image if taken else None)
         self._watch(news)
 
+    def _write_latency(self, steps: LatencySteps) -> None:
+        seen = [(step.stamp, *step.pixel.tolist()) for step in steps.seen]
+        content = {"arm": steps.arm.tolist(), "seen": seen}
+        write_file(self.folder / LATENCY_FILE, json.dumps(content) + "\n", MAKE_ROOM)
+
     def add(self, row: Row, image: Image | None = None) -> None:
-        """Add a row; with its `image` (height, width, 3) where it was accepted.
+        """Append `row` to the file of rows and write its `image` (height, width, 3), if any.
 
         Raises ConfigurationError where it cannot be written.
         """
@@ -140,15 +143,15 @@ class SessionFolder:
 
 
 def _row(news: News) -> Row | None:
-    """Row of the session for the newest image, None without a result."""
+    """Row of told.jsonl for the newest image, None without a result."""
     if news.result is None:
         return None
     number, refused = news.result.number, news.result.refused
     if isinstance(news, ViewNews):
         view = news.result.seen
         corners = [] if view is None else zip(view.ids, view.image, strict=True)
-        seen = tuple((int(i), float(u), float(v)) for i, (u, v) in corners)
-        return Row(number=number, refused=refused, corners=seen)
+        numbered = tuple((int(corner), float(u), float(v)) for corner, (u, v) in corners)
+        return Row(number=number, refused=refused, corners=numbered)
     if news.pose is None:
         return None
     taken, centre = news.result.taken, news.result.seen
@@ -163,7 +166,7 @@ def _row(news: News) -> Row | None:
 
 
 def read_session(folder: Path, kind: Kind) -> Session:
-    """session.yaml of `folder`; another kind of session is a ConfigurationError."""
+    """Read session.yaml in `folder`; another kind of session is a ConfigurationError."""
     session = load(folder / SESSION_FILE, Session)
     if session.kind != kind:
         raise ConfigurationError(
@@ -260,7 +263,7 @@ class Steps(Settings):
 
 
 def read_latency(folder: Path) -> Steps:
-    """The steps of the arm, none without the file; ConfigurationError where it cannot be read."""
+    """Contents of latency.json in `folder`, empty without the file, or ConfigurationError."""
     path = folder / LATENCY_FILE
     if not path.exists():
         return Steps()
@@ -268,7 +271,7 @@ def read_latency(folder: Path) -> Steps:
 
 
 def make_folder(folder: Path) -> None:
-    """Make `folder`, named by --out; ConfigurationError where that is not possible."""
+    """Create `folder`, named by --out; ConfigurationError where that is not possible."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -276,7 +279,7 @@ def make_folder(folder: Path) -> None:
 
 
 def write_image(path: Path, image: Image) -> None:
-    """Write a picture (height, width, 3); ConfigurationError where it cannot be written."""
+    """Write `image` (height, width, 3) as PNG; ConfigurationError where it cannot be written."""
     made, content = cv2.imencode(".png", image, FAST_PNG)
     if not made:
         raise ConfigurationError(f"{path}: the picture cannot be written as PNG")
@@ -284,5 +287,5 @@ def write_image(path: Path, image: Image) -> None:
 
 
 def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
-    """Write `content`; a place that cannot be written is a ConfigurationError."""
+    """Write `content` as YAML; a place that cannot be written is a ConfigurationError."""
     write_file(path, yaml.safe_dump(dict(content), sort_keys=False), MAKE_ROOM)

@@ -17,11 +17,13 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 NAN = float("nan")
+# mm, up to which good, then fair: worst point, difference of halves, effect on the displacement
+WORST_GRADES, HALVES_GRADES, DISPLACEMENT_GRADES = (0.5, 1.0), (0.5, 1.5), (1.0, 2.0)
 HALF_POINTS = 6  # points from which half a map is still worth comparing
-ORIENTATION_STEP = 0.01  # m, over which the map's orientation is looked at
+ORIENTATION_STEP = 0.01  # m, side of the triangle by which a mirrored map is detected
 # an error e of x lengthens one layer and shortens the other: d is off by 2 e
 DISPLACEMENT_FACTOR = 2.0
-FEWEST_POINTS = 3  # points that decide
+FEWEST_POINTS = 3  # least number of points from which to judge a map
 ANEW = "run `cell calibrate homography` again"
 
 
@@ -57,17 +59,17 @@ class TouchVerdict(Verdict):
     grade: Grade = Grade.REFUSED
 
     def lines(self) -> list[Line]:
-        """Lines for the operator on the map and its points, worst news last."""
+        """Lines for the operator on the map and its points, reasons for refusal last."""
         lines = []
         if self.homography is not None:
             lines = [
-                grade_line(self.worst_mm, 0.5, 1.0,
+                grade_line(self.worst_mm, *WORST_GRADES,
                        f"{self.held_out} points that were not fitted are {self.residual_mm:.2f} mm "
                        f"off (rms), half of them under {self.median_mm:.2f}, the worst "
                        f"{self.worst_mm:.2f}"),
-                grade_line(self.halves_mm, 0.5, 1.5,
+                grade_line(self.halves_mm, *HALVES_GRADES,
                        f"two maps from halves of the points agree within {self.halves_mm:.2f} mm"),
-                grade_line(self.displacement_mm, 1.0, 2.0,
+                grade_line(self.displacement_mm, *DISPLACEMENT_GRADES,
                        f"this moves the displacement by {self.displacement_mm:.2f} mm (rms)"),
             ]  # fmt: skip
         lines += [Line(Level.FAIR, f"{p}; touched again, where it agrees") for p in self.wild]
@@ -77,7 +79,7 @@ class TouchVerdict(Verdict):
 
 @dataclass(frozen=True, slots=True)
 class CheckVerdict(Verdict):
-    """Distance of each touched point, by its number, from where the calibration shows it [mm].
+    """Error [mm] of a calibration in use at each touched point, by the point's number.
 
     `median_mm` and `worst_mm` are NaN without points.
     """
@@ -88,7 +90,7 @@ class CheckVerdict(Verdict):
 
 
 def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> TouchVerdict:
-    """The verdict on `touches`, seen through `lens`; independent of their order."""
+    """The verdict on the map from `touches` through `lens`; independent of their order."""
     try:
         solved = solve(touches, lens, settings)
     except ConfigurationError as error:
@@ -104,17 +106,17 @@ def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSetting
 def check_verdict(
     touches: Sequence[Touched], calibration: Calibration, settings: TouchSettings
 ) -> CheckVerdict:
-    """The verdict on `calibration` from `touches` that it was not made of."""
-    off = 1e3 * np.reshape([calibration.to_plane(t.pixel[None])[0] - t.place for t in touches],
-                           (-1, 2))  # fmt: skip
-    values = np.hypot(*off.T)
+    """The verdict on `calibration` from new `touches`, to which it was not fitted."""
+    off = [calibration.to_plane(touched.pixel[None])[0] - touched.place for touched in touches]
+    off_mm = 1e3 * np.reshape(off, (-1, 2))
+    values = np.hypot(*off_mm.T)
     errors = {touched.number: float(each) for touched, each in zip(touches, values, strict=True)}
     median = float(np.median(values)) if len(values) else NAN
     worst = float(values.max()) if len(values) else NAN
     if len(values) < FEWEST_POINTS:
         few = f"{len(values)} points were touched, at least {FEWEST_POINTS} must decide; touch more"
         return CheckVerdict(errors, median, worst, reasons=(few,))
-    causes = tuple(_common_shift(off, settings)) or reasons(
+    causes = tuple(_common_shift(off_mm, settings)) or reasons(
         (worst > settings.worst_mm,
          f"a point is {worst:.2f} mm off, allowed {settings.worst_mm:.2f}: the camera or the arm's "
          f"base has moved, or the pointer is loose; {ANEW}"),
@@ -128,7 +130,7 @@ def check_verdict(
 def touch_lines(
     touches: TouchVerdict | None, latency: LatencyVerdict | None, speed: float
 ) -> tuple[Line, ...]:
-    """Lines of the verdict on touches and steps; `speed` [m/s] is that of a fold."""
+    """Lines for the operator on touches and latency; `speed` [m/s] is that of a fold."""
     if touches is None:
         return (Line(Level.BAD, "refused: nothing was touched"),)
     missing = [Line(Level.BAD, "the latency was not measured")]
@@ -148,17 +150,17 @@ def refusals(touches: TouchVerdict | None, latency: LatencyVerdict | None) -> tu
 
 
 def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
-    """Lines of the verdict on an old calibration."""
+    """Lines for the operator on the check of a calibration in use."""
     lines = verdict.bad_lines()
     if verdict.errors_mm:
         text = f"half of {len(verdict.errors_mm)} touched points are under "
         text += f"{verdict.median_mm:.2f} mm off, the worst {verdict.worst_mm:.2f}"
-        lines.insert(0, grade_line(verdict.worst_mm, 0.5, 1.0, text))
+        lines.insert(0, grade_line(verdict.worst_mm, *WORST_GRADES, text))
     return (*lines, verdict.last_line("this calibration still holds", "it no longer holds"))
 
 
 def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
-    """Shift of all errors `off` (n, 2) [mm], larger than they differ: no loose pointer."""
+    """Reason for refusal where all errors `off` (n, 2) [mm] share a shift: a moved camera."""
     shared = np.median(off, axis=0)
     apart = float(np.hypot(*(off - shared).T).max())
     size = float(np.hypot(*shared))
@@ -170,12 +172,11 @@ def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
 
 
 def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings) -> tuple[str, ...]:
-    """Explanations for bad touches as a whole: a mirrored plane, or a camera that moved."""
+    """Reasons for refusal that explain all others: a mirrored plane, or a camera that moved."""
     middle = np.mean([touched.place for touched in touches], axis=0)
-    around = solved.homography.to_image(
-        middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
-    )
-    if np.linalg.det(around[1:] - around[0]) >= 0:
+    triangle = middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
+    corners = solved.homography.to_image(triangle)
+    if np.linalg.det(corners[1:] - corners[0]) >= 0:  # z is up, v down: a true map turns it over
         return (
             "the touches are mirrored: x, z of the arm run in the image as seen from behind the "
             "strip; check that the picture is not flipped, on which side the camera stands, and "
@@ -192,28 +193,29 @@ def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings)
 
 
 def _compose(solved: Solved, settings: TouchSettings) -> TouchVerdict:
-    """Verdict on a solved map: its errors at held-out points, rejected points, and grade."""
-    decide = np.reshape([solved.error(p) for p in solved.decide], (-1, 2))
-    errors = 1e3 * np.hypot(*decide.T)
+    """Verdict on a fitted map: its errors at held-out points, rejected points, and grade."""
+    held_out = np.reshape([solved.error(p) for p in solved.decide], (-1, 2))
+    errors = 1e3 * np.hypot(*held_out.T)
     points = sorted((*solved.used, *solved.decide), key=lambda p: p.number)
-    left_out = [p for p in solved.off if p not in solved.decide]
+    rejected = [p for p in solved.off if p not in solved.decide]
     verdict = TouchVerdict(
         homography=solved.homography,
         residual_mm=_rms(errors),
         median_mm=float(np.median(errors)) if len(errors) else NAN,
         worst_mm=float(errors.max(initial=0.0)),
-        halves_mm=_halves_mm((*solved.used, *solved.decide), solved.lens, settings),
-        displacement_mm=DISPLACEMENT_FACTOR * _rms(1e3 * decide[:, 0]),
+        halves_mm=_halves_mm(points, solved.lens, settings),
+        displacement_mm=DISPLACEMENT_FACTOR * _rms(1e3 * held_out[:, 0]),
         used=len(solved.used),
         held_out=len(solved.decide),
         errors_mm={p.number: 1e3 * float(np.hypot(*solved.error(p))) for p in points},
-        rejected=tuple(solved.rejection(p) for p in sorted(left_out, key=lambda p: p.number)),
+        rejected=tuple(solved.rejection(p) for p in sorted(rejected, key=lambda p: p.number)),
         wild=tuple(solved.rejection(p) for p in sorted(solved.wild, key=lambda p: p.number)),
     )
     found = (*_map_reasons(verdict, settings), *_point_reasons(solved, settings))
+    if found:
+        return replace(verdict, reasons=found, grade=Grade.REFUSED)
     clean = not verdict.rejected and verdict.residual_mm <= settings.good_mm
-    grade = Grade.REFUSED if found else Grade.GOOD if clean else Grade.USABLE
-    return replace(verdict, reasons=found, grade=grade)
+    return replace(verdict, grade=Grade.GOOD if clean else Grade.USABLE)
 
 
 def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -> float:
@@ -222,17 +224,18 @@ def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -
     order = np.random.default_rng(0).permutation(len(ordered))
     x = np.linspace(settings.x_min, settings.x_max, 7)
     z = np.linspace(settings.z_min, settings.z_max, 5)
-    area = np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
+    area_mm = 1e3 * np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
     maps = []
     for half in (order[::2], order[1::2]):
         if len(half) < HALF_POINTS:
             return NAN
         pixels = lens.undistort(np.array([ordered[i].pixel for i in half]))
-        places = 1e3 * np.array([ordered[i].place for i in half])
-        matrix, _ = cv2.findHomography(places, pixels, 0)
-        maps.append(Homography.of(np.linalg.inv(matrix)))
-    there = maps[1].to_plane(maps[0].to_image(1e3 * area))
-    return float(np.hypot(*(there - 1e3 * area).T).max())
+        places_mm = 1e3 * np.array([ordered[i].place for i in half])
+        to_pixels, _ = cv2.findHomography(places_mm, pixels, 0)
+        maps.append(Homography.of(np.linalg.inv(to_pixels)))
+    one, other = maps
+    through_both = other.to_plane(one.to_image(area_mm))
+    return float(np.hypot(*(through_both - area_mm).T).max())
 
 
 def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, ...]:

@@ -22,10 +22,10 @@ from drivers.types import Array, Frame, Pose
 
 
 class TouchedPoints:
-    """Ask and tell: the caller moves the pointer to `ask()` and passes the camera's image to
-    `tell()`.
+    """Collects touched points by ask and tell: the caller moves the pointer to `ask()` and passes
+    the camera's image to `tell()`.
 
-    After all poses, those whose points disagree with the rest are asked for once more.
+    After all poses, those of the map's outliers are requested once more.
     """
 
     def __init__(
@@ -36,8 +36,7 @@ class TouchedPoints:
         *,
         fitted: bool = True,
     ) -> None:
-        """`plan` replaces the poses of the settings' grid, e.g. by edited ones, or by those of a
-        session that goes on.
+        """Touch the grid of `settings`, or the poses of a `plan`: an edited or a resumed one.
 
         Points that are not `fitted` may be few, and each is touched once.
         """
@@ -60,7 +59,7 @@ class TouchedPoints:
 
     @property
     def touches(self) -> tuple[Touched, ...]:
-        """All accepted points, in order of time."""
+        """All accepted points, in the order in which they were touched."""
         return tuple(self._touches)
 
     @property
@@ -75,7 +74,7 @@ class TouchedPoints:
 
     @property
     def fitted(self) -> bool:
-        """Whether a map is fitted to the points, not only checked with them."""
+        """Whether a map is fitted to the points, rather than checked with them."""
         return self._fitted
 
     @property
@@ -120,7 +119,7 @@ class TouchedPoints:
         return touch_verdict(self._touches, self._lens, self._settings)
 
     def _repeat_suspects(self) -> None:
-        """Once all poses are touched, request those that disagree a second time."""
+        """Once all poses are touched, request those of the map's outliers a second time."""
         if not self._queue and self._fitted and not self._second:
             self._second = True
             self._queue = list(suspects(self._touches, self._lens, self._settings))
@@ -135,7 +134,7 @@ class TouchedPoints:
             )
 
     def _accept(self, number: int, frame: Frame, pose: Pose) -> TouchResult:
-        """Result of an image: accepted if it agrees with the one before, in pixel and pose."""
+        """Result of an image: accepted if it agrees with the previous one in pixel and pose."""
         centre = find_pointer(frame.image)
         if centre is None:
             self._last = None
@@ -145,10 +144,12 @@ class TouchedPoints:
         last, self._last = self._last, (centre, place)
         if last is None:
             return Result(number, centre, None, None, waits=True)
-        moved, drifted = np.hypot(*(centre - last[0])), np.hypot(*(place - last[1]))
-        if drifted > self._settings.arm_still:
-            reason = f"the arm moved by {1e3 * drifted:.1f} mm between two images"
+        last_centre, last_place = last
+        arm_moved = np.hypot(*(place - last_place))
+        if arm_moved > self._settings.arm_still:
+            reason = f"the arm moved by {1e3 * arm_moved:.1f} mm between two images"
             return Result(number, centre, None, f"{reason}; wait until it is still")
+        moved = np.hypot(*(centre - last_centre))
         if moved > self._settings.still:
             reason = f"the pointer moved by {moved:.1f} px between two images"
             return Result(number, centre, None, f"{reason}; wait until it is still")

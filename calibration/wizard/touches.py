@@ -1,7 +1,8 @@
-"""Touched points: where to touch, the robust fit of the map, a camera that moved among them."""
+"""Touched points: the plan of poses, the robust fit of the map, detection of a moved camera."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from math import pi
 from typing import Annotated
 
@@ -18,7 +19,7 @@ Count = Annotated[int, Field(ge=3, le=12)]
 
 
 class TouchSettings(Settings):
-    """Positions to touch, images per point, and acceptance criteria.
+    """Settings of the touch calibration: poses, images per point, and acceptance criteria.
 
     The points lie on a grid of `columns` x `rows` over the work area [m]; every `hold_out`-th is
     held out of the fit and used for the verdict. An image is accepted when two in a row agree
@@ -54,9 +55,10 @@ class BegunPlan(tuple[Pose, ...]):
 def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
     """Poses over the work area, row by row, back and forth; at least twelve to fit."""
     poses: list[Pose] = []
-    for i, z in enumerate(np.linspace(settings.z_min, settings.z_max, settings.rows)):
-        columns = np.linspace(settings.x_min, settings.x_max, settings.columns)
-        poses += [Pose(float(x), float(z), pi / 2) for x in columns[:: 1 if i % 2 == 0 else -1]]
+    rightwards = np.linspace(settings.x_min, settings.x_max, settings.columns)
+    for row, z in enumerate(np.linspace(settings.z_min, settings.z_max, settings.rows)):
+        columns = rightwards if row % 2 == 0 else rightwards[::-1]
+        poses += [Pose(float(x), float(z), pi / 2) for x in columns]
     return checked_plan(poses, settings)
 
 
@@ -86,8 +88,8 @@ def held_out(number: int, settings: TouchSettings) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touched:
-    """One point: the pose's `number`, where the arm was, `place` (2,) x, z [m], and where the raw
-    image showed it, `pixel` (2,). `again` for a second touch of the same pose.
+    """One touched point: `number` of the pose, the arm's `place` (2,) x, z [m], the disc's `pixel`
+    (2,) u, v in the raw image; `again` marks a second touch of the same pose.
     """
 
     number: int
@@ -99,9 +101,9 @@ class Touched:
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """The map from the points `used`, and its residuals at all points.
+    """The map fitted to the points `used`, and the groups of all other points.
 
-    `decide` are the held-out ones, `off` all outliers, `stubborn` those of them whose second touch
+    `decide` are held-out points, `off` all outliers, `stubborn` those of them whose second touch
     is off by the same error, `wild` first touches that a second one replaced.
     """
 
@@ -114,41 +116,40 @@ class Solved:
     lens: Lens
 
     def error(self, touched: Touched) -> Array:
-        """(2,) x, z [m]: where the map puts the point minus where the arm was."""
+        """Residual (2,) x, z [m] of a point: its place by the map minus the arm's."""
         seen = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
         return np.asarray(seen - touched.place)
 
     def rejection(self, touched: Touched) -> Rejected:
-        """The point by its number, with its distance from the map in the image."""
-        there = self.homography.to_image(touched.place)[0]
-        off = float(np.hypot(*(there - self.lens.undistort(touched.pixel)[0])))
-        return Rejected(touched.number, float(touched.place[0]), float(touched.place[1]), off)
+        """Description of a rejected point: number, place [m], and residual [px] in the image."""
+        mapped = self.homography.to_image(touched.place)[0]
+        residual = float(np.hypot(*(mapped - self.lens.undistort(touched.pixel)[0])))
+        x, z = map(float, touched.place)
+        return Rejected(touched.number, x, z, residual)
 
 
 def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> Solved:
-    """Fit the newest touch of each fitted point robustly, then evaluate the map at all points.
+    """The map fitted robustly to the newest touch of each pose that is not held out.
 
     Independent of the order of `touches`. Raises ConfigurationError where they give no map.
     """
     newest = _newest_touches(touches)
     fitted = [p for p in newest if not p.held_out]
+    held = [p for p in newest if p.held_out]
     fit = fit_homography(
         lens.undistort(np.reshape([p.pixel for p in fitted], (-1, 2))),
         np.reshape([p.place for p in fitted], (-1, 2)),
     )
-    used = tuple(p for p, inside in zip(fitted, fit.used, strict=True) if inside)
-    whole = Solved(fit.homography, used, (), (), (), (), lens)
-    outside = [p for p, inside in zip(fitted, fit.used, strict=True) if not inside]
-    held = [p for p in newest if p.held_out]
-    outside += [p for p in held if 1e3 * np.hypot(*whole.error(p)) > settings.worst_mm]
+    solved = Solved(fit.homography, tuple(compress(fitted, fit.used)), (), (), (), (), lens)
+    off = list(compress(fitted, ~fit.used))
+    off += [p for p in held if 1e3 * np.hypot(*solved.error(p)) > settings.worst_mm]
     firsts = {p.number: p for p in touches if not p.again}
-    stubborn = tuple(p for p in outside if _repeats_error(p, firsts, whole, settings))
-    scattered = tuple(p for p in outside if p.again and p not in stubborn)
-    wild = tuple(
-        firsts[p.number] for p in newest if p.again and p.number in firsts and p not in outside
-    )
+    stubborn = tuple(p for p in off if _repeats_error(p, firsts, solved, settings))
+    replaced = [p.number for p in newest if p.again and p not in off]
+    wild = tuple(firsts[number] for number in replaced if number in firsts)
+    scattered = [p for p in off if p.again and p not in stubborn]  # twice off, each time otherwise
     decide = tuple(p for p in held if p not in scattered)
-    return replace(whole, decide=decide, off=tuple(outside), stubborn=stubborn, wild=wild)
+    return replace(solved, decide=decide, off=tuple(off), stubborn=stubborn, wild=wild)
 
 
 def _newest_touches(touches: Sequence[Touched]) -> list[Touched]:
@@ -160,7 +161,7 @@ def _newest_touches(touches: Sequence[Touched]) -> list[Touched]:
 def _repeats_error(
     again: Touched, firsts: dict[int, Touched], solved: Solved, settings: TouchSettings
 ) -> bool:
-    """Whether a second touch has the same error as the first, so that the map is wrong there."""
+    """Whether a second touch repeats the first one's error, which shows that the map is wrong."""
     first = firsts.get(again.number)
     if first is None or not again.again:
         return False
@@ -168,7 +169,7 @@ def _repeats_error(
 
 
 def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> tuple[int, ...]:
-    """Numbers of the points that disagree with the map of the rest and are touched again."""
+    """Numbers of the outliers of the fitted map, which are to be touched again."""
     try:
         solved = solve(touches, lens, settings)
     except ConfigurationError:
@@ -177,14 +178,16 @@ def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) ->
 
 
 FEWEST_TOUCHES = 3  # touches on either side of a move
-LOSS_SCALE = 0.3  # px, from where a touch counts less: it may be wild
+LOSS_SCALE = 0.3  # px, error from which a touch counts less, as it may be an outlier
 MAD = 1.4826  # sigma over the median of deviations
-MOVE_SIGMA = 3.8  # sigma by which a move must be seen: the slow tests of `test_causes.py`
+INLIER_SIGMA, LEAST_SIGMA = 5.0, 1e-6  # of the errors that count; px, under which none is
+MAP_NUMBERS, UNKNOWNS = 8, 10  # free numbers of a homography; with a shift of the image
+MOVE_SIGMA = 3.8  # sigma by which a move is significant; Source: slow tests in test_causes.py
 
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """A move of the camera after point `after`, by `mrad`: later touches shift by `shift_mm`."""
+    """A turn of the camera by `mrad` after point `after`; later touches shift by `shift_mm`."""
 
     after: int
     shift_mm: float
@@ -206,24 +209,25 @@ def camera_move(
     if not moments:
         return None
     start = _start_numbers(homography, places)
-    tried = [(_fit_move(places, pixels, moment, start), moment) for moment in moments]
-    (fit, shift, sigma), moment = min(tried, key=lambda each: each[0][0])
+    fits = {moment: _fit_move(places, pixels, moment, start) for moment in moments}
+    moment = min(fits, key=lambda tried: fits[tried][0])
+    cost, shift, sigma = fits[moment]
     middle = homography.to_image(places.mean(axis=0)[None])[0]
-    across = homography.to_plane(np.array([middle, middle + shift]))
-    shift_mm = 1e3 * float(np.hypot(*(across[1] - across[0])))
+    before, after = homography.to_plane(np.array([middle, middle + shift]))
+    shift_mm = 1e3 * float(np.hypot(*(after - before)))
     size = float(np.hypot(*shift))
-    if shift_mm < least_mm or size < MOVE_SIGMA * sigma or not np.isfinite(fit):
+    if shift_mm < least_mm or size < MOVE_SIGMA * sigma or not np.isfinite(cost):
         return None
     return Move(ordered[moment - 1].number, shift_mm, 1e3 * size / float(lens.matrix[0, 0]))
 
 
 def _start_numbers(homography: Homography, places: Array) -> Array:
-    """The homography's eight numbers, over the middle and reach of `places`."""
+    """The homography's eight free numbers (8,), for places centred and scaled to unit reach."""
     middle, reach = _centre_and_reach(places)
     matrix = homography.inverse @ np.array(
         [[reach, 0.0, middle[0]], [0.0, reach, middle[1]], [0.0, 0.0, 1.0]]
     )
-    return np.asarray((matrix / matrix[2, 2]).ravel()[:8])
+    return np.asarray((matrix / matrix[2, 2]).ravel()[:MAP_NUMBERS])
 
 
 def _centre_and_reach(places: Array) -> tuple[Array, float]:
@@ -233,27 +237,30 @@ def _centre_and_reach(places: Array) -> tuple[Array, float]:
 def _fit_move(
     places: Array, pixels: Array, moment: int, start: Array
 ) -> tuple[float, Array, float]:
-    """Cost of a map with a shift from `moment` on, the shift (2,) and one sigma of it [px]."""
+    """Cost of a map with an image shift from `moment` on, shift (2,) and its sigma [px]."""
     middle, reach = _centre_and_reach(places)
     plane = np.column_stack([(places - middle) / reach, np.ones(len(places))])
     later = (np.arange(len(places)) >= moment).astype(np.float64)[:, None]
 
     def errors(unknown: Array) -> Array:
-        mapped = plane @ np.append(unknown[:8], 1.0).reshape(3, 3).T
-        return np.asarray((mapped[:, :2] / mapped[:, 2:] + later * unknown[8:] - pixels).ravel())
+        numbers, shift = unknown[:MAP_NUMBERS], unknown[MAP_NUMBERS:]
+        return np.asarray((_project(plane, numbers) + later * shift - pixels).ravel())
 
     begin = np.append(start, np.median((pixels - _project(plane, start))[moment:], axis=0))
     from scipy.optimize import least_squares
 
     found = least_squares(errors, begin, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac")
     left = errors(found.x)
-    sigma = max(MAD * float(np.median(np.abs(left))), 1e-6) * np.sqrt(len(left) / (len(left) - 10))
-    used = np.abs(left) < 5.0 * sigma
-    slopes = found.jac[used] if used.sum() > 12 else found.jac
-    spread = sigma**2 * np.linalg.pinv(slopes.T @ slopes)[8:, 8:]
-    return float(found.cost), found.x[8:], float(np.sqrt(np.linalg.eigvalsh(spread)[-1]))
+    sigma = max(MAD * float(np.median(np.abs(left))), LEAST_SIGMA)
+    sigma = sigma * np.sqrt(len(left) / (len(left) - UNKNOWNS))
+    used = np.abs(left) < INLIER_SIGMA * sigma
+    slopes = found.jac[used] if used.sum() > UNKNOWNS + 2 else found.jac
+    covariance = sigma**2 * np.linalg.pinv(slopes.T @ slopes)[MAP_NUMBERS:, MAP_NUMBERS:]
+    shift_sigma = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    return float(found.cost), found.x[MAP_NUMBERS:], shift_sigma
 
 
-def _project(plane: Array, start: Array) -> Array:
-    mapped = plane @ np.append(start, 1.0).reshape(3, 3).T
+def _project(plane: Array, numbers: Array) -> Array:
+    """Image points (n, 2) [px] of `plane` (n, 3) by a homography of eight `numbers` (8,)."""
+    mapped = plane @ np.append(numbers, 1.0).reshape(3, 3).T
     return np.asarray(mapped[:, :2] / mapped[:, 2:])

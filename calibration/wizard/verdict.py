@@ -1,11 +1,11 @@
-"""Common parts of all wizards' verdicts: reasons for a refusal, and graded lines to print."""
+"""Common parts of all wizards' verdicts: reasons for refusal, and graded lines to print."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 
 class Level(StrEnum):
-    """Grade of a line: good, fair or bad."""
+    """Grade of a line: good, fair, bad, or plain for none."""
 
     GOOD = "good"
     FAIR = "fair"
@@ -15,7 +15,7 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line of a verdict."""
+    """One line of a verdict for the operator, with its grade."""
 
     level: Level
     text: str
@@ -37,7 +37,7 @@ class Verdict:
         return [Line(Level.BAD, reason) for reason in self.reasons]
 
     def last_line(self, good: str, refused: str) -> Line:
-        """The operator's next step, where the result was `good` and where it was `refused`."""
+        """Line on the operator's next step: `good` if the result passed, else `refused`."""
         if self.passed:
             return Line(Level.GOOD, f"good: {good}")
         return Line(Level.BAD, f"refused: {refused}")

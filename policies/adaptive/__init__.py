@@ -1,1 +1,1 @@
-"""Folding of an unmeasured strip: a critic predicts d, and the path is moved until d is 0."""
+"""Folding of unmeasured strips: a network predicts the displacement, and the path corrects it."""

@@ -1,4 +1,4 @@
-"""The policy `adaptive`: moves the path until the displacement that its critic predicts is 0."""
+"""The policy `adaptive`: shifts the path until its network, the critic, predicts displacement 0."""
 
 import math
 from collections import deque
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
-from policies.adaptive.critic import Critic, Judgement, middle
+from policies.adaptive.critic import Critic, Judgement, median_judgement
 from policies.adaptive.features import REFERENCE_LENGTH, Features
 from policies.adaptive.steering import Steering
 from policies.adaptive.transfer import Transfer
@@ -18,17 +18,17 @@ from policies.path import Path, vertical_lift
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
 
-SMOOTHING_TIME = 0.08  # s in which the path follows a new judgement
-BLIND_TIME = 0.2  # s without an image that deserves belief, after which nothing is foreseen
-RECENT_JUDGEMENTS = 5  # judgements whose middle is predicted
+SMOOTHING_TIME = 0.08  # s, time constant with which the rise follows the predictions
+BLIND_TIME = 0.2  # s without a reliable image, after which predictions are not used
+RECENT_JUDGEMENTS = 5  # newest predictions, whose median is reported
 LENGTH_RANGE = (0.45, 0.75)  # m, of strips that the critic was trained on
-SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, likewise
-UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: that of `shifted`
+SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, of folds that the critic was trained on
+UNKNOWING = 0.07  # of the length, rise without any prediction: that of the policy `shifted`
 
 
 class Fold(NamedTuple):
-    """State of n folds: `rise` (n,) [m] of their lines, `memory` (n, units) summed over the
-    images `counted` (n,), `time` (n,) [s] of the last decision.
+    """State of n folds: `rise` (n,) [m] of the line that each gripper follows down, `memory`
+    (n, units) summed over `counted` (n,) images, `time` (n,) [s] of the last decision.
     """
 
     rise: Array
@@ -38,16 +38,16 @@ class Fold(NamedTuple):
 
 
 class Adaptive:
-    """Steers down along z = x + rise, with the rise at which the critic predicts d = 0.
+    """Descends along z = x + rise, with the rise for which the critic predicts zero displacement.
 
-    While no image deserves belief it holds the rise; after `BLIND_TIME` it takes that of `shifted`,
-    and `blind` says so.
+    After `BLIND_TIME` without an image of sufficient confidence, `blind` is set and the rise goes
+    to that of the policy `shifted`.
     """
 
     name = "adaptive"
 
     def __init__(self, critic: Critic, transfer: Transfer | None = None) -> None:
-        """Fold by `critic`, corrected by the `transfer` to images; None in the rod."""
+        """Predict by `critic`; `transfer` corrects for camera images, None in simulated folds."""
         self.critic = critic
         self.transfer = transfer or Transfer()
         self._seen, self._unseen = 0.0, 0.0
@@ -58,10 +58,10 @@ class Adaptive:
         self._thickness: float | None = None
         self._steering = Steering(REFERENCE_LENGTH, SPEED, 1)
         self._features = Features(REFERENCE_LENGTH, 1)
-        self._fold: Fold = _begun(REFERENCE_LENGTH, 1, critic.memory)
+        self._fold: Fold = _initial_fold(REFERENCE_LENGTH, 1, critic.memory)
 
     def correct(self, seen: float, unseen: float) -> None:
-        """Add biases to predicted displacements: `seen` [m] for images, `unseen` [m] for truth."""
+        """Add biases [m]: `seen`, measured minus predicted, and `unseen`, true minus measured."""
         self._seen, self._unseen = seen, unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
@@ -69,28 +69,28 @@ class Adaptive:
 
         Raises ConfigurationError for a length or speed that the critic was not trained for.
         """
-        _check(strip.length, speed)
+        _check_range(strip.length, speed)
         self._length, self.judgement = strip.length, None
         self._recent.clear()
         self._thickness = None if "thickness" in strip.spread else strip.thickness
         self._steering = Steering(strip.length, speed, count)
         self._features = Features(strip.length, count)
-        self._fold = _begun(strip.length, count, self.critic.memory)
+        self._fold = _initial_fold(strip.length, count, self.critic.memory)
 
     def lift(self) -> Path:
-        """Path of the lift, which goes up without a push on the strip."""
+        """Path of the lift: vertical at first, so that the strip is not pushed along the desk."""
         return vertical_lift(self._length)
 
     @property
     def rise(self) -> Array:
-        """Rises (n,) [m] of the lines along which the grippers come down."""
+        """Rises (n,) [m] of the lines z = x + rise along which the grippers descend."""
         return self._fold.rise
 
     def prediction(self) -> FoldPrediction | None:
-        """Predicted measurement of the first fold in images; None before the first decision."""
+        """Predicted displacement and strip of the batch's first fold; None before a decision."""
         if not self._recent:
             return None
-        judged = middle(self._recent)
+        judged = median_judgement(self._recent)
         bias = self.transfer.bias.of(judged.belief, self._thickness)
         return FoldPrediction(
             displacement=float(judged.displacement[0] - bias[0] + self._seen),
@@ -100,7 +100,7 @@ class Adaptive:
         )
 
     def decide(self, observation: Observation) -> Decision:
-        """Directions towards the line of each strip, moved by the prediction from its images."""
+        """Headings towards each strip's line, whose rise follows the prediction from images."""
         fresh = self._features.tell(observation)
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
         judgement = self._judge(inputs, fresh)
@@ -111,28 +111,30 @@ class Adaptive:
         return self._steering.decide(observation.x, observation.z, self.rise)
 
     def _judge(self, inputs: Array, fresh: NDArray[np.bool_]) -> Judgement:
-        """The critic's judgement on `inputs` (n, COUNT), remembered where they are `fresh`."""
+        """Prediction from `inputs` (n, COUNT); those that are `fresh` (n,) enter the memory."""
         whitened = self.critic.whiten(inputs)
         memory = self._fold.memory + fresh[:, None] * self.critic.memorise(whitened)
         counted = self._fold.counted + fresh
         self._fold = self._fold._replace(memory=memory, counted=counted)
-        self.judgement = self.critic.judge(whitened, memory / np.maximum(counted, 1)[:, None])
+        mean_memory = memory / np.maximum(counted, 1)[:, None]
+        self.judgement = self.critic.judge(whitened, mean_memory)
         self._recent.append(self.judgement)
         return self.judgement
 
     def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
-        """Rises (n,) at which d = 0 is predicted, approached smoothly."""
+        """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is predicted."""
         bias = self.transfer.bias.of(judgement.belief, self._thickness)
         missing = bias - self._seen - self._unseen - judgement.displacement
-        rise = self.rise + missing / judgement.slope
-        rise = np.where(self.blind, UNKNOWING * self._length, rise)
-        rise = np.clip(rise, 0.0, self._steering.highest)
-        since = np.clip(np.nan_to_num(time - self._fold.time, nan=math.inf), 0.0, None)
-        followed = 1.0 - np.exp(-since / SMOOTHING_TIME)
-        return np.asarray(self.rise + followed * (rise - self.rise))
+        target = self.rise + missing / judgement.slope
+        target = np.where(self.blind, UNKNOWING * self._length, target)
+        target = np.clip(target, 0.0, self._steering.highest)
+        # the first decision, of no time before it, takes the target at once
+        elapsed = np.clip(np.nan_to_num(time - self._fold.time, nan=math.inf), 0.0, None)
+        gain = 1.0 - np.exp(-elapsed / SMOOTHING_TIME)
+        return np.asarray(self.rise + gain * (target - self.rise))
 
 
-def _begun(length: float, count: int, memory: int) -> Fold:
+def _initial_fold(length: float, count: int, memory: int) -> Fold:
     """State of `count` folds before the first decision."""
     return Fold(
         rise=np.full(count, UNKNOWING * length),
@@ -142,8 +144,8 @@ def _begun(length: float, count: int, memory: int) -> Fold:
     )
 
 
-def _check(length: float, speed: float) -> None:
-    """Refuse a strip's `length` [m] or a `speed` [m/s] that the policy was not trained for."""
+def _check_range(length: float, speed: float) -> None:
+    """Refuse a strip's `length` [m] or a `speed` [m/s] outside the range of the training."""
     low, high = LENGTH_RANGE
     if not low <= length <= high:
         raise ConfigurationError(

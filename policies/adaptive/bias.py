@@ -1,4 +1,4 @@
-"""Bias of the critic's displacement, predicted minus true, in folds unlike its training."""
+"""Bias (predicted minus true) of the critic's displacement in folds unlike its training."""
 
 import math
 from dataclasses import dataclass
@@ -14,14 +14,15 @@ from drivers.types import Array
 from policies.adaptive.critic import Belief
 
 UNTRAINED = Path(__file__).with_name("untrained.yaml")
-REFERENCE_LOG_LENGTH = math.log(0.02)  # ln of m, about which the fit is made
-REFERENCE_THICKNESS = 1e-3  # m, likewise
+REFERENCE_LOG_LENGTH = math.log(0.02)  # ln of m, bending length at which its term is zero
+REFERENCE_THICKNESS = 1e-3  # m, thickness at which its term is zero
 
 
 class Untrained(Settings):
-    """One sigma `added` [m] to predictions for what folds hold and no training did: another engine,
-    images that are lost, effects. Written by `cell study unknown`: with it, the shares `within_1`
-    and `within_2` of its `folds` are within one sigma and 1.96.
+    """Standard deviation `added` [m] to predictions for effects that the training lacked.
+
+    Such are another engine and lost images. Written by `cell study unknown`: with it, the shares
+    `within_1` and `within_2` of its `folds` are within one sigma and 1.96.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")
@@ -35,17 +36,17 @@ class Untrained(Settings):
 
 @cache
 def untrained_spread() -> Untrained:
-    """Spread added to predictions outside the training, from this version's data file."""
+    """Standard deviation for effects outside the training, read once from its data file."""
     return load(UNTRAINED, Untrained)
 
 
 @dataclass(frozen=True, slots=True)
 class Bias:
-    """Bias [m]: `always`, `of_length` by the logarithm that a belief holds, and `of_thickness` per
-    m beyond 1 mm.
+    """Linear bias [m]: constant `always`, `of_length` per unit of ln bending length, and
+    `of_thickness` per m of thickness beyond 1 mm.
 
-    Afterwards the critic's sigmas are right but for the factor `sigma`; a thickness that nobody
-    measured adds `unmeasured` [m], and what no training held adds `untrained` [m].
+    The critic's sigmas are right after multiplication by `sigma`; an unmeasured thickness adds
+    `unmeasured` [m], effects outside the training add `untrained` [m].
     """
 
     always: float = 0.0
@@ -56,18 +57,18 @@ class Bias:
     untrained: float = 0.0
 
     def of(self, belief: Belief, thickness: float | None) -> Array:
-        """Bias (n,) [m] for n folds of this `belief`; `thickness` [m] is None where not known."""
+        """Bias (n,) [m] for strips estimated as `belief`; `thickness` [m] is None if unknown."""
         beyond = np.array(0.0 if thickness is None else thickness - REFERENCE_THICKNESS)
         terms = bias_terms(belief.log_bending_length[:, 0], beyond)
         return np.asarray(terms @ np.array([self.always, self.of_length, self.of_thickness]))
 
     def sigma_of(self, sigma: Array, thickness: float | None) -> Array:
-        """Sigma (n,) [m] after correction, where the critic states `sigma` (n,) [m]."""
+        """Standard deviation (n,) [m] after correction, from the critic's `sigma` (n,) [m]."""
         added = np.hypot(self.untrained, self.unmeasured if thickness is None else 0.0)
         return np.hypot(self.sigma * sigma, added)
 
 
 def bias_terms(log_length: Array, beyond: Array) -> Array:
-    """Terms (n, 3) of the bias, by ln of bending length (n,) and thickness beyond 1 mm (n,) [m]."""
+    """Regressors (n, 3) of the bias from ln bending length (n,), thickness beyond 1 mm (n,) [m]."""
     length, beyond = np.broadcast_arrays(log_length - REFERENCE_LOG_LENGTH, beyond)
     return np.stack([np.ones_like(length), length, beyond], axis=1)

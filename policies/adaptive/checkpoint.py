@@ -1,4 +1,4 @@
-"""Checkpoints of the critic: arrays, transfer and origin in one file, loaded without pickles."""
+"""Checkpoints of the critic: arrays, correction and origin in one file, read without pickles."""
 
 import json
 import zipfile
@@ -18,9 +18,9 @@ from policies.adaptive.features import COUNT
 from policies.adaptive.transfer import Transfer
 
 COMMITTED = FilePath(__file__).parents[1] / "weights" / "adaptive.npz"
-THROUGH_IMAGES = "through_images"  # of the origin: the transfer, and how it came about
-ABOUT = "about"  # JSON: schema, policy, how the weights came about
-LARGEST_FILE = 50_000_000  # bytes of a file that is opened at all
+THROUGH_IMAGES = "through_images"  # key of the origin: the correction, and how it was fitted
+ABOUT = "about"  # array of JSON: schema, policy, how the weights were trained
+LARGEST_FILE = 50_000_000  # bytes, above which a file is not opened
 SCHEMA = 1
 
 
@@ -38,11 +38,11 @@ def about(path: FilePath | None = None) -> dict[str, Any]:
 
 
 def load_transfer(path: FilePath | None = None) -> Transfer:
-    """The transfer to folds through images at `path`, or the committed one.
+    """The correction for folds through images at `path`, or the committed one.
 
-    A checkpoint whose training ended in the rod has none, which reads as no bias. The sigma that
-    its folds add is that of the unknown strips of this version. Raises ConfigurationError for a
-    file that is missing, broken, or of another policy.
+    A checkpoint whose training ended with simulated folds has none, which reads as no bias. The
+    spread `untrained` is that of this version's data file. Raises ConfigurationError for a file
+    that is missing, broken, or of another policy.
     """
     place = path or COMMITTED
     found = about(place).get(THROUGH_IMAGES)
@@ -76,9 +76,7 @@ def _read_arrays(path: FilePath) -> dict[str, Any]:
     try:
         with np.load(BytesIO(content), allow_pickle=False) as held:
             return {name: held[name] for name in held.files}
-    except OSError:
-        raise _broken(path, "not a file of arrays") from None
-    except (ValueError, KeyError, EOFError, AttributeError, zipfile.BadZipFile, TypeError):
+    except (OSError, ValueError, KeyError, EOFError, AttributeError, zipfile.BadZipFile, TypeError):
         raise _broken(path, "not a file of arrays") from None
 
 
@@ -95,7 +93,7 @@ def _read_facts(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
 
 
 def _read_weights(path: FilePath) -> dict[str, Array]:
-    """Arrays of the critic from a file, of the expected names, shapes and finite values."""
+    """Arrays of the critic in `path`, by name; refuses missing arrays, wrong shapes and NaN."""
     arrays = _read_arrays(path)
     _read_facts(arrays, path)
     missing = [name for name in ARRAY_NAMES if name not in arrays]
@@ -112,7 +110,7 @@ def _read_weights(path: FilePath) -> dict[str, Array]:
 
 
 def _shapes(weights: dict[str, Array]) -> dict[str, tuple[int, ...]]:
-    """Expected shapes of the arrays, with the layers' sizes taken from their biases."""
+    """Expected shape of each array, with the layers' sizes taken from their biases."""
     memory, one, two = (weights[f"{n}_bias"].size for n in ("recall", "first", "second"))
     return {
         "mean": (COUNT,),

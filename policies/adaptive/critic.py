@@ -1,4 +1,4 @@
-"""The critic: predicts a fold's displacement with its uncertainty, and estimates the strip."""
+"""The critic, a network that predicts a fold's displacement and estimates the strip's behaviour."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Self
@@ -8,11 +8,14 @@ import numpy as np
 from drivers.types import Array
 from policies.prediction import Estimate
 
-LARGEST_SLOPE, SMALLEST_SLOPE = 2.0, 0.1  # of dd/dr that are believed
+LARGEST_SLOPE, SMALLEST_SLOPE = 2.0, 0.1  # to which predicted dd/dr are clipped
 DISPLACEMENT, SLOPE, SPREAD = range(3)
 STRIP = 3  # first of the outputs about the strip: (mean, log sigma) each
 OUTPUTS = STRIP + 6
-INPUT_LIMIT = 8.0  # spreads from the mean beyond which inputs are not believed
+STRIP_MEANS, STRIP_LOG_SIGMAS = slice(STRIP, OUTPUTS, 2), slice(STRIP + 1, OUTPUTS, 2)
+LOG_SIGMAS = [SPREAD, *range(OUTPUTS)[STRIP_LOG_SIGMAS]]  # outputs, of displacement and strip
+LOG_SIGMA_RANGE = (-8.0, 4.0)  # to which they are clipped, against overflow of the exponential
+INPUT_LIMIT = 8.0  # standard deviations from the mean to which inputs are clipped
 UNIT = 0.01  # m, of displacement in the outputs
 YIELD_UNIT = 10.0  # 1/m, yarn friction that makes one unit of its output
 ARRAY_NAMES = (
@@ -22,8 +25,8 @@ ARRAY_NAMES = (
 
 
 class Belief(NamedTuple):
-    """Estimate of the strip from n folds so far: `log_bending_length`, `log_retardation_time` [m,
-    s] and `friction`, ln(1 + yield curvature / YIELD_UNIT), each mean and sigma: arrays (n, 2).
+    """Estimates of n strips, arrays (n, 2) of mean and standard deviation: `log_bending_length`
+    [ln m], `log_retardation_time` [ln s] and `friction`, ln(1 + yield curvature / YIELD_UNIT).
     """
 
     log_bending_length: Array
@@ -31,19 +34,25 @@ class Belief(NamedTuple):
     friction: Array
 
     def first(self) -> dict[str, Estimate]:
-        """The first fold's bending length [m], retardation time [s] and yield curvature [1/m]."""
-        logs = (self.log_bending_length, self.log_retardation_time, self.friction)
-        ends = [
-            np.exp(mean + np.array([0.0, -sigma, sigma])) for mean, sigma in (b[0] for b in logs)
-        ]
-        ends[2] = YIELD_UNIT * np.maximum(ends[2] - 1.0, 0.0)
-        names = ("bending_length", "retardation_time", "yield_curvature")
-        return {name: Estimate(*map(float, each)) for name, each in zip(names, ends, strict=True)}
+        """Bending length [m], retardation time [s], yield curvature [1/m] of the first strip."""
+        friction = _exponential(self.friction[0])
+        intervals = {
+            "bending_length": _exponential(self.log_bending_length[0]),
+            "retardation_time": _exponential(self.log_retardation_time[0]),
+            "yield_curvature": YIELD_UNIT * np.maximum(friction - 1.0, 0.0),
+        }
+        return {name: Estimate(*map(float, each)) for name, each in intervals.items()}
+
+
+def _exponential(logarithm: Array) -> Array:
+    """Value and one-sigma bounds (3,) from mean and sigma (2,) of the `logarithm`."""
+    mean, sigma = logarithm
+    return np.asarray(np.exp(mean + np.array([0.0, -sigma, sigma])))
 
 
 class Judgement(NamedTuple):
-    """Prediction for n folds: the `displacement` (n,) [m] if the rise is kept, its `slope` (n,)
-    over the rise, its `sigma` (n,) [m], and the `belief` about the strips.
+    """Prediction for n folds: `displacement` (n,) [m] if the rise is kept, its derivative `slope`
+    (n,) by the rise, its standard deviation `sigma` (n,) [m], and the `belief` about the strips.
     """
 
     displacement: Array
@@ -52,8 +61,8 @@ class Judgement(NamedTuple):
     belief: Belief
 
 
-def middle(judgements: Sequence[Judgement]) -> Judgement:
-    """Medians of `judgements` on the same folds, at least one: a single outlier moves none."""
+def median_judgement(judgements: Sequence[Judgement]) -> Judgement:
+    """Median, element by element, of at least one prediction of the same folds."""
 
     def median(of: Callable[[Judgement], Array]) -> Array:
         return np.asarray(np.median([of(judged) for judged in judgements], axis=0))
@@ -71,10 +80,10 @@ def middle(judgements: Sequence[Judgement]) -> Judgement:
 
 
 class Critic:
-    """A network of two hidden layers over whitened inputs and a running mean of its memory units.
+    """A network of two hidden layers over whitened inputs and the mean of its memory units.
 
-    `recalled` inputs (n, inputs) become (n, memory) units, whose mean over a fold's images is the
-    fold's memory; `judge` reads inputs and memory. `weights` are the arrays called ARRAY_NAMES.
+    The layer `recall` turns inputs (n, k) into (n, memory) units, whose mean over a fold's images
+    is the fold's memory; `judge` reads both. `weights` are the arrays called ARRAY_NAMES.
     """
 
     def __init__(self, weights: dict[str, Array]) -> None:
@@ -86,32 +95,31 @@ class Critic:
         return int(self.weights["recall"].shape[1])
 
     def whiten(self, inputs: Array) -> Array:
-        """Inputs (n, inputs) with unit spread uncorrelated, within `INPUT_LIMIT` of their mean."""
+        """Inputs (n, k) decorrelated and scaled to unit variance, clipped to +-`INPUT_LIMIT`."""
         return np.clip(
             (inputs - self.weights["mean"]) @ self.weights["whiten"], -INPUT_LIMIT, INPUT_LIMIT
         )
 
     def memorise(self, whitened: Array) -> Array:
-        """Contribution (n, memory) of whitened inputs (n, k) to the memory."""
+        """Values (n, memory) of the memory units for `whitened` inputs (n, k) of one image."""
         return np.tanh(whitened @ self.weights["recall"] + self.weights["recall_bias"])
 
     def judge(self, whitened: Array, memory: Array) -> Judgement:
-        """The prediction from whitened inputs (n, k) with `memory` (n, memory)."""
+        """Prediction from `whitened` inputs (n, k) and the mean memory units (n, memory)."""
         w = self.weights
         known = np.concatenate([whitened, memory], axis=1)
         hidden = np.tanh(known @ w["first"] + w["first_bias"])
         hidden = np.tanh(hidden @ w["second"] + w["second_bias"])
         out = hidden @ w["last"] + w["last_bias"]
-        stretch = w["stretch"]
-        spread = np.exp(np.clip(out[:, [SPREAD, 4, 6, 8]], -8.0, 4.0)) * stretch
-        strip = np.stack([out[:, STRIP::2], spread[:, 1:]], axis=2)
+        sigma = np.exp(np.clip(out[:, LOG_SIGMAS], *LOG_SIGMA_RANGE)) * w["stretch"]
+        strip = np.stack([out[:, STRIP_MEANS], sigma[:, 1:]], axis=2)
         return Judgement(
             displacement=UNIT * out[:, DISPLACEMENT],
             slope=np.clip(out[:, SLOPE], SMALLEST_SLOPE, LARGEST_SLOPE),
-            sigma=UNIT * spread[:, 0],
+            sigma=UNIT * sigma[:, 0],
             belief=Belief(strip[:, 0], strip[:, 1], strip[:, 2]),
         )
 
     def with_stretch(self, stretch: Array) -> Self:
-        """A copy of the critic with its four sigmas larger by `stretch` (4,)."""
+        """A copy of the critic with its four standard deviations multiplied by `stretch` (4,)."""
         return type(self)(self.weights | {"stretch": self.weights["stretch"] * stretch})

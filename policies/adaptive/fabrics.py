@@ -1,4 +1,4 @@
-"""Random strips for training: the paper's range, yarn friction, and effects of textile size."""
+"""Random strips for training: the paper's range, yarn friction, and other effects of fabrics."""
 
 from collections.abc import Mapping
 
@@ -14,7 +14,7 @@ THICKNESS_RANGE = (0.0003, 0.002)  # m, log-uniform
 DENSITY_RANGE = (0.1, 0.5)  # kg/m^2, log-uniform: light shirting to heavy denim
 FRICTION_SHARE = 0.43  # share of strips with yarn friction
 FRICTION_EFFECT = "bending_hysteresis"
-OTHER = 0.25  # share of strips with one effect besides
+OTHER_SHARE = 0.25  # share of strips with one further effect
 
 
 EFFECTS = {
@@ -30,49 +30,49 @@ EFFECTS = {
     "relaxation": 1.0,
     "length_error": 1.0,
 }
-"""Effects besides friction, and how often against each other: the hard ones more often. Their sizes
-over textiles are in their own files.
+"""Effects besides friction with their relative frequencies, hard ones more often. Their sizes over
+textiles are in their own files.
 """
 
 
 def friction(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
-    """Yarn friction with a yield curvature log-uniform over [`low`, `high`] [1/m]."""
+    """Random parameters of yarn friction, yield curvature log-uniform in [`low`, `high`] [1/m]."""
     ratio = registry()[FRICTION_EFFECT].textile["stiffness_ratio"]
     curvature = _log_uniform(rng, low, high)
     return {"yield_curvature": curvature, "stiffness_ratio": ratio.draw(rng, STRIP_LENGTH)}
 
 
 def effect(name: str, rng: np.random.Generator, length: float = STRIP_LENGTH) -> dict[str, float]:
-    """The effect called `name` at a size drawn at random, on a strip of `length` [m]."""
+    """Random parameters of the effect `name` over textiles, for a strip of `length` [m]."""
     return {key: span.draw(rng, length) for key, span in registry()[name].textile.items()}
 
 
 def plain(
     rng: np.random.Generator, length: float = STRIP_LENGTH, **effects: Mapping[str, float]
 ) -> StripFile:
-    """A strip of the paper's range of `length` [m] with textile weight and the given effects."""
-    range_ = strip_at(rng.uniform(), rng.uniform())
+    """A random strip of `length` [m] in the paper's range, of textile weight, with `effects`."""
+    of_paper = strip_at(rng.uniform(), rng.uniform())
     return StripFile(
         name="unknown",
         length=length,
         width=0.05,
         areal_density=_log_uniform(rng, *DENSITY_RANGE),
-        bending_length=range_.bending_length,
-        retardation_time=range_.retardation_time,
+        bending_length=of_paper.bending_length,
+        retardation_time=of_paper.retardation_time,
         thickness=_log_uniform(rng, *THICKNESS_RANGE),
         effects={name: dict(values) for name, values in effects.items()},
     )
 
 
 def unknown(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
-    """A random strip as an operator may bring it: friction on many, another effect on some."""
+    """A random strip as operators may bring it: many have yarn friction, some another effect."""
     effects: dict[str, Mapping[str, float]] = {}
     if rng.uniform() < FRICTION_SHARE:
         curvature = registry()[FRICTION_EFFECT].textile["yield_curvature"]
         effects[FRICTION_EFFECT] = friction(rng, curvature.low, curvature.high)
-    if rng.uniform() < OTHER:
-        weights = np.array([*EFFECTS.values()])
-        name = str(rng.choice(list(EFFECTS), p=weights / weights.sum()))
+    if rng.uniform() < OTHER_SHARE:
+        frequencies = np.array([*EFFECTS.values()])
+        name = str(rng.choice(list(EFFECTS), p=frequencies / frequencies.sum()))
         effects[name] = effect(name, rng, length)
     return plain(rng, length, **effects)
 

@@ -1,4 +1,4 @@
-"""Inputs of the critic: the gripper, its line, and the images of the last tenth of a second."""
+"""Inputs of the critic: gripper, its line, and line fits to the images of the last 0.12 s."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,15 +8,16 @@ from policies.adaptive.window import Window
 from policies.policy import Observation
 from policies.profile import POINTS
 
-CHANNELS = 2 + 2 * POINTS  # desk contact, tip x, the profile's points
+CONTACT_CHANNEL, TIP_CHANNEL, PROFILE_CHANNELS = 0, 1, slice(2, None)  # desk contact x, tip x
+CHANNELS = 2 + 2 * POINTS
+STATE_SIZE = 9  # inputs before the channels' values and rates: see `Features.inputs`
+RISE_AT = 2  # place of the rise among them
 RATE = 0.1  # s, by which rates become comparable with values
-STATE_SIZE = 9
+NOISE_SCALE = 100.0  # by which noise over the length becomes comparable with values
+LARGEST_AGE = 0.5  # s, at which the age of the newest image is clipped
 REFERENCE_LENGTH = 0.6  # m, length of most strips
 COUNT = STATE_SIZE + 2 * CHANNELS
-CONFIDENT = 0.5  # in a profile, from which on it is believed
-
-
-RISE_AT = 2  # of the inputs
+CONFIDENT = 0.5  # confidence of a profile from which it is used
 
 
 class Features:
@@ -32,7 +33,7 @@ class Features:
         return self._window.newest
 
     def tell(self, seen: Observation) -> NDArray[np.bool_]:
-        """Add an observation; for which strips (n,) its image is new, and with confidence."""
+        """Add an observation; returns for which strips (n,) its image is new and reliable."""
         count = len(seen.x)
         flat = seen.profile.reshape(count, -1)
         values = np.concatenate([seen.contact_x[:, None], seen.tip_x[:, None], flat], axis=1)
@@ -40,11 +41,12 @@ class Features:
         return self._window.tell(seen.stamp, values / self._length, good)
 
     def inputs(self, seen: Observation, rise: Array, descending: NDArray[np.bool_]) -> Array:
-        """Inputs (n, COUNT) for grippers whose line has `rise` (n,) [m]."""
+        """Inputs (n, COUNT) of the critic, from `seen`, `rise` (n,) [m] and `descending` (n,)."""
         trend = self._window.trend()
         x, z, r = seen.x / self._length, seen.z / self._length, rise / self._length
-        age = np.clip(seen.time - self.newest, 0.0, 0.5)
-        noise = np.stack([trend.spread[:, 0], trend.spread[:, 2:].mean(axis=1)], axis=1)
+        age = np.clip(seen.time - self.newest, 0.0, LARGEST_AGE)
+        profile_noise = trend.spread[:, PROFILE_CHANNELS].mean(axis=1)
+        noise = np.stack([trend.spread[:, CONTACT_CHANNEL], profile_noise], axis=1)
         length = np.full(len(x), self._length / REFERENCE_LENGTH)
         state = np.stack([x, z, r, z - x - r, descending, age, length], axis=1)
-        return np.concatenate([state, 100.0 * noise, trend.value, RATE * trend.rate], axis=1)
+        return np.concatenate([state, NOISE_SCALE * noise, trend.value, RATE * trend.rate], axis=1)

@@ -1,4 +1,4 @@
-"""Up at 45 degrees, then down along z = x + rise: a raised triangle whose rise is free."""
+"""Steering along a triangle of variable rise: up at 45 degrees, then down along z = x + rise."""
 
 import math
 
@@ -17,10 +17,10 @@ UP_DIRECTION, DOWN_DIRECTION, LEVEL_DIRECTION = 0.75 * math.pi, 1.25 * math.pi, 
 
 
 class Steering:
-    """Headings of n grippers along raised triangles; one on the way down stays there."""
+    """Steers n grippers along raised triangles; one that descends does not climb again."""
 
     def __init__(self, length: float, speed: float, count: int) -> None:
-        """Steer over strips of `length` [m] at `speed` [m/s]."""
+        """Steer `count` grippers over strips of `length` [m] at `speed` [m/s]."""
         self._length, self._speed = length, speed
         self.descending: NDArray[np.bool_] = np.zeros(count, dtype=bool)
 
@@ -30,7 +30,7 @@ class Steering:
         return HIGHEST * self._length
 
     def decide(self, x: Array, z: Array, rise: Array) -> Decision:
-        """Directions towards the lines z = x + `rise`, all (n,) [m]; done past the fixed edge."""
+        """Headings towards the lines z = x + `rise`, all (n,) [m]; done past the fixed edge."""
         above = (z - x - rise) / math.sqrt(2.0)
         self.descending = self.descending | (above > -self._speed * LEAD)
         turn = np.arctan2(above, LOOK_AHEAD)

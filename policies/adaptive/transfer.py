@@ -1,4 +1,4 @@
-"""Correction of a critic that was trained in the rod, learned from folds through images."""
+"""Correction of a critic that was trained in simulation, learned from folds through images."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -8,14 +8,14 @@ from pydantic import TypeAdapter, ValidationError
 
 from policies.adaptive.bias import Bias
 
-LARGEST_NUMBER = 100.0  # of any number: none is near it
+LARGEST_NUMBER = 100.0  # above every plausible coefficient
 
 
 @dataclass(frozen=True, slots=True)
 class Transfer:
     """Correction of a critic: the `bias` of the displacement that it predicts.
 
-    The default is that of folds like those of the training: none.
+    The default corrects nothing, as for folds like those of the training.
     """
 
     bias: Bias = field(default_factory=Bias)

@@ -1,4 +1,4 @@
-"""Window over the last tenth of a second of n strips' images: values and rates at the newest."""
+"""Line fits to the measurements in n strips' images of the last 0.12 s: values and their rates."""
 
 from typing import NamedTuple
 
@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from drivers.types import Array
 
 WINDOW_TIME = 0.12  # s of images that count
-FRAME_COUNT = 12  # kept, of cameras up to 100 Hz
-# s^2, noise over the rates that occur, squared: what a single image says of a rate
+FRAME_COUNT = 12  # frames kept, enough for cameras up to 100 Hz
+# s^2, ridge on the slope: variance of the noise over that of the rates that occur
 RATE_NOISE = 1.6e-5
 OUTLIER_DEVIATION = 1.5e-3  # over the length: deviations from the line that begin to count less
 PASSES = 2  # of reweighting
@@ -26,10 +26,10 @@ class Trend(NamedTuple):
 
 
 class Window:
-    """Keeps images by their stamps; one not newer than the last is ignored."""
+    """Measurements in n strips' newest images; an image not newer than the last is ignored."""
 
     def __init__(self, count: int, channels: int) -> None:
-        """Keep images of `count` strips with so many `channels`."""
+        """Keep measurements of `count` strips, `channels` values an image."""
         self._stamps: Array = np.full((count, FRAME_COUNT), -np.inf)
         self._values: Array = np.zeros((count, FRAME_COUNT, channels))
 
@@ -39,7 +39,7 @@ class Window:
         return self._stamps[:, 0]
 
     def tell(self, stamp: Array, values: Array, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Add images with `stamp` (n,), `values` (n, channels) where `good`; which were new."""
+        """Add `values` (n, channels) of `stamp` (n,) [s] where `good`; returns which are new."""
         new = good & (stamp > self.newest)
         if new.any():
             self._stamps[new, 1:] = self._stamps[new, :-1]
@@ -48,7 +48,7 @@ class Window:
         return new
 
     def trend(self) -> Trend:
-        """Fit a line to the images of the last `WINDOW_TIME`, outliers reweighted (Cauchy)."""
+        """Lines fitted to the images of the last `WINDOW_TIME`, outliers weighted down (Cauchy)."""
         with np.errstate(invalid="ignore"):
             ago = self._stamps - self.newest[:, None]
         inside = np.nan_to_num(ago, nan=-np.inf) >= -WINDOW_TIME
@@ -66,7 +66,7 @@ class Window:
 
 
 def _fit_line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
-    """Weighted least-squares line over the frames, with a ridge that keeps its slope small."""
+    """Value at t = 0 and slope of weighted least-squares lines, with a ridge on the slope."""
     s0 = weight.sum(axis=1) + 1e-12
     s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + RATE_NOISE
     y0, y1 = (weight * values).sum(axis=1), (weight * values * t).sum(axis=1)

@@ -11,7 +11,7 @@ from policies.catalogue.entry import Entry
 
 @cache
 def entries() -> Mapping[str, Entry]:
-    """Entries by the policy's name, which is its module's, in the order in which to show them."""
+    """Registry entries by name of the policy, that of its module, in display order."""
     names = [name for _, name, _ in pkgutil.iter_modules(__path__) if name != "entry"]
     found = {name: importlib.import_module(f"{__name__}.{name}").ENTRY for name in names}
     found |= plugins("policies", Entry, found)

@@ -1,4 +1,4 @@
-"""Entry of `adaptive`, for strips that nobody measured; see `policies.adaptive`."""
+"""Registry entry of the policy `adaptive`, for unmeasured strips; see `policies.adaptive`."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Entry of `circular`; see `policies.fixed_paths`."""
+"""Registry entry of the policy `circular`; see `policies.fixed_paths`."""
 
 from pathlib import Path
 

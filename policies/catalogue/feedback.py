@@ -1,4 +1,4 @@
-"""Entry of `feedback`, the paper's policy; see `policies.feedback`."""
+"""Registry entry of the policy `feedback`, the paper's policy; see `policies.feedback`."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Entry of `planned`; see `policies.planned`."""
+"""Registry entry of the policy `planned`; see `policies.planned`."""
 
 from pathlib import Path
 

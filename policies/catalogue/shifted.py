@@ -1,4 +1,4 @@
-"""Entry of `shifted`; see `policies.fixed_paths`."""
+"""Registry entry of the policy `shifted`; see `policies.fixed_paths`."""
 
 from pathlib import Path
 

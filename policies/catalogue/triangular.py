@@ -1,4 +1,4 @@
-"""Entry of `triangular`; see `policies.fixed_paths`."""
+"""Registry entry of the policy `triangular`; see `policies.fixed_paths`."""
 
 from pathlib import Path
 

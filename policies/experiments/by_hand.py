@@ -1,4 +1,4 @@
-"""Motions by hand: a person leads the gripper over the strip, no two of them alike."""
+"""Random gripper motions, as of a person who leads the gripper over the strip by hand."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -10,24 +10,26 @@ from policies.path import Path
 
 STEP = 0.001  # s
 SPEED_RANGE = (0.06, 0.15)  # m/s
-HASTE = 0.3  # by how much the speed wavers, one sigma of its logarithm
-MOST_STOPS, PAUSE_RANGE = 2, (0.3, 1.5)  # rests on the way, at most, and how long one lasts [s]
-RETURN_SHARE = 0.5  # how often one who stops goes back first
-RETURN_RANGE = (0.03, 0.10)  # and how far
-WAVER = (0.1, 0.6)  # Hz, of speed
+HASTE = 0.3  # one sigma of the logarithm of the speed over its mean
+MOST_STOPS, PAUSE_RANGE = 2, (0.3, 1.5)  # stops on the way, at most, and how long one lasts [s]
+STOP_RANGE = (0.2, 0.8)  # of the path, in which the stops lie
+RETURN_SHARE = 0.5  # of the motions with a stop, share that goes back from it
+RETURN_RANGE = (0.03, 0.10)  # of the path, by which it goes back
+WAVER = (0.1, 0.6)  # Hz, band in which the speed varies
 STARTING = 0.5  # s in which a hand comes up to speed, and to rest
-WAVES = 6
-HAND_STREAM = 2  # of the generators of a seed, of how a person moves
-PATH_SAMPLES = 2001  # of a path as a polyline
+WAVES = 6  # sines of a random signal
+HAND_STREAM = 2  # number of this stream among the random generators of a seed
+PATH_SAMPLES = 2001  # points of a path as a polyline
+CURVE_SAMPLES = 400  # points by which a curve's arc length is measured
 
 
 def generator(seed: int, number: int) -> np.random.Generator:
-    """Random generator of motion `number` by the hand of `seed`."""
+    """Random generator of motion `number` by the simulated person `seed`."""
     return np.random.default_rng([seed, HAND_STREAM, number])
 
 
 def by_hand(length: float, seed: int, number: int) -> Motion:
-    """Motion `number` by the hand of `seed` over a strip of `length` [m], without its tremor."""
+    """Motion `number` by the simulated person `seed` over a strip of `length` [m], no tremor."""
     line, travel = hand_path(length, generator(seed, number))
     whole = np.linspace(0.0, line.x[-1], PATH_SAMPLES)
     times: Array = STEP * np.arange(len(travel), dtype=float)
@@ -35,19 +37,19 @@ def by_hand(length: float, seed: int, number: int) -> Motion:
 
 
 def hand_path(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Array]:
-    """The way of a gripper that a person leads from the grasped edge of a strip of `length` [m] to
-    over its fixed edge, points [m] by distance, and the distance (n,) [m] every STEP.
+    """Spline of a hand-led path, x, z [m] by distance [m], and the distance (n,) [m] every STEP.
 
-    Up first, then over, with pauses and returns.
+    From the grasped edge of a strip of `length` [m] up, then over to its fixed edge, with pauses
+    and returns.
     """
     line = _smooth_line(length, rng)
     return line, _travel(float(line.x[-1]), rng)
 
 
 def _smooth_line(length: float, rng: np.random.Generator) -> CubicSpline:
-    """Points [m] by distance along a smooth curve through the places that a person aims for."""
+    """Spline x, z [m] by distance [m], through the random places that a person aims for."""
     apex = (rng.uniform(0.42, 0.58), rng.uniform(0.40, 0.55))
-    corners = np.array([
+    places = np.array([  # x, z over the strip's length, from the grasped edge to the fixed one
         (1.0, 0.0),
         (1.0 - rng.uniform(0.002, 0.008), rng.uniform(0.05, 0.07)),
         (rng.uniform(0.84, 0.90), rng.uniform(0.20, 0.26)),
@@ -55,31 +57,33 @@ def _smooth_line(length: float, rng: np.random.Generator) -> CubicSpline:
         (rng.uniform(0.18, 0.26), rng.uniform(0.24, 0.32)),
         (rng.uniform(0.0, 0.03), rng.uniform(0.04, 0.06)),
     ])  # fmt: skip
-    chords = arc_lengths(corners)
-    fine = PchipInterpolator(chords, length * corners)(np.linspace(0.0, chords[-1], 400))
-    along = arc_lengths(fine)
-    return CubicSpline(along, fine)
+    chords = arc_lengths(places)
+    samples = np.linspace(0.0, chords[-1], CURVE_SAMPLES)
+    points = PchipInterpolator(chords, length * places)(samples)
+    return CubicSpline(arc_lengths(points), points)
 
 
 def _travel(whole: float, rng: np.random.Generator) -> Array:
-    """Distance along the way (n,) [m] every STEP, in strokes from rest to rest, with pauses."""
-    stops = [*np.sort(rng.uniform(0.2, 0.8, rng.integers(MOST_STOPS + 1))), 1.0]
+    """Distance along the path (n,) [m] every STEP, in strokes from rest to rest, with pauses."""
+    stops = [*np.sort(rng.uniform(*STOP_RANGE, rng.integers(MOST_STOPS + 1))), 1.0]
     if rng.uniform() < RETURN_SHARE and len(stops) > 1:
         stops.insert(1, stops[0] - rng.uniform(*RETURN_RANGE))
-    speed, parts, here = rng.uniform(*SPEED_RANGE), [np.zeros(1)], 0.0
+    speed = rng.uniform(*SPEED_RANGE)
+    here, parts = 0.0, [np.zeros(1)]
     for stop in whole * np.array(stops):
         parts.append(_stroke(here, stop, speed, rng))
-        parts.append(np.full(round(rng.uniform(*PAUSE_RANGE) / STEP), stop))
+        pause = rng.uniform(*PAUSE_RANGE)
+        parts.append(np.full(round(pause / STEP), stop))
         here = stop
     return np.concatenate(parts)
 
 
 def _stroke(begin: float, end: float, speed: float, rng: np.random.Generator) -> Array:
-    """Distances along the way from `begin` to `end` [m] at about `speed`, from rest to rest."""
+    """Distances (n,) along the path from `begin` to `end` [m] at about `speed`, rest to rest."""
     t = np.arange(0.0, abs(end - begin) / speed + STARTING, STEP)
     pace = np.exp(HASTE * wavering(t, WAVER, rng))
-    near = np.clip(np.minimum(t, t[-1] - t) / STARTING, 0.0, 1.0)
-    covered = np.cumsum(pace * np.sin(0.5 * np.pi * near) ** 2)
+    ramp = np.clip(np.minimum(t, t[-1] - t) / STARTING, 0.0, 1.0)
+    covered = np.cumsum(pace * np.sin(0.5 * np.pi * ramp) ** 2)
     return np.asarray(begin + (end - begin) * covered / covered[-1])
 
 

@@ -48,7 +48,7 @@ Part = Go | Rest | Shake
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Planned gripper position over time since it left the beginning of `path`.
+    """A planned gripper motion along `path`, over the time since its start.
 
     `times` (k,) [s] and `travels` (k,) [m] are the corners of the travel along the path over time;
     `shakes` begin at their times [s].
@@ -65,7 +65,7 @@ class Motion:
         return float(self.times[-1])
 
     def at(self, time: Array | float) -> Array:
-        """Points (..., 2) of x, z [m] at `time`."""
+        """Points (..., 2) of x, z [m] at `time` (...,) [s]."""
         points = self.path.at(self.travel(time))
         for begin, shake in self.shakes:
             since = np.asarray(time) - begin
@@ -74,7 +74,7 @@ class Motion:
         return points
 
     def travel(self, time: Array | float) -> Array:
-        """Distance along the path [m] at `time`."""
+        """Distance along the path (...,) [m] at `time` (...,) [s]."""
         return np.asarray(np.interp(time, self.times, self.travels))
 
     def passing(self, travel: float) -> float:

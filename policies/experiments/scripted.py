@@ -11,8 +11,9 @@ from policies.path import Path
 from policies.policy import Decision, Observation
 
 LEAD = 0.03  # s of preview: about the time in which a gripper takes up a new velocity
-GAIN = 4.0  # 1/s, how fast an error of place is taken out
-FASTEST_COMMAND = 0.19  # m/s that are ever asked for
+GAIN = 4.0  # 1/s, of the feedback of the position error
+FASTEST_COMMAND = 0.19  # m/s, limit of the commanded speed
+SEARCH_SAMPLES = 2001  # points of a path among which the nearest is searched
 
 
 class Scripted:
@@ -34,22 +35,21 @@ class Scripted:
         self._begun = np.full(count, np.nan)
 
     def lift(self) -> Path:
-        """The motion's path."""
+        """Path of the lift: the motion's own path."""
         return self._active_motion().path
 
     def decide(self, observation: Observation) -> Decision:
-        """Direction to the motion's present point, at its velocity; done at its end."""
+        """Headings and speeds that track the motion's present point; done at its end."""
         motion = self._active_motion()
         here = np.stack([observation.x, observation.z], axis=-1)
         if np.isnan(self._begun).any():
-            passed = [motion.passing(place) for place in _nearest_travel(motion.path, here)]
+            passed = [motion.passing(travel) for travel in _nearest_travel(motion.path, here)]
             self._begun = observation.time - np.array(passed)
         now = observation.time - self._begun
-        ahead = np.clip(now + LEAD, 0.0, motion.duration)
-        before = np.clip(now - LEAD, 0.0, motion.duration)
-        rate = (motion.at(ahead) - motion.at(before)) / (2 * LEAD)
         place = motion.at(np.clip(now, 0.0, motion.duration))
-        velocity = rate + GAIN * (place - here)
+        before = motion.at(np.clip(now - LEAD, 0.0, motion.duration))
+        after = motion.at(np.clip(now + LEAD, 0.0, motion.duration))
+        velocity = (after - before) / (2 * LEAD) + GAIN * (place - here)
         done = now >= motion.duration
         speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST_COMMAND))
         direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)
@@ -63,6 +63,6 @@ class Scripted:
 
 def _nearest_travel(path: Path, points: Array) -> Array:
     """Distances along `path` (n,) [m] of its points nearest to `points` (n, 2)."""
-    travel = np.linspace(0.0, path.length, 2001)
+    travel = np.linspace(0.0, path.length, SEARCH_SAMPLES)
     away = np.linalg.norm(path.at(travel)[:, None] - points[None], axis=-1)
     return np.asarray(travel[np.argmin(away, axis=0)])

@@ -17,7 +17,7 @@ THIRD = 1 / 3
 
 @dataclass(frozen=True, slots=True)
 class Standard:
-    """A standard motion on any strip: what it reveals, `speed` [m/s], `shape` and `parts`."""
+    """A standard motion on any strip: what it `reveals`, `speed` [m/s], `shape` and `parts`."""
 
     reveals: str
     speed: float

@@ -14,8 +14,8 @@ from policies.train.objective import Scores, fold_all, misses, rollout_settings,
 from policies.train.settings import TrainingSettings
 
 PIECE = 12  # candidates a piece; fixed, so that no result depends on the number of workers
-JUDGING_SEGMENTS = 100  # segments of the rod that judges
-VALIDATION = 8  # strips a side of the grid that picks among generations
+JUDGING_SEGMENTS = 100  # segments of the rod in a validation
+VALIDATION = 8  # strips along each side of the grid that a validation folds
 
 
 def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
@@ -27,19 +27,19 @@ def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: in
 
 
 def evaluator(settings: TrainingSettings, executor: Executor) -> Callable[[Array, int], Scores]:
-    """The search's `evaluate` function, in pieces over `executor`."""
+    """The search's `evaluate` function, which runs pieces of a generation over `executor`."""
 
     def evaluate(candidates: Array, generation: int) -> Scores:
         pieces = [candidates[i : i + PIECE] for i in range(0, len(candidates), PIECE)]
-        waiting = [executor.submit(evaluate_piece, settings, p, generation) for p in pieces]
-        found = [w.result() for w in waiting]
-        return Scores(*(np.concatenate(part) for part in zip(*found, strict=True)))
+        jobs = [executor.submit(evaluate_piece, settings, p, generation) for p in pieces]
+        found = [job.result() for job in jobs]
+        return Scores(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
     return evaluate
 
 
 def validate(settings: TrainingSettings, weights: Array) -> float:
-    """Root mean square of d [m] of `weights` (WEIGHT_COUNT,) on a grid, with noise, in a finer rod.
+    """Rms displacement [m] by `weights` (WEIGHT_COUNT,) over a grid, with noise, in a finer rod.
 
     The root mean square, because a policy must be good on every strip.
     """

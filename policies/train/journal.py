@@ -1,4 +1,4 @@
-"""Journal of a training run, a line a generation; an interrupted run continues from it.
+"""Journal of a training run, one line per generation; an interrupted run continues from it.
 
 The optimiser is a deterministic function of its seed and its costs. So the journal holds the costs,
 and resuming replays them: same state, same result, no pickle. A line is on disk before the next
@@ -20,7 +20,7 @@ GENERATION_KEYS = {"asked", "costs", "validated"}  # of a generation, from which
 
 
 class Journal:
-    """Append-only lines of JSON at `path`; the first states the settings.
+    """Append-only file of JSON lines at `path`; the first line states the settings.
 
     A larger number of generations than before extends a training, and the first line records it.
     Raises ConfigurationError for a journal of other settings, for another file, and for a folder
@@ -46,7 +46,7 @@ class Journal:
 
     @property
     def generations(self) -> list[Line]:
-        """The lines after the settings."""
+        """Lines of the generations: all but the first, which states the settings."""
         return self._lines[1:]
 
     def append(self, line: Line) -> None:
@@ -80,17 +80,17 @@ class Journal:
         return read_text(self.path, LARGEST_JOURNAL) if self.path.exists() else ""
 
     def _parse(self, text: str) -> list[Line]:
-        """The whole lines; the first is the settings, the others are generations."""
-        whole = text[: text.rindex("\n")].split("\n") if "\n" in text else []
+        """Complete lines of `text`, settings first; refuses what is no training journal."""
+        complete = text[: text.rindex("\n")].split("\n") if "\n" in text else []
         try:
-            lines = [json.loads(line) for line in whole]
+            lines = [json.loads(line) for line in complete]
         except json.JSONDecodeError:
             raise self._not_a_journal() from None
-        if not all(isinstance(line, dict) for line in lines):
-            raise self._not_a_journal()
-        if not all(line.keys() >= GENERATION_KEYS for line in lines[1:]):
-            raise self._not_a_journal()
-        if text and not lines and not text.startswith("{"):
+        valid = all(isinstance(line, dict) for line in lines) and all(
+            line.keys() >= GENERATION_KEYS for line in lines[1:]
+        )
+        may_be_cut_off = not text or text.startswith("{")  # in its first line, by a kill
+        if not valid or not (lines or may_be_cut_off):
             raise self._not_a_journal()
         return lines
 

@@ -33,13 +33,13 @@ def rollout_settings(settings: TrainingSettings) -> Rollout:
 
 
 def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -> Array:
-    """-R of each fold (n,) [m]: |d| at the touch, plus a |f_x| / N over the weight [N].
+    """Cost -R (n,) [m] of each fold: |d| at the touch, plus a |f_x| / N over the `weight` [N].
 
     Without a touch, the strip's length plus the remaining distance of the gripper from the fixed
     edge: worse than any touch, and less so the nearer (paper, reward shaping).
     """
-    left = np.abs(folds.trace[-1][:, 0])
-    end = np.where(folds.touched, np.abs(folds.displacement), length + left)
+    to_edge = np.abs(folds.trace[-1][:, 0])
+    end = np.where(folds.touched, np.abs(folds.displacement), length + to_edge)
     return np.asarray(end + force_weight * folds.holding_force / weight)
 
 

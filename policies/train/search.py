@@ -22,22 +22,24 @@ Validate = Callable[[Array], float]  # weights (WEIGHT_COUNT,) -> rms d [m] over
 
 APEX = 0.5  # of the strip's length, where the heading turns
 TURN_LENGTH = 0.06  # of the strip's length, over which it turns
-RISING, FALLING = 0.73, 1.25  # headings over pi of the two legs
+RISING, FALLING = 0.73, 1.25  # headings of the two legs, over pi
 
 
 def first_weights(rng: np.random.Generator) -> Array:
-    """Weights (WEIGHT_COUNT,): one unit turns the heading at the apex, the others are zero.
+    """Initial weights (WEIGHT_COUNT,): one unit turns the heading at the apex, others do nothing.
 
     y = (FALLING + RISING - 2) - (FALLING - RISING) tanh((x - APEX) / TURN_LENGTH),
     phi = pi (1 + y / 2).
     """
-    inward = rng.normal(size=(HIDDEN_UNITS, INPUTS))
-    bias = rng.normal(size=HIDDEN_UNITS)
-    inward[0] = np.array([1.0, 0.0, 0.0]) @ np.array(INPUT_SPREAD) / TURN_LENGTH
-    bias[0] = (INPUT_CENTRE[0] - APEX) / TURN_LENGTH
-    outward = np.zeros(HIDDEN_UNITS)
-    outward[0] = -(FALLING - RISING)
-    return np.concatenate([inward.ravel(), bias, outward, [FALLING + RISING - 2.0]])
+    input_weights = rng.normal(size=(HIDDEN_UNITS, INPUTS))
+    hidden_biases = rng.normal(size=HIDDEN_UNITS)
+    # the network whitens its inputs, so that x is the first row of the spread plus the centre
+    input_weights[0] = np.array([1.0, 0.0, 0.0]) @ np.array(INPUT_SPREAD) / TURN_LENGTH
+    hidden_biases[0] = (INPUT_CENTRE[0] - APEX) / TURN_LENGTH
+    output_weights = np.zeros(HIDDEN_UNITS)
+    output_weights[0] = -(FALLING - RISING)
+    output_bias = [FALLING + RISING - 2.0]
+    return np.concatenate([input_weights.ravel(), hidden_biases, output_weights, output_bias])
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +93,7 @@ class Search:
         if self._is_validated(number):
             validated = validate(self._optimiser.mean)
             self._keep_best(validated)
-        done = Progress(
+        progress = Progress(
             generation=number,
             best=float(scores.miss.min()),
             mean=float(scores.miss.mean()),
@@ -99,9 +101,9 @@ class Search:
             seconds=round(time.monotonic() - start, 3),
         )
         self._journal.append(
-            {"asked": _digest(asked), "costs": scores.cost.tolist(), **asdict(done)}
+            {"asked": _digest(asked), "costs": scores.cost.tolist(), **asdict(progress)}
         )
-        return done
+        return progress
 
     def _is_validated(self, number: int) -> bool:
         """Whether to validate this generation; only validated weights are kept."""
@@ -109,6 +111,7 @@ class Search:
         return last or (number + 1) % self.settings.validate_every == 0
 
     def _replay(self, line: Line) -> None:
+        """Repeat the generation in `line` of the journal, with its costs instead of folds."""
         number, asked = self._optimiser.generation, self._ask()
         if _digest(asked) != line["asked"]:
             raise ConfigurationError(
@@ -116,7 +119,7 @@ class Search:
                 "of processor; go on there, or begin again in another output folder"
             )
         self._tell(asked, np.array(line["costs"]))
-        if line["validated"] is not None and self._is_validated(number):  # not where it once ended
+        if line["validated"] is not None and self._is_validated(number):  # skips a former last one
             self._keep_best(line["validated"])
 
     def _ask(self) -> Array:

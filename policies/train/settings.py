@@ -6,8 +6,10 @@ from drivers.settings import Settings
 
 
 class TrainingSettings(Settings):
-    """CMA-ES and its folds. `strips` squared strips a generation, one from each cell of the
-    paper's range; `force_weight` a [m] scales the mean holding force over the strip's weight.
+    """Settings of CMA-ES and of the folds that evaluate its candidates.
+
+    `strips` squared strips a generation, one from each cell of the paper's range; `force_weight` a
+    [m] scales the mean holding force over the strip's weight.
     """
 
     seed: int = Field(0, ge=0)

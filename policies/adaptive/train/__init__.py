@@ -1,1 +1,1 @@
-"""Training of the critic: folds with switched rises in the rod, and regression on their results."""
+"""Training of the critic: simulated folds whose rise changes at random, and regression on them."""

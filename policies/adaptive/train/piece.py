@@ -1,4 +1,4 @@
-"""A piece of training data: some hundred folds in the rod, and the critic's inputs during each."""
+"""A piece of training data: some hundred simulated folds with the critic's inputs during each."""
 
 from pathlib import Path as FilePath
 from typing import NamedTuple, Self, TypeVar
@@ -19,11 +19,11 @@ from policies.adaptive.fabrics import STRIP_LENGTH, plain, unknown
 from policies.adaptive.features import RISE_AT
 from policies.adaptive.train.explorer import Explorer
 from policies.adaptive.train.settings import CriticSettings
-from policies.rollout import Rollout, roll_out
+from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING, TRAINING
 
-ABSURD = 0.2  # m of displacement, clipped
-RATES = (45.0, 75.0)  # Hz, of the camera
+ABSURD = 0.2  # m, to which displacements are clipped
+RATES, TRIAL_RATE = (45.0, 75.0), 60.0  # Hz, of the camera in training and in trials
 
 
 Flags = NDArray[np.bool_]
@@ -31,9 +31,9 @@ T = TypeVar("T", bound=np.generic)
 
 
 class Piece(NamedTuple):
-    """n folds at k kept decisions: `inputs` (n, k, COUNT); `moved` (n, k) [m], the rise kept from
-    then on minus the one in the inputs; `alive` (n, k), before the touch; `predicted` (n, k), at or
-    after the last switch; `displacement` (n,) [m]; `strip` (n, 3), the belief's true values.
+    """Data of n folds at k decisions: `inputs` (n, k, COUNT); `moved` (n, k) [m], the rise kept
+    from then on minus the one in the inputs; `alive` (n, k), before the touch; `predicted` (n, k),
+    at or after the switch; `displacement` (n,) [m]; `strip` (n, 3), the belief's true values.
     """
 
     inputs: Array
@@ -56,9 +56,9 @@ class Piece(NamedTuple):
 
 
 def explore(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
-    """Simulate piece `number` of round `turn`, folded with `critic`: a pure function.
+    """Simulate piece `number` of training round `turn` with `critic`: a pure function.
 
-    Strips that only the rod's further terms simulate fold together, the others without those.
+    Strips that need the rod's further terms fold in a batch of their own.
     Linear algebra keeps to one thread, on whose number its rounding depends.
     """
     with threadpool_limits(1, user_api="blas"):
@@ -66,7 +66,7 @@ def explore(settings: CriticSettings, turn: int, number: int, critic: Critic | N
 
 
 def _explore(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
-    """Draw strips of one length and fold them, those with further terms of the rod apart."""
+    """Draw strips of one length and fold them in two batches: without and with further terms."""
     rng = np.random.default_rng([settings.seed, turn, number])
     draw = unknown if settings.friction else plain
     length = STRIP_LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTH_RANGE))
@@ -81,14 +81,14 @@ def _explore(settings: CriticSettings, turn: int, number: int, critic: Critic | 
 
 
 def concatenate(pieces: list[Piece]) -> Piece:
-    """All folds of `pieces`, the shorter ones padded."""
+    """One piece with all folds of `pieces`, the shorter ones padded."""
     longest = max(piece.moved.shape[1] for piece in pieces)
     padded = [_pad(piece, longest) for piece in pieces]
     return Piece(*(np.concatenate(field) for field in zip(*padded, strict=True)))
 
 
 def _pad(piece: Piece, length: int) -> Piece:
-    """The piece with `length` kept decisions; those added are not alive."""
+    """Copy of `piece` padded to `length` decisions, of which those added are not alive."""
     more = length - piece.moved.shape[1]
 
     def longer(values: NDArray[T]) -> NDArray[T]:
@@ -109,26 +109,30 @@ def _fold_strips(
     critic: Critic | None,
     rng: np.random.Generator,
 ) -> Piece:
-    """Fold `strips` by an exploring policy and collect its inputs with the results."""
+    """Training data of `strips`, folded by an exploring policy in round `turn`."""
     trial = turn >= settings.rounds
-    rate = 60.0 if trial else float(rng.uniform(*RATES))
+    rate = TRIAL_RATE if trial else float(rng.uniform(*RATES))
     sensing = IMAGE_SENSING if trial else TRAINING
     rollout = Rollout(speed=settings.speed, rate=rate, sensing=sensing)
-    moved = 0.0 if trial else settings.perturbation[turn]
-    explorer = Explorer(critic, moved, rate, rng, switches=not trial)
+    perturbation = 0.0 if trial else settings.perturbation[turn]
+    explorer = Explorer(critic, perturbation, rate, rng, switches=not trial)
     rod = Rod(settings.segments, strict=False)
     models = [describe(strip) for strip in strips]
     folds = roll_out(explorer, rod, strips[0], models, settings=rollout, rng=rng)
-    ended = np.array([np.inf if t is None else t.time for t in folds.touch])
-    times = np.array(explorer.times).T
-    rises = np.array(explorer.rises).T
-    length = strips[0].length
+    return _piece_of(explorer, folds, strips, trial=trial)
+
+
+def _piece_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool) -> Piece:
+    """Training data from inputs kept by `explorer` and its `folds`; a `trial` always predicts."""
+    times, rises = np.array(explorer.times).T, np.array(explorer.rises).T
     inputs = np.moveaxis(np.array(explorer.kept), 0, 1)
+    rises_seen = inputs[..., RISE_AT] * strips[0].length
+    touch_times = np.array([np.inf if touch is None else touch.time for touch in folds.touch])
     steps = np.arange(times.shape[1])
     return Piece(
         inputs=inputs,
-        moved=(rises - inputs[..., RISE_AT] * length).astype(np.float32),
-        alive=times < ended[:, None],
+        moved=(rises - rises_seen).astype(np.float32),
+        alive=times < touch_times[:, None],
         predicted=(steps >= explorer.switch[:, None]) | trial,
         displacement=np.clip(folds.displacement, -ABSURD, ABSURD),
         strip=np.array([truth(strip) for strip in strips]),
@@ -136,7 +140,7 @@ def _fold_strips(
 
 
 def truth(strip: StripFile) -> tuple[float, float, float]:
-    """True values of a belief: ln bending length, ln retardation time, ln(1 + yield / unit)."""
+    """True values of the critic's `Belief`: ln length, ln time, ln(1 + curvature / YIELD_UNIT)."""
     friction = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
     logs = np.log([strip.bending_length, strip.retardation_time, 1.0 + friction / YIELD_UNIT])
     return float(logs[0]), float(logs[1]), float(logs[2])

@@ -1,4 +1,4 @@
-"""Regression of the critic on folds: displacement, its slope and spread, and the strip."""
+"""Regression of the critic on training folds by maximum likelihood, with torch."""
 
 import numpy as np
 import torch
@@ -9,29 +9,32 @@ from policies.adaptive.critic import (
     ARRAY_NAMES,
     DISPLACEMENT,
     INPUT_LIMIT,
+    LOG_SIGMA_RANGE,
     OUTPUTS,
     SLOPE,
     SPREAD,
-    STRIP,
+    STRIP_LOG_SIGMAS,
+    STRIP_MEANS,
     UNIT,
     Critic,
 )
-from policies.adaptive.features import CHANNELS, COUNT, STATE_SIZE
+from policies.adaptive.features import CHANNELS, COUNT, PROFILE_CHANNELS, STATE_SIZE, TIP_CHANNEL
 from policies.adaptive.train.piece import Piece
 from policies.adaptive.train.settings import CriticSettings
 from policies.profile import POINTS
 
 BATCH = 64  # folds
-PICKED = 28  # moments of each fold that a step learns from
+PICKED = 28  # moments of each fold in a step of the optimiser
 FIRST_RATE, LAST_RATE = 2e-3, 2e-5  # learning rates, falling along a cosine
-SMALLEST_SPREAD = 3e-4  # of inputs, spreads below which are not blown up to one
+STATE_SPREAD = 0.1  # standard deviation to which the state is scaled before it is whitened
+SMALLEST_SPREAD = 3e-4  # standard deviation of inputs under which they are not scaled to one
 NLL_EXPONENT = 0.5  # exponent of the weight by which uncertain moments count less (beta-NLL)
-IMAGE_BIAS = 5e-4  # over the length, one sigma of what images are off all through a fold
-BELIEF = 0.1  # weight of the strip's likelihood
+IMAGE_BIAS = 5e-4  # over the length, one sigma of an error that lasts all through a fold
+BELIEF = 0.1  # weight of the strip's likelihood against that of the displacement
 
 
 class Network(nn.Module):
-    """The critic's arrays as parameters; see `policies.adaptive.critic.Critic`."""
+    """The critic as a module of torch, for training; see `policies.adaptive.critic.Critic`."""
 
     def __init__(self, inputs: int, memory: int, hidden: tuple[int, int]) -> None:
         super().__init__()
@@ -48,41 +51,43 @@ class Network(nn.Module):
 
         `counted` (n, k, 1) is 1 for the moments that go into the memory.
         """
-        p = self.get_parameter
-        recalled = torch.tanh(whitened @ p("recall") + p("recall_bias")) * counted
+        parameter = self.get_parameter
+        recalled = torch.tanh(whitened @ parameter("recall") + parameter("recall_bias")) * counted
         memory = torch.cumsum(recalled, 1) / torch.cumsum(counted, 1).clamp(min=1.0)
         known = torch.cat(
             [_select_moments(whitened, picked), _select_moments(memory, picked)], dim=-1
         )
-        hidden = torch.tanh(known @ p("first") + p("first_bias"))
-        hidden = torch.tanh(hidden @ p("second") + p("second_bias"))
-        return hidden @ p("last") + p("last_bias")
+        hidden = torch.tanh(known @ parameter("first") + parameter("first_bias"))
+        hidden = torch.tanh(hidden @ parameter("second") + parameter("second_bias"))
+        return hidden @ parameter("last") + parameter("last_bias")
 
 
 def whitening(piece: Piece) -> tuple[Array, Array]:
-    """Mean (k,) and matrix (k, k) that give inputs of living folds unit spread, uncorrelated."""
+    """Mean (k,) and matrix (k, k) that whiten the inputs of `piece` before the touch."""
     inputs = piece.inputs[piece.alive].astype(np.float64)
     mean = inputs.mean(axis=0)
     scale = np.ones(inputs.shape[1])
-    scale[:STATE_SIZE] = 1.0 / np.maximum(inputs[:, :STATE_SIZE].std(axis=0), 1e-6) * 0.1
+    state_deviation = np.maximum(inputs[:, :STATE_SIZE].std(axis=0), 1e-6)  # a constant one is 0
+    scale[:STATE_SIZE] = 1.0 / state_deviation * STATE_SPREAD
     covariance = np.cov((inputs - mean) * scale, rowvar=False)
     values, vectors = np.linalg.eigh(covariance)
     return mean, scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + SMALLEST_SPREAD**2)
 
 
 def input_mask(settings: CriticSettings) -> Array:
-    """1 for the inputs (COUNT,) that a critic may use, 0 for those left out."""
+    """Mask (COUNT,) of inputs: 1 for those that a critic may use, 0 for those left out."""
     kept = np.ones(COUNT)
-    for part in (kept[STATE_SIZE : STATE_SIZE + CHANNELS], kept[STATE_SIZE + CHANNELS :]):
-        part[1] = settings.tip
-        part[2:] = settings.profile
+    values, rates = kept[STATE_SIZE : STATE_SIZE + CHANNELS], kept[STATE_SIZE + CHANNELS :]
+    for part in (values, rates):
+        part[TIP_CHANNEL] = settings.tip
+        part[PROFILE_CHANNELS] = settings.profile
     return kept
 
 
 def fit(
     piece: Piece, settings: CriticSettings, epochs: int, seed: int, start: Critic | None
 ) -> Critic:
-    """Fit the critic over `epochs` to `piece`, from `start` or random weights by `seed`.
+    """Critic fitted over `epochs` to `piece`, from `start` or from random weights of `seed`.
 
     Deterministic: one thread, its own generator.
     """
@@ -97,23 +102,22 @@ def fit(
 
 
 def _fit(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
-    """Train by Adam with a cosine schedule, each batch with new biases of its inputs."""
+    """Fit by Adam with a cosine schedule, adding newly drawn biases to each batch's inputs."""
     mean, whiten = (start.weights["mean"], start.weights["whiten"]) if start else whitening(piece)
     whiten = whiten * input_mask(settings)[:, None]
     network = Network(len(mean), settings.memory, settings.hidden)
     if start is not None:
         network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})
-    data = _tensors(piece, mean, whiten)
-    blur = torch.tensor(whiten, dtype=torch.float32)
-    rounds = len(data[0]) // BATCH
-    steps = epochs * rounds
+    data, whiten_bias = _tensors(piece, mean, whiten), torch.tensor(whiten, dtype=torch.float32)
+    folds = len(data[0])
+    batches = folds // BATCH
     optimiser = torch.optim.Adam(network.parameters(), lr=FIRST_RATE)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, LAST_RATE)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, epochs * batches, LAST_RATE)
     for _ in range(epochs):
-        order = torch.randperm(len(data[0]))[: rounds * BATCH]
+        order = torch.randperm(folds)[: batches * BATCH]
         for batch in torch.split(order, BATCH):
             optimiser.zero_grad()
-            loss = _loss(network, _add_bias([part[batch] for part in data], blur))
+            loss = _loss(network, _add_bias([part[batch] for part in data], whiten_bias))
             torch.autograd.backward(loss)
             optimiser.step()
             schedule.step()
@@ -123,8 +127,8 @@ def _fit(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | No
 def biases(count: int) -> Tensor:
     """Random errors (count, COUNT) of a fold's inputs that stay the same in all its images.
 
-    Of contact and tip, and of the profile an error that changes linearly along it: what images
-    leave, as `cell study perception` shows.
+    One of the contact, one of the tip, and one of the profile that changes linearly along it, as
+    measured by `cell study perception`.
     """
     along = torch.linspace(0.0, 1.0, POINTS)[:, None]
     begin, end = IMAGE_BIAS * torch.randn(2, count, 1, 2)
@@ -153,24 +157,23 @@ def _loss(network: Network, batch: list[Tensor]) -> Tensor:
     fold.
     """
     whitened, moved, alive, predicted, displacement, strip = batch
-    # moments that predict a displacement first, at random; a fold with few repeats some
+    # at random: first moments that predict the displacement, then others before the touch
     score = torch.rand(alive.shape) + predicted + alive
     picked = torch.topk(score, min(PICKED, alive.shape[1]), dim=1).indices
     out = network(whitened, alive[..., None], picked)
     moved, alive, predicted = (values.gather(1, picked) for values in (moved, alive, predicted))
     expected = out[..., DISPLACEMENT] + out[..., SLOPE] * moved
-    spread = out[..., SPREAD].clamp(-8.0, 4.0)
-    error = displacement[:, None] - expected
-    likely = _gaussian_loss(error, spread, NLL_EXPONENT)
-    off, sure = strip[:, None] - out[..., STRIP::2], out[..., STRIP + 1 :: 2].clamp(-8.0, 4.0)
-    belief = _gaussian_loss(off, sure, 0.0).sum(dim=-1)
-    return _mean(likely, predicted) + BELIEF * _mean(belief, alive)
+    log_sigma = out[..., SPREAD].clamp(*LOG_SIGMA_RANGE)
+    fold_loss = _gaussian_loss(displacement[:, None] - expected, log_sigma, NLL_EXPONENT)
+    strip_log_sigma = out[..., STRIP_LOG_SIGMAS].clamp(*LOG_SIGMA_RANGE)
+    strip_loss = _gaussian_loss(strip[:, None] - out[..., STRIP_MEANS], strip_log_sigma, 0.0)
+    return _mean(fold_loss, predicted) + BELIEF * _mean(strip_loss.sum(dim=-1), alive)
 
 
-def _gaussian_loss(error: Tensor, spread: Tensor, power: float) -> Tensor:
-    """Negative log likelihood of a normal error, weighted by its spread to some `power`."""
-    likelihood = 0.5 * (error * torch.exp(-spread)) ** 2 + spread
-    return likelihood * torch.exp(2.0 * power * spread).detach() if power else likelihood
+def _gaussian_loss(error: Tensor, log_sigma: Tensor, power: float) -> Tensor:
+    """Negative log likelihood of normal errors, weighted by their variance to some `power`."""
+    loss = 0.5 * (error * torch.exp(-log_sigma)) ** 2 + log_sigma
+    return loss * torch.exp(2.0 * power * log_sigma).detach() if power else loss
 
 
 def _mean(values: Tensor, weight: Tensor) -> Tensor:

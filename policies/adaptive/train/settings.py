@@ -6,14 +6,14 @@ from drivers.settings import Settings
 
 
 class CriticSettings(Settings):
-    """Rounds of folds in the rod, each followed by a regression on all folds so far.
+    """Settings of a critic's training: rounds of simulated folds, each followed by a regression.
 
     In the first round rises are drawn at random; in later ones the critic steers, until at a
     random moment the rise is moved by `perturbation` [m] (one sigma) and kept. Every second piece
-    folds strips of 0.6 m, the others one length within `adaptive.LENGTHS`. A last round of
+    folds strips of 0.6 m, the others one length within `adaptive.LENGTH_RANGE`. A last round of
     `trials` pieces folds without perturbation and as images are, to set the sigmas. `friction`
-    (and other effects) in training, `profile`, `tip` and `memory` can be left out, to see what
-    they are worth.
+    (and other effects) in training, `profile`, `tip` and `memory` can be left out, to measure
+    what each contributes.
     """
 
     seed: int = Field(0, ge=0)

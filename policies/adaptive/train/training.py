@@ -1,4 +1,4 @@
-"""A training of the critic in a folder: pieces, the critic after each round, the weights."""
+"""A resumable training of the critic in a folder: data, critic of each round, final weights."""
 
 import json
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ SETTINGS, CHECKPOINT = "adaptive.json", "adaptive.npz"
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Progress of a training: `done` of `total` steps, and the last one in words."""
+    """Progress of a training: `done` of `total` steps; `said` describes the last one."""
 
     done: int
     total: int
@@ -75,23 +75,22 @@ class CriticTraining:
         self._finish()
 
     def _pieces(self, turn: int, count: int, executor: Executor) -> Iterator[int]:
-        """Fold and store the missing pieces of a round; returns their numbers."""
+        """Fold and store the missing pieces of round `turn`; yields each piece's number."""
         missing = [n for n in range(count) if self._read(turn, n) is None]
         yield from sorted(set(range(count)) - set(missing))
-        known = (self.settings, turn)
-        asked = {executor.submit(explore, *known, n, self._critic): n for n in missing}
-        for piece in as_completed(asked):
-            self._store(piece.result(), turn, asked[piece])
-            yield asked[piece]
+        jobs = {executor.submit(explore, self.settings, turn, n, self._critic): n for n in missing}
+        for job in as_completed(jobs):
+            self._store(job.result(), turn, jobs[job])
+            yield jobs[job]
 
     def _fit(self, turn: int) -> Critic:
         path = self.folder / f"critic-{turn}.npz"
         if path.exists():
             return load_critic(path)
-        known = [(t, n) for t in range(turn + 1) for n in range(self.settings.pieces[t])]
-        piece = concatenate([self._load(t, n) for t, n in known])
+        stored = [(t, n) for t in range(turn + 1) for n in range(self.settings.pieces[t])]
+        data = concatenate([self._load(t, n) for t, n in stored])
         seed, epochs = self.settings.seed, self.settings.epochs[turn]
-        save_critic(path, fit(piece, self.settings, epochs, seed, self._critic), {"round": turn})
+        save_critic(path, fit(data, self.settings, epochs, seed, self._critic), {"round": turn})
         return load_critic(path)
 
     def _finish(self) -> None:

@@ -1,4 +1,4 @@
-"""Fits a critic's transfer to folds that its policy made through images."""
+"""Fit of a critic's correction, its `Transfer`, to folds that were made through images."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -13,14 +13,15 @@ from policies.adaptive.bias import REFERENCE_THICKNESS, Bias, bias_terms
 from policies.adaptive.transfer import Transfer
 
 PRIOR = np.array([2e-3, 2e-3, 2.0])  # sigma of the bias: m, m, m/m
-FOLD_NOISE = 0.7e-3  # m, of one fold, against which the priors count
-OUTLIER_ERROR = 1.5e-3  # m from which on a fold begins to count less
+FOLD_NOISE = 0.7e-3  # m, one sigma of a fold's error, which weighs data against the prior
+OUTLIER_ERROR = 1.5e-3  # m, error from which a fold is weighted down
 COVERAGE = 0.68  # share of folds within one sigma
+PARTS = 10  # of the cross-validation
 
 
 class FoldedBatch(NamedTuple):
-    """Data of n folds, arrays (n,): the measured displacement, displacement and sigma as the critic
-    predicted them, the belief's logarithms, and the thickness [m].
+    """Data of n folds, arrays (n,): measured displacement [m], the critic's predicted displacement
+    and sigma [m], logarithms of its estimate of the strip, and thickness [m].
     """
 
     displacement: Array
@@ -39,7 +40,7 @@ class FoldedBatch(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FitQuality:
-    """Quality of a transfer on left-out `folds`: rms [m], and the share `within` one sigma."""
+    """Cross-validated quality over `folds`: rms error `bias` [m], share `within` one sigma."""
 
     folds: int
     bias: float
@@ -51,39 +52,41 @@ class FitQuality:
 
 
 def fit_transfer(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
-    """The transfer fitted to `batch`, and its quality on folds that were left out, a tenth each
-    time. Raises ValueError for fewer folds than the bias has terms.
+    """The transfer fitted to `batch`, and its quality by tenfold cross-validation.
+
+    Raises ValueError for fewer folds than the bias has terms.
     """
     count = len(batch.displacement)
     if count < len(PRIOR):
         raise ValueError(f"{count} folds; the fit needs {len(PRIOR)}")
-    left_out = np.empty(count)
-    for part in np.array_split(np.random.default_rng(0).permutation(count), min(count, 10)):
-        rest = np.setdiff1d(np.arange(count), part)
-        bias = _coefficients(_subset(batch, rest))
-        left_out[part] = _residuals(_subset(batch, part), bias)
-    bias = _coefficients(batch)
-    sigma = float(np.quantile(np.abs(left_out) / batch.sigma, COVERAGE))
-    unmeasured = abs(bias[2]) * float(
-        np.sqrt(np.mean((batch.thickness - REFERENCE_THICKNESS) ** 2))
-    )
-    transfer = Transfer(Bias(*(_round(value) for value in (*bias, sigma, unmeasured))))
-    quality = FitQuality(
-        count,
-        _round(np.sqrt(np.mean(left_out**2))),
-        round(float(np.mean(np.abs(left_out) < sigma * batch.sigma)), 3),
-    )
-    return transfer, quality
+    errors = _cross_validated_errors(batch)
+    sigma = float(np.quantile(np.abs(errors) / batch.sigma, COVERAGE))
+    coefficients = _coefficients(batch)
+    beyond = batch.thickness - REFERENCE_THICKNESS
+    unmeasured = abs(coefficients[2]) * float(np.sqrt(np.mean(beyond**2)))
+    within = round(float(np.mean(np.abs(errors) < sigma * batch.sigma)), 3)
+    quality = FitQuality(count, _round(np.sqrt(np.mean(errors**2))), within)
+    return Transfer(Bias(*map(_round, (*coefficients, sigma, unmeasured)))), quality
+
+
+def _cross_validated_errors(batch: FoldedBatch) -> Array:
+    """Errors (n,) [m] of the bias at each fold, fitted to the folds outside its tenth."""
+    count = len(batch.displacement)
+    errors = np.empty(count)
+    for part in np.array_split(np.random.default_rng(0).permutation(count), min(count, PARTS)):
+        others = np.setdiff1d(np.arange(count), part)
+        errors[part] = _residuals(_subset(batch, part), _coefficients(_subset(batch, others)))
+    return errors
 
 
 def _coefficients(batch: FoldedBatch) -> Array:
-    """Posterior mode of the bias (3,)."""
+    """Posterior mode (3,) of the bias's coefficients [m, m, m/m]."""
     terms, values = _bias_terms(batch), batch.predicted - batch.displacement
 
     def residuals(scaled: Array) -> Array:
-        off = (terms @ (scaled * PRIOR) - values) / FOLD_NOISE
-        wild = OUTLIER_ERROR / FOLD_NOISE
-        return np.concatenate([wild * np.arcsinh(off / wild), scaled])
+        error = (terms @ (scaled * PRIOR) - values) / FOLD_NOISE
+        linear = OUTLIER_ERROR / FOLD_NOISE  # errors up to this count in full
+        return np.concatenate([linear * np.arcsinh(error / linear), scaled])
 
     rows = np.vstack([terms * PRIOR / FOLD_NOISE, np.eye(len(PRIOR))])
     start = np.linalg.lstsq(rows, np.concatenate([values / FOLD_NOISE, 0.0 * PRIOR]), rcond=None)[0]

@@ -1,4 +1,4 @@
-"""Trial folds of a finished critic: its errors, and the factors that calibrate its sigmas."""
+"""Trial folds of a finished critic: its errors, and factors that calibrate its uncertainty."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ COVERAGES = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """|d| over folds in the rod [m], and the shares within 1 and 1.96 sigma of the prediction."""
+    """Results of trial folds: mean, 95 % quantile, worst |d| [m]; shares within 1, 1.96 sigma."""
 
     folds: int
     untouched: int
@@ -30,10 +30,10 @@ class Trial:
 
 
 def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
-    """`critic` with sigmas that cover their share of outcomes of `piece`, and the trial."""
-    ratios = off_over_sigma(critic, piece)
+    """`critic` with sigmas scaled to cover the errors in `piece`, and the results of the trial."""
+    ratios = error_ratios(critic, piece)
     critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
-    at_touch = off_over_sigma(critic, piece, last=1)[0]
+    at_touch = error_ratios(critic, piece, last=1)[0]
     miss = np.abs(piece.displacement)
     return critic, Trial(
         folds=len(miss),
@@ -45,30 +45,32 @@ def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
     )
 
 
-def off_over_sigma(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
-    """|outcome - predicted| / sigma (m,) of d and the belief, `last` decisions before touch."""
-    found: list[list[Array]] = [[] for _ in range(4)]
+def error_ratios(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
+    """Four arrays (m,) |error| / sigma, of d and the strip, in the `last` decisions of folds."""
+    ratios: list[list[Array]] = [[] for _ in range(4)]
     count = len(piece.displacement)
     memory, counted = np.zeros((count, critic.memory)), np.zeros((count, 1))
-    left = piece.alive[:, ::-1].cumsum(axis=1)[:, ::-1]
+    to_touch = piece.alive[:, ::-1].cumsum(axis=1)[:, ::-1]  # decisions from each to the touch
     for k in range(piece.alive.shape[1]):
         alive = piece.alive[:, k]
         whitened = critic.whiten(piece.inputs[:, k].astype(np.float64))
         memory += alive[:, None] * critic.memorise(whitened)
         counted += alive[:, None]
         judged = critic.judge(whitened, memory / np.maximum(counted, 1))
-        near = alive & (left[:, k] <= last) & np.isfinite(piece.displacement)
-        for kept, ratio in zip(found, _ratios(judged, piece), strict=True):
+        near = alive & (to_touch[:, k] <= last) & np.isfinite(piece.displacement)
+        for kept, ratio in zip(ratios, _ratios(judged, piece), strict=True):
             kept.append(ratio[near])
-    return [np.concatenate(kept) for kept in found]
+    return [np.concatenate(kept) for kept in ratios]
 
 
 def _ratios(judged: Judgement, piece: Piece) -> list[Array]:
-    off = np.abs(piece.displacement - judged.displacement) / judged.sigma
-    belief = [
-        np.abs(piece.strip[:, i] - held[:, 0]) / held[:, 1] for i, held in enumerate(judged.belief)
+    """Ratios |error| / sigma (n,) of a prediction of n folds: displacement, then strip."""
+    displacement = np.abs(piece.displacement - judged.displacement) / judged.sigma
+    strip = [
+        np.abs(true - estimate[:, 0]) / estimate[:, 1]
+        for true, estimate in zip(piece.strip.T, judged.belief, strict=True)
     ]
-    return [off, *belief]
+    return [displacement, *strip]
 
 
 def _stretch(ratios: Array) -> float:

@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import ConfigurationError
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import about, load_critic, save_critic
-from policies.adaptive.critic import Belief, Judgement, middle
+from policies.adaptive.critic import Belief, Judgement, median_judgement
 from policies.adaptive.features import COUNT
 from policies.adaptive.steering import Steering
 from policies.adaptive.window import WINDOW_TIME, Window
@@ -58,7 +58,7 @@ def judged(displacement: float, length: float) -> Judgement:
 
 def test_one_wild_judgement_of_five_is_not_predicted() -> None:
     usual = [judged(1e-4 * k, -3.9 + 0.01 * k) for k in range(4)]
-    found = middle([*usual, judged(-0.012, -2.0)])
+    found = median_judgement([*usual, judged(-0.012, -2.0)])
     assert found.displacement == pytest.approx([1e-4, 1.1e-3], abs=1e-4)
     assert found.belief.log_bending_length[:, 0] == pytest.approx([-3.88] * 2, abs=0.02)
     assert found.sigma == pytest.approx([5e-4] * 2)
