@@ -53,7 +53,7 @@ def train(
     Killed or interrupted, the same command goes on and ends with the same weights.
     """
     from cell.cli.table import wide_console
-    from cell.train.screen import show
+    from cell.train.screen import show, show_effects
 
     default = f"adaptive-{seed}" if policy == "adaptive" else f"seed-{seed}"
     folder = out or Path("runs/training") / default
@@ -70,6 +70,8 @@ def train(
         print_json(trained.line() | corrected)
         return
     show(trained.evaluations, wide_console())
+    if trained.effects:
+        show_effects(trained.effects, wide_console())
     if corrected:
         _print_transfer(corrected, as_json=False)
     sys.stdout.write(

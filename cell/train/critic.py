@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
+from cell.train.effects import evaluate_effects
 from cell.train.evaluation import Engine, evaluate, make_stepper
 from cell.train.run import Trained, alone_in, keep
 from cell.train.screen import Meter
@@ -31,8 +32,9 @@ def train_critic(
 ) -> Trained:
     """Train in `folder`, where an interrupted training of the same settings is resumed.
 
-    The weights are evaluated on a grid of `side` x `side` strips. Raises ConfigurationError for a
-    folder that cannot be used, WorkersLost when the workers are gone.
+    The weights are evaluated on a grid of `side` x `side` strips, and with each effect hidden.
+    Raises ConfigurationError for a folder that cannot be used, WorkersLost when the workers are
+    gone.
     """
     with alone_in(folder):
         training = CriticTraining(settings, folder)
@@ -41,7 +43,8 @@ def train_critic(
                 meter.show(step.done, f"{step.done} of {step.total}: {step.said}")
             critic = (training.finished, settings)
             found = evaluate(fold_row, critic, side, executor, meter.show_evaluation)
-        return keep(Trained(training.checkpoint, settings, found, training.tried), folder)
+            errors = evaluate_effects(*critic, executor, meter.show_evaluation)
+        return keep(Trained(training.checkpoint, settings, found, training.tried, errors), folder)
 
 
 def fold_row(

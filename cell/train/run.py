@@ -11,6 +11,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from cell.train.effects import EffectErrors
 from cell.train.evaluation import Evaluation, evaluate, fold_row
 from cell.train.screen import GenerationText, Meter
 from drivers.errors import ConfigurationError
@@ -25,14 +26,15 @@ EVALUATION = "evaluation.json"
 
 @dataclass(frozen=True, slots=True)
 class Trained:
-    """Result of a training: path, settings, evaluation; of `adaptive` its trial on left-out
-    folds.
+    """Result of a training: path, settings, evaluation; of `adaptive` its trial on left-out folds
+    and its errors by hidden effect.
     """
 
     checkpoint: Path
     settings: TrainingSettings | CriticSettings
     evaluations: tuple[Evaluation, ...]
     trial: Trial | None = None
+    effects: tuple[EffectErrors, ...] = ()
 
     def line(self) -> dict[str, object]:
         """The training's outcome as a line of JSON."""
@@ -42,6 +44,7 @@ class Trained:
             "settings": self.settings.model_dump(mode="json"),
             **({} if self.trial is None else {"trial": self.trial.facts()}),
             "evaluations": [evaluation.line() for evaluation in self.evaluations],
+            **({"effects": {e.effect: e.facts() for e in self.effects}} if self.effects else {}),
         }
 
 

@@ -11,6 +11,7 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from cell.campaign.progress import clock
+from cell.train.effects import EffectErrors
 from cell.train.evaluation import Engine, Evaluation
 from policies.train.search import Progress
 
@@ -89,4 +90,17 @@ def show(evaluations: Sequence[Evaluation], console: Console) -> None:
     for each in evaluations:
         numbers = [f"{1e3 * value:.1f}" for value in (each.mean, each.most, each.worst)]
         table.add_row(ENGINE_NAMES[each.engine], *numbers, str(each.untouched))
+    console.print(table)
+
+
+def show_effects(errors: Sequence[EffectErrors], console: Console) -> None:
+    """Print the table of the errors by hidden effect."""
+    table = Table(title="d in the rod, by hidden effect")
+    table.add_column("hidden")
+    for name in ("mean d mm", "mean |d| mm", "95 % mm", "worst mm", "without a touch"):
+        table.add_column(name, justify="right")
+    for each in errors:
+        facts = each.facts()
+        numbers = [f"{1e3 * facts[name]:.2f}" for name in ("bias", "mean", "p95", "worst")]
+        table.add_row(each.effect, *numbers, str(facts["untouched"]))
     console.print(table)

@@ -14,25 +14,26 @@ THICKNESS_RANGE = (0.0003, 0.002)  # m, log-uniform
 DENSITY_RANGE = (0.1, 0.5)  # kg/m^2, log-uniform: light shirting to heavy denim
 FRICTION_SHARE = 0.43  # share of strips with yarn friction
 FRICTION_EFFECT = "bending_hysteresis"
-OTHER_SHARE = 0.25  # share of strips with one further effect
+OTHER_SHARE = 0.5  # share of strips with one further effect
 
 
 EFFECTS = {
     "seam": 3.0,
-    "nonlinear_bending": 1.5,
+    "nonlinear_bending": 3.0,
     "stretch": 1.0,
     "stiffness_gradient": 1.0,
     "air_drag": 1.0,
     "pre_curl": 1.0,
     "crease": 1.0,
-    "hem_mass": 1.0,
-    "quadratic_damping": 1.0,
+    "hem_mass": 2.0,
+    "quadratic_damping": 2.0,
     "relaxation": 1.0,
     "length_error": 1.0,
 }
 """Effects besides friction with their relative frequencies, hard ones more often. Their sizes over
 textiles are in their own files.
 """
+CONDITIONS = ("nothing", "friction", *EFFECTS)  # one effect at a time
 
 
 def friction(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
@@ -64,17 +65,31 @@ def plain(
     )
 
 
+def strip_with(condition: str, rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
+    """A random strip with the effect that `condition`, one of CONDITIONS, names."""
+    if condition == "nothing":
+        return plain(rng, length)
+    if condition == "friction":
+        return plain(rng, length, **{FRICTION_EFFECT: _textile_friction(rng)})
+    return plain(rng, length, **{condition: effect(condition, rng, length)})
+
+
 def unknown(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
     """A random strip as operators may bring it: many have yarn friction, some another effect."""
     effects: dict[str, Mapping[str, float]] = {}
     if rng.uniform() < FRICTION_SHARE:
-        curvature = registry()[FRICTION_EFFECT].textile["yield_curvature"]
-        effects[FRICTION_EFFECT] = friction(rng, curvature.low, curvature.high)
+        effects[FRICTION_EFFECT] = _textile_friction(rng)
     if rng.uniform() < OTHER_SHARE:
         frequencies = np.array([*EFFECTS.values()])
         name = str(rng.choice(list(EFFECTS), p=frequencies / frequencies.sum()))
         effects[name] = effect(name, rng, length)
     return plain(rng, length, **effects)
+
+
+def _textile_friction(rng: np.random.Generator) -> dict[str, float]:
+    """Yarn friction over the range of textiles."""
+    curvature = registry()[FRICTION_EFFECT].textile["yield_curvature"]
+    return friction(rng, curvature.low, curvature.high)
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:

@@ -17,7 +17,7 @@ class CriticSettings(Settings):
     """
 
     seed: int = Field(0, ge=0)
-    pieces: tuple[int, ...] = (16, 16, 20)  # of folds, in each round
+    pieces: tuple[int, ...] = (24, 32, 48)  # of folds, in each round
     trials: int = Field(4, ge=1)
     folds: int = Field(256, ge=8)  # in a piece
     perturbation: tuple[float, ...] = (0.0, 0.008, 0.005)
