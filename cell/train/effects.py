@@ -17,7 +17,7 @@ from policies.adaptive.train.settings import CriticSettings
 from policies.rollout import Rollout, roll_out
 from policies.sensing import IMAGE_SENSING
 
-STRIPS = 64  # folded for each effect
+STRIPS_PER_EFFECT = 64  # folded for each effect
 EVALUATED = 4  # stream of random numbers, apart from those of the training
 
 
@@ -60,9 +60,9 @@ def evaluate_effects(
 
 
 def fold_with(critic: Critic, settings: CriticSettings, name: str) -> Array:
-    """Displacements (STRIPS,) [m] of random strips with the effect `name`: a pure function."""
+    """Displacements (STRIPS_PER_EFFECT,) [m] of random strips with the effect `name`: a pure function."""
     rng = np.random.default_rng([EVALUATED, CONDITIONS.index(name)])
-    strips = [strip_with(name, rng, STRIP_LENGTH) for _ in range(STRIPS)]
+    strips = [strip_with(name, rng, STRIP_LENGTH) for _ in range(STRIPS_PER_EFFECT)]
     models = [describe(strip) for strip in strips]
     rollout = Rollout(speed=settings.speed, sensing=IMAGE_SENSING)
     rod = Rod(settings.segments, strict=False)

@@ -202,7 +202,7 @@ class FciHand:
     def _read_replies(self, tcp: socket.socket) -> list[wire.Reply]:
         """Replies that are complete by now; Fault for a lost connection or a malformed reply."""
         try:
-            self._received += _received(tcp)
+            self._received += _recv(tcp)
             return wire.replies(self._received)
         except BlockingIOError:
             return []
@@ -248,11 +248,11 @@ def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
 def _first_reply(tcp: socket.socket) -> wire.Reply:
     received = bytearray()
     while not (answers := wire.replies(received)):
-        received += _received(tcp)
+        received += _recv(tcp)
     return answers[0]
 
 
-def _received(tcp: socket.socket) -> bytes:
+def _recv(tcp: socket.socket) -> bytes:
     """Bytes from the connection; ConnectionResetError where the hand has closed it."""
     received = tcp.recv(4096)
     if not received:
