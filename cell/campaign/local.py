@@ -27,7 +27,7 @@ class Local:
     def measure(
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
     ) -> Iterator[Record]:
-        """The records of `parts` as they finish. Raises CellError where none can be stored."""
+        """Yield the records of `parts` as they finish; raises CellError if one cannot be stored."""
         crew = Crew(min(self.jobs, len(parts)))
         try:
             yield from crew.records(parts, folder, versions, self.limit)
@@ -37,7 +37,7 @@ class Local:
 
 @dataclass(slots=True)
 class Task:
-    """A part in the process of `worker`, since `begun` [s]; None while the process starts."""
+    """Part in the process of `worker`, `begun` at that time [s], None while the process starts."""
 
     part: Part
     worker: Worker
@@ -55,9 +55,9 @@ class Crew:
     def records(
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str], limit: float | None
     ) -> Iterator[Record]:
-        """The record of every part, in the order in which they finish.
+        """Yield the record of every part, in the order in which they finish.
 
-        One that outlives its `limit` [s], or whose process dies twice, is set aside. Raises
+        A part that outlives its `limit` [s], or kills its process twice, is set aside. Raises
         CellError where a record cannot be stored.
         """
         waiting, died = deque(parts), Counter[str]()
@@ -102,7 +102,7 @@ class Crew:
         task.worker.begin(measure, part, folder, dict(versions))
 
     def _collect(self, task: Task) -> Record | Died | str | None:
-        """Result of a part; None where its process is ready to begin with it."""
+        """Result from a part's process; None where that has only become ready to begin."""
         try:
             found: Record | CellError | None = task.worker.result()
         except Died as died:

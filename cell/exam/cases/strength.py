@@ -31,7 +31,7 @@ Hidden = dict[str, dict[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """An effect of growing strength: its switch from null to `largest`, all else fixed."""
+    """Strengths of an effect: its first parameter from null to `largest`, the `others` fixed."""
 
     effect: Effect
     others: dict[str, float]
@@ -39,7 +39,7 @@ class Path:
 
     @classmethod
     def of(cls, effect: Effect, strip: StripFile, others: dict[str, float], *, up: bool) -> Self:
-        """Path to the largest believable value on `strip`; `up` where both signs are possible."""
+        """Path to the largest believable value on `strip`; `up` is the sign where both exist."""
         p, known = effect.parameters[0], effect.sizes(strip)
         if p.null is None:
             return cls(effect, others, max(p.low, min(known) / BELIEVABLE))
@@ -49,7 +49,7 @@ class Path:
         return cls(effect, others, float(np.clip(signed, p.low, p.high)))
 
     def at(self, share: float) -> dict[str, float]:
-        """The effect's parameters at `share` of the way from null."""
+        """Parameters of the effect by name at `share`, 0 to 1, of the way from null."""
         p = self.effect.parameters[0]
         if p.null is None:
             value = self.largest / share
@@ -61,9 +61,7 @@ class Path:
 
 
 class Ruler:
-    """Measures, as the model sees it, the gap of effects on the motions of `made`, simulated
-    runs.
-    """
+    """Measures, with the model, the gap that hidden effects leave on the simulated runs `made`."""
 
     def __init__(self, plant: StripFile, made: Sequence[MeasuredRun]) -> None:
         runs = [
@@ -76,24 +74,24 @@ class Ruler:
 
     @classmethod
     def standard(cls, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> Self:
-        """A ruler on the standard motions with these names."""
+        """Ruler on the standard motions called `motions`."""
         made = {run.name: run for run in planned_runs(plant, sigma, 0)}
         return cls(plant, [made[name] for name in motions])
 
     @classmethod
     def along(cls, plant: StripFile, ways: Sequence[GripperPath], sigma: Sigma) -> Self:
-        """A ruler on given motions."""
+        """Ruler on the gripper paths `ways`."""
         seen = measured_along(ways, plant, sigma, 0)
         return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(seen)])
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:
-        """Excess gap (k,) left by each of these sets of effects."""
+        """Excess gap (k,) that each of k sets of effects leaves after the base is refitted."""
         return np.array([self._excess(left) for left in self._response_after_refit(hidden)])
 
     def beside(self, both: Hidden) -> Array:
-        """Excess gap (2,) that each of two effects leaves once the other's amount is refitted too.
+        """Excess gap (2,) of each of two effects after base and amount of the other are refitted.
 
-        To first order: what of the joint response the base and the other's own do not span.
+        To first order: the part of the joint response that base and other effect do not span.
         """
         alone = [{name: values} for name, values in both.items()]
         joint, *each = self._response_after_refit([both, *alone])
@@ -101,7 +99,7 @@ class Ruler:
         return np.array([self._excess(joint - other * (other @ joint)) for other in others])
 
     def _response_after_refit(self, hidden: Sequence[Hidden]) -> list[Array]:
-        """Whitened responses (N,) to sets of effects, less what a refit of the base removes."""
+        """Whitened response (N,) to each set of effects, less what a refit of the base removes."""
         estimate = self._estimate
         base, local = estimate.shared, estimate.point.local
         asked = [
@@ -155,7 +153,7 @@ class Ruler:
 
 
 def engine_values(name: str, values: dict[str, float]) -> Array:
-    """Parameters (p,) of an effect in the gap engine's units, from those of a file."""
+    """Parameters (p,) of effect `name` in the gap engine's units, from a strip file's `values`."""
     effect = registry()[name]
     complete = effect.complete(values)
     switch = effect.parameters[0]

@@ -19,9 +19,9 @@ def moving(joints: Joints, position: Array, rate: Array) -> tuple[Array, Array, 
 
 
 def drag_step(parts: Parts, force: Array, speed: Array, h: float) -> Array:
-    """`force` (n, 2) against a `speed` (n, 2), as an implicit step of a link alone takes it.
+    """Drag `force` (n, 2) at velocity `speed` (n, 2) [m/s], reduced as by an implicit step `h` [s].
 
-    Without this light strips are thrown back and forth.
+    Each link is stepped alone. Without this light strips are thrown back and forth.
     """
     size = np.hypot(force[:, 0], force[:, 1])
     steep = 2.0 * size / np.maximum(np.hypot(speed[:, 0], speed[:, 1]), 1e-9)

@@ -1,4 +1,4 @@
-"""Cause: a yarn of the strip is caught on the desk."""
+"""Cause: a yarn of the strip that is caught on the desk."""
 
 from typing import ClassVar
 
@@ -11,7 +11,7 @@ from drivers.twin.chain.extra_forces import ForceFunction, Parts
 
 
 class CaughtThread(Cause):
-    """A thread from the strip to the desk under it, which tears for good where it bears `strength`.
+    """Thread from the strip to the desk under it, which tears for good at a pull of `strength` [N].
 
     It is slack for its `length`, then pulls by `stiffness` times what is drawn out of the weave.
     Source: assumed; drawing one yarn out of a woven strip takes 0.01 to 0.1 N.

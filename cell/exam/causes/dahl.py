@@ -26,7 +26,7 @@ class Dahl(Cause):
     exponent: float = Field(1.5, ge=1.0, le=3.0)
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """Friction at every hinge, at rest and without moment."""
+        """Friction moment of every hinge, zero at the start; None without friction."""
         if self.yield_curvature == 0:
             return None
         stiffness = parts.lumps.stiffness
@@ -39,7 +39,7 @@ class Dahl(Cause):
 
 
 class Element:
-    """Dahl elements side by side, each with its `limit` [N m] and `stiffness` [N m/rad]."""
+    """Array of Dahl elements, each with its `limit` [N m] and `stiffness` [N m/rad]."""
 
     def __init__(self, limit: Array, stiffness: Array, exponent: float) -> None:
         self._limit, self._stiffness, self._exponent = limit, stiffness, exponent
@@ -47,7 +47,7 @@ class Element:
         self._angle = 0.0 * limit
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Moment and slope after the turn since the last call; exact for one direction."""
+        """Moments [N m] and slopes [N m/rad] at `angle` [rad]; exact for turns in one direction."""
         turn = angle - self._angle
         sign = np.where(turn < 0, -1.0, 1.0)
         short = 1.0 - sign * self._moment / self._limit  # 0 where it slides, 2 where it turns back

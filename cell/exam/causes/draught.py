@@ -1,4 +1,4 @@
-"""Cause: moving air in the room."""
+"""Cause: a gusty wind over the desk."""
 
 from typing import ClassVar
 
@@ -16,9 +16,9 @@ WIND_EXPONENT = 1 / 7  # of the wind below
 
 
 class Draught(Cause):
-    """Wind of `speed` [m/s] along +x with gusts, and the drag of the strip in it.
+    """Drag of the strip in a gusty wind of mean `speed` [m/s] along +x.
 
-    Normal drag C_d against the air, gusts as an Ornstein-Uhlenbeck process of relative size
+    Drag C_d normal to the links, gusts as an Ornstein-Uhlenbeck process of relative size
     `gusts` and memory `memory` [s], a boundary layer z^(1/7) over the desk. Source: air-conditioned
     rooms have 0.1 to 0.4 m/s with turbulence of 40 % (ISO 7730, draught rating).
     """

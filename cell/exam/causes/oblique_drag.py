@@ -29,7 +29,7 @@ class ObliqueDrag(Cause):
     speed: float = Field(0.3, gt=0, le=5)  # m/s, v_0
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """Drag on every link."""
+        """Drag on every link; None without drag."""
         if self.coefficient == 0:
             return None
         lumps = parts.lumps

@@ -11,7 +11,7 @@ from drivers.twin.chain.extra_forces import ForceFunction, Parts
 
 
 class StaticCling(Cause):
-    """A pull towards the desk of `pressure` [N/m^2] exp(-height / reach) on the strip's face.
+    """Pull of the strip's face towards the desk, `pressure` [N/m^2] exp(-height / `reach`).
 
     Source: charged textiles hold some uC/m^2, that is sigma^2 / (2 eps_0) of 0.05 to 5 N/m^2;
     the reach, as for patches of charge of alternate sign, is assumed.
@@ -24,7 +24,7 @@ class StaticCling(Cause):
     reach: float = Field(0.010, gt=0, le=0.1)  # m
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """The pull on every link."""
+        """Downward pull on every link; None without pressure."""
         if self.pressure == 0:
             return None
         lumps, joints = parts.lumps, parts.joints

@@ -11,7 +11,7 @@ from drivers.twin.chain.extra_forces import ForceFunction, Parts
 
 
 class StickyPatch(Cause):
-    """A pull of `pressure` [N/m^2] towards the desk on what is within `reach` of the patch.
+    """Pull of the strip towards the desk, up to `pressure` [N/m^2] within `reach` [m] of the patch.
 
     The patch lies about the share `position` of the strip's length, `size` [m] long. Source:
     assumed; what is left of adhesive tape on a desk peels at 0.1 to 1 N per metre of width.
@@ -26,7 +26,7 @@ class StickyPatch(Cause):
     reach: float = Field(0.004, gt=0, le=0.02)  # m
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """The pull on the links above the patch."""
+        """Downward pull on the links above the patch; None without pressure."""
         if self.pressure == 0:
             return None
         lumps, joints = parts.lumps, parts.joints

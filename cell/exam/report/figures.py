@@ -1,4 +1,4 @@
-"""The figure of an exam: confusion, reliability, and the rate by strength."""
+"""Figure of an exam: confusion matrix, reliability, and rates by strength of the effect."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -15,7 +15,7 @@ EDGES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, float("inf"))
 
 
 def figure(table: Confusion, bins: Sequence[Bin], found: Sequence[Outcome]) -> Figure:
-    """The figure of an exam: the confusion matrix above, reliability and rates below."""
+    """Draw the figure of an exam: confusion matrix above, reliability and rates below."""
     height = 1.6 + 0.24 * len(table.rows)
     drawn = Figure(figsize=(max(9.0, 3.5 + 0.36 * len(table.columns)), height + 4.0),
                    layout="constrained")  # fmt: skip
@@ -36,7 +36,7 @@ def _remove_spines(axis: Axes) -> None:
 
 
 def _matrix(axis: Axes, table: Confusion) -> None:
-    """Draw the counts, shaded by their share of the row."""
+    """Draw the counts of the confusion matrix, shaded by their share of the row."""
     counts = np.array([[table.count(r, c) for c in table.columns] for r in table.rows])
     axis.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0.0, vmax=1.3,
                 aspect="auto")  # fmt: skip

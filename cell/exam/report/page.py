@@ -1,4 +1,4 @@
-"""An exam's report: Markdown and a figure, every number from the ledger."""
+"""Report of an exam in Markdown with figures, made from the entries of its ledger."""
 
 import io
 from collections.abc import Iterable, Iterator, Sequence
@@ -39,13 +39,13 @@ PAIR = {"right_strict": "both", "right_class": "both", "partly": "one of two",
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table of `head` and `rows`."""
+    """Format a Markdown table of `head` and `rows`."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def plant_table(entries: Sequence[Entry]) -> str:
-    """Table of rates by kind of plant, with the reliability of the confidence stated there."""
+    """Markdown table of rates by kind of plant, with right names beside the stated confidence."""
     groups = {name: [e for e in entries if e.case.plant == name] for name in PLANTS}
     groups = {name: mine for name, mine in groups.items() if mine}
     rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
@@ -54,7 +54,7 @@ def plant_table(entries: Sequence[Entry]) -> str:
 
 
 def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
-    """How many of the naming verdicts are right, and their mean stated confidence."""
+    """Rate of right names in `claims`, and their mean stated confidence, as text."""
     if not claims:
         return "no name"
     right = rate_text(rate(right for _, right in claims))
@@ -62,7 +62,7 @@ def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
 
 
 def scatter_table(entries: Sequence[Entry]) -> str:
-    """Table of rates by scatter and kind of motion, and estimated spreads over true ones."""
+    """Markdown tables of rates by scatter and motion, and of estimated over true spreads."""
     groups = {
         _scatter_words(name): [e for e in entries if e.case.scatter == name] for name in LEVELS
     }
@@ -89,14 +89,14 @@ def scatter_table(entries: Sequence[Entry]) -> str:
 
 
 def _scatter_words(name: Scattered) -> str:
-    """Text of a level of scatter: its spreads of grip, damping, stiffness."""
+    """Level of run-to-run scatter as text: spreads of grip, damping and stiffness."""
     of = LEVELS[name]
     sizes = f"{1e3 * of.grip:g} mm, {100 * of.damping:g} %, {100 * of.stiffness:g} %"
     return "no scatter" if name == "none" else sizes
 
 
 def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tuple[Path, ...]:
-    """Write the Markdown `page`, and a figure a tier beside it; returns their paths.
+    """Write the Markdown `page`, and one figure a tier beside it; returns all paths.
 
     Raises ConfigurationError where that is impossible.
     """
@@ -112,7 +112,7 @@ def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tup
 
 
 def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
-    """Entries by tier, for the tiers that were examined."""
+    """Yield every examined tier with its entries."""
     every = list(entries)
     for tier in TIERS:
         mine = [e for e in every if e.case.tier == tier]
@@ -121,7 +121,7 @@ def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
 
 
 def markdown(entries: Sequence[Entry], stem: str = "exam", command: str = "") -> str:
-    """Text of the whole page."""
+    """Format the whole page in Markdown; figures are files whose names begin with `stem`."""
     parts = [
         "# The exam of the gap workflow",
         "Every case is a strip whose plant hides something, or nothing. The workflow sees the "
@@ -187,12 +187,12 @@ def _targets_table(lines: Iterable[Target]) -> str:
 
 
 def stated_confidences(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
-    """Confidence of every verdict that names, and whether it was right."""
+    """Stated confidence of every verdict that names an effect, and whether the name is right."""
     return [(o.confidence, o.right) for o in found if o.confidence is not None]
 
 
 def said_of(entries: Iterable[Entry]) -> Confusion:
-    """Pairs of hidden cause and stated name; pairs of effects together."""
+    """Confusion matrix of hidden causes and stated names; all pairs of effects share a row."""
     return confusion((_hidden_causes(e), _verdict_words(e)) for e in entries)
 
 
@@ -282,7 +282,7 @@ def _parameter_table(entries: Iterable[Entry]) -> str:
 
 
 def _baseline_lines(entries: Iterable[Entry]) -> str:
-    """Lines on refitting alone, which never names, and on the least error, which always does."""
+    """Table of rates beside two baselines: refitting alone, and naming by least in-sample error."""
     known = [(e.outcome, e.baselines) for e in entries if e.outcome and e.baselines]
     silent = [(o, b) for o, b in known if o.kind in ("nothing", "outside")]
     hidden = [(o, b) for o, b in known if o.kind in ("single", "pair")]
@@ -313,7 +313,7 @@ def _missed_cases(entries: Iterable[Entry]) -> Iterator[str]:
 
 
 def _hidden_words(entry: Entry) -> str:
-    """The hidden effects of an entry, with their values."""
+    """Hidden effects of an entry with their values, the strip and the strength, as text."""
     case = entry.case
     names = [
         f"{name} ({', '.join(f'{k} {v:.3g}' for k, v in values.items())})"
@@ -324,7 +324,7 @@ def _hidden_words(entry: Entry) -> str:
 
 
 def _stated_words(found: Outcome) -> str:
-    """The verdict's answer, and the strongest rival model."""
+    """Answer of a verdict, its confidence, strongest rival and reason, as text."""
     what = ", ".join(found.named) or "; ".join(" or ".join(group) for group in found.classes)
     words = f"gap left {found.realised:.2f}; said {found.verdict.replace('_', ' ')}"
     words += f" ({what})" if what else ""

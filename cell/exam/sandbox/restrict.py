@@ -1,7 +1,7 @@
-"""Restricts the files that a process may open: by the kernel where it can (Landlock), and by the
-interpreter, which also refuses what lies within a permitted folder and is sealed.
+"""Restricts the files that a process may open, by the kernel (Landlock) and by the interpreter.
 
-Imports nothing of the project and no threads: what runs already is not barred.
+The interpreter also refuses sealed files within a permitted folder. Imports
+nothing of the project and no threads: what runs already is not barred.
 """
 
 import ctypes
@@ -24,7 +24,7 @@ STARTED = ("subprocess.Popen", "os.exec", "os.posix_spawn", "os.system", "os.for
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """Permissions of a process: readable trees, writable trees, and what is sealed in them."""
+    """Permissions of a process: readable trees, writable trees, and paths `sealed` within them."""
 
     readable: tuple[Path, ...]
     writable: tuple[Path, ...]
@@ -32,7 +32,7 @@ class Policy:
 
 
 def restrict(permit: Policy) -> bool:
-    """Restrict this process, its threads and children to `permit`; whether the kernel does."""
+    """Restrict this process, its threads and children to `permit`; True if the kernel does it."""
     firm = landlock(permit)
     sys.addaudithook(Guard(permit, kernel=firm))
     return firm
@@ -52,7 +52,7 @@ def version() -> int:
 
 
 def landlock(permit: Policy) -> bool:
-    """Restrict this process by the kernel; False where it cannot.
+    """Restrict this process by the kernel's Landlock; returns False where that is impossible.
 
     Rules only permit, so that a tree with something sealed in it is permitted piece by piece
     (Salaün, Landlock: unprivileged access control, Linux documentation, userspace-api).
@@ -103,8 +103,9 @@ def _syscall(number: int, *arguments: Any) -> int:
 
 
 def _unsealed_parts(trees: Iterable[Path], sealed: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
-    """Trees without anything sealed, and True; False for one that was split around a sealed part,
-    of which only names may be listed, as the interpreter needs to find modules.
+    """Split `trees` around `sealed` paths; yields each part, and whether it is free of them.
+
+    Of a part that is not, only names may be listed, as the interpreter needs to find modules.
     """
     for tree in trees:
         if any(_within(tree, secret) for secret in sealed):
@@ -120,8 +121,9 @@ def _within(path: Path, tree: Path) -> bool:
 
 
 class Guard:
-    """Audit hook that refuses sealed files, and everything not permitted where the kernel does not
-    enforce that. Code that is not Python's opens files unseen by it.
+    """Audit hook that refuses sealed files and, without Landlock, everything not permitted.
+
+    Files that other code than Python's opens escape the hook.
     """
 
     def __init__(self, permit: Policy, *, kernel: bool) -> None:

@@ -17,8 +17,9 @@ ERROR_TARGET = 0.25  # of a parameter
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A line of the table: what is counted, the result, the target (empty: none), whether it is met
-    (None: nothing to judge), and whether the cases are too `few` for the target's room.
+    """Line of the table of targets: quantity, result, target (empty: none), and whether it is met.
+
+    `met` is None with nothing to judge; `few` if so few cases allow not a single failure.
     """
 
     words: str
@@ -29,7 +30,7 @@ class Target:
 
 
 def targets(entries: Sequence[Entry], tier: Tier) -> list[Target]:
-    """The table's lines for a tier."""
+    """Lines of the table of targets for a tier."""
     through = tier == "images"
     return [
         *_false_alarms(entries, through),
@@ -49,7 +50,7 @@ def outcomes(entries: Iterable[Entry], *kinds: Kind) -> list[Outcome]:
 
 
 def rate_text(found: Rate) -> str:
-    """A rate as text, with its interval."""
+    """Format a rate with its 95 % interval."""
     if not found.count:
         return "no case"
     low, high = found.interval
@@ -62,7 +63,7 @@ def rate_text(found: Rate) -> str:
 def _line(
     words: str, found: Rate, wanted: str = "", judge: Judge | None = None, room: float = 0.0
 ) -> Target:
-    """A line whose target leaves `room` [share of the cases] for failures."""
+    """Line for a rate, whose target allows failures in the share `room` of the cases."""
     met = judge(found) if judge is not None and found.count else None
     return Target(words, rate_text(found), wanted, met, met is False and found.count * room < 1.0)
 
@@ -88,7 +89,7 @@ def _is_rare(found: Rate) -> bool:
 
 
 def _names(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
-    """Named effects of the cases; failed cases count as not right."""
+    """Lines on the names of hidden effects; failed cases count as not right."""
     single = [e for e in entries if e.case.kind == "single"]
     clear = [e for e in single if e.case.strength != "weak"]
     weak = [e for e in single if e.case.strength == "weak"]
@@ -114,7 +115,7 @@ def _at_most(words: str, found: Rate, most: float) -> Target:
 
 
 def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
-    """Table lines split by how the runs were made: what is counted, one rate a group."""
+    """Table rows of rates: the label of each row, and one rate for each group of entries."""
     rows = [
         ("nothing hidden: `no_gap`", "nothing", (), ("correct_no_gap",)),
         ("nothing hidden: a name", "nothing", (), ("false_alarm",)),
@@ -137,7 +138,7 @@ def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
 
 
 def spread_errors(entries: Iterable[Entry]) -> dict[str, list[float]]:
-    """Estimated spreads over true ones, by quantity, of cases with full scatter; 0 if not seen."""
+    """Estimated over true run-to-run spreads at full scatter, by quantity; 0 if not found."""
     full = LEVELS["full"]
     truth = {"grip_x": full.grip, "grip_z": full.grip, "damping": full.damping,
              "stiffness": full.stiffness}  # fmt: skip
@@ -164,7 +165,7 @@ def _abstentions(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
 
 
 def comparisons(entries: Iterable[Entry]) -> list[Checked]:
-    """All parameters that can be compared with the truth."""
+    """Comparisons of all parameters whose true values are known."""
     return [c for o in outcomes(entries) for c in (*o.base, *o.parameters)]
 
 
@@ -177,7 +178,7 @@ def _coverage(entries: Sequence[Entry], through: bool) -> Target:
 
 
 def shares(entries: Iterable[Entry]) -> list[float]:
-    """Share of the gap removed by the named effects, over that removed with the truth known."""
+    """Share of the gap removed by named effects, over that with the truth known, for each case."""
     return [
         e.outcome.shrink / e.oracle.shrink
         for e in entries

@@ -43,7 +43,7 @@ FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
 
 
 class Name(NamedTuple):
-    """A naming verdict: its signs, whether it is right, its stated confidence, and its case."""
+    """Verdict that names an effect: signs, right or not, effect `withheld` or not, and case."""
 
     signs: Signs
     right: bool
@@ -52,7 +52,7 @@ class Name(NamedTuple):
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """What `measure` draws a case from: one effect or two, in the library or not."""
+    """Draw the kind of a case: one effect or two, in the library or withheld from it."""
     kind, of_kind = ("pair", number // PAIRS) if number % PAIRS == PAIRS - 1 else ("single", number)
     lacks = number % FIFTHS in LACKING
     return {"kind": kind, "number": number, "of_kind": of_kind, "seed": int(rng.integers(2**31)),
@@ -60,7 +60,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """The verdict on a case, its score, and by how much an offered law shrinks the gap."""
+    """Score the verdict on a case; also returns how much of the gap an offered law closes."""
     hidden = Draw("state", case["kind"], case["number"], case["of_kind"], case["seed"]).case()
     without = names_to_withhold(hidden) if case["library"] != "whole" else []
     configs = find_configs(None)
@@ -89,7 +89,7 @@ def names_to_withhold(case: Case) -> list[str]:
 
 
 def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
-    """The verdicts in `ledgers` of exams and of this study, lines of JSON, as `measure` gives them.
+    """Read the scored verdicts from `ledgers`, JSON lines of exams or of this study.
 
     A case is named after its ledger too: seeds of one number may have drawn others there. Verdicts
     from before signs were kept have none.
@@ -113,7 +113,7 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
 
 
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
-    """Naming verdicts, and the share of all cases from which the effect was withheld."""
+    """Verdicts that name an effect, and the share of all cases with the effect withheld."""
     found = [
         Name(Signs(**v["signs"]), v["is_right"], bool(v["without"]), v["case"])
         for v in (o.values for o in outcomes)
@@ -132,7 +132,7 @@ def shares(found: Sequence[Name], without: float) -> Array:
 
 
 def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibration:
-    """The most probable calibration given these verdicts with weights `counts` (n,).
+    """Fit the most probable calibration to these verdicts with weights `counts` (n,).
 
     Logistic regression with normal priors of what each sign weighs, for few verdicts are wrong; no
     sign speaks against its sense.
@@ -161,7 +161,7 @@ def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibr
 
 
 def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
-    """Confidence of each verdict by all other cases, weighted (n,), and whether it is right."""
+    """Confidence in each verdict, fitted to other cases with weights (n,), and if it is right."""
     stated = []
     for name in found:
         kept = np.array([other.case != name.case for other in found])
@@ -195,7 +195,7 @@ def reliable(stated: Sequence[tuple[float, bool]]) -> str:
 
 
 def calibrate(outcomes: Sequence[Outcome]) -> Values:
-    """Calibration by all these verdicts; its source states the confidence of those left out."""
+    """Fit the calibration to all these verdicts; its source states the loss on those left out."""
     found, without = names(outcomes)
     counts = shares(found, without)
     source = (
@@ -213,7 +213,7 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
 
 
 def judge(outcomes: Sequence[Outcome]) -> str:
-    """Confidences that the package states, by whether the effect was in the library."""
+    """Reliability of the confidences that `cell gap` states, by effect withheld or not."""
     (found, _), by = names(outcomes), calibration()
     parts = []
     for words, kept in (("All", (False, True)), ("None withheld", (False,)), ("Withheld", (True,))):

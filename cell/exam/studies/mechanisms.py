@@ -1,4 +1,4 @@
-"""Study of causes hidden in mechanisms of two to seven joints, found blind."""
+"""Study of how well `cell gap` finds causes hidden in mechanisms of two to seven joints."""
 
 import resource
 import time
@@ -20,7 +20,7 @@ OTHER_CAUSES = {"outside": OUTSIDE, "tracked": TRACKED, "read": ("torque_bias", 
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """The next cause, in a chain of two to seven joints or a pendulum on a cart."""
+    """Draw the next cause, in a chain of two to seven joints or a pendulum on a cart."""
     turn, slot = divmod(number, len(CAUSE_CYCLE))
     name = CAUSE_CYCLE[slot]
     if name in OTHER_CAUSES:
@@ -36,8 +36,9 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Score of a case: `right`, by `class`, `wrong` names; whether each interval of a size that was
-    `covered` contains it; processor time `cpu` [s] and peak `memory` [MB].
+    """Score the verdict on a case; also returns its processor time `cpu` [s] and `memory` [MB].
+
+    `covered` states for each known size whether its interval contains it.
     """
     hidden, joints, size, cart = (case[k] for k in ("hidden", "joints", "size", "cart"))
     with TemporaryDirectory() as place:
@@ -54,7 +55,7 @@ def measure(case: Values) -> Values:
 
 
 def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
-    """Whether a verdict on what was `hidden` is right, right by class, or names what is not there.
+    """Whether a verdict on the `hidden` cause is right, right by class, or names a false effect.
 
     Where nothing is hidden, `no_gap` is right; causes outside the library are to be left open, and
     a class of effects claims one of them.

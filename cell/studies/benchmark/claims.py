@@ -17,7 +17,7 @@ SIDES = {"triangular": ("negative", -1.0), "circular": ("positive", 1.0)}
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A claim of the paper's text, the result here, and whether they agree."""
+    """One claim of the paper (`says`), the result `here`, and whether the claim is `held`."""
 
     says: str
     here: str
@@ -25,7 +25,7 @@ class Claim:
 
 
 def claims(results: Results) -> tuple[Claim, ...]:
-    """The claims that the folds of this benchmark can test; the paper's main one first."""
+    """Test the paper's claims that these folds can decide; the main claim comes first."""
     folds = {policy: results.folds(policy) for policy in results.asked.policies}
     return tuple(_claims({policy: each for policy, each in folds.items() if each}, results))
 

@@ -79,7 +79,7 @@ def write_results(results: Results, folder: Path) -> Path:
 
 
 def write_main_picture(results: Results, path: Path) -> None:
-    """The displacements on all strips as a PNG at `path`."""
+    """Draw the displacements on all strips as a PNG file at `path`."""
     from matplotlib import rc_context
 
     content = io.BytesIO()
@@ -103,7 +103,7 @@ NOT_IN_SOURCE = (
 
 
 def page_of(results: Results) -> str:
-    """Self-contained page of `results`."""
+    """Self-contained HTML page of `results`."""
     summary = rows(results)
     return page(
         "studies/benchmark/benchmark.html",

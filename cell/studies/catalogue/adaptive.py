@@ -35,9 +35,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Displacement d [m] by `adaptive` and by the shifted triangle, with the prediction and the
-    estimate of the strip; and the estimate of a second fold, combined with the first.
-    """
+    """Displacements [m] by `adaptive` and by the shifted triangle, and errors of its estimates."""
     strip = StripFile.model_validate(case["strip"])
     rate = 30.0 if case["condition"] == "30 Hz" else 60.0
     sensing = sensing_of(case["condition"])
@@ -70,7 +68,7 @@ def measure(case: Values) -> Values:
 
 
 def _last_prediction(policy: Kept, folds: Folds) -> FoldPrediction:
-    """Last prediction before the touch."""
+    """Last prediction of `policy` before the touch."""
     touch = folds.touch[0]
     end = np.inf if touch is None else touch.time
     return [said for seen, said in policy.seen if seen.time[0] < end][-1]

@@ -1,4 +1,4 @@
-"""Study of how often `adaptive` reports an unlike strip, rightly and wrongly.
+"""Study of how often `adaptive` reports a strip unlike its model, rightly and wrongly.
 
 Strips as they may come are compared with a rod of what the policy believed at the touch
 (`cell.perception.agreement`). Laws that no description of a strip holds are causes of the exam.
@@ -36,7 +36,7 @@ STRANGE_LAWS = {
 
 
 def add_seam(rng: np.random.Generator) -> StripFile:
-    """Effect of a seam at a random place."""
+    """Draw a strip with a seam at a random place."""
     return plain(rng, seam=effect("seam", rng))
 
 
@@ -51,7 +51,7 @@ CONDITIONS = (*TRAINED_CONDITIONS, "friction 90", "stretch 3 N", *STRANGE_LAWS)
 
 
 class Law:
-    """A cause of the exam as a foreign law of the chain."""
+    """Cause of the exam as an extra force on the chain."""
 
     def __init__(self, name: str, values: dict[str, float]) -> None:
         self._cause, self._rng = cause_of(name, values), np.random.default_rng(0)
@@ -74,7 +74,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Whether the fold was flagged, the rod's residual and d [m]."""
+    """Displacement d [m] of a fold, whether it was flagged, and the residual [m] of the rod."""
     strip = StripFile.model_validate(case["strip"])
     law = STRANGE_LAWS.get(case["condition"])
     engine, policy = Traced(Chain(LINKS, () if law is None else (Law(*law),))), Kept(load_critic())
@@ -98,7 +98,7 @@ def measure(case: Values) -> Values:
 
 
 def limits(outcomes: Sequence[Outcome]) -> Values:
-    """Limits that UNFLAGGED_SHARE of the folds of ordinary strips stay below."""
+    """Limits below which UNFLAGGED_SHARE of the folds of ordinary strips stay."""
     rows = [o.values for o in outcomes if o.case.values["kind"] == "as trained"]
     rows = [row for row in rows if row["residual"] is not None]
     found = {name: float(np.quantile([row[name] for row in rows], UNFLAGGED_SHARE))

@@ -1,4 +1,4 @@
-"""Study of the cost of a fold's parts: an image, its measurement, a decision, a loop's turn.
+"""Study of the cost of a fold's parts: image, measurement, decision, turn of the control loop.
 
 Processor time of one thread where a part is called alone; a turn and the fold as a whole on the
 wall clock, so that they need an idle machine.
@@ -39,7 +39,7 @@ IMAGES_BETWEEN = 6  # images of a fold
 
 
 def image_and_reading(seed: int, look: str) -> Mapping[str, list[float]]:
-    """Milliseconds of each image of a fold of denim in a look, rendered, then read."""
+    """Times [ms] to render and to measure each image of a fold of denim in a look."""
     configs = find_configs(None)
     strip, settings, camera = (
         configs.strip("denim"),
@@ -66,7 +66,7 @@ def image_and_reading(seed: int, look: str) -> Mapping[str, list[float]]:
 
 
 def decision(seed: int, _look: str) -> Mapping[str, list[float]]:
-    """Milliseconds of each decision of `adaptive` in a fold from noisy states."""
+    """Times [ms] of each decision of `adaptive` in a fold from noisy states."""
     rng, kept = np.random.default_rng(seed), Kept(load_critic())
     strip = plain(rng)
     sensed = Rollout(sensing=IMAGE_SENSING)
@@ -82,9 +82,7 @@ def decision(seed: int, _look: str) -> Mapping[str, list[float]]:
 
 
 def whole(seed: int, _look: str) -> Mapping[str, list[float]]:
-    """Cost of a fold as `cell fold` makes it, with page and recording: share of its own time that
-    it took on the wall clock; milliseconds of each turn of the control loop.
-    """
+    """Wall time of a whole `cell fold` over its duration, and each turn of its loop [ms]."""
     calibration, choice = cached_calibration(), DeviceSelection(seed=seed)
     with TemporaryDirectory() as place:
         request = Request(
@@ -110,7 +108,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Costs of the case's part, a list for each name."""
+    """Costs of the part of a fold that the case names, a list of numbers by name."""
     return COST_PARTS[case["part"]](case["noise"], case["look"])
 
 

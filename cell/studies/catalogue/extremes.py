@@ -35,7 +35,7 @@ STRIPS: dict[str, dict[str, float]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every strip by every policy."""
+    """Draw every extreme strip, then all again with the next policy."""
     policy, strip = divmod(number, len(STRIPS))
     return {"strip": list(STRIPS)[strip], "policy": policy_names()[policy % len(policy_names())]}
 
@@ -55,7 +55,7 @@ def measure(case: Values) -> Values:
 
 
 def judge_fold(result: FoldResult) -> Values:
-    """Outcome of a fold in a word: whether its measurement is true and its d near 0."""
+    """Classify how a fold ended: whether its measurement is true and its displacement small."""
     seen, true = result.displacement, result.displacement_true
     touched = result.outcome == "layer_touch"
     if not touched:

@@ -23,7 +23,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Facts of the fold, and the displacement simulated by the rod along its path."""
+    """Facts of the fold, and the error [m] of the rod simulated along its gripper path."""
     with TemporaryDirectory() as place:
         result = fold_strip(case["strip"], case["policy"], case["noise"], Path(place))
         rod = resimulate(Path(result.run)).simulated

@@ -1,4 +1,4 @@
-"""Study of strips folded in every look of the cell, by preflight and images."""
+"""Study of folds of every strip in every look of the cell, with preflight and images."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,7 +22,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Facts of the fold by feedback with the plain look's calibration; the camera stays."""
+    """Facts of a fold by feedback in one look, with the calibration made in the plain look."""
     with TemporaryDirectory() as place:
         configs = configs_with_twin(Path(place), case["look"])
         result = fold_strip(

@@ -72,7 +72,7 @@ def measure(case: Values) -> Values:
 
 
 def _add_errors(halves: dict[str, list[float]], sight: Sight, length: float) -> None:
-    """Add the errors of an image, of contact and thirds of the profile, to its half of the run."""
+    """Add the errors of an image in contact and thirds of the profile to its half of the run."""
     side = "past" if sight.pose.x < length / 2 else "before"
     halves[f"contact {side}"].append(sight.contact)
     off, where = sight.profile()
@@ -91,7 +91,7 @@ def _profile_errors(sight: Sight) -> Array:
 
 
 def noise_of_images(outcomes: Sequence[Outcome]) -> Values:
-    """Medians over strips of the noise, and root mean squares of the biases."""
+    """Noise of images, medians over strips, and their biases, root mean squares over strips."""
     rows = [o.values for o in outcomes]
     noise = np.median([[row["noise"], *row["tip_noise"], row["curve_noise"]] for row in rows], 0)
     names = ("contact_sigma", "tip_sigma", "tip_z_sigma", "profile_sigma")
@@ -104,9 +104,9 @@ def noise_of_images(outcomes: Sequence[Outcome]) -> Values:
 
 
 def bias(outcomes: Sequence[Outcome]) -> Values:
-    """Root mean squares over strips of the mean error of half a run, in the gap workflow's form.
+    """Systematic errors of images in half a run, as root mean squares for the gap workflow.
 
-    Of the profile beside the near edge, which shows on the other side past the middle. l1 and l2
+    `edge` is that of the profile beside the near edge, on the other side past the middle. l1 and l2
     err alike, so that the place of a touch errs by half as much as the displacement.
     """
     rows = [o.values for o in outcomes]

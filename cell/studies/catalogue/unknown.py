@@ -70,7 +70,7 @@ def measure(case: Values) -> Values:
 
 
 def _loop_size(run: Path, length: float, edges: float | None) -> Values:
-    """Measured size of the laid fold's loop, and the length [m] that it holds beyond its size."""
+    """Height and width [m] of the laid fold's loop, and the extra length [m] that it holds."""
     seen = [e.facts.get("loop") for e in read_run(run).events() if e.kind == "edges_seen"]
     if edges is None or not seen or not isinstance(loop := seen[0], dict):
         return {}
@@ -79,7 +79,7 @@ def _loop_size(run: Path, length: float, edges: float | None) -> Values:
 
 
 def laid_weights(outcomes: Sequence[Outcome]) -> Values:
-    """Weights of the loop's size for its length, and the rms error [m] on fifths left out."""
+    """Linear model of the loop's extra length, and its cross-validated rms error [m]."""
     kept = [o for o in outcomes if "held" in o.values and o.case.values["known"] == "calipers"]
     thickness = [o.case.values["strip"]["thickness"] for o in kept]
     size = [(1.0, o.values["height"], o.values["width"]) for o in kept]

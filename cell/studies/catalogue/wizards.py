@@ -102,7 +102,7 @@ def _wizard_lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[
 def _touch_points(
     camera: CameraSettings, lens: Lens, rng: np.random.Generator
 ) -> tuple[TouchVerdict, int]:
-    """Map by the wizard, through rendered touches, and the number of wild first touches."""
+    """Image-to-plane map by the wizard, from rendered touches, and the number of wild touches."""
     renderer, sequence = Renderer(camera, BARE, int(rng.integers(1 << 30))), 0
     points, off = TouchedPoints(lens, TOUCHES), np.zeros(2)
     count = round(OUTLIER_SHARE * len(points.plan))

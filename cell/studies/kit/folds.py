@@ -44,7 +44,7 @@ def fold_strip(
     calibration: Calibration | None = None,
     memory: Path | None = None,
 ) -> FoldResult:
-    """Fold `strip`, recorded in `folder` without images and page.
+    """Fold `strip` by `policy` on the twin, recorded in `folder` without images and page.
 
     With a `memory` the cell learns from it there, and all its folds are of one specimen.
     """
@@ -74,9 +74,7 @@ def _learning(
 def configs_with_twin(
     folder: Path, look: str = DEFAULT_LOOK, camera: Mapping[str, float] = MappingProxyType({})
 ) -> Path:
-    """A copy of the configuration as `folder`/configs, its twin in `look`, with these settings of
-    its `camera`.
-    """
+    """Copy the configuration to `folder`/configs, with other `look` and `camera` of its twin."""
     configs = find_configs(None)
     copy = Path(shutil.copytree(configs.folder, folder / "configs"))
     content = configs.cell().model_dump(mode="json", by_alias=True)
@@ -87,7 +85,7 @@ def configs_with_twin(
 
 
 def changed_since(strip: StripFile, memory: Path) -> str | None:
-    """Run since which the cell reports a change, by its folds of `strip` in `memory`."""
+    """Run since which the cell reports a change in its folds of `strip`; None without a change."""
     name, choice = name_of(strip.length, strip.thickness), DeviceSelection()
     learned = _learning(name, "adaptive", memory, memory, choice).correction.learned
     return None if learned is None else learned.since

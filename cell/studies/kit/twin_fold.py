@@ -35,21 +35,21 @@ class TwinFold:
     touch: Touch | None
 
     def shape(self, time: float) -> Array:
-        """Midline (n, 2) at `time`, interpolated."""
+        """Midline (n, 2) [m] at `time` [s], interpolated linearly."""
         place = np.clip(time / STEP, 0, len(self.t) - 1.001)
         i, share = int(place), place - int(place)
         return np.asarray(self.shapes[i] + share * (self.shapes[i + 1] - self.shapes[i]))
 
     def pose(self, time: float) -> Pose:
-        """Gripper's pose at `time`."""
+        """Gripper pose at `time` [s], interpolated linearly."""
         return Pose(*(float(np.interp(time, self.t, self.poses[:, c])) for c in range(3)))
 
     def contact_x(self, time: float) -> float:
-        """True desk contact at `time` [m]."""
+        """True x [m] of the desk contact at `time` [s]."""
         return desk_contact(self.shape(time), CONTACT_HEIGHT)
 
     def scene(self, time: float) -> Scene:
-        """Scene of the renderer at `time`."""
+        """Scene for the renderer at `time` [s]."""
         return Scene(time, self.shape(time), self.arc, self.pose(time), 0.004, holds_strip=True)
 
 

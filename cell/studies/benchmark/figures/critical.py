@@ -1,4 +1,4 @@
-"""Critical points: gripper x at the first touch, over the folded height."""
+"""Figure of critical points: gripper x at the first touch, over the folded height."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ HEIGHT_COLOURS = ["#3f8fc4", "#6a4fb3", "#b0428f", "#cf6a1f"]
 
 
 def critical_figure(results: Results) -> str:
-    """Figure (SVG), a panel a speed; areas span the damping, colours the gripper's height."""
+    """Figure (SVG) of critical points, a panel a speed; areas span dampings, colours heights."""
     found = [r for r in results.results if isinstance(r, CriticalPoints)]
     if not found:
         return ""

@@ -25,14 +25,14 @@ FEEDBACK_LIMIT = 1e3 * paper.WORST["feedback"]
 
 
 def strips_figure(results: Results) -> str:
-    """Figure (SVG) of d of every policy on every strip, with the paper's means and band."""
+    """Figure (SVG) of displacements d of each policy on each strip, with the paper's numbers."""
     with canvas(PAGE_WIDTH, _height(results)) as figure:
         _draw_strips(figure.add_subplot(), results)
         return as_svg(figure)
 
 
 def main_picture(results: Results) -> Any:
-    """Figure of d on every strip, for matplotlib, with a title of its own."""
+    """Matplotlib figure of the displacements d on every strip, with its own title."""
     with canvas(PAGE_WIDTH, _height(results) + 0.2) as figure:
         axes = figure.add_subplot()
         _draw_strips(axes, results)
@@ -47,7 +47,7 @@ def main_picture(results: Results) -> Any:
 
 
 def repeats_figure(results: Results) -> str:
-    """Figure (SVG) of repeated folds of one strip, about their mean, with the paper's 1 mm."""
+    """Figure (SVG) of d in repeated folds of one strip about its mean, with the paper's 1 mm."""
     policies = results.asked.policies
     half = 0.5e3 * paper.REPEATABILITY
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.75) as figure:

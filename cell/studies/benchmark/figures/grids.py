@@ -1,4 +1,4 @@
-"""Maps of the paper's range: displacement and holding force of each policy."""
+"""Figures over the paper's range: displacement and holding force of each policy."""
 
 from typing import Any
 
@@ -12,9 +12,9 @@ from cell.studies.benchmark.results import RangeFolds, Results
 from policies.domain import DAMPING_RATIO, STIFFNESS_RANGE
 
 COLOUR_RANGE = 90.0  # mm, where the colours end
-LINEAR = 8.0  # mm, up to about which they grow evenly
+LINEAR = 8.0  # mm, up to about which the colour scale is linear
 BAR_TICKS = (-80, -20, -5, 5, 20, 80)
-FEWEST_COLUMNS = 3  # columns that a map's width is meant for
+FEWEST_COLUMNS = 3  # panels that the figure's height suits
 
 
 def maps_figure(results: Results) -> str:
@@ -96,6 +96,6 @@ def _draw_map(axes: Any, folds: RangeFolds) -> Any:
 
 
 def _cell_borders(low: float, high: float, side: int) -> Any:
-    """Borders of the cells around `side` places from `low` to `high`, logarithmic."""
+    """Borders (side + 1,) of `side` logarithmic cells, centred from `low` to `high`."""
     step = (high / low) ** (1 / (side - 1))
     return low * step ** (np.arange(side + 1) - 0.5)

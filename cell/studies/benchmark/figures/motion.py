@@ -24,7 +24,7 @@ ARROW = 0.09  # m
 
 
 def level_figure(results: Results) -> str:
-    """Figure (SVG) of the strip as the gripper moves level, the first touch bold."""
+    """Figure (SVG) of the strip while the gripper moves horizontally, the first touch in bold."""
     found = evolution(results, LEVEL_MOTION)
     if found is None:
         return ""
@@ -96,7 +96,7 @@ def measures_figure(results: Results) -> str:
 
 
 def evolution(results: Results, policy: str) -> Evolution | None:
-    """The strip's measured evolution by `policy`; None where it is missing."""
+    """Recorded shapes of the strip folded by `policy`; None where they are missing."""
     found = [r for r in results.results if isinstance(r, Evolution)]
     return next((r for r in found if r.policy == policy), None)
 

@@ -20,7 +20,7 @@ PART = 0.45  # of the fold's duration, about where the picture is taken
 
 
 def photograph(results: Results) -> str:
-    """A kept image (JPEG as text) of a fold by feedback; empty where there is none.
+    """Annotated camera image (JPEG as text) of a fold by feedback; empty where none was kept.
 
     As in the paper: the line that is searched in red, the desk contact green, the gripper blue,
     triangle and circle black.

@@ -19,7 +19,7 @@ DAMPING_SHARE = 0.3  # place in the paper's range
 
 @dataclass(frozen=True, slots=True)
 class Adapted:
-    """Part with the paths of `policy` over the paper's range of stiffness."""
+    """Benchmark part: gripper paths of `policy` over the paper's range of stiffness."""
 
     policy: str
     speed: float

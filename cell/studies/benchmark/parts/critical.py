@@ -23,7 +23,7 @@ DWELL_TIME = 3.0  # s at rest before it: three times the slowest fabric's retard
 
 @dataclass(frozen=True, slots=True)
 class Critical:
-    """Part: level motions at `speed` [m/s], at each of `heights` [m], stiffnesses x dampings."""
+    """Benchmark part: level motions at `speed` [m/s] and each of `heights` [m], on many strips."""
 
     speed: float
     heights: tuple[float, ...]
@@ -61,7 +61,7 @@ class Critical:
         )
 
     def _row(self, height: float, strips: Sequence[StripFile]) -> Array:
-        """Gripper x (n,) at the first touch, NaN without one."""
+        """Gripper x (n,) [m] at each strip's first touch, NaN without one."""
         length = strips[0].length
         poses = level_motion(length, height, self.speed)
         rod = Rod(SEGMENTS, strict=False)

@@ -23,9 +23,9 @@ FOLD_COST = 0.1  # of a fold; planning takes many
 
 @dataclass(frozen=True, slots=True)
 class HiddenEffect:
-    """Part: `count` strips of the paper's range with `effect` at textile size, at `speed` [m/s].
+    """Benchmark part: folds of `count` strips with a hidden `effect` at `speed` [m/s].
 
-    Every policy folds the same strips, observed as through images.
+    The effect is of textile size. Every policy folds the same strips, observed as through images.
     """
 
     policy: str
@@ -45,7 +45,7 @@ class HiddenEffect:
         return self.count * FOLD_COST * (5 if self.policy == Planned.name else 1)
 
     def measure(self) -> EffectFolds:
-        """Fold all strips."""
+        """Fold all strips in the rod and return their displacements [m]."""
         rng = np.random.default_rng(1)
         strips = [self._strip(rng) for _ in range(self.count)]
         known = [strip.model_copy(update={"effects": {}}) for strip in strips]

@@ -1,4 +1,4 @@
-"""Benchmark part: a policy over the paper's range, simulated observations, either engine."""
+"""Benchmark part: a policy over the paper's range of strips, in the rod or on the chain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ STRIP_COST = {"rod": 0.03, "chain": 0.3}  # of a strip
 
 @dataclass(frozen=True, slots=True)
 class OverRange:
-    """Part with a logarithmic grid of side x side strips with corners, folded at `speed` [m/s].
+    """Benchmark part: a logarithmic grid of side x side strips, folded at `speed` [m/s].
 
     A policy that uses images gets late and noisy observations, as in training.
     """
@@ -67,7 +67,7 @@ class OverRange:
 
 
 def knowing(policy: str, strips: Sequence[StripFile]) -> Policy:
-    """Policy by name; one that must know the strip before the fold is given each strip."""
+    """Make the policy by name; the planned one, which must know the strips, is given them."""
     return Planned(strips) if policy == Planned.name else make_policy(policy, in_rod=True)
 
 
