@@ -60,31 +60,23 @@ class Crew:
         A part that outlives its `limit` [s], or kills its process twice, is set aside. Raises
         CellError where a record cannot be stored.
         """
-        waiting, died = deque(parts), Counter[str]()
+        waiting, deaths = deque(parts), Counter[str]()
         while waiting or self._busy:
             while waiting and len(self._busy) < self._size:
                 self._start(waiting.popleft(), folder, versions)
             ready = wait([task.worker.pipe for task in self._busy], POLL_INTERVAL)
             for task in list(self._busy):
-                if task.worker.pipe in ready:
-                    found = self._collect(task)
-                elif limit is not None and task.begun and time.monotonic() - task.begun > limit:
-                    self._end_worker(task)
-                    found = f"no outcome after {limit:g} s; its process was ended"
-                else:
-                    continue
-                if found is None:
-                    task.begun = time.monotonic()
-                    continue
+                part, found = task.part, self._look(task, limit, ready=task.worker.pipe in ready)
                 if isinstance(found, Died):
-                    died[task.part.key] += 1
-                    if died[task.part.key] < TRIES:
-                        waiting.append(task.part)
+                    deaths[part.key] += 1
+                    if deaths[part.key] < TRIES:
+                        waiting.append(part)
                         continue
                     found = f"its process died {TRIES} times, code {found.args[0]}"
                 if isinstance(found, str):
-                    found = set_aside(task.part, found, folder, versions)
-                yield found
+                    found = set_aside(part, found, folder, versions)
+                if found is not None:
+                    yield found
 
     def close(self) -> None:
         """End all processes, idle or not; finished parts are in the journal."""
@@ -101,7 +93,16 @@ class Crew:
         self._busy.append(task)
         task.worker.begin(measure, part, folder, dict(versions))
 
-    def _collect(self, task: Task) -> Record | Died | str | None:
+    def _look(self, task: Task, limit: float | None, *, ready: bool) -> Record | Died | str | None:
+        """Record of a task or the reason why it has none; None while it goes on."""
+        if ready:
+            return self._collect(task)
+        if limit is not None and task.begun and time.monotonic() - task.begun > limit:
+            self._end_worker(task)
+            return f"no outcome after {limit:g} s; its process was ended"
+        return None
+
+    def _collect(self, task: Task) -> Record | Died | None:
         """Result from a part's process; None where that has only become ready to begin."""
         try:
             found: Record | CellError | None = task.worker.result()
@@ -109,6 +110,7 @@ class Crew:
             self._end_worker(task)
             return died
         if found is None:
+            task.begun = time.monotonic()
             return None
         self._busy.remove(task)
         self._idle.append(task.worker)

@@ -32,7 +32,7 @@ def measure(
     known = journal.get(part.key, part.of)
     if known is not None and known.done:
         return known
-    wall, processor, outcome, reason = time.perf_counter(), _processor_time(), None, ""
+    begun, processor_before, outcome, reason = time.perf_counter(), _processor_time(), None, ""
     try:
         outcome = plain(part.measure())
     except CellError as error:
@@ -46,7 +46,7 @@ def measure(
         state="failed" if outcome is None else "measured",
         outcome=outcome,
         reason=reason,
-        cost=Cost(wall=time.perf_counter() - wall, processor=_processor_time() - processor),
+        cost=Cost(wall=time.perf_counter() - begun, processor=_processor_time() - processor_before),
         versions=dict(versions),
         host=os.uname().nodename,
     )

@@ -113,12 +113,17 @@ def figure(quantity: Quantity, samples: Sequence[Sequence[float]]) -> Figure:
     cases = [each for each in cases if each.size]
     values = np.concatenate(cases) if cases else np.zeros(0)
     low, high = _interval(quantity.statistic, cases, values)
-    s = quantity.scale
-    value = s * quantity.statistic(values)
-    bar = quantity.bar
-    held = None if bar is None or not np.isfinite(value) else (value >= bar) == quantity.floor
-    held = True if bar is not None and value == bar else held
-    return Figure(quantity, value, s * low, s * high, len(cases), held)
+    scale = quantity.scale
+    value = scale * quantity.statistic(values)
+    held = _keeps_bar(quantity, value)
+    return Figure(quantity, value, scale * low, scale * high, len(cases), held)
+
+
+def _keeps_bar(quantity: Quantity, value: float) -> bool | None:
+    """Whether `value` keeps the quantity's bar; None without a bar or without a number."""
+    if quantity.bar is None or not np.isfinite(value):
+        return None
+    return value >= quantity.bar if quantity.floor else value <= quantity.bar
 
 
 def _interval(statistic: Statistic, cases: list[Array], values: Array) -> tuple[float, float]:

@@ -28,7 +28,7 @@ from cell.gap.fit import fit
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.spreads import spreads
 from cell.gap.fitting.starts import refit_base
-from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.run_folders import RunFolder, find_runs
 from cell.gap.subject.strip.runs import Measured, MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.strip.subject import Strip
@@ -77,19 +77,29 @@ class Plan(Settings):
 def plan(
     paths: Sequence[Path], file: Path, folder: Path, excess: float, empty: int, jobs: int
 ) -> Plan:
-    """The plan that `folder` holds for these inputs, else a new one: every effect of the library at
-    the size that leaves an excess gap of `excess`, and `empty` copies with nothing hidden.
+    """Load the plan that `folder` holds for these inputs, or make and store a new one.
 
-    Raises ConfigurationError for what is no strip, and where the folder holds another plan.
+    It has every effect of the library at the size that leaves an excess gap of `excess`, and
+    `empty` copies with nothing hidden. Raises ConfigurationError for what is no strip, and where
+    the folder holds another plan.
     """
-    folders = find_runs(paths)
-    asked = f"{inputs_digest(file, folders)}-{excess:g}-{empty}"
-    known = folder / PLAN
-    if known.is_file():
-        held = parse(read_json(known), Plan, str(known))
-        if held.inputs != asked:
+    folders, stored = find_runs(paths), folder / PLAN
+    inputs = f"{inputs_digest(file, folders)}-{excess:g}-{empty}"
+    if stored.is_file():
+        held = parse(read_json(stored), Plan, str(stored))
+        if held.inputs != inputs:
             raise ConfigurationError(f"--out: {folder} holds another rehearsal; name a new folder")
         return held
+    made = _new_plan(folders, file, inputs, excess, empty, jobs)
+    with writing(f"--out: {folder}"):
+        folder.mkdir(parents=True, exist_ok=True)
+        replace_file(stored, made.model_dump_json(indent=1).encode())
+    return made
+
+
+def _new_plan(
+    folders: Sequence[RunFolder], file: Path, inputs: str, excess: float, empty: int, jobs: int
+) -> Plan:
     strip = load_strip(file)
     measured = read_runs(folders, strip)
     subject = Strip(strip, measured, jobs)
@@ -101,8 +111,8 @@ def plan(
     copies += [
         Hidden(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i) for i in range(empty)
     ]
-    made = Plan(
-        inputs=asked,
+    return Plan(
+        inputs=inputs,
         file=str(file.resolve()),
         runs=tuple(str(run.path) for run in folders),
         base=values,
@@ -110,10 +120,6 @@ def plan(
         copies=tuple(copies),
         unseen=tuple(unseen),
     )
-    with writing(f"--out: {folder}"):
-        folder.mkdir(parents=True, exist_ok=True)
-        replace_file(known, made.model_dump_json(indent=1).encode())
-    return made
 
 
 def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
@@ -125,10 +131,10 @@ def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
 def way(run: MeasuredRun) -> GripperPath:
     """Measured gripper path of a run, extended by a standstill, as the copy may touch later."""
     t, poses = run.measured.t, run.measured.poses
-    more = t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
-    rest = np.repeat(poses[-1:], len(more), axis=0)
-    moved = np.concatenate([t, more]) - t[0]
-    return GripperPath(frozen(moved), frozen(np.vstack([poses, rest])), run.measured.hanging)
+    later = t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
+    still = np.repeat(poses[-1:], len(later), axis=0)
+    times = np.concatenate([t, later]) - t[0]
+    return GripperPath(frozen(times), frozen(np.vstack([poses, still])), run.measured.hanging)
 
 
 def sizes(

@@ -68,10 +68,9 @@ def _import_ledger(kept: Ledger, journal: Journal, parts: Sequence[Examined]) ->
     for part in parts:
         entry = known.get((part.key, part.of))
         if entry is not None and entry.state == "scored" and not journal.get(part.key, part.of):
-            content = entry.model_dump(mode="json")
-            journal.put(
-                Record(schema=1, key=part.key, of=part.of, state="measured", outcome=content)
-            )
+            outcome = entry.model_dump(mode="json")
+            record = Record(schema=1, key=part.key, of=part.of, state="measured", outcome=outcome)
+            journal.put(record)
 
 
 def spread(cases: Sequence[Case]) -> list[Case]:

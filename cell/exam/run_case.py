@@ -3,7 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -132,15 +132,9 @@ def judge(
     sandboxed = None if again else _stored_verdict(out, by.verdict(case))
     if sandboxed is None:
         shutil.rmtree(out, ignore_errors=True)
-        sandboxed = run_sandboxed(
-            strip, [run.path for run in runs], out, [folder], workdirs=workdirs
-        )
-        facts = {
-            "of": by.verdict(case),
-            "wall": sandboxed.wall,
-            "memory": sandboxed.memory,
-            "kernel": sandboxed.kernel,
-        }
+        paths = [run.path for run in runs]
+        sandboxed = run_sandboxed(strip, paths, out, [folder], workdirs=workdirs)
+        facts = {"of": by.verdict(case), **asdict(sandboxed)}
         replace_file(out / STAMP, json.dumps(facts).encode())
     verdict = read_verdict(out / VERDICT_FILE)
     notes = json.loads((out / NOTES).read_text(encoding="utf-8"))

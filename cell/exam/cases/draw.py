@@ -1,6 +1,5 @@
 """Draws exam cases at random: the strip, and the hidden effect with its place and strength."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -115,32 +114,35 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
         damping=float(SLOWER ** rng.uniform(-1, 1)),
         motions="by_hand" if i // len(CASE_STRENGTHS) % BY_HAND_PERIOD == 1 else "standard",
     )
-    hide: dict[Kind, Callable[[Case, Strength, np.random.Generator], Case]] = {
-        "nothing": lambda case, _level, _rng: case,
-        "single": lambda case, level, rng: _with_one(case, number, level, rng),
-        "pair": _with_two,
-        "outside": lambda case, _level, _rng: _with_foreign(case, number, seed),
-    }
     level = CASE_STRENGTHS[number % len(CASE_STRENGTHS)]
     for _ in range(TRIES):
-        case = hide[kind](bare, level, rng)
+        case = _hide(bare, number, level, seed, rng)
         if tier == "state" or kind not in ("single", "pair") or refusal(case) is None:
             return case
     raise Fault("exam", f"{bare.name}: the cell folds no {kind} of {bare.strip} that is {level}")
 
 
+def _hide(case: Case, number: int, level: Strength, seed: int, rng: np.random.Generator) -> Case:
+    """Hide in `case` what its kind demands: nothing, one effect, two, or a foreign cause."""
+    if case.kind == "single":
+        return _with_one(case, number, level, rng)
+    if case.kind == "pair":
+        return _with_two(case, level, rng)
+    return _with_foreign(case, number, seed) if case.kind == "outside" else case
+
+
 def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator) -> Case:
     """Hide one effect in `case`; every second round on the chain by a law unlike the library's."""
     turn, place = divmod(number, len(CASE_STRENGTHS))
-    own = case.tier == "state" and case.engine == "rod"
-    if own or turn % UNLIKE_PERIOD == 0:
+    on_rod = case.tier == "state" and case.engine == "rod"
+    if on_rod or turn % UNLIKE_PERIOD == 0:
         return _with_effects(case, level, draw_effects(case, 1, level, rng))
     names = sorted(RESEMBLING)
     first = (turn // UNLIKE_PERIOD * len(CASE_STRENGTHS) + place) % len(names)
     for name in [*names[first:], *names[:first]]:
-        shown = _visible_effect(case, registry()[name], STRENGTHS[level], rng)
-        if shown is not None:
-            strip, values = shown
+        visible = _visible_effect(case, registry()[name], STRENGTHS[level], rng)
+        if visible is not None:
+            strip, values = visible
             cause = RESEMBLING[name]
             known = {k: v for k, v in values.items() if k in causes()[cause].model_fields}
             update = {"strip": strip, "causes": {cause: known}, "answer": (name,)}
@@ -186,9 +188,8 @@ def _with_foreign(case: Case, number: int, seed: int) -> Case:
 
 
 def _with_effects(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
-    return case.model_copy(
-        update={"effects": hidden, "answer": tuple(sorted(hidden)), "strength": level}
-    )
+    update = {"effects": hidden, "answer": tuple(sorted(hidden)), "strength": level}
+    return case.model_copy(update=update)
 
 
 def draw_effects(

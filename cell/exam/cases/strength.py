@@ -14,7 +14,7 @@ from cell.gap.subject.strip.experiments import measured_along, planned_runs
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.scatter import SLACK_EFFECTS
 from cell.gap.subject.strip.subject import Strip
-from cell.gap.subject.subject import Request
+from cell.gap.subject.subject import Request, Residuals
 from cell.record.header import Sigma
 from drivers.errors import ConfigurationError
 from drivers.strip.effects import registry
@@ -107,48 +107,38 @@ class Ruler:
             for effects in hidden
             for run, own in zip(estimate.evidence.runs, local, strict=True)
         ]
-        answers = self._subject.simulate(asked)
-        count = len(local)
-        found = []
-        for k in range(len(hidden)):
-            mine = answers[k * count : (k + 1) * count]
-            moved = [
-                response(here, there, scale)
-                for here, there, scale in zip(
-                    mine, estimate.raw, estimate.evidence.scales, strict=True
-                )
-            ]
-            found.append(self._about.left(np.concatenate(moved)))
-        return found
+        results, count = self._subject.simulate(asked), len(local)
+        return [self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))]
+
+    def _left_by_base(self, results: Sequence[Residuals]) -> Array:
+        """Whitened response (N,) of all runs, less the part that a refit of the base removes."""
+        runs = zip(results, self._estimate.raw, self._estimate.evidence.scales, strict=True)
+        moved = [response(result, base, scale) for result, base, scale in runs]
+        return self._about.left(np.concatenate(moved))
 
     def _excess(self, left: Array) -> float:
         """Excess gap of a whitened response (N,) under the noise of the runs."""
-        ends = np.cumsum([len(r) for r in self._estimate.residuals])[:-1]
+        known = self._estimate.evidence
+        by_run = np.split(left, np.cumsum([len(r) for r in self._estimate.residuals])[:-1])
         noisy = [
             np.sqrt(r**2 + (run.samples.noise / scale) ** 2)
-            for r, run, scale in zip(
-                np.split(left, ends),
-                self._estimate.evidence.runs,
-                self._estimate.evidence.scales,
-                strict=True,
-            )
+            for r, run, scale in zip(by_run, known.runs, known.scales, strict=True)
         ]
         return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
 
     def share(self, path: Path, target: float) -> float | None:
         """Share of `path` at which the gap is `target`; None where it is never reached."""
         try:
-            if self._interpolate_shares(path, LADDER[-1:]).max() < target:
+            if self._excess_along(path, LADDER[-1:]).max() < target:
                 return None
-            excess = self._interpolate_shares(path, LADDER)
+            excess = self._excess_along(path, LADDER)
         except ConfigurationError:
             return None
-        beyond = np.flatnonzero(excess >= target)
-        k = max(1, int(beyond[0]))
+        k = max(1, int(np.flatnonzero(excess >= target)[0]))
         (low, high), (a, b) = LADDER[k - 1 : k + 1], excess[k - 1 : k + 1]
-        return float(low * (high / low) ** ((target - a) / (b - a)))
+        return float(low * (high / low) ** ((target - a) / (b - a)))  # the ladder is geometric
 
-    def _interpolate_shares(self, path: Path, shares: Array) -> Array:
+    def _excess_along(self, path: Path, shares: Array) -> Array:
         return self.excess([{path.effect.name: path.at(s)} for s in shares])
 
 

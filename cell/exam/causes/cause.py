@@ -11,6 +11,8 @@ from drivers.twin.chain.extra_forces import ForceFunction, Parts
 from drivers.types import Array
 
 Sizes = Mapping[str, Mapping[str, float]]
+LINK_ROWS = slice(1, -2)  # of the chain's bodies: all but the world, the tip and the gripper
+FORCE_XZ, FORCE_Z = slice(0, 3, 2), 2  # columns of MuJoCo's applied force; moments follow
 
 
 class Cause(Settings):

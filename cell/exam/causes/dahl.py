@@ -50,23 +50,22 @@ class Element:
         """Moments [N m] and slopes [N m/rad] at `angle` [rad]; exact for turns in one direction."""
         turn = angle - self._angle
         sign = np.where(turn < 0, -1.0, 1.0)
-        short = 1.0 - sign * self._moment / self._limit  # 0 where it slides, 2 where it turns back
-        way = self._stiffness * np.abs(turn) / self._limit
-        short = _decay(short, way, self._exponent)
-        self._moment = sign * self._limit * (1.0 - short)
+        reserve = 1.0 - sign * self._moment / self._limit  # 0 in full sliding, 2 at a reversal
+        travel = self._stiffness * np.abs(turn) / self._limit
+        self._moment = sign * self._limit * (1.0 - _decay(reserve, travel, self._exponent))
         self._angle = angle
-        back = np.where(rate < 0, -1.0, 1.0)
-        left = np.clip(1.0 - back * self._moment / self._limit, 0.0, 2.0)
-        return self._moment, self._stiffness * left**self._exponent
+        ahead = np.where(rate < 0, -1.0, 1.0)  # direction in which the hinge turns next
+        reserve = np.clip(1.0 - ahead * self._moment / self._limit, 0.0, 2.0)
+        return self._moment, self._stiffness * reserve**self._exponent
 
 
-def _decay(short: Array, way: Array, exponent: float) -> Array:
-    """Solution u of du/dx = -u^exponent from u = `short`, after x = `way`."""
-    short = np.maximum(short, 1e-12)
+def _decay(start: Array, x: Array, exponent: float) -> Array:
+    """Solution u of du/dx = -u^exponent at `x`, from u = `start` at 0."""
+    start = np.maximum(start, 1e-12)  # a power below would divide by zero
     if exponent == 1:
-        return np.asarray(short * np.exp(-way))
+        return np.asarray(start * np.exp(-x))
     power = exponent - 1.0
-    return np.asarray((short**-power + power * way) ** (-1.0 / power))
+    return np.asarray((start**-power + power * x) ** (-1.0 / power))
 
 
 CAUSE = Dahl

@@ -6,13 +6,13 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.air import drag_step, moving
-from cell.exam.causes.cause import Cause, Sizes
+from cell.exam.causes.air import drag_step, link_motion
+from cell.exam.causes.cause import FORCE_XZ, LINK_ROWS, Cause, Sizes
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 from drivers.twin.chain.lumps import AIR_DENSITY
 
 LAYER = 0.10  # m over the desk, where the wind has its full speed
-WIND_EXPONENT = 1 / 7  # of the wind below
+WIND_EXPONENT = 1 / 7  # of the wind's profile below that
 
 
 class Draught(Cause):
@@ -39,22 +39,34 @@ class Draught(Cause):
         size = (
             0.5 * AIR_DENSITY * self.drag * parts.model.mechanics.width * lumps.spans * lumps.scale
         )
-        gust = float(rng.standard_normal())
+        gusts = _Gusts(self.memory, rng)
 
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, h: float) -> None:
-            nonlocal gust
-            kept = float(np.exp(-h / self.memory))
-            gust = kept * gust + float(np.sqrt(1.0 - kept**2)) * float(rng.standard_normal())
-            middles, speed, along = moving(parts.joints, data.qpos, data.qvel)
-            wind = self.speed * (1.0 + self.gusts * gust)
-            slow = np.clip(middles[:, 1] / LAYER, 0.0, 1.0) ** WIND_EXPONENT
-            relative = speed - wind * np.stack([slow, 0.0 * slow], axis=1)
+            wind = self.speed * (1.0 + self.gusts * gusts.advance(h))
+            middles, velocity, along = link_motion(parts.joints, data.qpos, data.qvel)
+            profile = np.clip(middles[:, 1] / LAYER, 0.0, 1.0) ** WIND_EXPONENT
+            relative = velocity - wind * np.stack([profile, 0.0 * profile], axis=1)
             normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
             across = (relative * normals).sum(axis=1)
             force = -(size * np.abs(across) * across)[:, None] * normals
-            data.xfrc_applied[1:-2, :3:2] += drag_step(parts, force, relative, h)
+            data.xfrc_applied[LINK_ROWS, FORCE_XZ] += drag_step(parts, force, relative, h)
 
         return act
+
+
+class _Gusts:
+    """Ornstein-Uhlenbeck process of zero mean and unit variance with `memory` [s]."""
+
+    def __init__(self, memory: float, rng: np.random.Generator) -> None:
+        self._memory, self._rng = memory, rng
+        self._value = float(rng.standard_normal())
+
+    def advance(self, h: float) -> float:
+        """Value of the process after a step of `h` [s]."""
+        kept = float(np.exp(-h / self._memory))
+        fresh = float(np.sqrt(1.0 - kept**2)) * float(self._rng.standard_normal())
+        self._value = kept * self._value + fresh
+        return self._value
 
 
 CAUSE = Draught

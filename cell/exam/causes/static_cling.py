@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause, Sizes
+from cell.exam.causes.cause import FORCE_Z, LINK_ROWS, Cause, Sizes
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 
 
@@ -33,8 +33,8 @@ class StaticCling(Cause):
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, ___: float) -> None:
             nodes = joints.nodes(data.qpos)
             height = np.maximum(0.5 * (nodes[1:, 1] + nodes[:-1, 1]), 0.0)
-            level = np.abs(np.diff(nodes[:, 0])) / lumps.spans  # what faces the desk
-            data.xfrc_applied[1:-2, 2] -= size * level * np.exp(-height / self.reach)
+            facing = np.abs(np.diff(nodes[:, 0])) / lumps.spans  # share that faces the desk
+            data.xfrc_applied[LINK_ROWS, FORCE_Z] -= size * facing * np.exp(-height / self.reach)
 
         return act
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause, Sizes
+from cell.exam.causes.cause import FORCE_Z, LINK_ROWS, Cause, Sizes
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 
 
@@ -37,8 +37,8 @@ class StickyPatch(Cause):
             nodes = joints.nodes(data.qpos)
             x, z = (0.5 * (nodes[1:, i] + nodes[:-1, i]) for i in range(2))
             near = np.clip(1.0 - np.maximum(z, 0.0) / self.reach, 0.0, 1.0)
-            held = force * near * (np.abs(x - middle) < self.size / 2)
-            data.xfrc_applied[1:-2, 2] -= held
+            over_patch = np.abs(x - middle) < self.size / 2
+            data.xfrc_applied[LINK_ROWS, FORCE_Z] -= force * near * over_patch
 
         return act
 

@@ -45,12 +45,8 @@ def plant_of(case: Case) -> StripFile:
 
 def scale_strip(strip: StripFile, stiffness: float, damping: float) -> StripFile:
     """Multiply the strip's bending length by `stiffness` and its retardation time by `damping`."""
-    return strip.model_copy(
-        update={
-            "bending_length": stiffness * strip.bending_length,
-            "retardation_time": damping * strip.retardation_time,
-        }
-    )
+    length, time = stiffness * strip.bending_length, damping * strip.retardation_time
+    return strip.model_copy(update={"bending_length": length, "retardation_time": time})
 
 
 def make_runs(case: Case, folder: Path) -> None:

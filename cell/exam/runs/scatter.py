@@ -44,31 +44,27 @@ class RunScatter:
     @classmethod
     def draw(cls, level: Scattered, seed: int, index: int) -> Self:
         """Draw the scatter of run `index` of a case with `seed`; exactly zero at level `none`."""
-        of, rng = LEVELS[level], np.random.default_rng([seed, index, SCATTER_STREAM])
-        grip = frozen(of.grip * rng.standard_normal(2))
+        sigma, rng = LEVELS[level], np.random.default_rng([seed, index, SCATTER_STREAM])
+        grip = frozen(sigma.grip * rng.standard_normal(2))
         damping, stiffness = rng.standard_normal(2)
-        return cls(grip, 1.0 + of.damping * damping, 1.0 + of.stiffness * stiffness)
+        return cls(grip, 1.0 + sigma.damping * damping, 1.0 + sigma.stiffness * stiffness)
 
     def alter(self, model: StripModel) -> StripModel:
         """Strip model with the damping and stiffness of this run."""
         if self.damping == 1.0 and self.stiffness == 1.0:
             return model
         strip = model.mechanics
-        changed = replace(
-            strip,
-            rigidity=frozen(strip.rigidity * self.stiffness),
-            viscosity=frozen(strip.viscosity * self.damping),
-        )
-        return replace(model, mechanics=changed)
+        rigidity = frozen(strip.rigidity * self.stiffness)
+        viscosity = frozen(strip.viscosity * self.damping)
+        mechanics = replace(strip, rigidity=rigidity, viscosity=viscosity)
+        return replace(model, mechanics=mechanics)
 
     def in_rig(self, model: StripModel) -> StripModel:
         """Strip model with the damping, the stiffness and, in its rig, the grip of this run."""
         if not self.grip.any():
             return self.alter(model)
-        rig = model.rig
-        rig = replace(
-            rig, grip_x=rig.grip_x + float(self.grip[0]), grip_z=rig.grip_z + float(self.grip[1])
-        )
+        rig, (x, z) = model.rig, self.grip.tolist()
+        rig = replace(rig, grip_x=rig.grip_x + x, grip_z=rig.grip_z + z)
         return replace(self.alter(model), rig=rig)
 
     def true_pose(self, pose: Array, time: float) -> Array:

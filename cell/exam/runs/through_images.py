@@ -22,6 +22,7 @@ from cell.devices.twin import twin_devices
 from cell.exam.case import Case, Scattered
 from cell.exam.causes import cause_of
 from cell.exam.causes.cause import Cause
+from cell.exam.runs.from_model import scale_strip
 from cell.exam.runs.specimen import Aged, Specimen
 from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
@@ -95,10 +96,7 @@ def refusal(case: Case) -> str | None:
 
 def _requests(case: Case) -> list[tuple[str, Request]]:
     choice = DeviceSelection(seed=case.seed)
-    nowhere = Path()
-    base = Request(
-        case.strip, "", None, choice, nowhere, None, "none", truth=False, viz="off"
-    )  # fmt: skip
+    base = Request(case.strip, "", None, choice, Path(), None, "none", truth=False, viz="off")
     requests = standard_requests(base)
     if case.motions == "by_hand":
         led = f"{MOTION}{BY_HAND}{case.seed}"
@@ -148,14 +146,8 @@ def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> Ce
 
 def plant_of(case: Case, strip: StripFile) -> StripFile:
     """True strip of `case`: the strip file with scaled base parameters and hidden effects."""
-    return strip.model_copy(
-        update={
-            "bending_length": strip.bending_length * case.stiffness,
-            "retardation_time": strip.retardation_time * case.damping,
-            "effects": case.effects,
-            "provenance": (),
-        }
-    )
+    scaled = scale_strip(strip, case.stiffness, case.damping)
+    return scaled.model_copy(update={"effects": case.effects, "provenance": ()})
 
 
 class Open:
@@ -195,10 +187,7 @@ class Open:
 
 
 class Until:
-    """Observer that interrupts a run once it enters `state`.
-
-    It is also the run's callable `interrupted`. Nothing of use to the exam follows that state.
-    """
+    """Observer of a run, and its `interrupted`, which ends it once it enters `state`."""
 
     def __init__(self, state: State) -> None:
         self._state, self._reached = state, False

@@ -94,13 +94,8 @@ def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
 
 def _start(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
     """Start the sandboxed process in `workdir`; its environment reveals nothing of the case."""
-    module = [
-        sys.executable,
-        "-P",
-        "-m",
-        "cell.exam.sandbox.child",
-        json.dumps(policy(workdir, sealed)),
-    ]
+    permit = json.dumps(policy(workdir, sealed))
+    command = [sys.executable, "-P", "-m", "cell.exam.sandbox.child", permit]
     kept = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LANG", "SYSTEMROOT")
     environment = {key: os.environ[key] for key in kept if key in os.environ}
     environment |= {
@@ -112,7 +107,12 @@ def _start(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
     cache_folder().mkdir(parents=True, exist_ok=True)
     with (workdir / "said").open("wb") as said:
         return subprocess.Popen(  # noqa: S603  this very interpreter, on a module of our own
-            module, cwd=workdir, env=environment, stdin=subprocess.DEVNULL, stdout=said, stderr=said
+            command,
+            cwd=workdir,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=said,
+            stderr=said,
         )
 
 

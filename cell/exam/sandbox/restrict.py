@@ -14,6 +14,7 @@ from typing import Any
 
 CREATE, ADD, RESTRICT = 444, 445, 446  # numbers of the system calls, the same on every machine
 LANDLOCK_VERSION, BENEATH = 1, 1
+RULESET_SIZE = 8  # bytes of the attributes of a set of rules, of which one word is used
 NO_NEW_PRIVILEGES, DIE_WITH_PARENT, KILL = 38, 1, 9
 WRITE_FILE, READ_FILE, READ_DIR, TRUNCATE = 1 << 1, 1 << 2, 1 << 3, 1 << 14
 CHANGE_RIGHTS = WRITE_FILE | sum(1 << bit for bit in range(4, 13))  # remove and make, of every kind
@@ -33,9 +34,9 @@ class Policy:
 
 def restrict(permit: Policy) -> bool:
     """Restrict this process, its threads and children to `permit`; True if the kernel does it."""
-    firm = landlock(permit)
-    sys.addaudithook(Guard(permit, kernel=firm))
-    return firm
+    by_kernel = landlock(permit)
+    sys.addaudithook(Guard(permit, kernel=by_kernel))
+    return by_kernel
 
 
 def die_with_parent() -> None:
@@ -60,9 +61,11 @@ def landlock(permit: Policy) -> bool:
     known = version()
     if known < 1:
         return False
-    cut = TRUNCATE if known >= TRUNCATES else 0
-    handled = ctypes.c_uint64(READ_FILE | READ_DIR | CHANGE_RIGHTS | cut)
-    rules = _syscall(CREATE, ctypes.byref(handled), ctypes.c_size_t(8), ctypes.c_uint32(0))
+    truncate = TRUNCATE if known >= TRUNCATES else 0
+    handled = ctypes.c_uint64(READ_FILE | READ_DIR | CHANGE_RIGHTS | truncate)
+    rules = _syscall(
+        CREATE, ctypes.byref(handled), ctypes.c_size_t(RULESET_SIZE), ctypes.c_uint32(0)
+    )
     if rules < 0:
         return False
     try:

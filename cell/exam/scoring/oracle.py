@@ -57,10 +57,8 @@ def oracle(
 def _true_base(case: Case, path: Path, subject: Subject) -> Array:
     """Base parameters (p,) of the true plant, start values for those that it does not have."""
     strip = load_strip(path)
-    true = {
-        "bending_length": case.stiffness * strip.bending_length,
-        "retardation_time": case.damping * strip.retardation_time,
-    }
+    length, time = case.stiffness * strip.bending_length, case.damping * strip.retardation_time
+    true = {"bending_length": length, "retardation_time": time}
     return np.array([true.get(p.name, p.start) for p in subject.scope.base])
 
 

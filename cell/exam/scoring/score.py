@@ -168,15 +168,12 @@ def same(name: str, answer: Iterable[str]) -> bool:
 
 def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Checked]:
     """Compare the base parameters with the truth, where the plant follows the library's laws."""
-    truth = {
-        "bending_length": case.stiffness * strip.bending_length,
-        "retardation_time": case.damping * strip.retardation_time,
-    }
     if not case.alike:
         return
-    for name, value in truth.items():
+    length, time = case.stiffness * strip.bending_length, case.damping * strip.retardation_time
+    for name, true in (("bending_length", length), ("retardation_time", time)):
         if name in verdict.base:
-            yield _compare(name, value, 0.0, verdict.base[name])
+            yield _compare(name, true, 0.0, verdict.base[name])
 
 
 def _effects(verdict: Verdict, case: Case) -> Iterable[Checked]:

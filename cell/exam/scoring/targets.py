@@ -13,6 +13,7 @@ from cell.exam.scoring.statistics import Rate, rate
 Judge = Callable[[Rate], bool]
 SHRINK_TARGET = 0.9  # of the shrink that knowing the truth would give
 ERROR_TARGET = 0.25  # of a parameter
+RARE, RARE_END = 0.02, 0.08  # most that the rate of false names and its interval may reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +80,13 @@ def _false_alarms(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     if through:
         yield _at_most(words, named, most)
     else:
-        yield _line(words, named, "at most 2 %, upper end at most 8 %", _is_rare, 0.02)
+        yield _line(words, named, "at most 2 %, upper end at most 8 %", _is_rare, RARE)
     claimed = rate(o.claimed for o in nothing)
     yield _line("a gap claimed where nothing is hidden, named or not", claimed)
 
 
 def _is_rare(found: Rate) -> bool:
-    return found.value <= 0.02 and found.interval[1] <= 0.08
+    return found.value <= RARE and found.interval[1] <= RARE_END
 
 
 def _names(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
@@ -125,16 +126,21 @@ def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
         ("pairs: both", "pair", (), RIGHT_RESULTS),
         ("outside the library: left open", "outside", (), ("correct_abstention",)),
     ]
-    lines = []
-    for words, kind, strengths, good in rows:
-        cells = []
-        for group in groups:
-            mine = [e for e in group if e.case.kind == kind]
-            mine = [e for e in mine if not strengths or e.case.strength in strengths]
-            cells.append(rate_text(rate(_result(e) in good for e in mine)))
-        lines.append((words, cells))
+    lines = [
+        (words, [_group_rate(group, kind, strengths, good) for group in groups])
+        for words, kind, strengths, good in rows
+    ]
     held = [rate_text(rate(c.covered for c in comparisons(group))) for group in groups]
     return [*lines, ("intervals that hold the truth", held)]
+
+
+def _group_rate(
+    group: Iterable[Entry], kind: str, strengths: Sequence[str], good: Sequence[str]
+) -> str:
+    """Rate of `good` results among entries of `kind`, of these `strengths` or of all."""
+    mine = [e for e in group if e.case.kind == kind]
+    mine = [e for e in mine if not strengths or e.case.strength in strengths]
+    return rate_text(rate(_result(e) in good for e in mine))
 
 
 def spread_errors(entries: Iterable[Entry]) -> dict[str, list[float]]:

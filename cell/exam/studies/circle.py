@@ -109,10 +109,11 @@ def measure(case: Values) -> Values:
     return {
         "named": named,
         "learned": bool(named),
-        **{f"{when}_{of}": [getattr(each, name) for each in folds]
-           for when, folds in (("before", before), ("after", after))
-           for of, name in (("seen", "displacement"), ("true", "displacement_true"))},
-    }  # fmt: skip
+        "before_seen": [each.displacement for each in before],
+        "before_true": [each.displacement_true for each in before],
+        "after_seen": [each.displacement for each in after],
+        "after_true": [each.displacement_true for each in after],
+    }
 
 
 STUDY = Study(

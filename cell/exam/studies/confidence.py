@@ -33,13 +33,14 @@ from drivers.types import Array
 PAIRS = 8  # one case in so many hides two
 FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect
 OUTSIDE_SHARE = 0.2  # of the cases that a confidence speaks of: as in the exam through images
-SIGN_WEIGHTS = {  # what a sign may weigh, and where it counts; before the verdicts are seen
+SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which they count
     "ahead": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
     "left": Weight(weight=-2.0, low=0.5, high=2.0),
     "correlation": Weight(weight=-2.0, low=0.0, high=0.6),
     "closed": Weight(weight=1.0, low=0.0, high=1.0),
 }
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
+DOUBTFUL = 0.7  # confidence under which a wrong name does little harm
 
 
 class Name(NamedTuple):
@@ -124,11 +125,9 @@ def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
 
 def shares(found: Sequence[Name], without: float) -> Array:
     """Weights (n,) of verdicts that turn the share `without` the effect into OUTSIDE_SHARE."""
-    lacking, whole = (
-        OUTSIDE_SHARE / without if without else 1.0,
-        (1.0 - OUTSIDE_SHARE) / (1.0 - without or 1.0),
-    )
-    return np.array([lacking if name.withheld else whole for name in found])
+    withheld = OUTSIDE_SHARE / without if without else 1.0
+    whole = (1.0 - OUTSIDE_SHARE) / (1.0 - without or 1.0)  # `without` may be all of them
+    return np.array([withheld if name.withheld else whole for name in found])
 
 
 def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibration:
@@ -149,15 +148,15 @@ def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibr
         nats = counts @ (np.logaddexp(0.0, odds) - right * odds)
         return float(nats + 0.5 * np.sum(((x[1:] - prior) / FIRM) ** 2))
 
-    speaks = [(0.0, None) if w.weight > 0.0 else (None, 0.0) for w in SIGN_WEIGHTS.values()]
-    begin = np.concatenate([[0.0], prior])
-    best = optimize.minimize(loss, begin, method="L-BFGS-B", bounds=[(None, None), *speaks]).x
+    bounds = [(0.0, None) if w.weight > 0.0 else (None, 0.0) for w in SIGN_WEIGHTS.values()]
+    start = np.concatenate([[0.0], prior])
+    best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=[(None, None), *bounds]).x
     intercept, *weights = best
-    moved = {
+    fitted = {
         sign: w.model_copy(update={"weight": float(value)})
         for (sign, w), value in zip(SIGN_WEIGHTS.items(), weights, strict=True)
     }
-    return Calibration(intercept=float(intercept), weights=moved, source=source)
+    return Calibration(intercept=float(intercept), weights=fitted, source=source)
 
 
 def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
@@ -184,13 +183,13 @@ def reliable(stated: Sequence[tuple[float, bool]]) -> str:
         for b in reliability(stated, FIFTHS)
     ]
     wrong = [p for p, right in stated if not right]
-    low = sum(p < 0.7 for p in wrong)
+    low = sum(p < DOUBTFUL for p in wrong)
     head = ["mean stated probability, by fifths", "right, by class", "points apart"]
     return (
         f"{table(head, rows)}\n\n{len(stated)} verdicts that name, {len(wrong)} of them wrong; "
         f"expected calibration error {calibration_error(stated, FIFTHS):.3f}, log loss "
         f"{log_loss(stated):.3f} nats, Brier score {brier(stated):.3f}; {low} of {len(wrong)} "
-        "wrong names are stated under 0.7."
+        f"wrong names are stated under {DOUBTFUL}."
     )
 
 
@@ -216,8 +215,9 @@ def judge(outcomes: Sequence[Outcome]) -> str:
     """Reliability of the confidences that `cell gap` states, by effect withheld or not."""
     (found, _), by = names(outcomes), calibration()
     parts = []
-    for words, kept in (("All", (False, True)), ("None withheld", (False,)), ("Withheld", (True,))):
-        mine = [(by.probability(n.signs), n.right) for n in found if n.withheld in kept]
+    groups = {"All": (False, True), "None withheld": (False,), "Withheld": (True,)}
+    for words, withheld in groups.items():
+        mine = [(by.probability(n.signs), n.right) for n in found if n.withheld in withheld]
         if mine:
             parts.append(f"{words}:\n\n{reliable(mine)}\n")
     return "\n".join(parts)

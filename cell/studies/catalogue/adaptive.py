@@ -4,6 +4,7 @@ import numpy as np
 
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Study, Values
+from cell.studies.kit.predicted import SIGMAS_95
 from cell.studies.kit.rollouts import Kept, rough, sensing_of, stepper, stretchy
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
@@ -17,6 +18,8 @@ from policies.rollout import Folds, Rollout, roll_out
 
 STRANGE = {"friction 20-60": rough(20.0, 60.0), "friction 90": rough(90.0, 90.1),
            "stretch 3 N": stretchy}  # fmt: skip
+SUBSTEP_RATE = 180.0  # Hz, of the engine's steps at every rate of images
+ROLLS = 20  # draws of every condition on the rod
 SENSED = ("nothing", "30 Hz", "3 mm noise", "half dropped", "latency +-10 ms", "latency +-30 ms")
 CONDITIONS = (*SENSED, *STRANGE, *EFFECTS)
 
@@ -30,7 +33,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     else:
         strip = plain(rng, STRIP_LENGTH, **({name: effect(name, rng)} if name in EFFECTS else {}))
     content = strip.model_dump(mode="json", by_alias=True)
-    engine = "chain" if times >= 20 else "rod"
+    engine = "chain" if times >= ROLLS else "rod"
     return {"engine": engine, "condition": name, "strip": content, "noise": number}
 
 
@@ -39,7 +42,7 @@ def measure(case: Values) -> Values:
     strip = StripFile.model_validate(case["strip"])
     rate = 30.0 if case["condition"] == "30 Hz" else 60.0
     sensing = sensing_of(case["condition"])
-    settings = Rollout(rate=rate, sensing=sensing, substeps=round(180 / rate))
+    settings = Rollout(rate=rate, sensing=sensing, substeps=round(SUBSTEP_RATE / rate))
     rng, policy = np.random.default_rng([case["noise"], 1]), Kept(load_critic())
 
     def fold(by: Policy) -> Folds:
@@ -58,7 +61,7 @@ def measure(case: Values) -> Values:
         "shifted": float(before.displacement[0]),
         "touched": touch is not None,
         "within_1": ratio < 1.0,
-        "within_2": ratio < 1.96,
+        "within_2": ratio < SIGMAS_95,
         "length_off": float(np.log(known.bending_length.value) - length),
         "time_off": float(np.log(known.retardation_time.value) - time),
         "time_off_both": both - time,
@@ -105,7 +108,7 @@ STUDY = Study(
         Quantity("time_within", Statistic.SHARE, "%", 100.0, label="time within sigma", digits=0),
         Quantity("time_within_both", Statistic.SHARE, "%", 100.0, label="by two folds", digits=0),
     ),
-    usual=20 * len(CONDITIONS),
+    usual=ROLLS * len(CONDITIONS),
     quick=1,
     seconds=1.5,
 )

@@ -35,26 +35,22 @@ from policies.path import triangular
 from policies.rollout import Rollout, roll_out
 from policies.sensing import IMAGE_SENSING
 
-IMAGES_BETWEEN = 6  # images of a fold
+IMAGES_BETWEEN = 6  # images from one that is measured to the next
+FOLD_SPEED = 0.1  # m/s
 
 
 def image_and_reading(seed: int, look: str) -> Mapping[str, list[float]]:
     """Times [ms] to render and to measure each image of a fold of denim in a look."""
     configs = find_configs(None)
-    strip, settings, camera = (
-        configs.strip("denim"),
-        PerceptionSettings(),
-        configs.cell().twin.camera,
-    )
-    made, twin = (
-        fold_of("denim", triangular(strip.length), 0.1),
-        FoldCamera(strip, camera, seed, looks()[look]),
-    )
+    strip, camera = configs.strip("denim"), configs.cell().twin.camera
+    settings, made = PerceptionSettings(), fold_of("denim", triangular(strip.length), FOLD_SPEED)
+    twin = FoldCamera(strip, camera, seed, looks()[look])
     found = inspect(twin.flat(strip), cached_calibration(), settings, strip)
     if found.appearance is None:
         return {}
     perception = Perception(cached_calibration(), settings, strip, found.appearance)
-    touch, costs = LayerTouch(settings, strip), {"image": [0.0], "reading": [0.0]}
+    touch = LayerTouch(settings, strip)
+    costs: dict[str, list[float]] = {"image": [], "reading": []}
     for sequence in range(IMAGES_BETWEEN, int(made.t[-1] * camera.rate), IMAGES_BETWEEN):
         pose, begun = made.pose(sequence / camera.rate), time.thread_time()
         frame = twin.frame(made, sequence)
@@ -62,7 +58,7 @@ def image_and_reading(seed: int, look: str) -> Mapping[str, list[float]]:
         touch.update(perception.look(frame, pose), pose)
         costs["image"].append(1e3 * (rendered - begun))
         costs["reading"].append(1e3 * (time.thread_time() - rendered))
-    return {name: values[1:] for name, values in costs.items()}
+    return costs
 
 
 def decision(seed: int, _look: str) -> Mapping[str, list[float]]:
@@ -72,7 +68,7 @@ def decision(seed: int, _look: str) -> Mapping[str, list[float]]:
     sensed = Rollout(sensing=IMAGE_SENSING)
     roll_out(kept, stepper("rod"), strip, [describe(strip)], settings=sensed, rng=rng)
     policy, costs = Adaptive(load_critic()), []
-    policy.reset(unknown_strip("0.6"), 0.1, 1)
+    policy.reset(unknown_strip("0.6"), FOLD_SPEED, 1)
     for seen, _ in kept.seen:
         begun = time.thread_time()
         policy.decide(seen)

@@ -22,6 +22,8 @@ from policies.path import triangular
 from policies.profile import profiles, seen_profile
 
 SPEED, IMAGE_STRIDE = 0.1, 3  # m/s; images
+LINKS = 80  # of the chain that is folded
+ERRORS = ("contact", "tip_x", "tip_z", "curve", "profile")
 OUTLIER = 5.0  # robust standard deviations from which an error is an outlier
 
 
@@ -35,26 +37,19 @@ def measure(case: Values) -> Values:
     """Errors of each image of a fold, seen minus true [m, s]."""
     strip = find_configs(None).strip(case["strip"])
     path = (STANDARD[REFERENCE_RUN].shape if case["standard"] else triangular)(strip.length)
-    fold = fold_of(case["strip"], path, SPEED, 80)
-    errors: dict[str, list[float]] = {name: [] for name in ("contact", "tip_x", "tip_z", "curve")}
-    errors["profile"], curves, unseen, late, images = [], [], 0, [], 0
+    fold = fold_of(case["strip"], path, SPEED, LINKS)
+    images = list(sights(fold, IMAGE_STRIDE))
+    seen = [sight for sight in images if _sees_strip(sight)]
+    errors: dict[str, list[float]] = {name: [] for name in ERRORS}
     halves: dict[str, list[float]] = defaultdict(list)
-    for sight in sights(fold, IMAGE_STRIDE):
-        images += 1
-        if sight.touch is not None and fold.touch is not None:
-            late = [sight.touch.time - fold.touch.time,
-                    sight.touch.displacement - fold.touch.displacement]  # fmt: skip
-        if len(sight.seen.profile) < 2 or not np.isfinite(sight.seen.contact_x):
-            unseen += 1
-            continue
+    curves = [_profile_errors(sight) for sight in seen]
+    for sight, curve in zip(seen, curves, strict=True):
         tip = sight.seen.tip - np.array(fold_tip(fold.shape(sight.stamp)))
-        _add_errors(halves, sight, strip.length)
-        curves.append(_profile_errors(sight))
-        row = (sight.contact, *tip, float(np.sqrt(np.mean(curves[-1] ** 2))))
-        for name, value in zip(errors, row, strict=False):
+        row = (sight.contact, *tip, _rms(curve), _rms(sight.profile()[0]))
+        for name, value in zip(ERRORS, row, strict=True):
             errors[name].append(float(value))
-        errors["profile"].append(float(np.sqrt(np.mean(sight.profile()[0] ** 2))))
-    contact = np.array(errors["contact"])
+        _add_errors(halves, sight, strip.length)
+    contact, (late, displacement) = np.array(errors["contact"]), _touch_errors(images)
     return {
         **errors,
         "bias": float(np.median(contact)),
@@ -65,10 +60,22 @@ def measure(case: Values) -> Values:
         "curve_bias": _rms(np.mean(curves, axis=0)),
         "curve_noise": spread(np.diff(curves, axis=0).ravel()) / np.sqrt(2.0),
         "wild": float(np.mean(abs(contact - np.median(contact)) > OUTLIER * spread(contact))),
-        "unseen": unseen / images,
-        "late": late[0] if late else None,
-        "displacement": late[1] if late else None,
+        "unseen": (len(images) - len(seen)) / len(images),
+        "late": late,
+        "displacement": displacement,
     }
+
+
+def _sees_strip(sight: Sight) -> bool:
+    return len(sight.seen.profile) >= 2 and bool(np.isfinite(sight.seen.contact_x))
+
+
+def _touch_errors(images: Sequence[Sight]) -> tuple[float, float] | tuple[None, None]:
+    """Errors of the touch in time [s] and displacement [m]; None where it was missed."""
+    seen, true = images[-1].touch, images[-1].fold.touch
+    if seen is None or true is None:
+        return None, None
+    return seen.time - true.time, seen.displacement - true.displacement
 
 
 def _add_errors(halves: dict[str, list[float]], sight: Sight, length: float) -> None:

@@ -46,8 +46,8 @@ def measure(case: Values) -> Values:
     """Displacement d [m] along a triangle in the engine as used, and its change in a finer one."""
     strip = find_configs(None).strip("denim").model_copy(update={case["key"]: case["value"]})
     coarse, fine = (_fold(make(), strip) for make in ENGINES[case["engine"]])
-    reason = coarse if isinstance(coarse, str) else fine if isinstance(fine, str) else ""
     if isinstance(coarse, str) or isinstance(fine, str):
+        reason = coarse if isinstance(coarse, str) else fine
         return {"d": None, "apart": None, "ended": False, "reason": reason}
     return {"d": coarse, "apart": fine - coarse, "ended": True, "reason": ""}
 

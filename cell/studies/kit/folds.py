@@ -49,12 +49,12 @@ def fold_strip(
     With a `memory` the cell learns from it there, and all its folds are of one specimen.
     """
     choice = DeviceSelection(arm=arm, plant=plant, seed=seed)
-    request = _learning(strip, policy, folder, memory, choice, configs, checkpoint)
+    request = _request(strip, policy, folder, memory, choice, configs, checkpoint)
     known = calibration or cached_calibration(configs)
     return fold(request, calibration=known, page=False)
 
 
-def _learning(
+def _request(
     strip: str,
     policy: str,
     folder: Path,
@@ -87,7 +87,7 @@ def configs_with_twin(
 def changed_since(strip: StripFile, memory: Path) -> str | None:
     """Run since which the cell reports a change in its folds of `strip`; None without a change."""
     name, choice = name_of(strip.length, strip.thickness), DeviceSelection()
-    learned = _learning(name, "adaptive", memory, memory, choice).correction.learned
+    learned = _request(name, "adaptive", memory, memory, choice).correction.learned
     return None if learned is None else learned.since
 
 

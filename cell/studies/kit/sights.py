@@ -59,12 +59,12 @@ def sights(fold: TwinFold, every: int = 1) -> Iterator[Sight]:
     if found.appearance is None:
         raise PreflightRefused(f"{strip.name}: the flat strip is not recognised")
     perception = Perception(calibration, settings, strip, found.appearance)
-    detector, touched = LayerTouch(settings, strip), fold.touch
-    first = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])
-    for sequence in range(int(first * camera.rate) + 1, int(fold.t[-1] * camera.rate)):
+    detector = LayerTouch(settings, strip)
+    near_touch = np.inf if fold.touch is None else fold.touch.time - BEFORE_TOUCH
+    taken_over = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])
+    for sequence in range(int(taken_over * camera.rate) + 1, int(fold.t[-1] * camera.rate)):
         stamp = sequence / camera.rate
-        far = touched is None or stamp < touched.time - BEFORE_TOUCH
-        if far and sequence % every:
+        if stamp < near_touch and sequence % every:
             continue
         pose = fold.pose(stamp)
         seen = perception.look(twin.frame(fold, sequence), pose)

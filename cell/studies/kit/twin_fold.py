@@ -19,7 +19,7 @@ from policies.path import Path
 
 STEP = 0.005  # s of the plant
 TIME_AFTER_TOUCH = 0.25  # s that a fold goes on after the touch
-CONTACT_HEIGHT = 0.001
+CONTACT_HEIGHT = 0.001  # m
 HAND_ASIDE, HAND_HEIGHT = 0.05, 0.25  # m: where the hand waits while a strip is judged
 
 
@@ -36,7 +36,7 @@ class TwinFold:
 
     def shape(self, time: float) -> Array:
         """Midline (n, 2) [m] at `time` [s], interpolated linearly."""
-        place = np.clip(time / STEP, 0, len(self.t) - 1.001)
+        place = np.clip(time / STEP, 0, len(self.t) - 1.001)  # so that another shape follows
         i, share = int(place), place - int(place)
         return np.asarray(self.shapes[i] + share * (self.shapes[i + 1] - self.shapes[i]))
 

@@ -46,15 +46,9 @@ def _draw_panel(axes: Any, points: CriticalPoints) -> None:
         )  # fmt: skip
         axes.plot(h, x[i, :, 0], color=shade, lw=1.3, gid=f"gripper x, z = {1e3 * height:.0f} mm")
         axes.annotate(
-            f"z = {1e3 * height:.0f}",
-            (h[-1], x[i, -1, 0]),
-            (4, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=8,
-            color=MUTED,
-            annotation_clip=False,
-        )
+            f"z = {1e3 * height:.0f}", (h[-1], x[i, -1, 0]), (4, 0), textcoords="offset points",
+            va="center", fontsize=8, color=MUTED, annotation_clip=False,
+        )  # fmt: skip
     axes.set_xlabel("height h of the folded strip  [mm]")
     axes.set_title(f"moving at {1e3 * points.speed:.0f} mm/s", fontsize=9, color=MUTED, loc="left")
     axes.set_xlim(h[0], h[-1] + 3.2)
