@@ -20,7 +20,7 @@ def briefly(record: Record) -> str:
 
 
 class Quiet:
-    """A watcher that shows nothing."""
+    """Observer of a campaign that shows nothing."""
 
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
         """Show nothing at the start."""

@@ -20,7 +20,7 @@ class Engine(Protocol):
 
 
 class Watcher(Protocol):
-    """Observer of a campaign."""
+    """Protocol of an observer of a campaign, called at its start and after each part."""
 
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
         """Called first: `parts` are wanted, of which `known` are done."""

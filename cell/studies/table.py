@@ -1,4 +1,4 @@
-"""The table of a study: a row a group of cases, a column a quantity, with count and interval."""
+"""Table of a study: one row a group of cases, one column a quantity with its interval."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,12 +51,12 @@ def head(kept: Kept) -> tuple[str, ...]:
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """One row of the table as text."""
+    """Cells of one row of the table as text."""
     return (row.group, str(row.count), *(f.text() for f in row.figures))
 
 
 def markdown(kept: Kept) -> str:
-    """The table in Markdown, with the share of cases measured and the command for it."""
+    """Format the table in Markdown, with the share of cases measured and the command for it."""
     titles = head(kept)
     lines = [titles, ("---",) * len(titles), *(cells(row) for row in rows(kept))]
     escaped = ([cell.replace("|", "\\|") for cell in line] for line in lines)

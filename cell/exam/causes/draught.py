@@ -32,7 +32,7 @@ class Draught(Cause):
     drag: float = Field(1.2, ge=0, le=10)  # C_d
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
-        """Wind on every link."""
+        """Drag of the wind on every link; None without wind."""
         if self.speed == 0:
             return None
         lumps = parts.lumps

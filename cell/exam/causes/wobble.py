@@ -12,7 +12,7 @@ GROWTH = 0.5  # s after the grasp, over which the amplitude grows
 
 
 class Wobble(Cause):
-    """Adds amplitude sin(2 pi frequency t) to the edge's height, and a share of that to its x.
+    """Adds amplitude sin(2 pi frequency t) [m] to the edge's height, and a share of it to its x.
 
     Source: assumed; a fan or a pump on a bench drives the fingers behind the last encoder.
     """

@@ -85,14 +85,14 @@ class Law:
 
 
 class Aged:
-    """Scene source for a camera with false image stamps: shows the world at another, true time."""
+    """Scene source for a camera whose image stamps differ, by `causes`, from the true time."""
 
     def __init__(self, world: Visible, causes: Sequence[Cause]) -> None:
         self._world, self._causes = world, tuple(causes)
         self._grasped: float | None = None
 
     def scene(self, stamp: float) -> Scene:
-        """Scene that an image stamped `stamp` [s] shows, taken at the true time that causes say."""
+        """Scene that an image stamped `stamp` [s] shows: the world at the image's true time."""
         if self._grasped is None:
             seen = self._world.scene(stamp)
             if not seen.holds_strip:

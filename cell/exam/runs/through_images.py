@@ -187,7 +187,7 @@ class Open:
 
 
 class Until:
-    """Observer of a run, and its `interrupted`, which ends it once it enters `state`."""
+    """Observer that ends a run once it enters `state`; also the run's callable `interrupted`."""
 
     def __init__(self, state: State) -> None:
         self._state, self._reached = state, False

@@ -30,7 +30,7 @@ SIZES = [(name, size) for name, cause in sorted(causes().items()) for size in ca
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every cause at every size on denim, then on each strip listed before it."""
+    """Draw case `number`; cases go through all causes and sizes on denim, then on other strips."""
     strips = find_configs(None).strip_names()
     turn, which = divmod(number, len(SIZES))
     name, size = SIZES[which]

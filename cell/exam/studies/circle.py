@@ -84,7 +84,7 @@ class Circle:
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw each hidden effect in turn, without run-to-run scatter and then with it."""
+    """Draw case `number`; cases go through the hidden effects, without scatter and then with it."""
     number, which = divmod(number, len(HIDDEN_VALUES))
     turn, level = divmod(number, len(SCATTER))
     return {"strip": "denim", "hidden": list(HIDDEN_VALUES)[which], "scatter": SCATTER[level],

@@ -44,7 +44,7 @@ DOUBTFUL = 0.7  # confidence under which a wrong name does little harm
 
 
 class Name(NamedTuple):
-    """Verdict that names an effect: signs, right or not, effect `withheld` or not, and case."""
+    """Verdict that names an effect: its signs, if it is right, if the effect was withheld, case."""
 
     signs: Signs
     right: bool
@@ -160,7 +160,7 @@ def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibr
 
 
 def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
-    """Confidence in each verdict, fitted to other cases with weights (n,), and if it is right."""
+    """Confidence in each verdict, fitted to other cases of weights (n,), and if it is right."""
     stated = []
     for name in found:
         kept = np.array([other.case != name.case for other in found])
@@ -212,7 +212,7 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
 
 
 def judge(outcomes: Sequence[Outcome]) -> str:
-    """Reliability of the confidences that `cell gap` states, by effect withheld or not."""
+    """Reliability tables of stated confidences, for effects in the library and withheld ones."""
     (found, _), by = names(outcomes), calibration()
     parts = []
     groups = {"All": (False, True), "None withheld": (False,), "Withheld": (True,)}

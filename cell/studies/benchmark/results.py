@@ -56,7 +56,7 @@ class RangeFolds(Settings):
 
 
 class EffectFolds(Settings):
-    """Displacements [m] of a policy on strips with one hidden `effect`, None without a touch."""
+    """Displacements [m] of `policy` in the rod with `effect` hidden (empty: none), None untouched."""
 
     kind: Literal["effect"] = "effect"
     policy: str

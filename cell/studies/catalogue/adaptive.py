@@ -25,7 +25,7 @@ CONDITIONS = (*SENSED, *STRANGE, *EFFECTS)
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw a strip in the next condition, each twenty times on the rod, then on the chain."""
+    """Draw a strip in the next condition, each ROLLS times for the rod, then for the chain."""
     times, which = divmod(number, len(CONDITIONS))
     name = CONDITIONS[which]
     if name in STRANGE:

@@ -65,7 +65,7 @@ class Law:
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw a strip in the next condition."""
+    """Draw a strip in the next of the conditions, as trained or outside."""
     name = CONDITIONS[number % len(CONDITIONS)]
     strip = STRIP_DRAWS.get(name, unknown)(rng)
     content = strip.model_dump(mode="json", by_alias=True)

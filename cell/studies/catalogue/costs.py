@@ -97,7 +97,7 @@ COST_PARTS: dict[str, Callable[[int, str], Mapping[str, list[float]]]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw the next part, images in the next look."""
+    """Draw case `number`; cases go through parts of a fold, images through looks too."""
     seed, part = divmod(number, len(COST_PARTS))
     look = list(looks())[seed % len(looks())] if part == 0 else next(iter(looks()))
     return {"part": list(COST_PARTS)[part], "look": look, "noise": seed}

@@ -40,7 +40,7 @@ SUBJECTS: dict[str, Callable[[], Stepper]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every engine on every fold, from the middle of the paper's range to its corners."""
+    """Draw case `number`; cases go through all engines, then folds from the range's middle on."""
     fold, subject = divmod(number, len(SUBJECTS))
     k, b, path = FOLD_CASES[fold % len(FOLD_CASES)]
     return {"engine": list(SUBJECTS)[subject], "stiffness": k, "damping": b, "path": path}

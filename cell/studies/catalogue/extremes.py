@@ -35,13 +35,13 @@ STRIPS: dict[str, dict[str, float]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every extreme strip, then all again with the next policy."""
+    """Draw case `number`; cases go through the extreme strips, then through the policies."""
     policy, strip = divmod(number, len(STRIPS))
     return {"strip": list(STRIPS)[strip], "policy": policy_names()[policy % len(policy_names())]}
 
 
 def measure(case: Values) -> Values:
-    """Outcome of the fold of an extreme strip, and its error."""
+    """Fold an extreme strip and classify how the fold ended."""
     content = yaml.safe_load(find_configs(None).strip_path("denim").read_text(encoding="utf-8"))
     changed = {**content, **STRIPS[case["strip"]], "name": case["strip"]}
     with TemporaryDirectory() as place:

@@ -15,7 +15,7 @@ POLICIES = ("triangular", "circular", "shifted", "planned", "feedback", "adaptiv
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every policy on every strip, then again with the next noise."""
+    """Draw case `number`; cases go through policies, then strips, then seeds of the noise."""
     strips = find_configs(None).strip_names()
     pair, policy = divmod(number, len(POLICIES))
     seed, strip = divmod(pair, len(strips))

@@ -15,7 +15,7 @@ ALLOWED_MM = 6.0  # mm of displacement
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every look of every strip of the cell."""
+    """Draw case `number`; cases go through the looks, then through the cell's strips."""
     strips = find_configs(None).strip_names()
     strip, look = divmod(number, len(looks()))
     return {"look": list(looks())[look], "strip": strips[strip % len(strips)]}

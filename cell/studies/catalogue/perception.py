@@ -28,7 +28,7 @@ OUTLIER = 5.0  # robust standard deviations from which an error is an outlier
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every strip of the cell along a triangle, then along the first standard motion."""
+    """Draw case `number`; cases go through strips on a triangle, then on a standard motion."""
     strips = find_configs(None).strip_names()
     return {"strip": strips[number % len(strips)], "standard": number // len(strips) % 2 == 1}
 

@@ -1,4 +1,4 @@
-"""Study of consecutive folds of one specimen by a learning cell, with and without errors of it.
+"""Study of consecutive folds of one specimen by a learning cell, both right and faulty.
 
 The controller does not know what is wrong. In a wrong cell a ruler measures the first fold, once.
 """

@@ -117,7 +117,7 @@ def fold_unknown(
 
 
 def next_strip(number: int, _rng: np.random.Generator) -> Values:
-    """Draw each strip of the cell, then each with another noise."""
+    """Draw case `number`; cases go through the cell's strips, then seeds of the noise."""
     strips = find_configs(None).strip_names()
     noise, strip = divmod(number, len(strips))
     return {"strip": strips[strip], "noise": noise}

@@ -57,17 +57,17 @@ class Traced:
         self.times, self.poses = [0.0], [np.tile((STRIP_LENGTH, 0.0, 0.0), (len(models), 1))]
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """Step to `poses` (n, 3) in `dt` [s]."""
+        """Step the engine to `poses` (n, 3) in `dt` [s], and record that."""
         self.times.append(self.times[-1] + dt)
         self.poses.append(poses.copy())
         return self._engine.step(poses, dt)
 
     def shapes(self) -> Array:
-        """Midlines (n, nodes, 2)."""
+        """Midlines (n, nodes, 2) [m] of the engine."""
         return self._engine.shapes()
 
     def arc(self) -> Array:
-        """Arc lengths (n, nodes)."""
+        """Arc lengths (n, nodes) [m] of the engine."""
         return self._engine.arc()
 
 
@@ -77,7 +77,7 @@ def stepper(name: str) -> Stepper:
 
 
 def rough(low: float, high: float) -> Draw:
-    """Draw function of strips with yarn friction of yield curvature `low` to `high` [1/m]."""
+    """Make a draw function of strips with yarn friction of a yield curvature in this range [1/m]."""
     return lambda rng: plain(rng, bending_hysteresis=friction(rng, low, high))
 
 

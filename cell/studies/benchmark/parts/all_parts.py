@@ -77,7 +77,7 @@ def weights_digest(policy: str = "*") -> str:
 
 
 def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
-    """Parts without images: ranges, hidden effects, critical points, shapes."""
+    """Yield the parts without images: ranges, hidden effects, critical points, shapes."""
     extent = spec.extent
     for policy in spec.policies:
         of = digest(code(), weights_digest(policy))

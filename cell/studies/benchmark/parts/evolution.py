@@ -57,7 +57,7 @@ class Evolved:
         )
 
     def _shapes_of_level_motion(self) -> "_Shapes":
-        """Shapes under the horizontal motion, up to the touch."""
+        """Record the strip's shapes under the level motion, up to the touch."""
         strip = strip_at(*STRIP_PLACE)
         poses = level_motion(strip.length, LEVEL_HEIGHT, self.speed)
         t = np.arange(1.0, len(poses) + 1.0) * STEP
@@ -67,7 +67,7 @@ class Evolved:
         return _Shapes.of(motion.shapes, motion.contact_x, path, motion.touch, LEVEL_HEIGHT - 1e-9)
 
     def _shapes_of_fold(self) -> "_Shapes":
-        """Shapes under the policy, from take-over to touch."""
+        """Record the strip's shapes in a fold by the policy, from take-over to touch."""
         strip, recording = strip_at(*STRIP_PLACE), RecordingEngine(Rod(), shapes=True)
         folds = roll_out(
             knowing(self.policy, [strip]),
