@@ -148,26 +148,26 @@ def _run_until_lost(
     """Yield records until all parts have one or the scheduler is gone; a part for each thread."""
     from distributed import wait
 
-    waiting, killed = parts[::-1], Counter[str]()
-    out: dict[Future[str], Part] = {}
-    seen = time.monotonic()
-    while (waiting or out) and client.status == "running":
+    waiting, killed = parts[::-1], Counter[str]()  # popped from the end: in the order of parts
+    running: dict[Future[str], Part] = {}
+    last_seen = time.monotonic()
+    while (waiting or running) and client.status == "running":
         threads = _thread_count(client)
-        while waiting and len(out) < max(threads, 1):
+        while waiting and len(running) < max(threads, 1):
             part = waiting.pop()
             arguments = (part, str(folder.resolve()), dict(here), limit)
-            out[client.submit(remote, *arguments, pure=False)] = part
+            running[client.submit(remote, *arguments, pure=False)] = part
         with suppress(TimeoutError, CancelledError), client.as_current():
-            wait(list(out), timeout=POLL_INTERVAL, return_when="FIRST_COMPLETED")
-        for future in [future for future in out if future.done()]:
-            part = out.pop(future)
+            wait(list(running), timeout=POLL_INTERVAL, return_when="FIRST_COMPLETED")
+        for future in [future for future in running if future.done()]:
+            part = running.pop(future)
             record = _store_record(future, part, folder, killed)
             if record is None:
                 waiting.append(part)
             else:
                 yield record
-        seen = time.monotonic() if threads else seen
-        if time.monotonic() - seen > ABSENCE:
+        last_seen = time.monotonic() if threads else last_seen
+        if time.monotonic() - last_seen > ABSENCE:
             raise WorkersLost(f"no worker for {ABSENCE:.0f} s")
 
 

@@ -67,18 +67,10 @@ def points(kept: Kept) -> str:
     quantity, groups = kept.asked.study.quantities[0], group(kept)
     with canvas(PAGE_WIDTH, 0.7 + ROW_HEIGHT * len(groups)) as figure:
         axes = figure.add_subplot()
-        for line, (name, some) in enumerate(groups.items()):
-            values = quantity.scale * np.concatenate(samples(some, quantity.value))
-            axes.plot(
-                values,
-                np.full(len(values), line),
-                "o",
-                ms=4,
-                alpha=0.5,
-                color=BLUE,
-                mec=BLUE,
-                gid=name,
-            )
+        for row, (name, outcomes) in enumerate(groups.items()):
+            values = quantity.scale * np.concatenate(samples(outcomes, quantity.value))
+            places = np.full(len(values), row)
+            axes.plot(values, places, "o", ms=4, alpha=0.5, color=BLUE, mec=BLUE, gid=name)
         axes.axvline(0.0, color=INK, lw=0.8)
         axes.set_yticks(range(len(groups)), list(groups))
         axes.set_ylim(len(groups) - 0.5, -0.5)

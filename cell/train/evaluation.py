@@ -85,12 +85,12 @@ def evaluate(
     `fold(*trained, side, engine, row)` gives the displacements (side,) [m] of a row. Engines get
     the same noise and delays. `watch` is called with the number of pieces done and their total.
     """
-    wanted = [(engine, row) for engine in reversed(Engine) for row in range(side)]
-    waiting = {executor.submit(fold, *trained, side, *w): w for w in wanted}
+    pieces = [(engine, row) for engine in reversed(Engine) for row in range(side)]
+    waiting = {executor.submit(fold, *trained, side, *piece): piece for piece in pieces}
     rows: dict[tuple[Engine, int], Array] = {}
     for done in as_completed(waiting):
         rows[waiting[done]] = done.result()
-        watch(len(rows), len(wanted))
+        watch(len(rows), len(pieces))
     found = {engine: np.array([rows[engine, row] for row in range(side)]) for engine in Engine}
     half = 0.5 * grid(side)[0].length
     return tuple(

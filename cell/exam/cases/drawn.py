@@ -39,10 +39,9 @@ def load_or_draw(
         raise ConfigurationError("--kind outside: is for exams through images; add --tier images")
     path = folder / KEYS_FOLDER / DRAWN_FILE
     wanted = count or CASE_COUNTS[tier]
+    options = {"repeats": repeats if repeats > 1 else None, "kind": kind, "force": force}
     asked: dict[str, object] = {"tier": tier, "count": wanted, "seed": seed}
-    asked |= {"repeats": repeats} if repeats > 1 else {}
-    asked |= {"kind": kind} if kind else {}
-    asked |= {"force": force} if force else {}
+    asked |= {option: value for option, value in options.items() if value}
     known = _read(path)
     if known is None:
         from cell.exam.cases.draw import cases

@@ -51,12 +51,12 @@ class Specimen:
     def step(self, poses: Array, dt: float) -> Observables:
         """Advance by `dt` [s] to gripper `poses` (1, 3), which causes may offset."""
         self._time += dt
-        moved = np.asarray(poses, dtype=np.float64)
+        true = np.asarray(poses, dtype=np.float64)
         if self._level != "none":
-            moved = np.stack([self._scatter.true_pose(pose, self._time) for pose in moved])
+            true = np.stack([self._scatter.true_pose(pose, self._time) for pose in true])
         for cause in self._causes:
-            moved = np.stack([cause.true_pose(pose, self._time) for pose in moved])
-        return self._chain.step(moved, dt)
+            true = np.stack([cause.true_pose(pose, self._time) for pose in true])
+        return self._chain.step(true, dt)
 
     def release(self) -> None:
         """Release the grasped edge."""

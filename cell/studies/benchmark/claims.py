@@ -11,7 +11,7 @@ from cell.studies.benchmark.results import ImageFold, Results
 from cell.studies.benchmark.summary import spread
 from drivers.types import Array
 
-ROUNDING = 5e-5  # m, by which a spread may exceed a limit stated in whole millimetres
+SPREAD_ROUNDING = 5e-5  # m, by which a spread may exceed a limit stated in whole millimetres
 THREE = ("triangular", "circular", "feedback")
 SIDES = {"triangular": ("negative", -1.0), "circular": ("positive", 1.0)}
 
@@ -98,7 +98,7 @@ def _repeatability_claim(again: dict[str, tuple[ImageFold, ...]]) -> Claim:
     return Claim(
         f"five folds of one strip differ by at most {1e3 * limit:.0f} mm by each method",
         f"{max(len(f) for f in again.values())} folds: {values}",
-        bool(np.all(np.array(list(spreads.values())) <= limit + ROUNDING)),
+        bool(np.all(np.array(list(spreads.values())) <= limit + SPREAD_ROUNDING)),
     )
 
 

@@ -12,6 +12,11 @@ from drivers.types import Array
 Curve = tuple[tuple[float, float], ...]  # x, z [m]
 
 
+def finite_or_none(values: Array) -> tuple[float | None, ...]:
+    """Convert `values` (n,) to plain numbers, None where they are not finite."""
+    return tuple(float(value) if np.isfinite(value) else None for value in values)
+
+
 class ImageFold(Settings):
     """Result of one fold through images on the twin, recorded in the folder `run`.
 
@@ -56,7 +61,7 @@ class RangeFolds(Settings):
 
 
 class EffectFolds(Settings):
-    """Displacements [m] of `policy` in the rod with `effect` hidden (empty: none), None untouched."""
+    """Displacements [m] of `policy` in the rod with `effect` hidden; None where no layers touch."""
 
     kind: Literal["effect"] = "effect"
     policy: str

@@ -49,17 +49,18 @@ def measure(case: Values) -> Values:
         engine, lying = stepper(case["engine"]), [describe(strip)]
         return roll_out(by, engine, strip, lying, settings=settings, rng=rng)
 
-    folds = fold(policy)
-    known = _last_prediction(policy, folds)
-    before, again = fold(Shifted()), fold(policy)
-    touch, d = folds.touch[0], float(folds.displacement[0])
+    first = fold(policy)
+    known = _last_prediction(policy, first)
+    shifted, second = fold(Shifted()), fold(policy)
+    again = _last_prediction(policy, second)
+    d = float(first.displacement[0])
     length, time, _ = truth(strip)
     ratio = abs(d - known.displacement) / known.sigma
-    both, sigma = _combine(known.retardation_time, _last_prediction(policy, again).retardation_time)
+    both, sigma = _combine(known.retardation_time, again.retardation_time)
     return {
         "d": d,
-        "shifted": float(before.displacement[0]),
-        "touched": touch is not None,
+        "shifted": float(shifted.displacement[0]),
+        "touched": first.touch[0] is not None,
         "within_1": ratio < 1.0,
         "within_2": ratio < SIGMAS_95,
         "length_off": float(np.log(known.bending_length.value) - length),

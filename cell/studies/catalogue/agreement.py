@@ -84,13 +84,13 @@ def measure(case: Values) -> Values:
     touch, d = folds.touch[0], float(folds.displacement[0])
     if touch is None:
         return {"d": None, "flagged": None, "residual": None}
-    rows = [row for row in policy.seen if row[0].time[0] <= touch.time]
-    stamps = np.array([seen.stamp[0] for seen, _ in rows])
-    new = np.concatenate([[True], np.diff(stamps) > 0])
-    curves = np.array([seen.profile[0] for seen, _ in rows])
+    decisions = [seen for seen in policy.seen if seen[0].time[0] <= touch.time]
+    stamps = np.array([observation.stamp[0] for observation, _ in decisions])
+    new = np.concatenate([[True], np.diff(stamps) > 0])  # decisions by an image not seen before
+    curves = np.array([observation.profile[0] for observation, _ in decisions])
     path = np.array(engine.poses)[:, 0]
     fold = MeasuredFold.until(touch.time, np.array(engine.times), path, stamps[new], curves[new])
-    agreed = agreement(unknown_strip(str(STRIP_LENGTH)), rows[-1][1], fold)
+    agreed = agreement(unknown_strip(str(STRIP_LENGTH)), decisions[-1][1], fold)
     if agreed is None:
         return {"d": d, "flagged": None, "residual": None}
     return {"d": d, "flagged": not agreed.like_model, "residual": agreed.residual,

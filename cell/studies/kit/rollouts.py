@@ -77,7 +77,7 @@ def stepper(name: str) -> Stepper:
 
 
 def rough(low: float, high: float) -> Draw:
-    """Make a draw function of strips with yarn friction of a yield curvature in this range [1/m]."""
+    """Make a draw function of strips with yarn friction, its yield curvature in a range [1/m]."""
     return lambda rng: plain(rng, bending_hysteresis=friction(rng, low, high))
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from cell.studies.benchmark.parts.recording_engine import RecordingEngine
-from cell.studies.benchmark.results import RangeFolds
+from cell.studies.benchmark.results import RangeFolds, finite_or_none
 from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile
@@ -18,7 +18,8 @@ from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
 
 SEGMENTS, LINKS = 100, 80
-STRIP_COST = {"rod": 0.03, "chain": 0.3}  # of a strip
+STRIP_COST = {"rod": 0.03, "chain": 0.3}  # s of a strip
+PLANNING_FOLDS = 16  # folds of the rod, about, that planning takes
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ class OverRange:
     @property
     def cost(self) -> float:
         """Estimated time [s]; planning takes many folds."""
-        folds = self.side**2 * (16 if self.policy == Planned.name else 1)
+        folds = self.side**2 * (PLANNING_FOLDS if self.policy == Planned.name else 1)
         return self.side**2 * STRIP_COST[self.engine] + folds * STRIP_COST["rod"]
 
     def measure(self) -> RangeFolds:
@@ -61,7 +62,7 @@ class OverRange:
             policy=self.policy,
             engine=self.engine,
             side=self.side,
-            displacement=tuple(float(d) if np.isfinite(d) else None for d in folds.displacement),
+            displacement=finite_or_none(folds.displacement),
             force=tuple(recording.holding_force.tolist()),
         )
 
