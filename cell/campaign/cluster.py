@@ -1,4 +1,4 @@
-"""Campaign on a Dask cluster that the user started: Dask distributes parts; the journal decides.
+"""Engine of campaigns on a Dask cluster that the user started; the journal holds the results.
 
 Known traps and what is done here: a part runs in a process of its own beside the Dask worker, so
 that a part that holds the interpreter cannot look like a dead worker (distributed#6324), and one
@@ -42,7 +42,7 @@ TRIES = 3  # times that Dask may give up: a part, after several deaths of worker
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """The cluster whose scheduler is at `address`, as tcp://HOST:PORT; `limit` [s] as of Local."""
+    """Engine on the Dask cluster at `address` (tcp://HOST:PORT); `limit` [s] is as for Local."""
 
     address: str
     limit: float | None = None
@@ -50,7 +50,7 @@ class Cluster:
     def measure(
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
     ) -> Iterator[Record]:
-        """The records of `parts` as they finish, through deaths of workers and scheduler.
+        """Yield the records of `parts` as they finish, despite deaths of workers and scheduler.
 
         Raises ConfigurationError for an address without a usable cluster or a worker of other
         versions, WorkersLost where the cluster stays away.
@@ -69,7 +69,7 @@ class Cluster:
 
 @contextmanager
 def executor(address: str) -> Iterator[Executor]:
-    """An executor over the cluster at `address`, for work that keeps its own journal.
+    """Provide an executor over the cluster at `address`, for work that keeps its own journal.
 
     The scheduler reassigns the work of a worker that died. Raises ConfigurationError for an address
     without a usable cluster, WorkersLost when the cluster is gone.
@@ -87,7 +87,7 @@ def executor(address: str) -> Iterator[Executor]:
 
 @contextmanager
 def connect(address: str, patience: float) -> Iterator["Client"]:
-    """A client of the cluster at `address`, which must answer within `patience` [s].
+    """Connect a client to the cluster at `address`, which must answer within `patience` [s].
 
     Raises ConfigurationError where it does not, or has no workers, or workers of other versions.
     """
@@ -116,7 +116,7 @@ def connect(address: str, patience: float) -> Iterator["Client"]:
 
 @contextmanager
 def event_loop() -> Iterator["IOLoop"]:
-    """An event loop that runs in a thread until the block ends, for a client or cluster of Dask.
+    """Run an event loop in a thread until the block ends, for a client or cluster of Dask.
 
     Dask asserts that it begins within 10 s, which no setting changes: a machine that stands still
     for longer is given another try.
@@ -148,26 +148,26 @@ def _run_until_lost(
     """Yield records until all parts have one or the scheduler is gone; a part for each thread."""
     from distributed import wait
 
-    waiting, killed = parts[::-1], Counter[str]()
-    out: dict[Future[str], Part] = {}
-    seen = time.monotonic()
-    while (waiting or out) and client.status == "running":
+    waiting, killed = parts[::-1], Counter[str]()  # popped from the end: in the order of parts
+    running: dict[Future[str], Part] = {}
+    last_seen = time.monotonic()
+    while (waiting or running) and client.status == "running":
         threads = _thread_count(client)
-        while waiting and len(out) < max(threads, 1):
+        while waiting and len(running) < max(threads, 1):
             part = waiting.pop()
             arguments = (part, str(folder.resolve()), dict(here), limit)
-            out[client.submit(remote, *arguments, pure=False)] = part
+            running[client.submit(remote, *arguments, pure=False)] = part
         with suppress(TimeoutError, CancelledError), client.as_current():
-            wait(list(out), timeout=POLL_INTERVAL, return_when="FIRST_COMPLETED")
-        for future in [future for future in out if future.done()]:
-            part = out.pop(future)
+            wait(list(running), timeout=POLL_INTERVAL, return_when="FIRST_COMPLETED")
+        for future in [future for future in running if future.done()]:
+            part = running.pop(future)
             record = _store_record(future, part, folder, killed)
             if record is None:
                 waiting.append(part)
             else:
                 yield record
-        seen = time.monotonic() if threads else seen
-        if time.monotonic() - seen > ABSENCE:
+        last_seen = time.monotonic() if threads else last_seen
+        if time.monotonic() - last_seen > ABSENCE:
             raise WorkersLost(f"no worker for {ABSENCE:.0f} s")
 
 
@@ -182,8 +182,9 @@ def _thread_count(client: "Client") -> int:
 def _store_record(
     future: "Future[str]", part: Part, folder: Path, killed: Counter[str]
 ) -> Record | None:
-    """The record of a finished part, stored here where the worker shares no folder with us; None
-    where worker or scheduler died, so that it must be handed out again.
+    """Record of a finished part; None where its worker or the scheduler died.
+
+    It is stored here where the worker shares no folder with us.
     """
     from distributed import KilledWorker
 
@@ -206,7 +207,7 @@ def _store_record(
 
 
 def remote(part: Part, folder: str, there: Mapping[str, str], limit: float | None) -> str:
-    """On a worker: the record of `part` as JSON, measured in a process beside it.
+    """Measure `part` on a worker, in a process beside it; returns the record as JSON.
 
     Raises ConfigurationError where this worker has other versions than the client.
     """
@@ -250,7 +251,7 @@ def _check(client: "Client", address: str, patience: float) -> None:
 
 
 def _different_versions(here: Mapping[str, str], there: object) -> str:
-    """Names of the versions in `there` that differ from `here`; empty where none does."""
+    """Text on the versions in `there` that differ from `here`; empty where none does."""
     if not isinstance(there, Mapping):
         return f"cannot run the cell ({there})"
     other = [f"{n} {there.get(n)}, here {here[n]}" for n in here if there.get(n) != here[n]]

@@ -55,18 +55,18 @@ class Record(BaseModel):
 
 
 class Journal:
-    """The records in `folder`, which is created by the first of them."""
+    """Journal of records in `folder`, which is created with the first record."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def path(self, key: str, of: str) -> Path:
-        """File of the part `key`, with digest `of` its code and inputs; on every machine."""
+        """Path of the record of part `key` with digest `of`, the same on every machine."""
         name = re.sub(r"[^\w.+-]+", "-", key)[:80]
         return self.folder / f"{name}.{digest(key, of)}.json"
 
     def get(self, key: str, of: str) -> Record | None:
-        """The record of a part; None where there is none that can be read."""
+        """Read the record of a part; None where none exists that can be read."""
         record = _read(self.path(key, of))
         return record if record is not None and (record.key, record.of) == (key, of) else None
 
@@ -83,7 +83,7 @@ class Journal:
         return tuple(record for record in found if record is not None)
 
     def forget(self, keys: Iterable[tuple[str, str]]) -> None:
-        """Remove the records of these (key, of)."""
+        """Remove the records with these pairs (key, of)."""
         for key, of in keys:
             self.path(key, of).unlink(missing_ok=True)
 
@@ -96,11 +96,11 @@ def _read(path: Path) -> Record | None:
 
 
 def digest(*texts: str) -> str:
-    """Twelve-digit digest of texts."""
+    """Digest of `texts`, twelve hexadecimal digits."""
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:12]
 
 
 def share(keys: Sequence[Any], shard: tuple[int, int]) -> tuple[Any, ...]:
-    """Shard i of n, counted from 1: every n-th from the i-th on, so that shards cost alike."""
+    """Keys of shard i of n, from 1: every n-th key from the i-th on, so that shards cost alike."""
     number, count = shard
     return tuple(keys[number - 1 :: count])

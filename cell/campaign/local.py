@@ -27,7 +27,7 @@ class Local:
     def measure(
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
     ) -> Iterator[Record]:
-        """The records of `parts` as they finish. Raises CellError where none can be stored."""
+        """Yield the records of `parts` as they finish; raises CellError if one cannot be stored."""
         crew = Crew(min(self.jobs, len(parts)))
         try:
             yield from crew.records(parts, folder, versions, self.limit)
@@ -37,7 +37,7 @@ class Local:
 
 @dataclass(slots=True)
 class Task:
-    """A part in the process of `worker`, since `begun` [s]; None while the process starts."""
+    """Part in the process of `worker`, `begun` at that time [s], None while the process starts."""
 
     part: Part
     worker: Worker
@@ -55,36 +55,28 @@ class Crew:
     def records(
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str], limit: float | None
     ) -> Iterator[Record]:
-        """The record of every part, in the order in which they finish.
+        """Yield the record of every part, in the order in which they finish.
 
-        One that outlives its `limit` [s], or whose process dies twice, is set aside. Raises
+        A part that outlives its `limit` [s], or kills its process twice, is set aside. Raises
         CellError where a record cannot be stored.
         """
-        waiting, died = deque(parts), Counter[str]()
+        waiting, deaths = deque(parts), Counter[str]()
         while waiting or self._busy:
             while waiting and len(self._busy) < self._size:
                 self._start(waiting.popleft(), folder, versions)
             ready = wait([task.worker.pipe for task in self._busy], POLL_INTERVAL)
             for task in list(self._busy):
-                if task.worker.pipe in ready:
-                    found = self._collect(task)
-                elif limit is not None and task.begun and time.monotonic() - task.begun > limit:
-                    self._end_worker(task)
-                    found = f"no outcome after {limit:g} s; its process was ended"
-                else:
-                    continue
-                if found is None:
-                    task.begun = time.monotonic()
-                    continue
+                part, found = task.part, self._look(task, limit, ready=task.worker.pipe in ready)
                 if isinstance(found, Died):
-                    died[task.part.key] += 1
-                    if died[task.part.key] < TRIES:
-                        waiting.append(task.part)
+                    deaths[part.key] += 1
+                    if deaths[part.key] < TRIES:
+                        waiting.append(part)
                         continue
                     found = f"its process died {TRIES} times, code {found.args[0]}"
                 if isinstance(found, str):
-                    found = set_aside(task.part, found, folder, versions)
-                yield found
+                    found = set_aside(part, found, folder, versions)
+                if found is not None:
+                    yield found
 
     def close(self) -> None:
         """End all processes, idle or not; finished parts are in the journal."""
@@ -101,14 +93,24 @@ class Crew:
         self._busy.append(task)
         task.worker.begin(measure, part, folder, dict(versions))
 
-    def _collect(self, task: Task) -> Record | Died | str | None:
-        """Result of a part; None where its process is ready to begin with it."""
+    def _look(self, task: Task, limit: float | None, *, ready: bool) -> Record | Died | str | None:
+        """Record of a task or the reason why it has none; None while it goes on."""
+        if ready:
+            return self._collect(task)
+        if limit is not None and task.begun and time.monotonic() - task.begun > limit:
+            self._end_worker(task)
+            return f"no outcome after {limit:g} s; its process was ended"
+        return None
+
+    def _collect(self, task: Task) -> Record | Died | None:
+        """Result from a part's process; None where that has only become ready to begin."""
         try:
             found: Record | CellError | None = task.worker.result()
         except Died as died:
             self._end_worker(task)
             return died
         if found is None:
+            task.begun = time.monotonic()
             return None
         self._busy.remove(task)
         self._idle.append(task.worker)

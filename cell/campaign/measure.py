@@ -1,4 +1,4 @@
-"""Measures one part in a process of its own, and writes its record there."""
+"""Measures one part in the present process, and writes its record to the journal."""
 
 import fcntl
 import json
@@ -23,7 +23,7 @@ from drivers.errors import CellError, Unexpected
 def measure(
     part: Part, folder: Path, versions: Mapping[str, str], _stop: StopSignal | None = None
 ) -> Record:
-    """The record of `part`, stored in the journal at `folder`; of a done one, the stored record.
+    """Measure `part` and store its record in the journal at `folder`; reuses a finished record.
 
     A part that raises is `failed`, with the reason. Raises ConfigurationError where the journal
     cannot be written.
@@ -32,7 +32,7 @@ def measure(
     known = journal.get(part.key, part.of)
     if known is not None and known.done:
         return known
-    wall, processor, outcome, reason = time.perf_counter(), _processor_time(), None, ""
+    begun, processor_before, outcome, reason = time.perf_counter(), _processor_time(), None, ""
     try:
         outcome = plain(part.measure())
     except CellError as error:
@@ -46,7 +46,7 @@ def measure(
         state="failed" if outcome is None else "measured",
         outcome=outcome,
         reason=reason,
-        cost=Cost(wall=time.perf_counter() - wall, processor=_processor_time() - processor),
+        cost=Cost(wall=time.perf_counter() - begun, processor=_processor_time() - processor_before),
         versions=dict(versions),
         host=os.uname().nodename,
     )
@@ -55,7 +55,7 @@ def measure(
 
 
 def plain(outcome: Mapping[str, Any] | BaseModel) -> dict[str, Any]:
-    """`outcome` as JSON holds it; a number that is not finite becomes None."""
+    """Convert `outcome` to plain JSON values; a number that is not finite becomes None."""
     content = to_json(dict(outcome), inf_nan_mode="null", fallback=lambda value: value.tolist())
     found: dict[str, Any] = json.loads(content)
     return found

@@ -7,7 +7,7 @@ from pydantic import BaseModel
 
 
 class Part(Protocol):
-    """A measurement for another process, to be pickled; equal parts give equal outcomes."""
+    """Measurement that another process can run, after pickling; equal parts give equal outcomes."""
 
     @property
     def key(self) -> str:

@@ -13,14 +13,14 @@ Says = Callable[[Record], str]
 
 
 def briefly(record: Record) -> str:
-    """Result of a part, in a few words."""
+    """Text on a record: empty where the part was measured, else its state and reason."""
     if record.state == "measured":
         return ""
     return f": {record.state.replace('_', ' ')}: {record.reason}"
 
 
 class Quiet:
-    """A watcher that shows nothing."""
+    """Observer of a campaign that shows nothing."""
 
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
         """Show nothing at the start."""
@@ -96,7 +96,7 @@ class Meter:
 
 
 def clock(seconds: float) -> str:
-    """A duration as minutes and seconds, or hours and minutes."""
+    """Format a duration [s] as minutes and seconds, or hours and minutes."""
     minutes, rest = divmod(round(seconds), 60)
     hours, short = divmod(minutes, 60)
     return f"{hours} h {short:02d} min" if hours else f"{minutes}:{rest:02d}"

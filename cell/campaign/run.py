@@ -1,4 +1,4 @@
-"""Runs a campaign: parts without a record are measured, by whichever engine."""
+"""Runs a campaign: has an engine measure the parts that have no record."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -16,11 +16,11 @@ class Engine(Protocol):
     def measure(
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
     ) -> Iterator[Record]:
-        """The records of `parts` as they finish, each stored in the journal at `folder`."""
+        """Yield the records of `parts` as they finish, each stored in the journal at `folder`."""
 
 
 class Watcher(Protocol):
-    """Observer of a campaign."""
+    """Protocol of an observer of a campaign, called at its start and after each part."""
 
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
         """Called first: `parts` are wanted, of which `known` are done."""
@@ -32,11 +32,11 @@ class Watcher(Protocol):
 def carry_out(
     parts: Sequence[Part], folder: Path, engine: Engine, watcher: Watcher, *, again: bool = False
 ) -> Iterator[tuple[Part, Record]]:
-    """Return every part with its record: the done ones of the journal at `folder`, then the others
-    as they finish; `again` measures all of them anew.
+    """Yield every part with its record, finished ones first, then the others as they finish.
 
-    Raises CellError where the journal cannot be written or the workers are gone, KeyboardInterrupt
-    from the keyboard; what is finished is kept in either case.
+    The journal at `folder` keeps the records; `again` measures all parts anew. Raises CellError
+    where the journal cannot be written or the workers are gone, KeyboardInterrupt from the
+    keyboard; finished parts are kept in either case.
     """
     journal, wanted = Journal(folder), {(part.key, part.of): part for part in parts}
     if again:

@@ -1,4 +1,4 @@
-"""Statistics of a study's quantities, with intervals that respect cases."""
+"""Statistics of a study's quantities, with confidence intervals over its cases."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ def _absolute(of: Callable[[Array], float]) -> Callable[[Array], float]:
 
 
 class Statistic(Enum):
-    """A statistic of many values, with its name and whether it has an interval."""
+    """Statistics of many values, each with its name in a table."""
 
     MEAN = "mean"
     MEDIAN = "median"
@@ -31,7 +31,7 @@ class Statistic(Enum):
     COUNT = "count"
 
     def __call__(self, values: Array) -> float:
-        """The statistic of values (n,), NaN of none."""
+        """Compute the statistic of values (n,); NaN of none."""
         return float(_OF[self](values)) if values.size else float("nan")
 
 
@@ -52,7 +52,7 @@ EXACT_STATISTICS = (Statistic.WORST_SIZE, Statistic.COUNT)
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A column: `statistic` of the outcome's `value`, which is one number or a list of them.
+    """Column of a table: the `statistic` of each outcome's `value`, one number or a list.
 
     Shown times `scale` in `unit`; the `bar` is the most that it may be, in that unit, or the least
     where `floor`. `label` replaces the name.
@@ -79,8 +79,9 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A number with its 95 % interval, NaN where it has none, and the `count` of cases behind it;
-    `held` states whether it keeps its bar, None without a bar.
+    """Value of a quantity with its 95 % interval, NaN without one, and the `count` of its cases.
+
+    `held` states whether the value keeps its bar, None without a bar.
     """
 
     quantity: Quantity
@@ -112,12 +113,17 @@ def figure(quantity: Quantity, samples: Sequence[Sequence[float]]) -> Figure:
     cases = [each for each in cases if each.size]
     values = np.concatenate(cases) if cases else np.zeros(0)
     low, high = _interval(quantity.statistic, cases, values)
-    s = quantity.scale
-    value = s * quantity.statistic(values)
-    bar = quantity.bar
-    held = None if bar is None or not np.isfinite(value) else (value >= bar) == quantity.floor
-    held = True if bar is not None and value == bar else held
-    return Figure(quantity, value, s * low, s * high, len(cases), held)
+    scale = quantity.scale
+    value = scale * quantity.statistic(values)
+    held = _keeps_bar(quantity, value)
+    return Figure(quantity, value, scale * low, scale * high, len(cases), held)
+
+
+def _keeps_bar(quantity: Quantity, value: float) -> bool | None:
+    """Whether `value` keeps the quantity's bar; None without a bar or without a number."""
+    if quantity.bar is None or not np.isfinite(value):
+        return None
+    return value >= quantity.bar if quantity.floor else value <= quantity.bar
 
 
 def _interval(statistic: Statistic, cases: list[Array], values: Array) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from cell.campaign.statistic import Quantity
 Values = Mapping[str, Any]
 """Plain JSON by name."""
 Draw = Callable[[int, np.random.Generator], Values]
-"""A case from its number and its own generator."""
+"""Draws a case from its number and its own generator."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +39,9 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A data file of the package that a study writes: `path` in the checkout, content `of` all
-    outcomes; to its `source`, if any, the number of cases is added.
+    """Data file of the package that a study writes to `path`, with content `of` all outcomes.
+
+    The path is in the checkout; to the content's `source`, if any, the number of cases is added.
     """
 
     path: str
@@ -49,7 +50,7 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class Ledger:
-    """A page of the checkout that a study writes: `path`, text `of` all outcomes."""
+    """Page of the checkout that a study writes to `path`, with text `of` all outcomes."""
 
     path: str
     of: Callable[[Sequence[Outcome]], str]

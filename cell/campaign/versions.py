@@ -1,4 +1,4 @@
-"""Versions that decide the numbers of a campaign: of libraries, and of the code itself."""
+"""Versions on which a campaign's numbers depend, of libraries and of the code itself."""
 
 import hashlib
 from functools import cache
@@ -12,7 +12,7 @@ ROOTS = ("cell", "drivers", "policies", "calibration")
 SHOWS = ("cell/cli/", "cell/report/viz/", "cell/campaign/", "cell/studies/",
          "cell/exam/studies/")  # fmt: skip
 WORKING_PARTS = ("cell/studies/kit/",)
-"""Rooms that change no outcome, and what in them does. A study adds its own file."""
+"""Folders whose code changes no outcome, and those within that do. A study adds its own file."""
 
 
 @cache

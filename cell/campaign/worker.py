@@ -1,4 +1,4 @@
-"""A worker process that calls the functions it is sent; a crash in it leaves this process alive.
+"""Worker process that calls functions sent to it, so that a crash leaves this process alive.
 
 Not `multiprocessing`: a Dask worker is a daemon, which may have no such children.
 """
@@ -28,11 +28,11 @@ Call = Callable[..., Any]
 
 
 class Died(Exception):
-    """The worker process ended by itself; its exit code is the argument, negative for a signal."""
+    """Error of a worker process that ended by itself, with its exit code, negative for a signal."""
 
 
 class Worker:
-    """A process that ignores the keyboard: its parent stops it, through the pipe or by force."""
+    """Worker process that ignores Ctrl-C; its parent stops it through the pipe or by force."""
 
     def __init__(self) -> None:
         """Start the process, idle; one thread for linear algebra."""
@@ -127,7 +127,7 @@ def _call(function: Call, arguments: tuple[Any, ...], stop: StopSignal) -> Any:
 
 
 def _next_call(pipe: Connection) -> tuple[Call, tuple[Any, ...]] | None:
-    """The next call; None at the end. A stop request that arrives between calls is ignored."""
+    """Wait for the next call; None at the end. Stop requests between calls are ignored."""
     while True:
         try:
             word: tuple[Call, tuple[Any, ...]] | str = pipe.recv()

@@ -1,1 +1,1 @@
-"""The exam of the gap workflow: cases with a hidden cause, a sealed key, and the scores."""
+"""Exam of `cell gap`: hides known causes in simulated strips and scores its diagnoses."""

@@ -1,4 +1,4 @@
-"""One case of the exam: the cause hidden in its plant, and the names that count as right."""
+"""One case of the exam: the plant with its hidden cause, and the names that count as right."""
 
 from typing import Annotated, Literal
 
@@ -14,14 +14,14 @@ Motions = Literal["standard", "by_hand"]
 Plant = Literal["the model itself", "another engine", "another law"]
 
 STRENGTHS: dict[Strength, float] = {"weak": 1.0, "medium": 2.5, "strong": 6.0}
-"""Excess gap that is left after the base is refitted."""
+"""Excess gap that each strength leaves after the base parameters are refitted."""
 
 Factor = Annotated[float, Field(gt=0.2, lt=5.0)]
 Values = dict[str, float]
 
 
 class Case(Settings):
-    """One case: a plant that differs from its strip file, and how its runs are made.
+    """One case of the exam: a plant that differs from its strip file, and how its runs are made.
 
     `strip` names a file of configs/strips, which is all that the workflow is given. The plant
     has its bending length and retardation time times the factors, the library's `effects`
@@ -55,7 +55,7 @@ class Case(Settings):
 
     @property
     def plant(self) -> Plant:
-        """Kind of the plant: the model's own engine, another one, or that with other laws."""
+        """Kind of the plant: the model's own engine, another engine, or one with other laws."""
         if self.causes and self.answer:
             return "another law"
         own = self.tier == "state" and self.engine == "rod"

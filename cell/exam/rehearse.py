@@ -28,7 +28,7 @@ from cell.gap.fit import fit
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.spreads import spreads
 from cell.gap.fitting.starts import refit_base
-from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.run_folders import RunFolder, find_runs
 from cell.gap.subject.strip.runs import Measured, MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.strip.subject import Strip
@@ -46,12 +46,12 @@ from drivers.types import frozen
 PLAN, JOURNAL, PAGE = "plan.json", "journal", "rehearsal.md"
 NO_EFFECT = "nothing"
 COPY_COST = 30.0  # s of one core, about
-SEGMENTS, STEP = 240, 0.002  # of the copies' rod: finer than either grain of the model
+SEGMENTS, STEP = 240, 0.002  # of the copies' rod, s: finer than any grid of the model
 DWELL_TIME, ROW_PERIOD = 0.6, 0.01  # s that a copy stays at the end of its path, in rows of so much
 
 
 class Hidden(Settings):
-    """One copy: the effect hidden in it with its `values`, none where empty, and its `seed`."""
+    """One simulated copy: the hidden `effect` with its `values`, empty for none, and its `seed`."""
 
     key: str
     effect: str
@@ -60,8 +60,9 @@ class Hidden(Settings):
 
 
 class Plan(Settings):
-    """Plan of a rehearsal, for runs and file with the digest `inputs`: the refitted strip, the
-    spreads of its runs, each copy, and the effects that cannot leave such a gap.
+    """Plan of a rehearsal: the refitted strip, its run-to-run spreads, and the copies to make.
+
+    `inputs` is the digest of runs and strip file; `unseen` are effects too small to leave the gap.
     """
 
     inputs: str
@@ -76,19 +77,29 @@ class Plan(Settings):
 def plan(
     paths: Sequence[Path], file: Path, folder: Path, excess: float, empty: int, jobs: int
 ) -> Plan:
-    """The plan that `folder` holds for these inputs, else a new one: every effect of the library at
-    the size that leaves an excess gap of `excess`, and `empty` copies with nothing hidden.
+    """Load the plan that `folder` holds for these inputs, or make and store a new one.
 
-    Raises ConfigurationError for what is no strip, and where the folder holds another plan.
+    It has every effect of the library at the size that leaves an excess gap of `excess`, and
+    `empty` copies with nothing hidden. Raises ConfigurationError for what is no strip, and where
+    the folder holds another plan.
     """
-    folders = find_runs(paths)
-    asked = f"{inputs_digest(file, folders)}-{excess:g}-{empty}"
-    known = folder / PLAN
-    if known.is_file():
-        held = parse(read_json(known), Plan, str(known))
-        if held.inputs != asked:
+    folders, stored = find_runs(paths), folder / PLAN
+    inputs = f"{inputs_digest(file, folders)}-{excess:g}-{empty}"
+    if stored.is_file():
+        held = parse(read_json(stored), Plan, str(stored))
+        if held.inputs != inputs:
             raise ConfigurationError(f"--out: {folder} holds another rehearsal; name a new folder")
         return held
+    made = _new_plan(folders, file, inputs, excess, empty, jobs)
+    with writing(f"--out: {folder}"):
+        folder.mkdir(parents=True, exist_ok=True)
+        replace_file(stored, made.model_dump_json(indent=1).encode())
+    return made
+
+
+def _new_plan(
+    folders: Sequence[RunFolder], file: Path, inputs: str, excess: float, empty: int, jobs: int
+) -> Plan:
     strip = load_strip(file)
     measured = read_runs(folders, strip)
     subject = Strip(strip, measured, jobs)
@@ -100,8 +111,8 @@ def plan(
     copies += [
         Hidden(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i) for i in range(empty)
     ]
-    made = Plan(
-        inputs=asked,
+    return Plan(
+        inputs=inputs,
         file=str(file.resolve()),
         runs=tuple(str(run.path) for run in folders),
         base=values,
@@ -109,31 +120,27 @@ def plan(
         copies=tuple(copies),
         unseen=tuple(unseen),
     )
-    with writing(f"--out: {folder}"):
-        folder.mkdir(parents=True, exist_ok=True)
-        replace_file(known, made.model_dump_json(indent=1).encode())
-    return made
 
 
 def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
-    """The strip with those refitted values that its file states directly."""
+    """Strip file with the refitted `values` of those parameters that a strip file states."""
     own = {name: value for name, value in values.items() if name in StripFile.model_fields}
     return strip.model_copy(update=own)
 
 
 def way(run: MeasuredRun) -> GripperPath:
-    """Measured path of a run, extended by a rest at its end: a copy may fold later."""
+    """Measured gripper path of a run, extended by a standstill, as the copy may touch later."""
     t, poses = run.measured.t, run.measured.poses
-    more = t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
-    rest = np.repeat(poses[-1:], len(more), axis=0)
-    moved = np.concatenate([t, more]) - t[0]
-    return GripperPath(frozen(moved), frozen(np.vstack([poses, rest])), run.measured.hanging)
+    later = t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
+    still = np.repeat(poses[-1:], len(later), axis=0)
+    times = np.concatenate([t, later]) - t[0]
+    return GripperPath(frozen(times), frozen(np.vstack([poses, still])), run.measured.hanging)
 
 
 def sizes(
     plant: StripFile, runs: Sequence[MeasuredRun], excess: float
 ) -> tuple[list[Hidden], list[str]]:
-    """Sizes of the effects that can leave the gap `excess` on these paths, and the others."""
+    """Copies with each effect so large that it leaves the gap `excess`, and effects that cannot."""
     ruler = Ruler.along(plant, [way(run) for run in runs], runs[0].measured.sigma)
     copies, unseen = [], []
     for number, (name, effect) in enumerate(sorted(registry().items())):
@@ -150,7 +157,7 @@ def sizes(
 
 @dataclass(frozen=True, slots=True)
 class Copy:
-    """A copy as a part of a campaign."""
+    """A simulated copy of the runs as a part of a campaign."""
 
     plan: Plan
     hidden: Hidden
@@ -159,11 +166,11 @@ class Copy:
 
     @property
     def key(self) -> str:
-        """Name of the hidden effect, with the copy's number."""
+        """Name of the hidden effect; of copies without one, with the copy's number."""
         return self.hidden.key
 
     def measure(self) -> Mapping[str, Any]:
-        """The workflow's verdict on the copy."""
+        """Simulate and diagnose the copy; returns the hidden effect beside the verdict."""
         file = Path(self.plan.file)
         with TemporaryDirectory(ignore_cleanup_errors=True) as name:
             place = Path(name)
@@ -180,7 +187,7 @@ class Copy:
 
 
 def write_copy(made: Plan, hidden: Hidden, folder: Path) -> None:
-    """Run folders of a copy."""
+    """Simulate a copy and write its run folders into `folder`."""
     strip, rng = load_strip(Path(made.file)), np.random.default_rng([hidden.seed, 1])
     plant = as_fitted(strip, made.base)
     runs = [run for run in read_runs(find_runs([Path(p) for p in made.runs]), strip) if run.usable]
@@ -197,7 +204,7 @@ def write_copy(made: Plan, hidden: Hidden, folder: Path) -> None:
 def differing(
     model: StripModel, scatter: Mapping[str, float], rng: np.random.Generator
 ) -> StripModel:
-    """Model of one run, with all run-to-run differences drawn anew."""
+    """Strip model of one run, with its run-to-run differences drawn from the spreads `scatter`."""
     for effect in KNOWN_EFFECTS:
         if effect.name in scatter:
             model = effect.apply(model, float(rng.normal(0.0, scatter[effect.name])))
@@ -205,20 +212,20 @@ def differing(
 
 
 def instruments(run: Measured) -> Instruments:
-    """Instruments with the noise that a run states; with force where it was measured."""
+    """Simulated instruments with the noise that `run` states, with force where it was measured."""
     stated = run.sigma.model_dump(exclude_none=True, include={f.name for f in fields(Instruments)})
     return replace(Instruments(**stated), force=run.sigma.force if run.has_force else None)
 
 
 def rehearse(made: Plan, folder: Path, engine: Engine, watcher: Watcher) -> list[Record]:
-    """Records of all copies, including those that `folder` holds; raises as `carry_out`."""
+    """Measure all copies and return their records, resuming in `folder`; raises as `carry_out`."""
     of = hashlib.sha256(f"{made.model_dump_json()}{sources().engine}".encode()).hexdigest()[:16]
     parts = [Copy(made, hidden, of) for hidden in made.copies]
     return [r for _, r in carry_out(parts, folder / JOURNAL, engine, watcher)]
 
 
 def right(outcome: Mapping[str, Any]) -> bool:
-    """Whether the hidden effect or its class was named; for an empty copy, whether no gap was."""
+    """Whether a verdict names the hidden effect or its class, or finds no gap in an empty copy."""
     name = outcome["hidden"]
     if name == NO_EFFECT:
         return bool(outcome["verdict"] == "no_gap")
@@ -228,7 +235,7 @@ def right(outcome: Mapping[str, Any]) -> bool:
 
 
 def line(record: Record) -> str:
-    """Result of a copy, in a few words."""
+    """Result of a copy in a few words, for the progress report."""
     if record.outcome is None:
         return f": failed: {record.reason}"
     return f": {_answer(record.outcome)}"
@@ -242,7 +249,7 @@ def _answer(outcome: Mapping[str, Any]) -> str:
 
 
 def page(made: Plan, records: Sequence[Record]) -> str:
-    """The rehearsal in Markdown: effects that could have been named, and effects named falsely."""
+    """Format the rehearsal in Markdown: which effects could be named, and which names are false."""
     found = [r.outcome for r in records if r.outcome is not None]
     hidden = [o for o in found if o["hidden"] != NO_EFFECT]
     empty = [o for o in found if o["hidden"] == NO_EFFECT]
@@ -255,7 +262,7 @@ def page(made: Plan, records: Sequence[Record]) -> str:
 def _summary(
     made: Plan, hidden: Sequence[Mapping[str, Any]], empty: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Sentences: how many hidden effects would be named, and how many names are false."""
+    """Sentences on the numbers of hidden effects that would be named and of false names."""
     good, alarms = sum(map(right, hidden)), sum(bool(o["named"]) for o in empty)
     sure = [o["confidence"] for o in hidden if o["named"] and right(o)]
     yield (

@@ -1,4 +1,4 @@
-"""Runs an exam: seals keys, makes runs, judges them in sealed processes, keeps the scores."""
+"""Runs an exam: writes answer keys, makes runs, diagnoses them in a sandbox, keeps scores."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -29,13 +29,12 @@ def run_exam(
     make: Maker = made_by_tier,
     ledger: Path | None = None,
 ) -> tuple[Entry, ...]:
-    """The entries of `cases`, measured by `engine`, one at a time where None; kept in the journal
-    of `folder` and in the file `ledger`.
+    """Measure `cases` by `engine`, one at a time where None, and return their ledger entries.
 
-    What either holds, by the same engine and scorer, is skipped, and runs are kept while their case
-    stays the same; `again` judges anew. A case that fails is an entry with its reason, tried again
-    at the next start. Kinds are carried out side by side, so that an exam that ends early has seen
-    all of them.
+    Entries in the journal of `folder` or the file `ledger` by the same engine and scorer are not
+    measured again, runs are kept while their case stays the same; `again` diagnoses anew. A case
+    that fails is an entry with its reason, tried again at the next start. Kinds take turns, so that
+    an exam that ends early has seen all of them.
     """
     kept, now, named = Ledger(ledger or folder / LEDGER), sources(), {c.name: c for c in cases}
     for case in cases:
@@ -57,7 +56,7 @@ def run_exam(
 
 
 def entry_of(case: Case, now: Sources, record: Record) -> Entry:
-    """The ledger's entry of a case; a failure where it has no outcome."""
+    """Ledger entry of `case` from its campaign record; a failed entry where it has no outcome."""
     if record.outcome is None:
         return Entry(case=case, of=now.entry(case), state="failed", reason=record.reason)
     return Entry.model_validate(record.outcome)
@@ -69,10 +68,9 @@ def _import_ledger(kept: Ledger, journal: Journal, parts: Sequence[Examined]) ->
     for part in parts:
         entry = known.get((part.key, part.of))
         if entry is not None and entry.state == "scored" and not journal.get(part.key, part.of):
-            content = entry.model_dump(mode="json")
-            journal.put(
-                Record(schema=1, key=part.key, of=part.of, state="measured", outcome=content)
-            )
+            outcome = entry.model_dump(mode="json")
+            record = Record(schema=1, key=part.key, of=part.of, state="measured", outcome=outcome)
+            journal.put(record)
 
 
 def spread(cases: Sequence[Case]) -> list[Case]:
@@ -87,7 +85,7 @@ def spread(cases: Sequence[Case]) -> list[Case]:
 
 
 def summarise(record: Record) -> str:
-    """Result of a case, in a few words."""
+    """Result of a case in a few words, for the progress report."""
     if record.outcome is None:
         return f": failed: {record.reason}"
     scored = record.outcome["outcome"]

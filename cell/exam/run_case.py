@@ -1,9 +1,9 @@
-"""Takes a case from its key to its entry in the ledger: runs, sealed verdict, score."""
+"""Examines one case: makes its runs, diagnoses them in a sandbox, scores the verdict."""
 
 import json
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -28,7 +28,7 @@ CASE_COST = 60.0  # s of one core, about
 
 
 def made_by_tier(case: Case, folder: Path) -> None:
-    """Make the runs of a case by its tier's own maker."""
+    """Make the runs of `case` in `folder`, through images or from the state by its tier."""
     if case.tier == "images":
         from cell.exam.runs import through_images
 
@@ -41,8 +41,10 @@ def made_by_tier(case: Case, folder: Path) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Examined:
-    """A case as a part of a campaign; its outcome is its entry. The key of `name` lies in `folder`;
-    sealed processes work in folders within `workdirs`, or beside where that is not on this machine.
+    """An exam case as a part of a campaign, with its ledger entry as outcome.
+
+    The key of `name` lies in `folder`; sandboxed processes work within `workdirs`, or among the
+    temporary files of a machine that has no such folder.
     """
 
     name: str
@@ -62,11 +64,11 @@ class Examined:
 
     @property
     def of(self) -> str:
-        """Digest of the engine, the case and the scorer; runs alone are no entry."""
+        """Digest of engine, case and scorer, marked where the runs alone are made."""
         return self.entry + ("-made" if self.steps == "make" else "")
 
     def measure(self) -> Mapping[str, Any]:
-        """Make the runs, judge them, score the verdict; raises CellError where one fails."""
+        """Make the runs, diagnose them, score the verdict; raises CellError where a step fails."""
         case = open_key(self.folder, self.name)
         place = self.folder / RUNS_FOLDER / case.name
         if self.steps != "judge":
@@ -82,7 +84,7 @@ class Examined:
 
 
 def keep_runs(case: Case, place: Path, make: Maker) -> None:
-    """Make the case's runs at `place`, unless they are there and belong to this very case."""
+    """Make the runs of `case` at `place`, unless those there belong to this very case."""
     if read_stamp(place) == case_hash(case):
         return
     scratch = place.with_name(place.name + ".part")
@@ -100,12 +102,12 @@ def keep_runs(case: Case, place: Path, make: Maker) -> None:
 
 
 def _refusal_file(place: Path) -> Path:
-    """File with the reason why the runs of `place` could not be made."""
+    """Path of the file with the reason why the runs at `place` could not be made."""
     return place.with_name(place.name + ".refused.json")
 
 
 def _stored_refusal(place: Path, case: Case) -> str | None:
-    """Reason why the runs of this very case could not be made; None where that was not tried."""
+    """Stored reason why the runs of this very case could not be made; None without one."""
     try:
         stored = json.loads(_refusal_file(place).read_text(encoding="utf-8"))
         return str(stored["reason"]) if stored["case"] == case_hash(case) else None
@@ -124,21 +126,15 @@ def read_stamp(place: Path) -> str | None:
 def judge(
     case: Case, folder: Path, by: Sources, *, workdirs: Path | None, again: bool = False
 ) -> Entry:
-    """The case's entry; its verdict is reused where neither engine nor case has changed."""
+    """Diagnose and score the runs of `case`; reuses a stored verdict on it by the same engine."""
     strip = find_configs(None).strip_path(case.strip)
     runs, out = find_runs([folder / RUNS_FOLDER / case.name]), folder / VERDICTS_FOLDER / case.name
     sandboxed = None if again else _stored_verdict(out, by.verdict(case))
     if sandboxed is None:
         shutil.rmtree(out, ignore_errors=True)
-        sandboxed = run_sandboxed(
-            strip, [run.path for run in runs], out, [folder], workdirs=workdirs
-        )
-        facts = {
-            "of": by.verdict(case),
-            "wall": sandboxed.wall,
-            "memory": sandboxed.memory,
-            "kernel": sandboxed.kernel,
-        }
+        paths = [run.path for run in runs]
+        sandboxed = run_sandboxed(strip, paths, out, [folder], workdirs=workdirs)
+        facts = {"of": by.verdict(case), **asdict(sandboxed)}
         replace_file(out / STAMP, json.dumps(facts).encode())
     verdict = read_verdict(out / VERDICT_FILE)
     notes = json.loads((out / NOTES).read_text(encoding="utf-8"))
@@ -152,7 +148,7 @@ def judge(
 
 
 def baselines(verdict: Verdict, tried: list[dict[str, Any]], case: Case) -> Baselines:
-    """Name of the effect with the least in-sample error; without fits, by the screen's gain."""
+    """Baseline answer: the effect with least in-sample error; without fits, the first candidate."""
     singles = [model for model in tried if model["effects"] == 1]
     if singles:
         name = str(min(singles, key=lambda model: float(model["mean_square"]))["name"])
@@ -163,7 +159,7 @@ def baselines(verdict: Verdict, tried: list[dict[str, Any]], case: Case) -> Base
 
 
 def _stored_verdict(out: Path, of: str) -> SandboxRun | None:
-    """Stored verdict process of a case, where it exists and is up to date."""
+    """Facts on the process of a stored verdict; None without a verdict that has the digest `of`."""
     try:
         facts = json.loads((out / STAMP).read_text(encoding="utf-8"))
         if facts["of"] == of:

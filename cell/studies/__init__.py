@@ -1,1 +1,1 @@
-"""Studies of the cell: measurements over many cases, a file a study, locally or on a cluster."""
+"""Studies of the cell: measurements over many cases, one module a study, here or on a cluster."""

@@ -1,4 +1,4 @@
-"""Runs a study: its cases are parts of a campaign, its outcomes are read back from the journal."""
+"""Runs a study as a campaign, a part for each case, and reads its outcomes from the journal."""
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,8 +34,9 @@ class CasePart:
         return self.case.key
 
     def measure(self) -> Mapping[str, Any]:
-        """Measure the case; returns the case with its outcome. Raises ConfigurationError on a
-        machine whose code or configuration is not that of the campaign.
+        """Measure the case; returns its values with those of its outcome.
+
+        Raises ConfigurationError where code or configuration are not those of the campaign.
         """
         study = study_of(self.study)
         if inputs(study) != self.of:
@@ -77,8 +78,9 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """Contents of a journal on the requested cases: outcomes by one version of the code, cases that
-    are set aside or failed, and the number of outcomes by `other` versions.
+    """Stored outcomes of the requested cases, by the version `of` the code.
+
+    `lost` are cases that failed or were set aside, `other` is the number of other versions' ones.
     """
 
     asked: Asked
@@ -97,14 +99,14 @@ class Kept:
 def measure(
     asked: Asked, engine: Engine, watcher: Watcher, shard: tuple[int, int], *, again: bool
 ) -> None:
-    """Measure the cases that have no file yet; see `carry_out` for what it raises."""
+    """Measure the cases that have no record in the journal; raises as `carry_out`."""
     parts = asked.parts(shard)
     for _ in carry_out(parts, asked.journal, engine, watcher, again=again):
         pass
 
 
 def kept_outcomes(asked: Asked) -> Kept:
-    """Outcomes by the present code; where there are none, by the version with the most."""
+    """Read stored outcomes by the present code, or else by the version with the most outcomes."""
     wanted = {case.key: case for case in asked.study.cases(asked.seed, asked.count)}
     found = [r for r in Journal(asked.journal).records() if r.key in wanted]
     of = _code_to_show(found, inputs(asked.study))

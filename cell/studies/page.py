@@ -18,10 +18,10 @@ ROW_HEIGHT, PAGE_WIDTH = 0.32, 8.4  # inch
 
 
 def write_page(kept: Kept) -> Path:
-    """Write table, page, files of the checkout and, of a whole study that fits something, its data
-    file; returns the page's path.
+    """Write the page, table and ledger of a study; returns the page's path.
 
-    Raises OSError where the folder cannot be written.
+    A whole study that fits something also writes its data files. Raises OSError where the folder
+    cannot be written.
     """
     folder, study = kept.asked.folder, kept.asked.study
     folder.mkdir(parents=True, exist_ok=True)
@@ -39,7 +39,7 @@ def write_page(kept: Kept) -> Path:
 
 
 def page_of(kept: Kept) -> str:
-    """Self-contained page of a study."""
+    """Self-contained HTML page of a study."""
     study, found = kept.asked.study, rows(kept)
     whole = len(kept.outcomes) >= kept.asked.count
     tone: Tone = "fair" if not whole else "good" if keeps_bars(found) else "bad"
@@ -63,22 +63,14 @@ def page_of(kept: Kept) -> str:
 
 
 def points(kept: Kept) -> str:
-    """Figure (SVG) of the first quantity of every case, a line a group."""
+    """Figure (SVG) of the first quantity of every case, a row for each group."""
     quantity, groups = kept.asked.study.quantities[0], group(kept)
     with canvas(PAGE_WIDTH, 0.7 + ROW_HEIGHT * len(groups)) as figure:
         axes = figure.add_subplot()
-        for line, (name, some) in enumerate(groups.items()):
-            values = quantity.scale * np.concatenate(samples(some, quantity.value))
-            axes.plot(
-                values,
-                np.full(len(values), line),
-                "o",
-                ms=4,
-                alpha=0.5,
-                color=BLUE,
-                mec=BLUE,
-                gid=name,
-            )
+        for row, (name, outcomes) in enumerate(groups.items()):
+            values = quantity.scale * np.concatenate(samples(outcomes, quantity.value))
+            places = np.full(len(values), row)
+            axes.plot(values, places, "o", ms=4, alpha=0.5, color=BLUE, mec=BLUE, gid=name)
         axes.axvline(0.0, color=INK, lw=0.8)
         axes.set_yticks(range(len(groups)), list(groups))
         axes.set_ylim(len(groups) - 0.5, -0.5)

@@ -1,4 +1,4 @@
-"""The table of a study: a row a group of cases, a column a quantity, with count and interval."""
+"""Table of a study: one row a group of cases, one column a quantity with its interval."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Row of a group of cases: its values of `by`, joined, the number measured, and the figures."""
+    """Row of the table: a group of cases, the number of them measured, and their statistics."""
 
     group: str
     count: int
@@ -20,7 +20,7 @@ class Row:
 
 
 def rows(kept: Kept) -> tuple[Row, ...]:
-    """Rows of a study: a group each in the order of its first case; one of all where several."""
+    """Rows of a study's table, one a group of cases, and of several groups a last one of all."""
     quantities, groups = kept.asked.study.quantities, group(kept)
     if len(groups) > 1:
         groups[ALL] = list(kept.outcomes)
@@ -31,7 +31,7 @@ def rows(kept: Kept) -> tuple[Row, ...]:
 
 
 def group(kept: Kept) -> dict[str, list[Outcome]]:
-    """Outcomes by the values of `by`, in the order of their cases."""
+    """Group outcomes by the values of the study's `by`, in the order of their cases."""
     groups: dict[str, list[Outcome]] = {}
     for outcome in sorted(kept.outcomes, key=lambda o: o.case.number):
         name = ", ".join(str(outcome.case.values[key]) for key in kept.asked.study.by) or ALL
@@ -51,12 +51,12 @@ def head(kept: Kept) -> tuple[str, ...]:
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """One row of the table as text."""
+    """Cells of one row of the table as text."""
     return (row.group, str(row.count), *(f.text() for f in row.figures))
 
 
 def markdown(kept: Kept) -> str:
-    """The table in Markdown, with the share of cases measured and the command for it."""
+    """Format the table in Markdown, with the share of cases measured and the command for it."""
     titles = head(kept)
     lines = [titles, ("---",) * len(titles), *(cells(row) for row in rows(kept))]
     escaped = ([cell.replace("|", "\\|") for cell in line] for line in lines)
@@ -66,7 +66,7 @@ def markdown(kept: Kept) -> str:
 
 
 def progress(kept: Kept) -> str:
-    """Number of measured cases, the version of the code, and what is missing."""
+    """Sentence on the number of measured cases, the version of the code, and missing cases."""
     asked, lost = kept.asked, kept.lost
     done = len(kept.outcomes)
     words = f"{done} of {asked.count} so far" if done < asked.count else f"{done} cases"

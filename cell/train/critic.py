@@ -1,4 +1,4 @@
-"""Trains the critic of `adaptive`: started or resumed, evaluated on both engines."""
+"""Trains the critic of the policy `adaptive`, and evaluates it on both engines."""
 
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
@@ -30,7 +30,7 @@ def train_critic(
     side: int,
     console: Console,
 ) -> Trained:
-    """Train in `folder`, where an interrupted training of the same settings is resumed.
+    """Train the critic in `folder`; an interrupted training of the same settings is resumed.
 
     The weights are evaluated on a grid of `side` x `side` strips, and with each effect hidden.
     Raises ConfigurationError for a folder that cannot be used, WorkersLost when the workers are
@@ -50,7 +50,7 @@ def train_critic(
 def fold_row(
     critic: Critic, settings: CriticSettings, side: int, engine: Engine, row: int
 ) -> Array:
-    """Displacements (side,) [m] of one row of the grid: a pure function."""
+    """Fold one row of the grid by `adaptive` with `critic`; returns displacements (side,) [m]."""
     strips = grid(side)[row * side : (row + 1) * side]
     rollout = Rollout(speed=settings.speed, sensing=IMAGE_SENSING, substeps=4)
     rng = np.random.default_rng([settings.seed, row])

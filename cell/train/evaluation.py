@@ -30,8 +30,9 @@ class Engine(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """Displacements of a logarithmic grid of strips with corners, (side, side) [m] on an engine;
-    NaN without a touch. `miss` is |d|, half a strip without a touch.
+    """Displacements (side, side) [m] over a logarithmic grid of strips on one engine.
+
+    They are NaN without a touch; `miss` (side, side) is |d| [m], half a strip without a touch.
     """
 
     engine: Engine
@@ -59,7 +60,7 @@ class Evaluation:
         return int(np.isnan(self.displacement).sum())
 
     def line(self) -> dict[str, object]:
-        """All numbers of the evaluation for a record, lengths in metres."""
+        """Numbers of the evaluation for a record in JSON, lengths in metres."""
         gone = [None if np.isnan(d) else round(float(d), 6) for d in self.displacement.ravel()]
         return {
             "engine": self.engine.value,
@@ -79,17 +80,17 @@ def evaluate(
     executor: Executor,
     watch: Callable[[int, int], None] = lambda _done, _pieces: None,
 ) -> tuple[Evaluation, ...]:
-    """Fold the `side` x `side` grid on each engine, a row of strips a piece over `executor`.
+    """Fold a grid of `side` x `side` strips on each engine, a row for each task of `executor`.
 
     `fold(*trained, side, engine, row)` gives the displacements (side,) [m] of a row. Engines get
     the same noise and delays. `watch` is called with the number of pieces done and their total.
     """
-    wanted = [(engine, row) for engine in reversed(Engine) for row in range(side)]
-    waiting = {executor.submit(fold, *trained, side, *w): w for w in wanted}
+    pieces = [(engine, row) for engine in reversed(Engine) for row in range(side)]
+    waiting = {executor.submit(fold, *trained, side, *piece): piece for piece in pieces}
     rows: dict[tuple[Engine, int], Array] = {}
     for done in as_completed(waiting):
         rows[waiting[done]] = done.result()
-        watch(len(rows), len(wanted))
+        watch(len(rows), len(pieces))
     found = {engine: np.array([rows[engine, row] for row in range(side)]) for engine in Engine}
     half = 0.5 * grid(side)[0].length
     return tuple(
@@ -101,7 +102,7 @@ def evaluate(
 def fold_row(
     weights: Array, settings: TrainingSettings, side: int, engine: Engine, row: int
 ) -> Array:
-    """Displacements (side,) [m] of one row of the grid by `feedback` of weights (p,)."""
+    """Fold one row of the grid by `feedback` with weights (p,); returns displacements (side,)."""
     torch.set_num_threads(1)
     strips = grid(side)[row * side : (row + 1) * side]
     rollout = replace(rollout_settings(settings), substeps=SUBSTEPS)
@@ -111,5 +112,5 @@ def fold_row(
 
 
 def make_stepper(engine: Engine) -> Stepper:
-    """A stepper of that engine."""
+    """Make the simulation engine of this kind."""
     return Rod(JUDGING_SEGMENTS, strict=False) if engine is Engine.ROD else Chain(LINKS)

@@ -1,4 +1,4 @@
-"""Runs a whole training: started or resumed, its weights evaluated, everything in one folder."""
+"""Runs a whole training in one folder: starts or resumes it, then evaluates its weights."""
 
 import fcntl
 import json
@@ -26,8 +26,8 @@ EVALUATION = "evaluation.json"
 
 @dataclass(frozen=True, slots=True)
 class Trained:
-    """Result of a training: path, settings, evaluation; of `adaptive` its trial on left-out folds
-    and its errors by hidden effect.
+    """Result of a training: checkpoint, settings, evaluations; of `adaptive` its trial on left-out
+    folds and its errors by hidden effect.
     """
 
     checkpoint: Path
@@ -37,7 +37,7 @@ class Trained:
     effects: tuple[EffectErrors, ...] = ()
 
     def line(self) -> dict[str, object]:
-        """The training's outcome as a line of JSON."""
+        """Content of the training's record in JSON."""
         return {
             "schema": 1,
             "checkpoint": str(self.checkpoint),
@@ -55,7 +55,7 @@ def train(
     side: int,
     console: Console,
 ) -> Trained:
-    """Train in `folder`, where an interrupted training of the same settings is resumed.
+    """Train `feedback` in `folder`; an interrupted training of the same settings is resumed.
 
     The weights are evaluated on a grid of `side` x `side` strips. Raises ConfigurationError for a
     folder that cannot be used, WorkersLost when the workers are gone.
@@ -72,7 +72,7 @@ def train(
 
 
 def keep(trained: Trained, folder: Path) -> Trained:
-    """Write the evaluation of `trained` into `folder`; ConfigurationError where it cannot."""
+    """Write the evaluation of `trained` to `folder`; raises ConfigurationError if that fails."""
     content = json.dumps(trained.line(), indent=1) + "\n"
     write_file(folder / EVALUATION, content, "make room and run the command again")
     return trained
@@ -80,7 +80,7 @@ def keep(trained: Trained, folder: Path) -> Trained:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Create and lock `folder` against other trainings; ConfigurationError if that fails."""
+    """Create `folder` and lock it against other trainings; raises ConfigurationError on failure."""
     with writing(f"--out: {folder}", "name another folder"):
         folder.mkdir(parents=True, exist_ok=True)
         place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)

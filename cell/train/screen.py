@@ -15,13 +15,13 @@ from cell.train.effects import EffectErrors
 from cell.train.evaluation import Engine, Evaluation
 from policies.train.search import Progress
 
-RECENT = 30  # generations from which the time left is text
-LINES = 20  # text of a whole training where there is no screen
+RECENT = 30  # generations from whose times the time left is estimated
+LINES = 20  # printed in a whole training where there is no terminal
 ENGINE_NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
 
 
 class GenerationText:
-    """Texts on the generations of CMA-ES, each with the time left."""
+    """Formats the progress of a training by CMA-ES, generation by generation."""
 
     def __init__(self, generations: int) -> None:
         self._generations = generations
@@ -29,7 +29,7 @@ class GenerationText:
         self._validated = ""
 
     def __call__(self, step: Progress) -> str:
-        """Text on one generation, the newest."""
+        """Format the newest generation, `step`, with the time left."""
         self._took.append(step.seconds)
         if step.validated is not None:
             self._validated = f"  validated {1e3 * step.validated:.1f} mm rms"

@@ -1,4 +1,4 @@
-"""Last stage of the training of `adaptive`: corrections from folds of the chain through images."""
+"""Last training stage of `adaptive`: fits corrections to folds of the chain through images."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ COMPLETE_SHARE = 0.75  # share of the folds that must have come to their end
 
 @dataclass(frozen=True, slots=True)
 class FoldPart:
-    """Part: fold `number` of those drawn by `seed`, through images, by the `checkpoint`."""
+    """Campaign part: fold `number` of those drawn by `seed`, through images, by `checkpoint`."""
 
     number: int
     seed: int
@@ -50,7 +50,7 @@ class FoldPart:
         return f"{self.seed}-{self.number:04d}"
 
     def measure(self) -> Mapping[str, Any]:
-        """Row of `FoldedBatch` for the fold, empty where it was not folded."""
+        """Fold the strip; returns a row of `FoldedBatch`, empty where the fold failed."""
         strip = unknown(np.random.default_rng([self.seed, self.number]))
         with TemporaryDirectory() as place:
             result = fold_unknown(strip, self.number, Path(place), checkpoint=self.checkpoint)
@@ -64,10 +64,10 @@ class FoldPart:
 def transfer(
     checkpoint: Path, folder: Path, out: Path, seed: int, count: int, engine: Engine, watch: Watcher
 ) -> tuple[Transfer, FitQuality]:
-    """Fold `count` unknown strips by the critic in `checkpoint`, write it with its transfer to
-    `out`. `folder` keeps the finished folds, and the same call goes on with them.
+    """Fit a transfer to `count` folds by the critic in `checkpoint`, and write both to `out`.
 
-    Raises ConfigurationError where files cannot be used or most folds fail.
+    `folder` keeps the finished folds, with which the same call goes on. Raises ConfigurationError
+    where files cannot be used or most folds fail.
     """
     bare = folder / UNTRANSFERRED
     facts = {k: v for k, v in about(checkpoint).items() if k != THROUGH_IMAGES}

@@ -1,1 +1,1 @@
-"""The cases of an exam: drawn at random, scaled to their strength, with sealed keys."""
+"""Cases of an exam: random draws, scaling to a strength, and sealed answer keys."""

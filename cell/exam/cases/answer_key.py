@@ -1,4 +1,4 @@
-"""The sealed key: the cause hidden in a case, written before judging, read by the scorer."""
+"""Answer key of a case: the hidden cause, stored before the diagnosis and read by the scorer."""
 
 import hashlib
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ SCORER = ("scoring/score.py", "scoring/oracle.py", "run_case.py")
 
 
 def seal(case: Case, folder: Path) -> Path:
-    """Write the key of `case` into the exam's `folder`, readable by its owner alone."""
+    """Write the answer key of `case` to `folder`, readable by its owner alone; returns its path."""
     keys = folder / KEYS_FOLDER
     keys.mkdir(mode=0o700, parents=True, exist_ok=True)
     path = keys / f"{case.name}.yaml"
@@ -30,34 +30,34 @@ def seal(case: Case, folder: Path) -> Path:
 
 
 def open_key(folder: Path, name: str) -> Case:
-    """The key of the case `name`; raises ConfigurationError where it is missing or broken."""
+    """Read the case `name` from its answer key; raises ConfigurationError if that is broken."""
     return load(folder / KEYS_FOLDER / f"{name}.yaml", Case)
 
 
 def case_hash(case: Case) -> str:
-    """Digest of all fields of a case, and of the motions made from them."""
+    """Digest of all fields of a case and of the names of its motions."""
     made = MOTIONS if case.tier == "state" else (*STANDARD, REPEATED_RUN, REFERENCE_RUN)
     return hashlib.sha256((case.model_dump_json() + " ".join(made)).encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True, slots=True)
 class Sources:
-    """Digests of the source code that makes verdicts (`engine`) and scores them."""
+    """Digests of the source code that makes verdicts (`engine`) and that scores them (`scorer`)."""
 
     engine: str
     scorer: str
 
     def verdict(self, case: Case) -> str:
-        """Digest of all that the verdict on a case depends on."""
+        """Digest of everything that the verdict on `case` depends on."""
         return f"{self.engine}-{case_hash(case)}"
 
     def entry(self, case: Case) -> str:
-        """Digest of all that the entry of a case depends on."""
+        """Digest of everything that the ledger entry of `case` depends on."""
         return f"{self.verdict(case)}-{self.scorer}"
 
 
 def sources() -> Sources:
-    """Digests of the sources as they are on disk now."""
+    """Digests of the source files as they are on disk now."""
     package, model = Path(cell.__file__).parent, Path(drivers.__file__).parent / "strip"
     here = Path(__file__).parents[1]
     return Sources(

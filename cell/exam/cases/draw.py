@@ -1,6 +1,5 @@
-"""Draws cases at random: the hidden effect, its place, its strength, the strip."""
+"""Draws exam cases at random: the strip, and the hidden effect with its place and strength."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -25,8 +24,8 @@ from policies.experiments.by_hand import by_hand
 from policies.experiments.standard import standard_order
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
-PLACE_DRAWS = 4  # draws of where one of them sits
-NEARLY = 0.9  # of the strength, that what is left of an effect beside another must have
+PLACE_DRAWS = 4  # draws of an effect's place on each strip
+NEARLY = 0.9  # share of medium strength that each of two effects must keep beside the other
 FOREIGN = 2  # one state-based case in so many has a plant that is not the model: a chain
 BY_HAND_PERIOD = 3  # one triple of levels in so many is moved by hand
 PLACE_RANGE = (0.3, 0.95)  # of the length, where an effect of one place may sit
@@ -47,7 +46,7 @@ RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.a
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """Case `i` of the exam of `seed`, the `number`-th of its kind, not drawn yet."""
+    """Request to draw case `i` of the exam with `seed`, the `number`-th case of its kind."""
 
     tier: Tier
     kind: Kind
@@ -56,7 +55,7 @@ class Draw:
     seed: int
 
     def case(self) -> Case:
-        """Draw the case; raises Fault where nothing can be as strong as required."""
+        """Draw the case; raises Fault where no effect can be as strong as required."""
         drawn = _case(self.tier, self.kind, self.i, self.number, self.seed)
         return drawn.model_copy(update={"scatter": _scatter_level(self.number)})
 
@@ -69,10 +68,10 @@ def cases(
     progress: Progress = quiet,
     jobs: int = 1,
 ) -> list[Case]:
-    """Draw `count` cases, of one kind `only` or of all in their shares, `jobs` at a time in
-    processes; the same for the same seed.
+    """Draw `count` cases in `jobs` processes; equal seeds give equal cases.
 
-    `progress` hears of every tenth of them. Raises Fault where none can be that strong.
+    All are of the kind `only`, or of every kind in the tier's shares. `progress` is called after
+    each tenth. Raises Fault where no effect can be as strong as required.
     """
     kinds = [only] * count if only else _kinds(tier, count)
     draws = [Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)]
@@ -86,13 +85,13 @@ def cases(
 
 
 def _scatter_level(number: int) -> Scattered:
-    """Level of scatter in case `number` of a kind: every level at every strength and motion."""
+    """Run-to-run scatter of case `number` of a kind; cycles over strengths and motions as well."""
     levels, triples = len(SCATTER), number // len(CASE_STRENGTHS)
     return SCATTER[(number + triples + triples // BY_HAND_PERIOD) % levels]
 
 
 def _kinds(tier: Tier, count: int) -> list[Kind]:
-    """Kinds in the tier's shares, rounded by largest remainders."""
+    """Kinds of `count` cases in the tier's shares, rounded by largest remainders."""
     exact = {kind: share * count for kind, share in SHARES[tier].items()}
     whole = {kind: int(number) for kind, number in exact.items()}
     by_remainder = sorted(exact, key=lambda kind: whole[kind] - exact[kind])
@@ -102,7 +101,7 @@ def _kinds(tier: Tier, count: int) -> list[Kind]:
 
 
 def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
-    """Draw the case of this kind, again where the cell would not fold it."""
+    """Draw a case of `kind`; repeats the draw while the cell's preflight refuses to fold it."""
     rng = np.random.default_rng([seed, i])
     bare = Case(
         name=f"{tier}-{seed}-{i:03d}",
@@ -115,32 +114,35 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
         damping=float(SLOWER ** rng.uniform(-1, 1)),
         motions="by_hand" if i // len(CASE_STRENGTHS) % BY_HAND_PERIOD == 1 else "standard",
     )
-    hide: dict[Kind, Callable[[Case, Strength, np.random.Generator], Case]] = {
-        "nothing": lambda case, _level, _rng: case,
-        "single": lambda case, level, rng: _with_one(case, number, level, rng),
-        "pair": _with_two,
-        "outside": lambda case, _level, _rng: _with_foreign(case, number, seed),
-    }
     level = CASE_STRENGTHS[number % len(CASE_STRENGTHS)]
     for _ in range(TRIES):
-        case = hide[kind](bare, level, rng)
+        case = _hide(bare, number, level, seed, rng)
         if tier == "state" or kind not in ("single", "pair") or refusal(case) is None:
             return case
     raise Fault("exam", f"{bare.name}: the cell folds no {kind} of {bare.strip} that is {level}")
 
 
+def _hide(case: Case, number: int, level: Strength, seed: int, rng: np.random.Generator) -> Case:
+    """Hide in `case` what its kind demands: nothing, one effect, two, or a foreign cause."""
+    if case.kind == "single":
+        return _with_one(case, number, level, rng)
+    if case.kind == "pair":
+        return _with_two(case, level, rng)
+    return _with_foreign(case, number, seed) if case.kind == "outside" else case
+
+
 def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator) -> Case:
-    """Case with one hidden effect; on a chain every second round of laws unlike the library's."""
+    """Hide one effect in `case`; every second round on the chain by a law unlike the library's."""
     turn, place = divmod(number, len(CASE_STRENGTHS))
-    own = case.tier == "state" and case.engine == "rod"
-    if own or turn % UNLIKE_PERIOD == 0:
+    on_rod = case.tier == "state" and case.engine == "rod"
+    if on_rod or turn % UNLIKE_PERIOD == 0:
         return _with_effects(case, level, draw_effects(case, 1, level, rng))
     names = sorted(RESEMBLING)
     first = (turn // UNLIKE_PERIOD * len(CASE_STRENGTHS) + place) % len(names)
     for name in [*names[first:], *names[:first]]:
-        shown = _visible_effect(case, registry()[name], STRENGTHS[level], rng)
-        if shown is not None:
-            strip, values = shown
+        visible = _visible_effect(case, registry()[name], STRENGTHS[level], rng)
+        if visible is not None:
+            strip, values = visible
             cause = RESEMBLING[name]
             known = {k: v for k, v in values.items() if k in causes()[cause].model_fields}
             update = {"strip": strip, "causes": {cause: known}, "answer": (name,)}
@@ -151,7 +153,7 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
 def _visible_effect(
     case: Case, effect: Effect, target: float, rng: np.random.Generator
 ) -> tuple[str, Values] | None:
-    """A strip on which an effect leaves a gap of `target`, and its values; else None."""
+    """Find a strip on which `effect` leaves the gap `target`, and the effect's values, or None."""
     others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
     for strip in [case.strip, *others]:
         for _ in range(PLACE_DRAWS):
@@ -163,7 +165,7 @@ def _visible_effect(
 
 
 def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
-    """Case with two hidden effects, of medium strength or above alone, medium beside the other."""
+    """Hide two effects in `case`, each of at least medium strength, alone and beside the other."""
     strong: Strength = "strong" if level == "strong" else "medium"
     ruler = _ruler_of(case)
     for _ in range(TRIES):
@@ -174,9 +176,9 @@ def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
 
 
 def _with_foreign(case: Case, number: int, seed: int) -> Case:
-    """Case with a cause unlike everything in the library, of medium strength or above.
+    """Hide a cause that no effect of the library resembles, of medium or strong size, in `case`.
 
-    An exam begins with another one by its `seed`.
+    The order of the causes depends on the exam's `seed`.
     """
     turn, place = divmod(number, len(CAUSE_NAMES))
     name = str(np.random.default_rng(seed).permutation(CAUSE_NAMES)[place])
@@ -186,15 +188,14 @@ def _with_foreign(case: Case, number: int, seed: int) -> Case:
 
 
 def _with_effects(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
-    return case.model_copy(
-        update={"effects": hidden, "answer": tuple(sorted(hidden)), "strength": level}
-    )
+    update = {"effects": hidden, "answer": tuple(sorted(hidden)), "strength": level}
+    return case.model_copy(update=update)
 
 
 def draw_effects(
     case: Case, count: int, level: Strength, rng: np.random.Generator
 ) -> dict[str, Values]:
-    """Draw `count` effects, each of strength `level` by itself on the plant of the case.
+    """Draw `count` effects with their values, each of strength `level` alone on the case's plant.
 
     Raises Fault where no effect of that strip can be that strong.
     """
@@ -212,7 +213,7 @@ def draw_effects(
 
 
 def _ruler_of(case: Case) -> Ruler:
-    """The ruler of the case's plant without effects, on the motions that are made.
+    """Ruler, which measures gaps, for the case's plant without effects and the case's motions.
 
     A slip begins at a threshold: on a strip only a little softer than the plant none might show.
     """
@@ -220,7 +221,7 @@ def _ruler_of(case: Case) -> Ruler:
 
 
 def _hand_seed(case: Case) -> int | None:
-    """Seed of the hand in a case that is moved by hand."""
+    """Seed of the hand's random motions; None where the case is not moved by hand."""
     return case.seed if case.motions == "by_hand" else None
 
 
@@ -228,7 +229,7 @@ def _hand_seed(case: Case) -> int | None:
 def _cached_ruler(
     name: str, stiffness: float, damping: float, tier: Tier, hand: int | None
 ) -> Ruler:
-    """The ruler of a strip of the cell, cached."""
+    """Make the ruler of the strip called `name` with scaled base parameters; cached."""
     plant = scale_strip(find_configs(None).strip(name), stiffness, damping)
     if tier == "images":
         return _ruler_of_cell(plant, hand)
@@ -239,7 +240,7 @@ def _cached_ruler(
 
 
 def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
-    """The ruler on motions made by the cell."""
+    """Ruler for `plant` on the cell's standard motions, or on those by a hand with seed `hand`."""
     sigma = Sigma.model_validate(find_configs(None).cell().sigma.model_dump())
     order = standard_order(np.random.default_rng(0))
     if hand is None:
@@ -249,7 +250,7 @@ def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
 
 
 def path_of(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
-    """Draw the shape parameters of an effect and the sign in which it grows."""
+    """Draw the shape parameters of an effect and the sign of its growth, as a path of strengths."""
     others: Values = {}
     for p in effect.parameters[1:]:
         if p.role == "place":

@@ -1,4 +1,4 @@
-"""Cases of an exam, drawn once and stored, so that another engine is examined on the same ones."""
+"""Stores the drawn cases of an exam, so that another engine is examined on the same cases."""
 
 import json
 from pathlib import Path
@@ -26,10 +26,10 @@ def load_or_draw(
     progress: Progress = quiet,
     jobs: int = 1,
 ) -> tuple[Case, ...]:
-    """Load the cases that `folder` holds for the same request, else draw them, `jobs` at a time.
+    """Load the cases stored in `folder` for the same request, or draw them in `jobs` processes.
 
-    From the state each motion is made `repeats` times; with a `kind` all cases are of that; with a
-    `force` [N] the arm reports the strip's with that noise, and nothing else of a case changes.
+    From the state each motion is made `repeats` times; with a `kind` all cases are of that kind;
+    with a `force` [N] the arm reports the strip's force with that noise, all else being equal.
     Raises ConfigurationError where the folder holds another exam or cannot be written, for repeats
     through images and for causes outside the library without images.
     """
@@ -39,10 +39,9 @@ def load_or_draw(
         raise ConfigurationError("--kind outside: is for exams through images; add --tier images")
     path = folder / KEYS_FOLDER / DRAWN_FILE
     wanted = count or CASE_COUNTS[tier]
+    options = {"repeats": repeats if repeats > 1 else None, "kind": kind, "force": force}
     asked: dict[str, object] = {"tier": tier, "count": wanted, "seed": seed}
-    asked |= {"repeats": repeats} if repeats > 1 else {}
-    asked |= {"kind": kind} if kind else {}
-    asked |= {"force": force} if force else {}
+    asked |= {option: value for option, value in options.items() if value}
     known = _read(path)
     if known is None:
         from cell.exam.cases.draw import cases

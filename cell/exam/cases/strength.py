@@ -14,7 +14,7 @@ from cell.gap.subject.strip.experiments import measured_along, planned_runs
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.scatter import SLACK_EFFECTS
 from cell.gap.subject.strip.subject import Strip
-from cell.gap.subject.subject import Request
+from cell.gap.subject.subject import Request, Residuals
 from cell.record.header import Sigma
 from drivers.errors import ConfigurationError
 from drivers.strip.effects import registry
@@ -31,7 +31,7 @@ Hidden = dict[str, dict[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """An effect of growing strength: its switch from null to `largest`, all else fixed."""
+    """Strengths of an effect: its first parameter from null to `largest`, the `others` fixed."""
 
     effect: Effect
     others: dict[str, float]
@@ -39,7 +39,7 @@ class Path:
 
     @classmethod
     def of(cls, effect: Effect, strip: StripFile, others: dict[str, float], *, up: bool) -> Self:
-        """Path to the largest believable value on `strip`; `up` where both signs are possible."""
+        """Path to the largest believable value on `strip`; `up` is the sign where both exist."""
         p, known = effect.parameters[0], effect.sizes(strip)
         if p.null is None:
             return cls(effect, others, max(p.low, min(known) / BELIEVABLE))
@@ -49,7 +49,7 @@ class Path:
         return cls(effect, others, float(np.clip(signed, p.low, p.high)))
 
     def at(self, share: float) -> dict[str, float]:
-        """The effect's parameters at `share` of the way from null."""
+        """Parameters of the effect by name at `share`, 0 to 1, of the way from null."""
         p = self.effect.parameters[0]
         if p.null is None:
             value = self.largest / share
@@ -61,9 +61,7 @@ class Path:
 
 
 class Ruler:
-    """Measures, as the model sees it, the gap of effects on the motions of `made`, simulated
-    runs.
-    """
+    """Measures, with the model, the gap that hidden effects leave on the simulated runs `made`."""
 
     def __init__(self, plant: StripFile, made: Sequence[MeasuredRun]) -> None:
         runs = [
@@ -76,24 +74,24 @@ class Ruler:
 
     @classmethod
     def standard(cls, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> Self:
-        """A ruler on the standard motions with these names."""
+        """Ruler on the standard motions called `motions`."""
         made = {run.name: run for run in planned_runs(plant, sigma, 0)}
         return cls(plant, [made[name] for name in motions])
 
     @classmethod
     def along(cls, plant: StripFile, ways: Sequence[GripperPath], sigma: Sigma) -> Self:
-        """A ruler on given motions."""
+        """Ruler on the gripper paths `ways`."""
         seen = measured_along(ways, plant, sigma, 0)
         return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(seen)])
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:
-        """Excess gap (k,) left by each of these sets of effects."""
+        """Excess gap (k,) that each of k sets of effects leaves after the base is refitted."""
         return np.array([self._excess(left) for left in self._response_after_refit(hidden)])
 
     def beside(self, both: Hidden) -> Array:
-        """Excess gap (2,) that each of two effects leaves once the other's amount is refitted too.
+        """Excess gap (2,) of each of two effects after base and amount of the other are refitted.
 
-        To first order: what of the joint response the base and the other's own do not span.
+        To first order: the part of the joint response that base and other effect do not span.
         """
         alone = [{name: values} for name, values in both.items()]
         joint, *each = self._response_after_refit([both, *alone])
@@ -101,7 +99,7 @@ class Ruler:
         return np.array([self._excess(joint - other * (other @ joint)) for other in others])
 
     def _response_after_refit(self, hidden: Sequence[Hidden]) -> list[Array]:
-        """Whitened responses (N,) to sets of effects, less what a refit of the base removes."""
+        """Whitened response (N,) to each set of effects, less what a refit of the base removes."""
         estimate = self._estimate
         base, local = estimate.shared, estimate.point.local
         asked = [
@@ -109,53 +107,43 @@ class Ruler:
             for effects in hidden
             for run, own in zip(estimate.evidence.runs, local, strict=True)
         ]
-        answers = self._subject.simulate(asked)
-        count = len(local)
-        found = []
-        for k in range(len(hidden)):
-            mine = answers[k * count : (k + 1) * count]
-            moved = [
-                response(here, there, scale)
-                for here, there, scale in zip(
-                    mine, estimate.raw, estimate.evidence.scales, strict=True
-                )
-            ]
-            found.append(self._about.left(np.concatenate(moved)))
-        return found
+        results, count = self._subject.simulate(asked), len(local)
+        return [self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))]
+
+    def _left_by_base(self, results: Sequence[Residuals]) -> Array:
+        """Whitened response (N,) of all runs, less the part that a refit of the base removes."""
+        runs = zip(results, self._estimate.raw, self._estimate.evidence.scales, strict=True)
+        moved = [response(result, base, scale) for result, base, scale in runs]
+        return self._about.left(np.concatenate(moved))
 
     def _excess(self, left: Array) -> float:
         """Excess gap of a whitened response (N,) under the noise of the runs."""
-        ends = np.cumsum([len(r) for r in self._estimate.residuals])[:-1]
+        known = self._estimate.evidence
+        by_run = np.split(left, np.cumsum([len(r) for r in self._estimate.residuals])[:-1])
         noisy = [
             np.sqrt(r**2 + (run.samples.noise / scale) ** 2)
-            for r, run, scale in zip(
-                np.split(left, ends),
-                self._estimate.evidence.runs,
-                self._estimate.evidence.scales,
-                strict=True,
-            )
+            for r, run, scale in zip(by_run, known.runs, known.scales, strict=True)
         ]
         return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
 
     def share(self, path: Path, target: float) -> float | None:
         """Share of `path` at which the gap is `target`; None where it is never reached."""
         try:
-            if self._interpolate_shares(path, LADDER[-1:]).max() < target:
+            if self._excess_along(path, LADDER[-1:]).max() < target:
                 return None
-            excess = self._interpolate_shares(path, LADDER)
+            excess = self._excess_along(path, LADDER)
         except ConfigurationError:
             return None
-        beyond = np.flatnonzero(excess >= target)
-        k = max(1, int(beyond[0]))
+        k = max(1, int(np.flatnonzero(excess >= target)[0]))
         (low, high), (a, b) = LADDER[k - 1 : k + 1], excess[k - 1 : k + 1]
-        return float(low * (high / low) ** ((target - a) / (b - a)))
+        return float(low * (high / low) ** ((target - a) / (b - a)))  # the ladder is geometric
 
-    def _interpolate_shares(self, path: Path, shares: Array) -> Array:
+    def _excess_along(self, path: Path, shares: Array) -> Array:
         return self.excess([{path.effect.name: path.at(s)} for s in shares])
 
 
 def engine_values(name: str, values: dict[str, float]) -> Array:
-    """Parameters (p,) of an effect in the gap engine's units, from those of a file."""
+    """Parameters (p,) of effect `name` in the gap engine's units, from a strip file's `values`."""
     effect = registry()[name]
     complete = effect.complete(values)
     switch = effect.parameters[0]

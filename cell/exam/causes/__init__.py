@@ -1,4 +1,4 @@
-"""Causes that only the makers of exam cases know: none follows the law of an effect of the library.
+"""Hidden causes of the exam: physical laws that differ from every effect of the library.
 
 Every module of this folder that has a `CAUSE` is one cause, named like the module, and so is every
 plug-in of the kind `causes`.
@@ -17,7 +17,7 @@ from drivers.settings import parse
 
 @cache
 def causes() -> Mapping[str, type[Cause]]:
-    """Causes by name, sorted; ConfigurationError for a plug-in that is none."""
+    """Classes of all causes by name; raises ConfigurationError for a plug-in of another class."""
     names = sorted(name for _, name, _ in pkgutil.iter_modules(__path__))
     modules = {name: importlib.import_module(f"{__name__}.{name}") for name in names}
     own = {name: module.CAUSE for name, module in modules.items() if hasattr(module, "CAUSE")}
@@ -29,7 +29,7 @@ def causes() -> Mapping[str, type[Cause]]:
 
 
 def cause_of(name: str, values: Mapping[str, float]) -> Cause:
-    """The cause called `name`; ConfigurationError for another name or bad values."""
+    """Make the cause `name` from its `values`; raises ConfigurationError if one is invalid."""
     if name not in causes():
         raise ConfigurationError(f"causes: {name}: is not known; known: {', '.join(causes())}")
     return parse(dict(values), causes()[name], f"causes: {name}")

@@ -7,9 +7,10 @@ from drivers.twin.chain.joints import Joints
 from drivers.types import Array
 
 TINY = 1e-6  # s, over which nodes are led on to see how fast they move
+LEAST_SPEED = 1e-9  # m/s, in place of a speed of zero where one divides by it
 
 
-def moving(joints: Joints, position: Array, rate: Array) -> tuple[Array, Array, Array]:
+def link_motion(joints: Joints, position: Array, rate: Array) -> tuple[Array, Array, Array]:
     """Midpoints (n, 2) [m] of the links, their velocities (n, 2) [m/s] and directions (n, 2)."""
     nodes = joints.nodes(position)
     speed = (joints.nodes(position + TINY * rate) - nodes) / TINY
@@ -19,10 +20,10 @@ def moving(joints: Joints, position: Array, rate: Array) -> tuple[Array, Array, 
 
 
 def drag_step(parts: Parts, force: Array, speed: Array, h: float) -> Array:
-    """`force` (n, 2) against a `speed` (n, 2), as an implicit step of a link alone takes it.
+    """Drag `force` (n, 2) at velocity `speed` (n, 2) [m/s], reduced as by an implicit step `h` [s].
 
-    Without this light strips are thrown back and forth.
+    Each link is stepped alone. Without this light strips are thrown back and forth.
     """
     size = np.hypot(force[:, 0], force[:, 1])
-    steep = 2.0 * size / np.maximum(np.hypot(speed[:, 0], speed[:, 1]), 1e-9)
-    return np.asarray(force / (1.0 + h * steep / parts.lumps.mass)[:, None])
+    slope = 2.0 * size / np.maximum(np.hypot(speed[:, 0], speed[:, 1]), LEAST_SPEED)  # of v^2
+    return np.asarray(force / (1.0 + h * slope / parts.lumps.mass)[:, None])

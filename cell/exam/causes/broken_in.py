@@ -1,4 +1,4 @@
-"""Cause: stiffness that is lost at once, between two runs."""
+"""Cause: a sudden loss of stiffness between two runs."""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -11,7 +11,7 @@ from drivers.strip.model import StripModel
 
 
 class BrokenIn(Cause):
-    """Rigidity times `factor` from run number `first` on, the retardation time kept.
+    """Multiplies the rigidity by `factor` from run `first` on; the retardation time stays.
 
     Source: assumed; a size or finish that cracks when it is first bent sharply.
     """
@@ -23,7 +23,7 @@ class BrokenIn(Cause):
     first: int = Field(5, ge=1, le=100)
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
-        """The strip before or after it."""
+        """Strip model of this run, its rigidity multiplied by `factor` from run `first` on."""
         if self.factor == 1 or model.index < self.first:
             return model
         same = np.full(len(model.mechanics.rigidity), self.factor)

@@ -1,17 +1,19 @@
-"""Cause: a yarn of the strip is caught on the desk."""
+"""Cause: a yarn of the strip that is caught on the desk."""
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 import mujoco
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause, Sizes
+from cell.exam.causes.cause import FORCE_XZ, Cause, Sizes
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
+from drivers.types import Array
 
 
 class CaughtThread(Cause):
-    """A thread from the strip to the desk under it, which tears for good where it bears `strength`.
+    """Thread from the strip to the desk under it, which tears for good at a pull of `strength` [N].
 
     It is slack for its `length`, then pulls by `stiffness` times what is drawn out of the weave.
     Source: assumed; drawing one yarn out of a woven strip takes 0.01 to 0.1 N.
@@ -26,25 +28,35 @@ class CaughtThread(Cause):
     stiffness: float = Field(0.5, gt=0, le=5)  # N/m
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """The pull on one link."""
+        """Pull of the thread on the link that it is tied to; None without strength."""
         if self.strength == 0:
             return None
-        lumps, joints = parts.lumps, parts.joints
-        along = np.cumsum(lumps.spans)
-        link = int(np.searchsorted(along, self.position * along[-1]))
-        foot, whole = np.array([self.position * along[-1], 0.0]), True
+        ends = np.cumsum(parts.lumps.spans)
+        place = self.position * ends[-1]
+        return _Thread(self, parts, int(np.searchsorted(ends, place)), np.array([place, 0.0]))
 
-        def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, ___: float) -> None:
-            nonlocal whole
-            nodes = joints.nodes(data.qpos)
-            there = foot - 0.5 * (nodes[link] + nodes[link + 1])
-            distance = float(np.hypot(*there))
-            pull = self.stiffness * max(distance - self.length, 0.0)
-            whole = whole and pull < self.strength
-            if whole and pull > 0.0:
-                data.xfrc_applied[1 + link, :3:2] += pull * lumps.scale * there / distance
 
-        return act
+@dataclass(slots=True)
+class _Thread:
+    """Force function of a thread from the middle of link `link` to its `foot` (2,) on the desk."""
+
+    cause: CaughtThread
+    parts: Parts
+    link: int
+    foot: Array
+    whole: bool = True
+
+    def __call__(self, _: mujoco.MjModel, data: mujoco.MjData, __: float, ___: float) -> None:
+        """Pull the link towards the foot, or tear."""
+        nodes = self.parts.joints.nodes(data.qpos)
+        to_foot = self.foot - 0.5 * (nodes[self.link] + nodes[self.link + 1])
+        distance = float(np.hypot(*to_foot))
+        pull = self.cause.stiffness * max(distance - self.cause.length, 0.0)
+        self.whole = self.whole and pull < self.cause.strength
+        if self.whole and pull > 0.0:
+            body = 1 + self.link  # after the world
+            force = pull * self.parts.lumps.scale * to_foot / distance
+            data.xfrc_applied[body, FORCE_XZ] += force
 
 
 CAUSE = CaughtThread

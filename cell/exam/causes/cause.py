@@ -11,12 +11,14 @@ from drivers.twin.chain.extra_forces import ForceFunction, Parts
 from drivers.types import Array
 
 Sizes = Mapping[str, Mapping[str, float]]
+LINK_ROWS = slice(1, -2)  # of the chain's bodies: all but the world, the tip and the gripper
+FORCE_XZ, FORCE_Z = slice(0, 3, 2), 2  # columns of MuJoCo's applied force; moments follow
 
 
 class Cause(Settings):
-    """A property of an exam plant that no description of a strip can hold.
+    """Base class of hidden causes: properties of an exam plant that no strip file can describe.
 
-    `amount` names the setting that says how much of it there is. `answers` names the effect of
+    `amount` names the setting of its size. `answers` names the effect of
     the library that it resembles, whose own amount then has the same name and meaning; None where
     there is none, and the right verdict is to abstain. `sizes` are values by strength that leave
     a gap of about 2.5 (medium) and 6 (strong) on denim, for causes that the exam draws. Values
@@ -29,21 +31,21 @@ class Cause(Settings):
     sizes: ClassVar[Sizes] = {}
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
-        """The strip as altered by the cause in the run `model.index`; `rng` is the run's."""
+        """Strip model as altered by the cause in run `model.index`; `rng` is the run's own."""
         return model
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """The forces of the cause on one chain; None where it exerts none."""
+        """Force function of the cause for one chain; None where it exerts no force."""
         return None
 
     def true_pose(self, pose: Array, time: float) -> Array:  # noqa: ARG002
-        """True pose of the strip's edge at `time` [s] since the grasp, held at `pose` (3,)."""
+        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose` (3,)."""
         return pose
 
     def image_time(self, since: float) -> float:
-        """Age of the world [s] shown in an image stamped `since` [s] after the grasp."""
+        """True time [s] after the grasp that an image stamped `since` [s] after the grasp shows."""
         return since
 
     def distortion(self, distortion: tuple[float, float]) -> tuple[float, float]:
-        """Radial distortion k1, k2 of the lens, given the calibrated one."""
+        """True radial distortion k1, k2 of the lens, given the calibrated `distortion`."""
         return distortion

@@ -8,9 +8,9 @@ from cell.exam.causes.cause import Cause, Sizes
 
 
 class ClockDrift(Cause):
-    """Stamps run ahead by a share `drift` of the time since the grasp, when clocks were compared.
+    """Image stamps run ahead of the arm's clock by the share `drift` of the time since the grasp.
 
-    Source: assumed; a stamp by the count of frames of a camera that is slower than stated.
+    Clocks agree at the grasp. Source: assumed; stamps by counting frames of too slow a camera.
     """
 
     amount: ClassVar[str] = "drift"
@@ -19,7 +19,7 @@ class ClockDrift(Cause):
     drift: float = Field(ge=0, le=0.05)
 
     def image_time(self, since: float) -> float:
-        """True time of the world in an image stamped `since`."""
+        """True time [s] after the grasp that an image stamped `since` [s] after the grasp shows."""
         return since / (1.0 + self.drift)
 
 

@@ -1,4 +1,4 @@
-"""Cause: the strip slides slowly out of the fingers."""
+"""Cause: a strip that slides slowly out of the fingers."""
 
 from typing import ClassVar
 
@@ -10,7 +10,7 @@ from drivers.types import Array
 
 
 class CreepingGrip(Cause):
-    """The strip's edge leaves the fingers at `rate` [m/s] after the grasp, along its tangent.
+    """The strip's edge slides out of the fingers along its tangent at `rate` [m/s].
 
     Source: assumed; a soft fabric between smooth fingers whose force fades.
     """
@@ -21,7 +21,7 @@ class CreepingGrip(Cause):
     rate: float = Field(ge=0, le=0.01)
 
     def true_pose(self, pose: Array, time: float) -> Array:
-        """True pose (3,) of the edge that is held at `pose` (3,)."""
+        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose` (3,)."""
         if self.rate == 0:
             return pose
         slid = self.rate * time

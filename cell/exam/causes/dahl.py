@@ -26,7 +26,7 @@ class Dahl(Cause):
     exponent: float = Field(1.5, ge=1.0, le=3.0)
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """Friction at every hinge, at rest and without moment."""
+        """Friction moment of every hinge, zero at the start; None without friction."""
         if self.yield_curvature == 0:
             return None
         stiffness = parts.lumps.stiffness
@@ -39,7 +39,7 @@ class Dahl(Cause):
 
 
 class Element:
-    """Dahl elements side by side, each with its `limit` [N m] and `stiffness` [N m/rad]."""
+    """Array of Dahl elements, each with its `limit` [N m] and `stiffness` [N m/rad]."""
 
     def __init__(self, limit: Array, stiffness: Array, exponent: float) -> None:
         self._limit, self._stiffness, self._exponent = limit, stiffness, exponent
@@ -47,26 +47,25 @@ class Element:
         self._angle = 0.0 * limit
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Moment and slope after the turn since the last call; exact for one direction."""
+        """Moments [N m] and slopes [N m/rad] at `angle` [rad]; exact for turns in one direction."""
         turn = angle - self._angle
         sign = np.where(turn < 0, -1.0, 1.0)
-        short = 1.0 - sign * self._moment / self._limit  # 0 where it slides, 2 where it turns back
-        way = self._stiffness * np.abs(turn) / self._limit
-        short = _decay(short, way, self._exponent)
-        self._moment = sign * self._limit * (1.0 - short)
+        reserve = 1.0 - sign * self._moment / self._limit  # 0 in full sliding, 2 at a reversal
+        travel = self._stiffness * np.abs(turn) / self._limit
+        self._moment = sign * self._limit * (1.0 - _decay(reserve, travel, self._exponent))
         self._angle = angle
-        back = np.where(rate < 0, -1.0, 1.0)
-        left = np.clip(1.0 - back * self._moment / self._limit, 0.0, 2.0)
-        return self._moment, self._stiffness * left**self._exponent
+        ahead = np.where(rate < 0, -1.0, 1.0)  # direction in which the hinge turns next
+        reserve = np.clip(1.0 - ahead * self._moment / self._limit, 0.0, 2.0)
+        return self._moment, self._stiffness * reserve**self._exponent
 
 
-def _decay(short: Array, way: Array, exponent: float) -> Array:
-    """Solution u of du/dx = -u^exponent from u = `short`, after x = `way`."""
-    short = np.maximum(short, 1e-12)
+def _decay(start: Array, x: Array, exponent: float) -> Array:
+    """Solution u of du/dx = -u^exponent at `x`, from u = `start` at 0."""
+    start = np.maximum(start, 1e-12)  # a power below would divide by zero
     if exponent == 1:
-        return np.asarray(short * np.exp(-way))
+        return np.asarray(start * np.exp(-x))
     power = exponent - 1.0
-    return np.asarray((short**-power + power * way) ** (-1.0 / power))
+    return np.asarray((start**-power + power * x) ** (-1.0 / power))
 
 
 CAUSE = Dahl

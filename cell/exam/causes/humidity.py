@@ -1,4 +1,4 @@
-"""Cause: air that is drier or damper in every run."""
+"""Cause: air humidity that differs from run to run."""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -11,7 +11,7 @@ from drivers.strip.model import StripModel
 
 
 class Humidity(Cause):
-    """Rigidity times exp(spread g) with another standard normal g in each run.
+    """Multiplies the rigidity by exp(spread g), with a new standard normal g in each run.
 
     The retardation time falls with its square root. Source: the bending modulus of cotton falls by
     some 2 % for each per cent of relative humidity (Morton and Hearle, Physical Properties of
@@ -24,7 +24,7 @@ class Humidity(Cause):
     spread: float = Field(ge=0, le=1)
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
-        """The strip in the air of this run."""
+        """Strip model with the rigidity and retardation time of this run's humidity."""
         if self.spread == 0:
             return model
         factor = float(np.exp(self.spread * rng.standard_normal()))

@@ -1,4 +1,4 @@
-"""Cause: a lens that was touched after its calibration."""
+"""Cause: a lens whose distortion changed after its calibration."""
 
 from typing import ClassVar
 
@@ -8,7 +8,7 @@ from cell.exam.causes.cause import Cause
 
 
 class LensTouched(Cause):
-    """Radial distortion that differs from the calibrated one: k1 and k2 are greater by `k1`, `k2`.
+    """Adds `k1` and `k2` to the calibrated radial distortion of the lens.
 
     The exam does not draw it: up to a k1 of 0.25 the refitted base leaves nothing of it, and from
     0.3 on the preflight refuses to fold. At the edge of a picture r is about 0.19 here: k1 of
@@ -22,7 +22,7 @@ class LensTouched(Cause):
     k2: float = Field(0.0, ge=-5, le=5)
 
     def distortion(self, distortion: tuple[float, float]) -> tuple[float, float]:
-        """Distortion of the lens as it is now."""
+        """True radial distortion k1, k2 of the lens, given the calibrated `distortion`."""
         return distortion[0] + self.k1, distortion[1] + self.k2
 
 

@@ -13,7 +13,7 @@ ELEMENTS = 4
 
 
 class LogCreep(Cause):
-    """A share `ratio` of the rigidity relaxes evenly in log time between `quick` and `slow`.
+    """A share `ratio` of the rigidity relaxes evenly in log time from `quick` to `slow` [s].
 
     Four Maxwell elements whose times are spaced evenly in the logarithm. Source: stress
     relaxation of fibres is linear in log time over decades, Morton and Hearle, Physical
@@ -28,7 +28,7 @@ class LogCreep(Cause):
     slow: float = Field(5.0, gt=0, le=1000)  # s
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """Loss of moment of a chain's springs by creep."""
+        """Moment that every hinge loses by creep; None without creep."""
         if self.ratio == 0:
             return None
         times = np.geomspace(self.quick, self.slow, ELEMENTS)
@@ -37,7 +37,7 @@ class LogCreep(Cause):
 
 
 class Fading:
-    """Maxwell elements of equal stiffness `share` (n + 1,) [N m/rad] at `times` (k,) [s]."""
+    """Maxwell elements of equal stiffness `share` (n + 1,) [N m/rad] and `times` (k,) [s]."""
 
     def __init__(self, share: Array, rest: Array, times: Array) -> None:
         self._share, self._rest, self._times = share, rest, times[:, None]
@@ -46,7 +46,7 @@ class Fading:
         self._elapsed = 0.0
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Negative moment and slope: the elements' loss against springs, dq = da - q dt / T."""
+        """Moments [N m] lost by relaxation, negative, and zero slopes; dq = da - q dt / T."""
         past = self._elapsed / self._times
         kept = np.ones_like(past) if self._elapsed == 0 else -np.expm1(-past) / past
         self._strain = np.exp(-past) * self._strain + kept * (angle - self._angle)

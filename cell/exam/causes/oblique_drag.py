@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.air import drag_step, moving
-from cell.exam.causes.cause import Cause
+from cell.exam.causes.air import LEAST_SPEED, drag_step, link_motion
+from cell.exam.causes.cause import FORCE_XZ, LINK_ROWS, Cause
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 from drivers.twin.chain.lumps import AIR_DENSITY
 
@@ -29,7 +29,7 @@ class ObliqueDrag(Cause):
     speed: float = Field(0.3, gt=0, le=5)  # m/s, v_0
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """Drag on every link."""
+        """Drag on every link; None without drag."""
         if self.coefficient == 0:
             return None
         lumps = parts.lumps
@@ -37,12 +37,12 @@ class ObliqueDrag(Cause):
         size *= lumps.scale * self.speed**2
 
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, h: float) -> None:
-            _middles, speed, along = moving(parts.joints, data.qpos, data.qvel)
-            length = np.maximum(np.hypot(speed[:, 0], speed[:, 1]), 1e-9)[:, None]
-            push = (speed * along).sum(axis=1)[:, None] * along
-            way = (speed - (1.0 - self.along) * push) / length
-            force = -size * lumps.spans[:, None] * (length / self.speed) ** self.exponent * way
-            data.xfrc_applied[1:-2, :3:2] += drag_step(parts, force, speed, h)
+            _middles, velocity, along = link_motion(parts.joints, data.qpos, data.qvel)
+            speed = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), LEAST_SPEED)[:, None]
+            tangential = (velocity * along).sum(axis=1)[:, None] * along
+            way = (velocity - (1.0 - self.along) * tangential) / speed
+            force = -size * lumps.spans[:, None] * (speed / self.speed) ** self.exponent * way
+            data.xfrc_applied[LINK_ROWS, FORCE_XZ] += drag_step(parts, force, velocity, h)
 
         return act
 

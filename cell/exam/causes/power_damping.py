@@ -25,7 +25,7 @@ class PowerDamping(Cause):
     rate: float = Field(60.0, gt=0, le=1000)  # 1/(m s), r
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """A dashpot at every hinge."""
+        """Nonlinear damping of every hinge; None without damping."""
         if self.coefficient == 0:
             return None
         hinges = parts.joints.hinges

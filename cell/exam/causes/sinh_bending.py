@@ -1,4 +1,4 @@
-"""Cause: bending that grows stiffer, or softer, with curvature, by another law than a cubic."""
+"""Cause: bending stiffness that rises or falls with curvature by a law other than a cubic."""
 
 from typing import ClassVar
 
@@ -9,7 +9,7 @@ from cell.exam.causes.cause import Cause
 from drivers.twin.chain.extra_forces import ForceFunction, Parts, resistance
 from drivers.types import Array
 
-LINEAR_FROM = 6.0  # times the curvature of the law from which on it is led straight
+LINEAR_FROM = 6.0  # curvature in units of k_s from which on the nonlinear moment stays constant
 
 
 class SinhBending(Cause):
@@ -26,7 +26,7 @@ class SinhBending(Cause):
     cubic: float = Field(ge=-1e-3, le=1e-3)  # m^2
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """The law's addition to the elastic moment of every hinge."""
+        """Moment added to the elastic one at every hinge; None where it is zero."""
         if self.cubic == 0:
             return None
         hard = self.cubic > 0
@@ -35,13 +35,13 @@ class SinhBending(Cause):
 
 
 class Excess:
-    """Moment of sinh or tanh beyond its tangent's, `scale` (n + 1,) [rad]."""
+    """Nonlinear part of a sinh or tanh bending law with the angle `scale` (n + 1,) [rad]."""
 
     def __init__(self, stiffness: Array, scale: Array, *, hard: bool) -> None:
         self._stiffness, self._scale, self._hard = stiffness, scale, hard
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Excess moment and slope at `angle`."""
+        """Nonlinear moment (n + 1,) [N m] and its slope [N m/rad] at `angle` (n + 1,) [rad]."""
         x = np.clip(angle / self._scale, -LINEAR_FROM, LINEAR_FROM)
         value = np.sinh(x) if self._hard else np.tanh(x)
         slope = np.cosh(x) if self._hard else 1.0 / np.cosh(x) ** 2

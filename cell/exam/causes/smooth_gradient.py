@@ -1,4 +1,4 @@
-"""Cause: stiffness that rises along the strip in an S instead of a straight line."""
+"""Cause: stiffness that rises along the strip in an S-curve instead of a straight line."""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -11,7 +11,7 @@ from drivers.strip.model import StripModel
 
 
 class SmoothGradient(Cause):
-    """Rigidity times 1 + slope / 2 sin(pi (s / L - 1/2)); both ends as of a linear gradient.
+    """Rigidity factor 1 + slope / 2 sin(pi (s / L - 1/2)), at both ends that of a linear gradient.
 
     Source: assumed; finishes and dyes vary like that from selvedge to middle.
     """
@@ -22,7 +22,7 @@ class SmoothGradient(Cause):
     slope: float = Field(gt=-2, lt=2)
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
-        """The strip with its profile of stiffness."""
+        """Strip model with the S-shaped profile of rigidity."""
         if self.slope == 0:
             return model
         mechanics = model.mechanics

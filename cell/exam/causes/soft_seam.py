@@ -1,4 +1,4 @@
-"""Cause: a place of other stiffness with smooth edges."""
+"""Cause: a seam whose stiffness fades out smoothly at its edges."""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -11,7 +11,7 @@ from drivers.strip.model import StripModel
 
 
 class SoftSeam(Cause):
-    """Rigidity times 1 + (factor - 1) exp(-(s - position)^2 / (2 sigma^2)).
+    """Rigidity factor 1 + (factor - 1) exp(-(s - position)^2 / (2 sigma^2)) along the strip.
 
     sigma = width / sqrt(2 pi), so that a seam of the library as wide and as stiff has the same
     integral. Source: assumed; glue and overlocked edges fade out.
@@ -25,7 +25,7 @@ class SoftSeam(Cause):
     width: float = Field(0.03, ge=0.005, le=0.3)  # m
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
-        """The strip with its seam."""
+        """Strip model with the rigidity of the seam."""
         if self.factor == 1:
             return model
         mechanics = model.mechanics

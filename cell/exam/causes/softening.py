@@ -1,4 +1,4 @@
-"""Cause: inner friction that a specimen loses in its first runs."""
+"""Cause: internal damping that a specimen loses in its first runs."""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -12,7 +12,7 @@ from drivers.types import frozen
 
 
 class Softening(Cause):
-    """Retardation time times 1 - loss (1 - exp(-index / runs)), the rigidity kept.
+    """Multiplies the retardation time by 1 - loss (1 - exp(-index / runs)); the rigidity stays.
 
     Source: assumed; handle tests of fabrics are conditioned by repeated bending for this reason.
     """
@@ -23,7 +23,7 @@ class Softening(Cause):
     runs: float = Field(2.5, gt=0, le=100)
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
-        """The strip as softened by its earlier runs."""
+        """Strip model with the damping that is left after its earlier runs."""
         if self.loss == 0:
             return model
         factor = 1.0 - self.loss * (1.0 - np.exp(-model.index / self.runs))

@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause, Sizes
+from cell.exam.causes.cause import FORCE_Z, LINK_ROWS, Cause, Sizes
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 
 
 class StaticCling(Cause):
-    """A pull towards the desk of `pressure` [N/m^2] exp(-height / reach) on the strip's face.
+    """Pull of the strip's face towards the desk, `pressure` [N/m^2] exp(-height / `reach`).
 
     Source: charged textiles hold some uC/m^2, that is sigma^2 / (2 eps_0) of 0.05 to 5 N/m^2;
     the reach, as for patches of charge of alternate sign, is assumed.
@@ -24,7 +24,7 @@ class StaticCling(Cause):
     reach: float = Field(0.010, gt=0, le=0.1)  # m
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """The pull on every link."""
+        """Downward pull on every link; None without pressure."""
         if self.pressure == 0:
             return None
         lumps, joints = parts.lumps, parts.joints
@@ -33,8 +33,8 @@ class StaticCling(Cause):
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, ___: float) -> None:
             nodes = joints.nodes(data.qpos)
             height = np.maximum(0.5 * (nodes[1:, 1] + nodes[:-1, 1]), 0.0)
-            level = np.abs(np.diff(nodes[:, 0])) / lumps.spans  # what faces the desk
-            data.xfrc_applied[1:-2, 2] -= size * level * np.exp(-height / self.reach)
+            facing = np.abs(np.diff(nodes[:, 0])) / lumps.spans  # share that faces the desk
+            data.xfrc_applied[LINK_ROWS, FORCE_Z] -= size * facing * np.exp(-height / self.reach)
 
         return act
 

@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause, Sizes
+from cell.exam.causes.cause import FORCE_Z, LINK_ROWS, Cause, Sizes
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 
 
 class StickyPatch(Cause):
-    """A pull of `pressure` [N/m^2] towards the desk on what is within `reach` of the patch.
+    """Pull of the strip towards the desk, up to `pressure` [N/m^2] within `reach` [m] of the patch.
 
     The patch lies about the share `position` of the strip's length, `size` [m] long. Source:
     assumed; what is left of adhesive tape on a desk peels at 0.1 to 1 N per metre of width.
@@ -26,7 +26,7 @@ class StickyPatch(Cause):
     reach: float = Field(0.004, gt=0, le=0.02)  # m
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
-        """The pull on the links above the patch."""
+        """Downward pull on the links above the patch; None without pressure."""
         if self.pressure == 0:
             return None
         lumps, joints = parts.lumps, parts.joints
@@ -37,8 +37,8 @@ class StickyPatch(Cause):
             nodes = joints.nodes(data.qpos)
             x, z = (0.5 * (nodes[1:, i] + nodes[:-1, i]) for i in range(2))
             near = np.clip(1.0 - np.maximum(z, 0.0) / self.reach, 0.0, 1.0)
-            held = force * near * (np.abs(x - middle) < self.size / 2)
-            data.xfrc_applied[1:-2, 2] -= held
+            over_patch = np.abs(x - middle) < self.size / 2
+            data.xfrc_applied[LINK_ROWS, FORCE_Z] -= force * near * over_patch
 
         return act
 

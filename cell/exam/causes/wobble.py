@@ -1,4 +1,4 @@
-"""Cause: a gripper that vibrates without the arm's knowledge."""
+"""Cause: a vibration of the gripper that the arm does not measure."""
 
 from typing import ClassVar
 
@@ -8,11 +8,11 @@ from pydantic import Field
 from cell.exam.causes.cause import Cause, Sizes
 from drivers.types import Array
 
-GROWTH = 0.5  # s after the grasp, in which it sets in
+GROWTH = 0.5  # s after the grasp, over which the amplitude grows
 
 
 class Wobble(Cause):
-    """The edge moves by amplitude sin(2 pi frequency t) upwards, and by a share of it along x.
+    """Adds amplitude sin(2 pi frequency t) [m] to the edge's height, and a share of it to its x.
 
     Source: assumed; a fan or a pump on a bench drives the fingers behind the last encoder.
     """
@@ -25,7 +25,7 @@ class Wobble(Cause):
     sideways: float = Field(0.5, ge=-1, le=1)  # share of the motion along x
 
     def true_pose(self, pose: Array, time: float) -> Array:
-        """True pose (3,) of the edge that is held at `pose` (3,)."""
+        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose` (3,)."""
         if self.amplitude == 0:
             return pose
         swing = self.amplitude * min(time / GROWTH, 1.0)

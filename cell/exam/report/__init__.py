@@ -1,1 +1,1 @@
-"""The report of an exam."""
+"""Report of an exam: a page in Markdown with figures."""

@@ -1,4 +1,4 @@
-"""The figure of an exam: confusion, reliability, and the rate by strength."""
+"""Figure of an exam: confusion matrix, reliability, and rates by strength of the effect."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -8,14 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cell.exam.scoring.score import Outcome
-from cell.exam.scoring.statistics import Bin, Confusion, wilson
+from cell.exam.scoring.statistics import Bin, Confusion, rate
 
 INK, FAINT, WRONG, RIGHT_COLOUR = "#22272e", "#c9ced6", "#c2553b", "#2f6db3"
-EDGES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, float("inf"))
+EDGES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, float("inf"))  # of the groups by excess gap
 
 
 def figure(table: Confusion, bins: Sequence[Bin], found: Sequence[Outcome]) -> Figure:
-    """The figure of an exam: the confusion matrix above, reliability and rates below."""
+    """Draw the figure of an exam: confusion matrix above, reliability and rates below."""
     height = 1.6 + 0.24 * len(table.rows)
     drawn = Figure(figsize=(max(9.0, 3.5 + 0.36 * len(table.columns)), height + 4.0),
                    layout="constrained")  # fmt: skip
@@ -36,7 +36,7 @@ def _remove_spines(axis: Axes) -> None:
 
 
 def _matrix(axis: Axes, table: Confusion) -> None:
-    """Draw the counts, shaded by their share of the row."""
+    """Draw the counts of the confusion matrix, shaded by their share of the row."""
     counts = np.array([[table.count(r, c) for c in table.columns] for r in table.rows])
     axis.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0.0, vmax=1.3,
                 aspect="auto")  # fmt: skip
@@ -64,17 +64,16 @@ def _strength(axis: Axes, found: Sequence[Outcome]) -> None:
     """Draw right and wrong names of single effects over the gap left by the refitted base."""
     single = [o for o in found if o.kind == "single"]
     groups = [[o for o in single if low <= o.realised < high] for low, high in pairwise(EDGES)]
-    for shift, colour, words in (
-        (-0.08, RIGHT_COLOUR, "right, by class"),
-        (0.08, WRONG, "wrong name"),
+    right = [rate(o.right for o in group) for group in groups]
+    wrong = [rate(o.result == "wrong_name" for o in group) for group in groups]
+    for aside, colour, words, rates in (
+        (-0.08, RIGHT_COLOUR, "right, by class", right),
+        (0.08, WRONG, "wrong name", wrong),
     ):
-        for i, group in enumerate(groups):
-            hits = sum(
-                o.right if colour == RIGHT_COLOUR else o.result == "wrong_name" for o in group
-            )
-            if group:
-                axis.plot([i + shift] * 2, wilson(hits, len(group)), color=colour, lw=1.2)
-                axis.plot(i + shift, hits / len(group), "o", color=colour, ms=4)
+        for i, each in enumerate(rates):
+            if each.count:
+                axis.plot([i + aside] * 2, each.interval, color=colour, lw=1.2)
+                axis.plot(i + aside, each.value, "o", color=colour, ms=4)
         axis.plot([], [], "o", color=colour, ms=4, label=words)
     labels = [f"{low:g}-{high:g}" if np.isfinite(high) else f"> {low:g}"
               for low, high in pairwise(EDGES)]  # fmt: skip

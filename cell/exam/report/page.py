@@ -1,4 +1,4 @@
-"""An exam's report: Markdown and a figure, every number from the ledger."""
+"""Report of an exam in Markdown with figures, made from the entries of its ledger."""
 
 import io
 from collections.abc import Iterable, Iterator, Sequence
@@ -34,18 +34,28 @@ DPI = 160
 GOOD_RESULTS = ("right_strict", "right_class", "correct_no_gap", "correct_abstention")
 TIERS: dict[Tier, str] = {"state": "From the state, without images", "images": "Through images"}
 PLANTS = get_args(Plant)
+INTRODUCTION = (
+    "Every case is a strip whose plant hides something, or nothing. The workflow sees the "
+    "runs and the strip file in a process that cannot open the key; its verdict is then held "
+    "against the key. Rates are given with their 95 % intervals (Wilson)."
+)
+PLANT_KINDS = (
+    "*The model itself* is the rod that the workflow fits, on a finer grid; *another "
+    "engine* is a chain of links; *another law* is a chain in which the effect follows "
+    "a law that only resembles the library's."
+)
 PAIR = {"right_strict": "both", "right_class": "both", "partly": "one of two",
         "wrong_name": "a wrong one"}  # fmt: skip
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table of `head` and `rows`."""
+    """Format a Markdown table of `head` and `rows`."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def plant_table(entries: Sequence[Entry]) -> str:
-    """Table of rates by kind of plant, with the reliability of the confidence stated there."""
+    """Markdown table of rates by kind of plant, with right names beside the stated confidence."""
     groups = {name: [e for e in entries if e.case.plant == name] for name in PLANTS}
     groups = {name: mine for name, mine in groups.items() if mine}
     rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
@@ -54,7 +64,7 @@ def plant_table(entries: Sequence[Entry]) -> str:
 
 
 def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
-    """How many of the naming verdicts are right, and their mean stated confidence."""
+    """Rate of right names in `claims`, and their mean stated confidence, as text."""
     if not claims:
         return "no name"
     right = rate_text(rate(right for _, right in claims))
@@ -62,7 +72,7 @@ def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
 
 
 def scatter_table(entries: Sequence[Entry]) -> str:
-    """Table of rates by scatter and kind of motion, and estimated spreads over true ones."""
+    """Markdown tables of rates by scatter and motion, and of estimated over true spreads."""
     groups = {
         _scatter_words(name): [e for e in entries if e.case.scatter == name] for name in LEVELS
     }
@@ -74,29 +84,24 @@ def scatter_table(entries: Sequence[Entry]) -> str:
     parts = [table(["what", *groups], rows)]
     errors = {name: values for name, values in spread_errors(entries).items() if values}
     if errors:
-        rows = [
-            (
-                name,
-                str(len(values)),
-                f"{median(values):.2f}",
-                rate_text(rate(v > 0.0 for v in values)),
-            )
-            for name, values in errors.items()
-        ]
+        rows = []
+        for name, values in errors.items():
+            seen = rate_text(rate(v > 0.0 for v in values))
+            rows.append((name, str(len(values)), f"{median(values):.2f}", seen))
         parts.append("Estimated spread over the true one, at full scatter:")
         parts.append(table(["quantity", "cases", "median", "seen"], rows))
     return "\n\n".join(parts)
 
 
 def _scatter_words(name: Scattered) -> str:
-    """Text of a level of scatter: its spreads of grip, damping, stiffness."""
+    """Level of run-to-run scatter as text: spreads of grip, damping and stiffness."""
     of = LEVELS[name]
     sizes = f"{1e3 * of.grip:g} mm, {100 * of.damping:g} %, {100 * of.stiffness:g} %"
     return "no scatter" if name == "none" else sizes
 
 
 def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tuple[Path, ...]:
-    """Write the Markdown `page`, and a figure a tier beside it; returns their paths.
+    """Write the Markdown `page`, and one figure a tier beside it; returns all paths.
 
     Raises ConfigurationError where that is impossible.
     """
@@ -112,7 +117,7 @@ def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tup
 
 
 def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
-    """Entries by tier, for the tiers that were examined."""
+    """Yield every examined tier with its entries."""
     every = list(entries)
     for tier in TIERS:
         mine = [e for e in every if e.case.tier == tier]
@@ -121,21 +126,17 @@ def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
 
 
 def markdown(entries: Sequence[Entry], stem: str = "exam", command: str = "") -> str:
-    """Text of the whole page."""
-    parts = [
-        "# The exam of the gap workflow",
-        "Every case is a strip whose plant hides something, or nothing. The workflow sees the "
-        "runs and the strip file in a process that cannot open the key; its verdict is then held "
-        "against the key. Rates are given with their 95 % intervals (Wilson).",
-    ]
+    """Format the whole page in Markdown; figures are files whose names begin with `stem`."""
+    parts = ["# The exam of the gap workflow", INTRODUCTION]
     if command:
         parts.append(f"Made by `{command}`.")
     for tier, mine in by_tier(entries):
-        parts += _tier_lines(mine, tier, f"{stem}-{tier}.png")
+        parts += _tier_sections(mine, tier, f"{stem}-{tier}.png")
     return "\n\n".join(parts) + "\n"
 
 
-def _tier_lines(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterator[str]:
+def _tier_sections(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterator[str]:
+    """Headings, texts and tables on one tier, as blocks of Markdown."""
     failed = sum(e.state == "failed" for e in entries)
     yield f"## {TIERS[tier]}"
     yield (
@@ -146,21 +147,17 @@ def _tier_lines(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterator[
     found = outcomes(entries)
     if found:
         yield "### By what the plant is"
-        yield (
-            "*The model itself* is the rod that the workflow fits, on a finer grid; *another "
-            "engine* is a chain of links; *another law* is a chain in which the effect follows "
-            "a law that only resembles the library's."
-        )
+        yield PLANT_KINDS
         yield plant_table(entries)
         yield "### By how much runs differ from one another"
         yield scatter_table(entries)
         yield f"![Confusion, confidence, strength]({picture})"
-        yield from _detail_lines(entries, found)
+        yield from _detail_sections(entries, found)
     yield "### Every miss"
     yield "\n".join(_missed_cases(entries)) or "None."
 
 
-def _detail_lines(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iterator[str]:
+def _detail_sections(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iterator[str]:
     yield "### What was hidden and what was said"
     yield _confusion_table(said_of(entries))
     yield "### Is the stated confidence earned?"
@@ -168,9 +165,9 @@ def _detail_lines(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iterato
     yield "### Do the intervals hold the truth?"
     yield _coverage_table(entries)
     yield "### The gap on held-out runs, against knowing the truth"
-    yield _parameter_table(entries)
+    yield _shrink_table(entries)
     yield "### Against simpler ways, on the same cases"
-    yield _baseline_lines(entries)
+    yield _baseline_table(entries)
 
 
 def _engines_used(entries: Iterable[Entry]) -> str:
@@ -187,12 +184,12 @@ def _targets_table(lines: Iterable[Target]) -> str:
 
 
 def stated_confidences(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
-    """Confidence of every verdict that names, and whether it was right."""
+    """Stated confidence of every verdict that names an effect, and whether the name is right."""
     return [(o.confidence, o.right) for o in found if o.confidence is not None]
 
 
 def said_of(entries: Iterable[Entry]) -> Confusion:
-    """Pairs of hidden cause and stated name; pairs of effects together."""
+    """Confusion matrix of hidden causes and stated names; all pairs of effects share a row."""
     return confusion((_hidden_causes(e), _verdict_words(e)) for e in entries)
 
 
@@ -232,13 +229,9 @@ def _reliability_table(found: Iterable[Outcome]) -> str:
     if not claims:
         return "Nothing was named."
     rows = [(f"{b.confidence:.2f}", rate_text(b.right)) for b in reliability(claims)]
-    return "\n\n".join(
-        [
-            table(["mean confidence", "right, by class"], rows),
-            f"Brier score {brier(claims):.3f}; expected calibration error "
-            f"{calibration_error(claims):.3f}; {len(claims)} verdicts that name.",
-        ]
-    )
+    summary = f"Brier score {brier(claims):.3f}; expected calibration error "
+    summary += f"{calibration_error(claims):.3f}; {len(claims)} verdicts that name."
+    return table(["mean confidence", "right, by class"], rows) + "\n\n" + summary
 
 
 def _coverage_table(entries: Sequence[Entry]) -> str:
@@ -258,7 +251,7 @@ def _coverage_table(entries: Sequence[Entry]) -> str:
     return table(["parameter", "held", "median error"], rows)
 
 
-def _parameter_table(entries: Iterable[Entry]) -> str:
+def _shrink_table(entries: Iterable[Entry]) -> str:
     rows = []
     for word in ("weak", "medium", "strong"):
         known = [
@@ -268,9 +261,9 @@ def _parameter_table(entries: Iterable[Entry]) -> str:
         ]
         if known:
             named = [o.shrink if o.verdict == "named" else 0.0 for o, _ in known]
-            truth, left = [t.shrink for _, t in known], [o.realised for o, _ in known]
-            numbers = (f"{100 * median(v):.0f} %" for v in (named, truth))
-            rows.append((word, str(len(known)), f"{median(left):.2f}", *numbers))
+            possible, gaps = [t.shrink for _, t in known], [o.realised for o, _ in known]
+            shrunk = (f"{100 * median(values):.0f} %" for values in (named, possible))
+            rows.append((word, str(len(known)), f"{median(gaps):.2f}", *shrunk))
     if not rows:
         return "No case has an answer in the library."
     note = (
@@ -281,23 +274,23 @@ def _parameter_table(entries: Iterable[Entry]) -> str:
     return note + "\n\n" + table(head, rows)
 
 
-def _baseline_lines(entries: Iterable[Entry]) -> str:
-    """Lines on refitting alone, which never names, and on the least error, which always does."""
+def _baseline_table(entries: Iterable[Entry]) -> str:
+    """Table of rates beside two baselines: refitting alone, and naming by least in-sample error."""
     known = [(e.outcome, e.baselines) for e in entries if e.outcome and e.baselines]
-    silent = [(o, b) for o, b in known if o.kind in ("nothing", "outside")]
-    hidden = [(o, b) for o, b in known if o.kind in ("single", "pair")]
+    unnamed = [(o, b) for o, b in known if o.kind in ("nothing", "outside")]
+    named = [(o, b) for o, b in known if o.kind in ("single", "pair")]
     rows = [
         (
             "named nothing, where nothing of the library is hidden",
-            rate_text(rate(not o.named for o, _ in silent)),
-            rate_text(rate(True for _ in silent)),
-            rate_text(rate(b.single is None for _, b in silent)),
+            rate_text(rate(not o.named for o, _ in unnamed)),
+            rate_text(rate(True for _ in unnamed)),
+            rate_text(rate(b.single is None for _, b in unnamed)),
         ),
         (
             "named an effect that is hidden, and no other",
-            rate_text(rate(o.right or o.result == "partly" for o, _ in hidden)),
-            rate_text(rate(False for _ in hidden)),
-            rate_text(rate(b.right for _, b in hidden)),
+            rate_text(rate(o.right or o.result == "partly" for o, _ in named)),
+            rate_text(rate(False for _ in named)),
+            rate_text(rate(b.right for _, b in named)),
         ),
     ]
     return table(["", "workflow", "refit the base only", "least in-sample error"], rows)
@@ -313,7 +306,7 @@ def _missed_cases(entries: Iterable[Entry]) -> Iterator[str]:
 
 
 def _hidden_words(entry: Entry) -> str:
-    """The hidden effects of an entry, with their values."""
+    """Hidden effects of an entry with their values, the strip and the strength, as text."""
     case = entry.case
     names = [
         f"{name} ({', '.join(f'{k} {v:.3g}' for k, v in values.items())})"
@@ -324,7 +317,7 @@ def _hidden_words(entry: Entry) -> str:
 
 
 def _stated_words(found: Outcome) -> str:
-    """The verdict's answer, and the strongest rival model."""
+    """Answer of a verdict, its confidence, strongest rival and reason, as text."""
     what = ", ".join(found.named) or "; ".join(" or ".join(group) for group in found.classes)
     words = f"gap left {found.realised:.2f}; said {found.verdict.replace('_', ' ')}"
     words += f" ({what})" if what else ""

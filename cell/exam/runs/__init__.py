@@ -1,1 +1,1 @@
-"""The runs of a case, made from the model or folded through images."""
+"""Runs of a case, simulated from the state or folded by the cell through images."""

@@ -1,4 +1,4 @@
-"""Gripper reports of motions led by a person, with a hand's tremor."""
+"""Gripper paths of motions led by a person's hand, with tremor."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ SHIVER = (1.0, 5.0)  # Hz
 
 
 def ways_by_hand(length: float, seed: int, count: int) -> list[GripperPath]:
-    """`count` motions by hand over a strip of `length` [m]; the same for the same seed."""
+    """Gripper paths of `count` motions by hand over a strip of `length` [m], set by `seed`."""
     return [_reported_path(length, generator(seed, i)) for i in range(count)]
 
 

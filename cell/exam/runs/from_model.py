@@ -1,4 +1,4 @@
-"""Runs of the state-based tier, in the rod or in a fine chain with laws that only resemble it."""
+"""Runs of the state-based tier, simulated by the rod or by a fine chain with hidden causes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,13 +25,13 @@ from policies.registry import MOTION
 
 MOTIONS = ("normal", "taut-lift", "fast", "early-shake", "taut-lift", "normal")
 BY = Instruments()
-SEGMENTS, ROD_STEP = 240, 0.002  # finer than either grain of the model
-LINKS, CHAIN_STEP, SHAPE_STRIDE = 200, 0.003, 2  # of which every second shape is kept
+SEGMENTS, ROD_STEP = 240, 0.002  # s; finer than any grid of the model
+LINKS, CHAIN_STEP, SHAPE_STRIDE = 200, 0.003, 2  # s; every second shape is kept
 TARE_STREAM = 78  # of the case's generators, of what tares left
 
 
 class Made(NamedTuple):
-    """A motion of a case: the `name` and `condition` of its run, and the reported `way`."""
+    """One motion of a case: `name` and `condition` of its run, and the gripper's reported `way`."""
 
     name: str
     condition: str
@@ -39,22 +39,18 @@ class Made(NamedTuple):
 
 
 def plant_of(case: Case) -> StripFile:
-    """The true strip of a case, without its hidden effects."""
+    """True strip of a case with its scaled base parameters, without hidden effects."""
     return scale_strip(find_configs(None).strip(case.strip), case.stiffness, case.damping)
 
 
 def scale_strip(strip: StripFile, stiffness: float, damping: float) -> StripFile:
-    """The strip with bending length and retardation time multiplied by these factors."""
-    return strip.model_copy(
-        update={
-            "bending_length": stiffness * strip.bending_length,
-            "retardation_time": damping * strip.retardation_time,
-        }
-    )
+    """Multiply the strip's bending length by `stiffness` and its retardation time by `damping`."""
+    length, time = stiffness * strip.bending_length, damping * strip.retardation_time
+    return strip.model_copy(update={"bending_length": length, "retardation_time": time})
 
 
 def make_runs(case: Case, folder: Path) -> None:
-    """Write the case's run folders into `folder`, each with the four files that a fit reads."""
+    """Simulate the runs of `case` and write a folder for each, with four files that a fit reads."""
     rng = np.random.default_rng([case.seed, 1])
     plant = plant_of(case)
     made = motions_of(case, plant.length)
@@ -75,7 +71,7 @@ def make_runs(case: Case, folder: Path) -> None:
 
 
 def after_tare(model: StripModel, case: Case, index: int) -> StripModel:
-    """Model of run number `index`, with the force offset left by the arm's tare."""
+    """Strip model of run `index` with the force offset that the arm's tare left."""
     if case.force is None:
         return model
     rng = np.random.default_rng([case.seed, index, TARE_STREAM])
@@ -84,7 +80,7 @@ def after_tare(model: StripModel, case: Case, index: int) -> StripModel:
 
 
 def motions_of(case: Case, length: float) -> list[Made]:
-    """The motions of a case for a strip of `length` [m], in the order in which they are made."""
+    """Motions of a case for a strip of `length` [m], in the order of its runs."""
     names = MOTIONS * case.repeats
     if case.motions == "standard":
         return [Made(name, MOTION + name, way_of(STANDARD[name].of(length))) for name in names]
@@ -95,7 +91,7 @@ def motions_of(case: Case, length: float) -> list[Made]:
 def _fold_on_chain(
     case: Case, models: Sequence[StripModel], ways: Sequence[GripperPath]
 ) -> list[Fold]:
-    """Simulate folds in a fine chain with the causes of the case in it."""
+    """Simulate the folds of `case` in a fine chain under its hidden causes."""
     hidden = [cause_of(name, values) for name, values in case.causes.items()]
     specimen = Specimen(LINKS, hidden, case.seed)
     folds = []

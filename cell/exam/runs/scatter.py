@@ -1,4 +1,4 @@
-"""Differences from run to run as in a laboratory, drawn anew for every run of a case."""
+"""Run-to-run scatter as in a laboratory: grip, damping and stiffness drawn for each run."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -15,7 +15,7 @@ SCATTER_STREAM = 77  # of the case's generators, of this one
 
 @dataclass(frozen=True, slots=True)
 class Scatter:
-    """Standard deviations from run to run: grip in x and in z [m]; damping and stiffness (shares).
+    """Run-to-run standard deviations: grip in x and in z [m], damping and stiffness (shares).
 
     Source: grasping flat cloth by two fingers repeats to 0.1 to 0.5 mm; internal damping of
     fabric follows humidity and rest by a few per cent, its stiffness by a tenth of that.
@@ -35,7 +35,7 @@ LEVELS: dict[Scattered, Scatter] = {
 
 @dataclass(frozen=True, slots=True)
 class RunScatter:
-    """Differences of one run: true minus reported grip (2,) [m], factors on damping, stiffness."""
+    """Scatter of one run: true minus reported grip (2,) [m], factors on damping and stiffness."""
 
     grip: Array
     damping: float
@@ -43,35 +43,31 @@ class RunScatter:
 
     @classmethod
     def draw(cls, level: Scattered, seed: int, index: int) -> Self:
-        """Draw the scatter of run number `index` of a case with `seed`; none is none exactly."""
-        of, rng = LEVELS[level], np.random.default_rng([seed, index, SCATTER_STREAM])
-        grip = frozen(of.grip * rng.standard_normal(2))
+        """Draw the scatter of run `index` of a case with `seed`; exactly zero at level `none`."""
+        sigma, rng = LEVELS[level], np.random.default_rng([seed, index, SCATTER_STREAM])
+        grip = frozen(sigma.grip * rng.standard_normal(2))
         damping, stiffness = rng.standard_normal(2)
-        return cls(grip, 1.0 + of.damping * damping, 1.0 + of.stiffness * stiffness)
+        return cls(grip, 1.0 + sigma.damping * damping, 1.0 + sigma.stiffness * stiffness)
 
     def alter(self, model: StripModel) -> StripModel:
-        """The strip as it is in this run."""
+        """Strip model with the damping and stiffness of this run."""
         if self.damping == 1.0 and self.stiffness == 1.0:
             return model
         strip = model.mechanics
-        changed = replace(
-            strip,
-            rigidity=frozen(strip.rigidity * self.stiffness),
-            viscosity=frozen(strip.viscosity * self.damping),
-        )
-        return replace(model, mechanics=changed)
+        rigidity = frozen(strip.rigidity * self.stiffness)
+        viscosity = frozen(strip.viscosity * self.damping)
+        mechanics = replace(strip, rigidity=rigidity, viscosity=viscosity)
+        return replace(model, mechanics=mechanics)
 
     def in_rig(self, model: StripModel) -> StripModel:
-        """The strip unchanged, in a rig with this run's true grip."""
+        """Strip model with the damping, the stiffness and, in its rig, the grip of this run."""
         if not self.grip.any():
             return self.alter(model)
-        rig = model.rig
-        rig = replace(
-            rig, grip_x=rig.grip_x + float(self.grip[0]), grip_z=rig.grip_z + float(self.grip[1])
-        )
+        rig, (x, z) = model.rig, self.grip.tolist()
+        rig = replace(rig, grip_x=rig.grip_x + x, grip_z=rig.grip_z + z)
         return replace(self.alter(model), rig=rig)
 
     def true_pose(self, pose: Array, time: float) -> Array:
-        """True pose of the edge at `time` [s] since the grasp, held at `pose` (3,)."""
+        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose` (3,)."""
         share = min(time / GRASP, 1.0)
         return np.asarray(pose + share * np.array([*self.grip, 0.0]))

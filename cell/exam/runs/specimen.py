@@ -1,4 +1,4 @@
-"""A strip with hidden causes, as the plant of a twin."""
+"""Simulation of a strip with hidden causes, the plant of an exam case."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from drivers.types import Array
 
 
 class Specimen:
-    """An engine for one strip on which `causes` act; random by `seed` and the run's index.
+    """Engine that simulates one strip under `causes`, random by `seed` and the run's index.
 
     Runs differ by `scatter` besides. Without causes and scatter it is a chain of `links` links,
     bit for bit.
@@ -34,7 +34,7 @@ class Specimen:
         self._chain = Chain(links)
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """Lay the strip flat and still, as its causes altered it over `index` runs."""
+        """Lay the one strip flat and still, altered by its causes as in run `index`."""
         (model,) = models
         rngs = [
             np.random.default_rng([self._seed, model.index, k]) for k in range(len(self._causes))
@@ -51,48 +51,48 @@ class Specimen:
     def step(self, poses: Array, dt: float) -> Observables:
         """Advance by `dt` [s] to gripper `poses` (1, 3), which causes may offset."""
         self._time += dt
-        moved = np.asarray(poses, dtype=np.float64)
+        true = np.asarray(poses, dtype=np.float64)
         if self._level != "none":
-            moved = np.stack([self._scatter.true_pose(pose, self._time) for pose in moved])
+            true = np.stack([self._scatter.true_pose(pose, self._time) for pose in true])
         for cause in self._causes:
-            moved = np.stack([cause.true_pose(pose, self._time) for pose in moved])
-        return self._chain.step(moved, dt)
+            true = np.stack([cause.true_pose(pose, self._time) for pose in true])
+        return self._chain.step(true, dt)
 
     def release(self) -> None:
         """Release the grasped edge."""
         self._chain.release()
 
     def shapes(self) -> Array:
-        """Midline (1, links + 1, 2) [m]."""
+        """Nodes (1, links + 1, 2) [m] of the strip's midline."""
         return self._chain.shapes()
 
     def arc(self) -> Array:
-        """Arc lengths (1, links + 1) [m]."""
+        """Arc lengths (1, links + 1) [m] of the midline's nodes."""
         return self._chain.arc()
 
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """The forces of a cause, with its random generator."""
+    """Extra force of a cause on a chain, with the random generator of the run."""
 
     cause: Cause
     rng: np.random.Generator
 
     def begin(self, parts: Parts) -> ForceFunction:
-        """Start the cause on a chain; a cause without forces does nothing."""
+        """Force function of the cause for one chain; does nothing where the cause has no force."""
         act = self.cause.begin(parts, self.rng)
         return _no_force if act is None else act
 
 
 class Aged:
-    """Scene source of a camera whose stamps differ from the time that its images show."""
+    """Scene source for a camera whose image stamps differ, by `causes`, from the true time."""
 
     def __init__(self, world: Visible, causes: Sequence[Cause]) -> None:
         self._world, self._causes = world, tuple(causes)
         self._grasped: float | None = None
 
     def scene(self, stamp: float) -> Scene:
-        """The cell as an image of `stamp` [s] shows it."""
+        """Scene that an image stamped `stamp` [s] shows: the world at the image's true time."""
         if self._grasped is None:
             seen = self._world.scene(stamp)
             if not seen.holds_strip:
@@ -105,4 +105,4 @@ class Aged:
 
 
 def _no_force(*_: object) -> None:
-    """Zero moment and slope."""
+    """Exert no force: the force function of a cause without forces."""

@@ -1,4 +1,4 @@
-"""Runs of the image-based tier: folded by the cell on a plant that stays sealed."""
+"""Runs of the image-based tier: the cell folds a hidden plant through rendered images."""
 
 import shutil
 from collections.abc import Iterator, Mapping
@@ -22,6 +22,7 @@ from cell.devices.twin import twin_devices
 from cell.exam.case import Case, Scattered
 from cell.exam.causes import cause_of
 from cell.exam.causes.cause import Cause
+from cell.exam.runs.from_model import scale_strip
 from cell.exam.runs.specimen import Aged, Specimen
 from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
@@ -83,7 +84,7 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
 def refusal(case: Case) -> str | None:
     """Reason why the preflight of the cell refuses to fold this plant; None where it does not.
 
-    A desk a few millimetres too high or an edge far from where the strip file puts it.
+    It does for a desk a few millimetres too high or an edge far from where the strip file puts it.
     """
     configs, causes = find_configs(None), [cause_of(n, v) for n, v in case.causes.items()]
     _, request = _requests(case)[0]
@@ -95,10 +96,7 @@ def refusal(case: Case) -> str | None:
 
 def _requests(case: Case) -> list[tuple[str, Request]]:
     choice = DeviceSelection(seed=case.seed)
-    nowhere = Path()
-    base = Request(
-        case.strip, "", None, choice, nowhere, None, "none", truth=False, viz="off"
-    )  # fmt: skip
+    base = Request(case.strip, "", None, choice, Path(), None, "none", truth=False, viz="off")
     requests = standard_requests(base)
     if case.motions == "by_hand":
         led = f"{MOTION}{BY_HAND}{case.seed}"
@@ -109,14 +107,14 @@ def _requests(case: Case) -> list[tuple[str, Request]]:
 
 
 def _motion_name(request: Request) -> str:
-    """The motion of a fold, as a word for a folder's name."""
+    """Name of a fold's motion, for the name of its folder."""
     name = request.policy.removeprefix(MOTION)
     return BY_HAND.rstrip("-") if name.startswith(BY_HAND) else name
 
 
 @contextmanager
 def _temporary_configs(case: Case, configs: Configs, request: Request) -> Iterator[Request]:
-    """The request with a temporary configuration of its own, whose desk carries the plant."""
+    """Provide `request` with a temporary configuration whose plant is that of `case`."""
     with TemporaryDirectory(prefix="exam-") as name:
         place = Path(name)
         (place / "strips").mkdir()
@@ -131,8 +129,9 @@ def _temporary_configs(case: Case, configs: Configs, request: Request) -> Iterat
 
 
 def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> CellFile:
-    """Cell settings with a plant finer than the model of any workflow; the arm reports the strip's
-    `force` with so much noise [N], and the same error of its tare.
+    """Cell settings with a plant that is simulated on a finer grid than any model of it.
+
+    With a `force` [N] the arm reports the strip's force with that noise and that error of its tare.
     """
     changes = {"links": LINKS, "step": MOTION_STEPS.get(motion, STEP)}
     world = settings.twin.world.model_copy(update=changes)
@@ -146,19 +145,13 @@ def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> Ce
 
 
 def plant_of(case: Case, strip: StripFile) -> StripFile:
-    """The plant on the desk: the strip file with the base of `case`, and its effects."""
-    return strip.model_copy(
-        update={
-            "bending_length": strip.bending_length * case.stiffness,
-            "retardation_time": strip.retardation_time * case.damping,
-            "effects": case.effects,
-            "provenance": (),
-        }
-    )
+    """True strip of `case`: the strip file with scaled base parameters and hidden effects."""
+    scaled = scale_strip(strip, case.stiffness, case.damping)
+    return scaled.model_copy(update={"effects": case.effects, "provenance": ()})
 
 
 class Open:
-    """Device factory of a twin with `causes` in it, and runs that differ by `scatter`.
+    """Device factory of a twin whose plant has hidden `causes` and run-to-run `scatter`.
 
     All chance comes from `seed`.
     """
@@ -170,7 +163,7 @@ class Open:
     def __call__(
         self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
     ) -> Devices:
-        """Open the twin's devices; the camera states the identity of the calibrated one."""
+        """Open the twin's devices; the camera reports the identity of the calibrated one."""
         check_drivers(settings, choice)
         cv2.setNumThreads(1)
         staging = PlantOptions(
@@ -184,7 +177,7 @@ class Open:
         return corrected_devices(devices, settings, strip)
 
     def _change_lens(self, settings: CellFile) -> CellFile:
-        """The cell's settings with the lens as the causes changed it."""
+        """Cell settings with the lens distortion as the causes change it."""
         distortion = settings.twin.camera.distortion
         for cause in self._causes:
             distortion = cause.distortion(distortion)
@@ -194,10 +187,7 @@ class Open:
 
 
 class Until:
-    """Observer that interrupts a run once it enters `state`: nothing of use follows.
-
-    Callable as `interrupted`, and an observer of the run.
-    """
+    """Observer that ends a run once it enters `state`; also the run's callable `interrupted`."""
 
     def __init__(self, state: State) -> None:
         self._state, self._reached = state, False
@@ -206,24 +196,24 @@ class Until:
         """Ignore a tick."""
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:  # noqa: ARG002
-        """Note an event: the run enters a state."""
+        """Remember whether an event says that the run enters the final state."""
         self._reached = self._reached or (kind == "state" and facts.get("state") is self._state)
 
     def __call__(self) -> bool:
-        """Whether the run may end."""
+        """Whether the run has entered the final state and may end."""
         return self._reached
 
 
 def _fold(
     request: Request, causes: list[Cause], case: Case, calibration: Calibration, end: State
 ) -> FoldResult:
-    """Fold, and interrupt the fold where it enters `end`."""
+    """Fold the strip of `case` and interrupt the run where it enters the state `end`."""
     until, opened = Until(end), Open(causes, case.seed, case.scatter)
     return fold(request, lambda *_: (until,), until, calibration, opened=opened, page=False)
 
 
 def _copy_sealed(made: Path, final: Path, strip: StripFile) -> None:
-    """Copy the four files of the record to `final`, whole or not at all."""
+    """Copy a record's four files without traces of the plant to `final`, whole or not at all."""
     lacking = [name for name in FILES if not (made / name).is_file()]
     if lacking:
         raise Fault("record", f"{final}: the fold of {strip.name} left no {', '.join(lacking)}")
@@ -239,7 +229,7 @@ def _copy_sealed(made: Path, final: Path, strip: StripFile) -> None:
 
 
 def _sealed_header(header: Mapping[str, Any]) -> dict[str, Any]:
-    """run.yaml without what reveals the plant; motions by hand have their number alone."""
+    """Content of run.yaml without keys that reveal the plant; motions by hand keep a number."""
     kept = {k: v for k, v in header.items() if k in HEADER_KEYS}
     if BY_HAND in str(kept.get("policy")):
         kept |= dict.fromkeys(("policy", "condition"), f"{BY_HAND}{1 + int(kept['index'])}")
@@ -247,7 +237,7 @@ def _sealed_header(header: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def sealed_result(result: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of result.yaml for a run that was ended on purpose once its touch was measured."""
+    """Content of result.yaml for a run that the exam interrupted after its touch was measured."""
     kept = {k: v for k, v in result.items() if k in RESULT_KEYS}
     touched = all(kept.get(k) is not None for k in ("t_layer_touch", "displacement", "l1", "l2"))
     if kept.get("outcome") == INTERRUPTED.name and touched:

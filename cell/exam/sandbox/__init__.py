@@ -1,1 +1,1 @@
-"""Sandbox of the exam: a process that judges a case and can open nothing but its runs."""
+"""Sandbox of the exam: a process that diagnoses a case and can open nothing but its runs."""

@@ -1,8 +1,7 @@
-"""The sealed process: restricts itself, then judges the runs that lie beside it.
+"""Sandboxed process: restricts its own file access, then diagnoses the runs in its folder.
 
 Started as `python -m cell.exam.sandbox.child PERMIT` in a folder with strip.yaml and runs/;
-PERMIT is
-a `Policy` as JSON. Only the standard library is imported before the bar is down.
+PERMIT is a `Policy` as JSON. Only the standard library is imported before the bar is down.
 """
 
 import json
@@ -21,7 +20,7 @@ VERDICT_FILE, NOTES = "verdict.json", "exam.json"
 
 
 def main() -> None:
-    """Judge the runs; a CellError is one line and its exit code."""
+    """Diagnose the runs; a CellError is printed as one line and sets the exit code."""
     die_with_parent()
     given = json.loads(sys.argv[1])
     _import_packages()
@@ -58,7 +57,7 @@ def _judge(kernel: bool) -> None:
 
 
 def refitted_models(found: "Findings") -> list[dict[str, object]]:
-    """Every model that was refitted: name, number of effects, in-sample mean square and loss."""
+    """Facts on every refitted model: name, number of effects, in-sample mean square and loss."""
     from cell.gap.selection.likelihood import mean_square
 
     return [

@@ -1,4 +1,4 @@
-"""Runs the workflow on a case in a process that can read runs, strip file and nothing else."""
+"""Diagnoses a case in a process that can read its runs and strip file and nothing else."""
 
 import json
 import os
@@ -29,12 +29,12 @@ POLL_INTERVAL = 0.02  # s
 
 
 class NoVerdict(CellError):
-    """The sealed process gave no verdict: it ran too long, died, or refused its input."""
+    """Error of a sandboxed process without verdict: it ran too long, died or refused its input."""
 
 
 @dataclass(frozen=True, slots=True)
 class SandboxRun:
-    """Facts on a verdict's process: `wall` [s], peak `memory` [MB], the kernel's restriction."""
+    """Facts on a sandboxed process: `wall` time [s], peak `memory` [MB], use of the `kernel`."""
 
     wall: float
     memory: float
@@ -50,7 +50,7 @@ def run_sandboxed(
     limit: float = SANDBOX_TIMEOUT,
     workdirs: Path | None = None,
 ) -> SandboxRun:
-    """Judge the `runs` of `strip` in a sealed process: verdict.json and exam.json in `out`.
+    """Diagnose the `runs` of `strip` in a sandbox; writes verdict.json and exam.json to `out`.
 
     The runs are laid out in a new folder within `workdirs` (usually that of temporary files).
     `sealed` cannot be read, wherever it lies. Raises NoVerdict after `limit` [s], and with the
@@ -68,7 +68,7 @@ def run_sandboxed(
 
 
 def stage(workdir: Path, strip: Path, runs: Sequence[Path]) -> None:
-    """Stage the permitted files: the strip file, and of each run the files of the contract."""
+    """Copy the permitted files into `workdir`: the strip file and four files of each run."""
     shutil.copyfile(strip, workdir / "strip.yaml")
     for run in runs:
         folder = workdir / "runs" / run.name
@@ -79,7 +79,7 @@ def stage(workdir: Path, strip: Path, runs: Sequence[Path]) -> None:
 
 
 def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
-    """Permissions of the process, as its argument: no code of the exam, and nothing `sealed`."""
+    """Permissions of the sandboxed process, without the exam's code and the `sealed` paths."""
     root = Path(cell.__file__).resolve().parents[1]
     python = (sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"), *site.getsitepackages(),
               *(path for path in sys.path if Path(path).name == "site-packages"))  # fmt: skip
@@ -93,14 +93,9 @@ def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
 
 
 def _start(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
-    """Start the process in the staged folder, with an environment that reveals nothing."""
-    module = [
-        sys.executable,
-        "-P",
-        "-m",
-        "cell.exam.sandbox.child",
-        json.dumps(policy(workdir, sealed)),
-    ]
+    """Start the sandboxed process in `workdir`; its environment reveals nothing of the case."""
+    permit = json.dumps(policy(workdir, sealed))
+    command = [sys.executable, "-P", "-m", "cell.exam.sandbox.child", permit]
     kept = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LANG", "SYSTEMROOT")
     environment = {key: os.environ[key] for key in kept if key in os.environ}
     environment |= {
@@ -112,7 +107,12 @@ def _start(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
     cache_folder().mkdir(parents=True, exist_ok=True)
     with (workdir / "said").open("wb") as said:
         return subprocess.Popen(  # noqa: S603  this very interpreter, on a module of our own
-            module, cwd=workdir, env=environment, stdin=subprocess.DEVNULL, stdout=said, stderr=said
+            command,
+            cwd=workdir,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=said,
+            stderr=said,
         )
 
 

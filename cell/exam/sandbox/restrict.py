@@ -1,7 +1,7 @@
-"""Restricts the files that a process may open: by the kernel where it can (Landlock), and by the
-interpreter, which also refuses what lies within a permitted folder and is sealed.
+"""Restricts the files that a process may open, by the kernel (Landlock) and by the interpreter.
 
-Imports nothing of the project and no threads: what runs already is not barred.
+The interpreter also refuses sealed files within a permitted folder. Imports
+nothing of the project and no threads: what runs already is not barred.
 """
 
 import ctypes
@@ -14,6 +14,7 @@ from typing import Any
 
 CREATE, ADD, RESTRICT = 444, 445, 446  # numbers of the system calls, the same on every machine
 LANDLOCK_VERSION, BENEATH = 1, 1
+RULESET_SIZE = 8  # bytes of the attributes of a set of rules, of which one word is used
 NO_NEW_PRIVILEGES, DIE_WITH_PARENT, KILL = 38, 1, 9
 WRITE_FILE, READ_FILE, READ_DIR, TRUNCATE = 1 << 1, 1 << 2, 1 << 3, 1 << 14
 CHANGE_RIGHTS = WRITE_FILE | sum(1 << bit for bit in range(4, 13))  # remove and make, of every kind
@@ -24,7 +25,7 @@ STARTED = ("subprocess.Popen", "os.exec", "os.posix_spawn", "os.system", "os.for
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """Permissions of a process: readable trees, writable trees, and what is sealed in them."""
+    """Permissions of a process: readable trees, writable trees, and paths `sealed` within them."""
 
     readable: tuple[Path, ...]
     writable: tuple[Path, ...]
@@ -32,10 +33,10 @@ class Policy:
 
 
 def restrict(permit: Policy) -> bool:
-    """Restrict this process, its threads and children to `permit`; whether the kernel does."""
-    firm = landlock(permit)
-    sys.addaudithook(Guard(permit, kernel=firm))
-    return firm
+    """Restrict this process, its threads and children to `permit`; True if the kernel does it."""
+    by_kernel = landlock(permit)
+    sys.addaudithook(Guard(permit, kernel=by_kernel))
+    return by_kernel
 
 
 def die_with_parent() -> None:
@@ -52,7 +53,7 @@ def version() -> int:
 
 
 def landlock(permit: Policy) -> bool:
-    """Restrict this process by the kernel; False where it cannot.
+    """Restrict this process by the kernel's Landlock; returns False where that is impossible.
 
     Rules only permit, so that a tree with something sealed in it is permitted piece by piece
     (Salaün, Landlock: unprivileged access control, Linux documentation, userspace-api).
@@ -60,9 +61,11 @@ def landlock(permit: Policy) -> bool:
     known = version()
     if known < 1:
         return False
-    cut = TRUNCATE if known >= TRUNCATES else 0
-    handled = ctypes.c_uint64(READ_FILE | READ_DIR | CHANGE_RIGHTS | cut)
-    rules = _syscall(CREATE, ctypes.byref(handled), ctypes.c_size_t(8), ctypes.c_uint32(0))
+    truncate = TRUNCATE if known >= TRUNCATES else 0
+    handled = ctypes.c_uint64(READ_FILE | READ_DIR | CHANGE_RIGHTS | truncate)
+    rules = _syscall(
+        CREATE, ctypes.byref(handled), ctypes.c_size_t(RULESET_SIZE), ctypes.c_uint32(0)
+    )
     if rules < 0:
         return False
     try:
@@ -103,8 +106,9 @@ def _syscall(number: int, *arguments: Any) -> int:
 
 
 def _unsealed_parts(trees: Iterable[Path], sealed: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
-    """Trees without anything sealed, and True; False for one that was split around a sealed part,
-    of which only names may be listed, as the interpreter needs to find modules.
+    """Split `trees` around `sealed` paths; yields each part, and whether it is free of them.
+
+    Of a part that is not, only names may be listed, as the interpreter needs to find modules.
     """
     for tree in trees:
         if any(_within(tree, secret) for secret in sealed):
@@ -120,8 +124,9 @@ def _within(path: Path, tree: Path) -> bool:
 
 
 class Guard:
-    """Audit hook that refuses sealed files, and everything not permitted where the kernel does not
-    enforce that. Code that is not Python's opens files unseen by it.
+    """Audit hook that refuses sealed files and, without Landlock, everything not permitted.
+
+    Files that other code than Python's opens escape the hook.
     """
 
     def __init__(self, permit: Policy, *, kernel: bool) -> None:

@@ -1,4 +1,4 @@
-"""The best possible result with the truth known: the true effects, refitted on the same runs."""
+"""Best possible result with the truth known: the true effects, refitted on the same runs."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,7 +30,7 @@ def oracle(
     """Refit the case's true effects and compare with the refitted base on the held-out runs.
 
     Laws of the library are refitted from the truth; effects that a cause resembles from where a
-    screen finds them. Runs differ from one another by what they show beside the truth. None where
+    screen finds them. Run-to-run spreads are estimated beside the true effects. None where
     the answer is empty or the library cannot simulate it.
     """
     subject = open_strip(strip, runs)
@@ -55,17 +55,15 @@ def oracle(
 
 
 def _true_base(case: Case, path: Path, subject: Subject) -> Array:
-    """True base parameters of the plant, where it has any."""
+    """Base parameters (p,) of the true plant, start values for those that it does not have."""
     strip = load_strip(path)
-    true = {
-        "bending_length": case.stiffness * strip.bending_length,
-        "retardation_time": case.damping * strip.retardation_time,
-    }
+    length, time = case.stiffness * strip.bending_length, case.damping * strip.retardation_time
+    true = {"bending_length": length, "retardation_time": time}
     return np.array([true.get(p.name, p.start) for p in subject.scope.base])
 
 
 def _true_values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
-    """True values of the effects in the gap engine's units."""
+    """True parameters (p,) of each effect by name, in the gap engine's units."""
     found = {}
     for effect in effects:
         true = registry()[effect.name].complete(case.effects[effect.name])
@@ -78,7 +76,7 @@ def _true_values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
 
 
 def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
-    """Starts of a fit: the null, and the values at which a screen finds each effect by itself."""
+    """Start values (p,) of two fits: without effects, and with each effect as screened alone."""
     probed = run_all(simulate, [probe(base, effect) for effect in model.effects])
     scores = ranking(table(projection(base), probed))
     values = {name: value for score in scores for name, value in score.start.items()}
@@ -86,7 +84,7 @@ def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[A
 
 
 def _refit(simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Array]) -> Estimate:
-    """The best of the fits from these starting values."""
+    """Fit from each of the start values; returns the estimate with the least objective."""
     tasks = [refit(model, runs, Point(start, runs.start())) for start in starts]
     return min(run_all(simulate, tasks), key=lambda estimate: estimate.objective)
 

@@ -1,4 +1,4 @@
-"""The ledger of an exam: the result of every case, from which an interrupted exam resumes."""
+"""Ledger of an exam: the result of every case, from which an interrupted exam resumes."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,8 +13,9 @@ from drivers.settings import Settings
 
 
 class Oracle(Settings):
-    """Result of the model that knows the truth, refitted on the same runs: its excess gap on the
-    same held-out ones, and the share of the excess that it removes.
+    """Result of the true model refitted on the same runs, the best that a verdict can reach.
+
+    `after` is its excess gap on held-out runs, `shrink` the share of the excess that it removes.
     """
 
     after: float
@@ -22,8 +23,9 @@ class Oracle(Settings):
 
 
 class Baselines(Settings):
-    """Results of simpler methods: the `single` candidate of the least in-sample error, and whether
-    that is in the answer. Refitting the base alone never names anything.
+    """Result of a simpler method, which names the `single` effect with the least in-sample error.
+
+    `right` if that is in the answer. The other baseline, refitting the base alone, names nothing.
     """
 
     single: str | None
@@ -31,11 +33,11 @@ class Baselines(Settings):
 
 
 class Entry(Settings):
-    """A case in the ledger: the digest of what it was judged by, and its outcome or the reason of
-    its failure; `made` where its runs were made and nothing else was asked for.
+    """Ledger entry of a case: its state, and its outcome or the `reason` why it failed.
 
-    `wall` [s] and `memory` [MB, peak] are those of the sealed process; `oracle` is None where
-    nothing of the library is hidden; `spreads` are what runs were said to differ by.
+    `of` is the digest of case, engine and scorer; `made` if only its runs were asked for. `wall`
+    [s] and `memory` [MB, peak] are the sandboxed process's; `oracle` is None where nothing of the
+    library is hidden; `spreads` are the estimated run-to-run spreads.
     """
 
     case: Case
@@ -51,7 +53,7 @@ class Entry(Settings):
 
 
 class Ledger:
-    """Ledger of lines of JSON at `path`, one a case; the last line of a case counts.
+    """Ledger file of JSON lines at `path`, one a case; the last line of a case counts.
 
     Raises ConfigurationError where `path` cannot be written.
     """
@@ -78,7 +80,7 @@ class Ledger:
 
 
 def _entry(line: dict[str, object]) -> Entry | None:
-    """The entry in a line; None where another version wrote the line."""
+    """Parse the entry in a line of JSON; None where another version wrote the line."""
     try:
         return Entry.model_validate(line)
     except ValidationError:

@@ -1,4 +1,4 @@
-"""Scores a verdict against the hidden causes: pure functions, the only ones that see both."""
+"""Scores a verdict against the hidden causes, in pure functions, the only ones that see both."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
@@ -21,7 +21,7 @@ RIGHT_RESULTS: tuple[Result, ...] = ("right_strict", "right_class")
 
 
 class Checked(Settings):
-    """An estimated parameter, compared with the truth.
+    """Comparison of an estimated parameter with its true value.
 
     `error` is relative to the truth's distance from the null, None where that is zero; `switch`
     where the parameter says how much of an effect there is.
@@ -43,9 +43,11 @@ class Checked(Settings):
 
 
 class Outcome(Settings):
-    """Score of a case: `named` and `classes` of the verdict, `realised` excess gap after the base
-    was refitted, `rival`, the strongest model not accepted, with its nats over the base, `reason`,
-    the verdict's text on what remains, `signs` that its confidence rests on.
+    """Score of a case: the `result` of its verdict, with the facts that reports show.
+
+    `realised` is the excess gap after the base was refitted, `rival` the strongest model that was
+    not accepted, with its nats over the base, `reason` the verdict's text on what remains, `signs`
+    what its confidence rests on.
     """
 
     case: str
@@ -81,7 +83,7 @@ class Outcome(Settings):
 
 
 def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
-    """Score a verdict on the runs of `case`, made of `strip`."""
+    """Score a verdict on the runs of `case`, whose strip file is `strip`."""
     named = tuple(effect.name for effect in verdict.effects)
     rival, reason = _rival(verdict, named), verdict.unexplained
     return Outcome(
@@ -103,7 +105,7 @@ def hidden_names(case: Case) -> tuple[str, ...]:
 
 
 def result(verdict: Verdict, case: Case) -> Result:
-    """The one of nine outcomes that the verdict is."""
+    """Classify a verdict as one of nine results, given the hidden causes of `case`."""
     named = frozenset(effect.name for effect in verdict.effects)
     if case.kind == "nothing":
         return _score_empty(verdict, named)
@@ -124,14 +126,14 @@ def _score_empty(verdict: Verdict, named: frozenset[str]) -> Result:
 
 
 def _score_foreign(verdict: Verdict) -> Result:
-    """Outcome for a cause outside the library: best left open; overlooking the gap is no merit."""
+    """Result for a cause outside the library: right only if the gap is found but not explained."""
     if verdict.verdict == "unexplained":
         return "correct_abstention"
     return "abstained" if verdict.verdict == "no_gap" else "wrong_name"
 
 
 def _score_names(named: frozenset[str], answer: frozenset[str]) -> Result:
-    """Outcome of names: a false one is wrong; one of two without a false one is partly right."""
+    """Result of named effects: wrong with a false name, partly right with one of two effects."""
     if named == answer:
         return "right_strict"
     if named in _with_twins(answer):
@@ -141,7 +143,7 @@ def _score_names(named: frozenset[str], answer: frozenset[str]) -> Result:
 
 
 def _score_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> Result:
-    """Outcome of classes: right with the whole answer, partly right with some of a pair."""
+    """Result of ambiguous classes: right if they hold the whole answer, partly if one of a pair."""
     held = answer & {name for group in classes for name in group}
     if answer and held == answer:
         return "right_class"
@@ -149,7 +151,7 @@ def _score_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> 
 
 
 def _with_twins(answer: frozenset[str]) -> list[frozenset[str]]:
-    """All variants of the answer with names replaced by their twins."""
+    """All variants of the answer with effects replaced by their twins, which look alike."""
     choices = [sorted({name, *twins(name)}) for name in sorted(answer)]
     return [frozenset(choice) for choice in product(*choices)]
 
@@ -160,25 +162,22 @@ def twins(name: str) -> frozenset[str]:
 
 
 def same(name: str, answer: Iterable[str]) -> bool:
-    """Whether a single name is in the answer; a twin counts as the name itself."""
+    """Whether `name` is in the answer; a twin, which looks alike, counts as the name itself."""
     return any(name in whole for whole in _with_twins(frozenset(answer)))
 
 
 def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Checked]:
-    """Comparison of base parameters, where the plant follows the library's laws."""
-    truth = {
-        "bending_length": case.stiffness * strip.bending_length,
-        "retardation_time": case.damping * strip.retardation_time,
-    }
+    """Compare the base parameters with the truth, where the plant follows the library's laws."""
     if not case.alike:
         return
-    for name, value in truth.items():
+    length, time = case.stiffness * strip.bending_length, case.damping * strip.retardation_time
+    for name, true in (("bending_length", length), ("retardation_time", time)):
         if name in verdict.base:
-            yield _compare(name, value, 0.0, verdict.base[name])
+            yield _compare(name, true, 0.0, verdict.base[name])
 
 
 def _effects(verdict: Verdict, case: Case) -> Iterable[Checked]:
-    """Comparison of parameters of rightly named effects that follow the library's laws."""
+    """Compare the parameters of rightly named effects with the truth, where the laws agree."""
     for effect in verdict.effects:
         if case.alike and effect.name in case.effects:
             yield from _compare_effect(effect, case.effects[effect.name])

@@ -33,7 +33,7 @@ def rate(found: Iterable[bool]) -> Rate:
 
 
 def wilson(hits: int, count: int, z: float = NORMAL) -> tuple[float, float]:
-    """Score interval of a proportion (Wilson 1927, J. Am. Stat. Assoc. 22, 209); [0, 1] of none."""
+    """Score interval of a proportion, 0 to 1 of none (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
     if count == 0:
         return 0.0, 1.0
     p, spread = hits / count, z * z / count
@@ -52,7 +52,7 @@ class Bin:
 
 
 def reliability(stated: Sequence[tuple[float, bool]], bins: int = 10) -> list[Bin]:
-    """Non-empty bins of equal width, least confident first (DeGroot, Fienberg 1983)."""
+    """Non-empty bins of confidence, of equal width and in rising order (DeGroot, Fienberg 1983)."""
     groups: dict[int, list[tuple[float, bool]]] = {}
     for confidence, right in stated:
         groups.setdefault(min(int(confidence * bins), bins - 1), []).append((confidence, right))
@@ -70,7 +70,7 @@ def brier(stated: Sequence[tuple[float, bool]]) -> float:
 
 
 def calibration_error(stated: Sequence[tuple[float, bool]], bins: int = 10) -> float:
-    """Mean distance of confidence and rate, by cases (Naeini, Cooper, Hauskrecht 2015)."""
+    """Mean |confidence - rate| of the bins, weighted by cases (Naeini, Cooper, Hauskrecht 2015)."""
     if not stated:
         return float("nan")
     parts = reliability(stated, bins)
@@ -92,7 +92,7 @@ class Confusion:
 
 
 def confusion(found: Iterable[tuple[str, str]]) -> Confusion:
-    """Confusion matrix of pairs (hidden, stated); hidden words come first, in row order."""
+    """Confusion matrix of pairs (hidden, stated); names of rows are the first columns."""
     counts = Counter(found)
     rows = tuple(sorted({hidden for hidden, _ in counts}))
     stated = {column for _, column in counts}

@@ -13,12 +13,14 @@ from cell.exam.scoring.statistics import Rate, rate
 Judge = Callable[[Rate], bool]
 SHRINK_TARGET = 0.9  # of the shrink that knowing the truth would give
 ERROR_TARGET = 0.25  # of a parameter
+RARE, RARE_END = 0.02, 0.08  # most that the rate of false names and its interval may reach
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A line of the table: what is counted, the result, the target (empty: none), whether it is met
-    (None: nothing to judge), and whether the cases are too `few` for the target's room.
+    """Line of the table of targets: quantity, result, target (empty: none), and whether it is met.
+
+    `met` is None with nothing to judge; `few` if so few cases allow not a single failure.
     """
 
     words: str
@@ -29,7 +31,7 @@ class Target:
 
 
 def targets(entries: Sequence[Entry], tier: Tier) -> list[Target]:
-    """The table's lines for a tier."""
+    """Lines of the table of targets for a tier."""
     through = tier == "images"
     return [
         *_false_alarms(entries, through),
@@ -49,7 +51,7 @@ def outcomes(entries: Iterable[Entry], *kinds: Kind) -> list[Outcome]:
 
 
 def rate_text(found: Rate) -> str:
-    """A rate as text, with its interval."""
+    """Format a rate with its 95 % interval."""
     if not found.count:
         return "no case"
     low, high = found.interval
@@ -62,7 +64,7 @@ def rate_text(found: Rate) -> str:
 def _line(
     words: str, found: Rate, wanted: str = "", judge: Judge | None = None, room: float = 0.0
 ) -> Target:
-    """A line whose target leaves `room` [share of the cases] for failures."""
+    """Line for a rate, whose target allows failures in the share `room` of the cases."""
     met = judge(found) if judge is not None and found.count else None
     return Target(words, rate_text(found), wanted, met, met is False and found.count * room < 1.0)
 
@@ -78,17 +80,17 @@ def _false_alarms(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     if through:
         yield _at_most(words, named, most)
     else:
-        yield _line(words, named, "at most 2 %, upper end at most 8 %", _is_rare, 0.02)
+        yield _line(words, named, "at most 2 %, upper end at most 8 %", _is_rare, RARE)
     claimed = rate(o.claimed for o in nothing)
     yield _line("a gap claimed where nothing is hidden, named or not", claimed)
 
 
 def _is_rare(found: Rate) -> bool:
-    return found.value <= 0.02 and found.interval[1] <= 0.08
+    return found.value <= RARE and found.interval[1] <= RARE_END
 
 
 def _names(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
-    """Named effects of the cases; failed cases count as not right."""
+    """Lines on the names of hidden effects; failed cases count as not right."""
     single = [e for e in entries if e.case.kind == "single"]
     clear = [e for e in single if e.case.strength != "weak"]
     weak = [e for e in single if e.case.strength == "weak"]
@@ -114,7 +116,7 @@ def _at_most(words: str, found: Rate, most: float) -> Target:
 
 
 def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
-    """Table lines split by how the runs were made: what is counted, one rate a group."""
+    """Table rows of rates: the label of each row, and one rate for each group of entries."""
     rows = [
         ("nothing hidden: `no_gap`", "nothing", (), ("correct_no_gap",)),
         ("nothing hidden: a name", "nothing", (), ("false_alarm",)),
@@ -124,20 +126,25 @@ def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
         ("pairs: both", "pair", (), RIGHT_RESULTS),
         ("outside the library: left open", "outside", (), ("correct_abstention",)),
     ]
-    lines = []
-    for words, kind, strengths, good in rows:
-        cells = []
-        for group in groups:
-            mine = [e for e in group if e.case.kind == kind]
-            mine = [e for e in mine if not strengths or e.case.strength in strengths]
-            cells.append(rate_text(rate(_result(e) in good for e in mine)))
-        lines.append((words, cells))
+    lines = [
+        (words, [_group_rate(group, kind, strengths, good) for group in groups])
+        for words, kind, strengths, good in rows
+    ]
     held = [rate_text(rate(c.covered for c in comparisons(group))) for group in groups]
     return [*lines, ("intervals that hold the truth", held)]
 
 
+def _group_rate(
+    group: Iterable[Entry], kind: str, strengths: Sequence[str], good: Sequence[str]
+) -> str:
+    """Rate of `good` results among entries of `kind`, of these `strengths` or of all."""
+    mine = [e for e in group if e.case.kind == kind]
+    mine = [e for e in mine if not strengths or e.case.strength in strengths]
+    return rate_text(rate(_result(e) in good for e in mine))
+
+
 def spread_errors(entries: Iterable[Entry]) -> dict[str, list[float]]:
-    """Estimated spreads over true ones, by quantity, of cases with full scatter; 0 if not seen."""
+    """Estimated over true run-to-run spreads at full scatter, by quantity; 0 if not found."""
     full = LEVELS["full"]
     truth = {"grip_x": full.grip, "grip_z": full.grip, "damping": full.damping,
              "stiffness": full.stiffness}  # fmt: skip
@@ -164,7 +171,7 @@ def _abstentions(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
 
 
 def comparisons(entries: Iterable[Entry]) -> list[Checked]:
-    """All parameters that can be compared with the truth."""
+    """Comparisons of all parameters whose true values are known."""
     return [c for o in outcomes(entries) for c in (*o.base, *o.parameters)]
 
 
@@ -177,7 +184,7 @@ def _coverage(entries: Sequence[Entry], through: bool) -> Target:
 
 
 def shares(entries: Iterable[Entry]) -> list[float]:
-    """Share of the gap removed by the named effects, over that removed with the truth known."""
+    """Share of the gap removed by named effects, over that with the truth known, for each case."""
     return [
         e.outcome.shrink / e.oracle.shrink
         for e in entries

@@ -30,7 +30,7 @@ SIZES = [(name, size) for name, cause in sorted(causes().items()) for size in ca
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Every cause of every size on denim, then on the strip before it."""
+    """Draw case `number`; cases go through all causes and sizes on denim, then on other strips."""
     strips = find_configs(None).strip_names()
     turn, which = divmod(number, len(SIZES))
     name, size = SIZES[which]
@@ -40,7 +40,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Excess gap of the refitted base, and its share in profile and contact [m]."""
+    """Excess gap of the refitted base, and its parts in profile and contact [m]."""
     known = find_configs(None).strip(case["strip"])
     rng = np.random.default_rng(1 + case["noise"])
     with TemporaryDirectory() as place:

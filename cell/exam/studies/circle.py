@@ -1,4 +1,4 @@
-"""Study of the whole circle: fold badly, find and accept the missing effect, fold again.
+"""Study of the whole learning cycle: fold, find and accept the missing effect, fold again.
 
 Folds by the path planned from the strip file, before and after the standard runs were compared with
 their simulation; configuration is a copy. No noise is seen twice.
@@ -38,7 +38,7 @@ SCATTER: tuple[Scattered, ...] = ("none", "full")
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """One case: `strip` as the cell knows it, the `plant` on the desk, and a folder to `work` in.
+    """One case: the known `strip`, the true `plant` on the desk, and the folder `work` for files.
 
     Runs differ from one another by `scatter` as in the exam: at `full` by 0.3 mm of the grip in x
     and in z, 5 % of damping and 0.5 % of stiffness, one sigma each.
@@ -51,11 +51,11 @@ class Circle:
 
     @property
     def configs(self) -> Path:
-        """The copy of the configuration that accepted effects are written into."""
+        """Folder of the configuration's copy, into which accepted effects are written."""
         return self.work / "configs"
 
     def fold(self, when: str, first: int, count: int) -> list[FoldResult]:
-        """`count` folds along the path planned from the strip file, with seeds from `first`."""
+        """Fold `count` times on the path planned from the strip file, with seeds from `first`."""
         wanted = [self._request("planned", when, first + i) for i in range(count)]
         return list(self._fold_each(wanted))
 
@@ -84,7 +84,7 @@ class Circle:
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """The strip's plant, then other tools; then again with runs that differ."""
+    """Draw case `number`; cases go through the hidden effects, without scatter and then with it."""
     number, which = divmod(number, len(HIDDEN_VALUES))
     turn, level = divmod(number, len(SCATTER))
     return {"strip": "denim", "hidden": list(HIDDEN_VALUES)[which], "scatter": SCATTER[level],
@@ -92,7 +92,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Displacements [m] before and after, as seen and true, and the effects named between."""
+    """Seen and true displacements [m] before and after, and the effects accepted in between."""
     configs, first, count = find_configs(None), SEEDS_NEXT * case["noise"], case["folds"]
     with TemporaryDirectory() as place:
         work = Path(place)
@@ -109,10 +109,11 @@ def measure(case: Values) -> Values:
     return {
         "named": named,
         "learned": bool(named),
-        **{f"{when}_{of}": [getattr(each, name) for each in folds]
-           for when, folds in (("before", before), ("after", after))
-           for of, name in (("seen", "displacement"), ("true", "displacement_true"))},
-    }  # fmt: skip
+        "before_seen": [each.displacement for each in before],
+        "before_true": [each.displacement_true for each in before],
+        "after_seen": [each.displacement for each in after],
+        "after_true": [each.displacement_true for each in after],
+    }
 
 
 STUDY = Study(

@@ -33,17 +33,18 @@ from drivers.types import Array
 PAIRS = 8  # one case in so many hides two
 FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect
 OUTSIDE_SHARE = 0.2  # of the cases that a confidence speaks of: as in the exam through images
-SIGN_WEIGHTS = {  # what a sign may weigh, and where it counts; before the verdicts are seen
+SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which they count
     "ahead": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
     "left": Weight(weight=-2.0, low=0.5, high=2.0),
     "correlation": Weight(weight=-2.0, low=0.0, high=0.6),
     "closed": Weight(weight=1.0, low=0.0, high=1.0),
 }
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
+DOUBTFUL = 0.7  # confidence under which a wrong name does little harm
 
 
 class Name(NamedTuple):
-    """A naming verdict: its signs, whether it is right, its stated confidence, and its case."""
+    """Verdict that names an effect: its signs, if it is right, if the effect was withheld, case."""
 
     signs: Signs
     right: bool
@@ -52,7 +53,7 @@ class Name(NamedTuple):
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """What `measure` draws a case from: one effect or two, in the library or not."""
+    """Draw the kind of a case: one effect or two, in the library or withheld from it."""
     kind, of_kind = ("pair", number // PAIRS) if number % PAIRS == PAIRS - 1 else ("single", number)
     lacks = number % FIFTHS in LACKING
     return {"kind": kind, "number": number, "of_kind": of_kind, "seed": int(rng.integers(2**31)),
@@ -60,7 +61,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """The verdict on a case, its score, and by how much an offered law shrinks the gap."""
+    """Score the verdict on a case; also returns how much of the gap an offered law closes."""
     hidden = Draw("state", case["kind"], case["number"], case["of_kind"], case["seed"]).case()
     without = names_to_withhold(hidden) if case["library"] != "whole" else []
     configs = find_configs(None)
@@ -89,7 +90,7 @@ def names_to_withhold(case: Case) -> list[str]:
 
 
 def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
-    """The verdicts in `ledgers` of exams and of this study, lines of JSON, as `measure` gives them.
+    """Read the scored verdicts from `ledgers`, JSON lines of exams or of this study.
 
     A case is named after its ledger too: seeds of one number may have drawn others there. Verdicts
     from before signs were kept have none.
@@ -113,7 +114,7 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
 
 
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
-    """Naming verdicts, and the share of all cases from which the effect was withheld."""
+    """Verdicts that name an effect, and the share of all cases with the effect withheld."""
     found = [
         Name(Signs(**v["signs"]), v["is_right"], bool(v["without"]), v["case"])
         for v in (o.values for o in outcomes)
@@ -124,15 +125,13 @@ def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
 
 def shares(found: Sequence[Name], without: float) -> Array:
     """Weights (n,) of verdicts that turn the share `without` the effect into OUTSIDE_SHARE."""
-    lacking, whole = (
-        OUTSIDE_SHARE / without if without else 1.0,
-        (1.0 - OUTSIDE_SHARE) / (1.0 - without or 1.0),
-    )
-    return np.array([lacking if name.withheld else whole for name in found])
+    withheld = OUTSIDE_SHARE / without if without else 1.0
+    whole = (1.0 - OUTSIDE_SHARE) / (1.0 - without or 1.0)  # `without` may be all of them
+    return np.array([withheld if name.withheld else whole for name in found])
 
 
 def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibration:
-    """The most probable calibration given these verdicts with weights `counts` (n,).
+    """Fit the most probable calibration to these verdicts with weights `counts` (n,).
 
     Logistic regression with normal priors of what each sign weighs, for few verdicts are wrong; no
     sign speaks against its sense.
@@ -149,19 +148,19 @@ def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibr
         nats = counts @ (np.logaddexp(0.0, odds) - right * odds)
         return float(nats + 0.5 * np.sum(((x[1:] - prior) / FIRM) ** 2))
 
-    speaks = [(0.0, None) if w.weight > 0.0 else (None, 0.0) for w in SIGN_WEIGHTS.values()]
-    begin = np.concatenate([[0.0], prior])
-    best = optimize.minimize(loss, begin, method="L-BFGS-B", bounds=[(None, None), *speaks]).x
+    bounds = [(0.0, None) if w.weight > 0.0 else (None, 0.0) for w in SIGN_WEIGHTS.values()]
+    start = np.concatenate([[0.0], prior])
+    best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=[(None, None), *bounds]).x
     intercept, *weights = best
-    moved = {
+    fitted = {
         sign: w.model_copy(update={"weight": float(value)})
         for (sign, w), value in zip(SIGN_WEIGHTS.items(), weights, strict=True)
     }
-    return Calibration(intercept=float(intercept), weights=moved, source=source)
+    return Calibration(intercept=float(intercept), weights=fitted, source=source)
 
 
 def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
-    """Confidence of each verdict by all other cases, weighted (n,), and whether it is right."""
+    """Confidence in each verdict, fitted to other cases of weights (n,), and if it is right."""
     stated = []
     for name in found:
         kept = np.array([other.case != name.case for other in found])
@@ -184,18 +183,18 @@ def reliable(stated: Sequence[tuple[float, bool]]) -> str:
         for b in reliability(stated, FIFTHS)
     ]
     wrong = [p for p, right in stated if not right]
-    low = sum(p < 0.7 for p in wrong)
+    low = sum(p < DOUBTFUL for p in wrong)
     head = ["mean stated probability, by fifths", "right, by class", "points apart"]
     return (
         f"{table(head, rows)}\n\n{len(stated)} verdicts that name, {len(wrong)} of them wrong; "
         f"expected calibration error {calibration_error(stated, FIFTHS):.3f}, log loss "
         f"{log_loss(stated):.3f} nats, Brier score {brier(stated):.3f}; {low} of {len(wrong)} "
-        "wrong names are stated under 0.7."
+        f"wrong names are stated under {DOUBTFUL}."
     )
 
 
 def calibrate(outcomes: Sequence[Outcome]) -> Values:
-    """Calibration by all these verdicts; its source states the confidence of those left out."""
+    """Fit the calibration to all these verdicts; its source states the loss on those left out."""
     found, without = names(outcomes)
     counts = shares(found, without)
     source = (
@@ -213,11 +212,12 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
 
 
 def judge(outcomes: Sequence[Outcome]) -> str:
-    """Confidences that the package states, by whether the effect was in the library."""
+    """Reliability tables of stated confidences, for effects in the library and withheld ones."""
     (found, _), by = names(outcomes), calibration()
     parts = []
-    for words, kept in (("All", (False, True)), ("None withheld", (False,)), ("Withheld", (True,))):
-        mine = [(by.probability(n.signs), n.right) for n in found if n.withheld in kept]
+    groups = {"All": (False, True), "None withheld": (False,), "Withheld": (True,)}
+    for words, withheld in groups.items():
+        mine = [(by.probability(n.signs), n.right) for n in found if n.withheld in withheld]
         if mine:
             parts.append(f"{words}:\n\n{reliable(mine)}\n")
     return "\n".join(parts)

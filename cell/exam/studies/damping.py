@@ -28,7 +28,7 @@ LINKS, STEP = 200, 0.004  # of the chain; s
 
 
 class Quiet(np.random.Generator):
-    """Random generator without noise: uniform numbers are drawn, normal ones equal their mean."""
+    """Random generator without noise: normal numbers equal their mean, others are drawn."""
 
     def normal(self, loc: Any = 0.0, scale: Any = 1.0, size: Any = None) -> Any:
         """The mean `loc` of a normal distribution, as an array of this size."""
@@ -36,14 +36,14 @@ class Quiet(np.random.Generator):
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """The next strip of the cell, in another order of the motions each time round."""
+    """Draw the next strip of the cell, with another order of motions in each round."""
     strips = find_configs(None).strip_names()
     order, strip = divmod(number, len(strips))
     return {"strip": strips[strip], "order": order}
 
 
 def measure(case: Values) -> Values:
-    """Bending length and retardation time of the fit over those of the chain, less one."""
+    """Relative errors of bending length and retardation time of the rod fitted to the chain."""
     configs = find_configs(None)
     strip = configs.strip(case["strip"])
     with TemporaryDirectory() as place:
@@ -63,7 +63,7 @@ def measure(case: Values) -> Values:
 
 
 def model_error(outcomes: Sequence[Outcome]) -> Values:
-    """Root mean square over strips of the relative difference of both engines."""
+    """Root mean square over strips of the engines' relative difference in damping."""
     found = [o.values["damping"] for o in outcomes]
     names = ", ".join(dict.fromkeys(o.case.values["strip"] for o in outcomes))
     return {"schema": 1, "damping": float(np.sqrt(np.mean(np.square(found)))),

@@ -1,4 +1,4 @@
-"""Study of causes hidden in mechanisms of two to seven joints, found blind."""
+"""Study of how well `cell gap` finds causes hidden in mechanisms of two to seven joints."""
 
 import resource
 import time
@@ -16,28 +16,29 @@ from cell.gap.verdict.schema import Verdict
 
 CAUSE_CYCLE = ("nothing", "dry_friction", "outside", "quadratic_damping", "cable_spring", "nothing",
         "tracked", "payload", "torque_constant", "outside", "armature", "read")  # fmt: skip
+CART_SHARE = 0.2  # of the cases that can stand on a cart
 OTHER_CAUSES = {"outside": OUTSIDE, "tracked": TRACKED, "read": ("torque_bias", "encoder_bias")}
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """The next cause, in a chain of two to seven joints or a pendulum on a cart."""
+    """Draw the next cause, in a chain of two to seven joints or a pendulum on a cart."""
     turn, slot = divmod(number, len(CAUSE_CYCLE))
     name = CAUSE_CYCLE[slot]
     if name in OTHER_CAUSES:
-        seen = number // 6 if name == "outside" else turn
-        name = OTHER_CAUSES[name][seen % len(OTHER_CAUSES[name])]
-    kind = "tracked" if name in TRACKED else "outside" if name in OUTSIDE else name
-    if kind not in ("tracked", "outside", "nothing"):
-        kind = "effect"
-    cart = bool(rng.random() < 0.2) and kind != "tracked" and name != "bent_link"
+        before = number // (len(CAUSE_CYCLE) // 2) if name == "outside" else turn  # twice a cycle
+        name = OTHER_CAUSES[name][before % len(OTHER_CAUSES[name])]
+    kind = "tracked" if name in TRACKED else "outside" if name in OUTSIDE else "effect"
+    kind = "nothing" if name == "nothing" else kind
+    cart = bool(rng.random() < CART_SHARE) and kind != "tracked" and name != "bent_link"
     joints = 2 if cart else int(rng.integers(2, 5 if kind == "tracked" else 8))
     return {"kind": kind, "hidden": name, "joints": joints, "cart": cart,
             "size": float(rng.uniform(0.7, 1.5)), "seed": int(rng.integers(2**31))}  # fmt: skip
 
 
 def measure(case: Values) -> Values:
-    """Score of a case: `right`, by `class`, `wrong` names; whether each interval of a size that was
-    `covered` contains it; processor time `cpu` [s] and peak `memory` [MB].
+    """Score the verdict on a case; also returns its processor time `cpu` [s] and `memory` [MB].
+
+    `covered` states for each known size whether its interval contains it.
     """
     hidden, joints, size, cart = (case[k] for k in ("hidden", "joints", "size", "cart"))
     with TemporaryDirectory() as place:
@@ -54,7 +55,7 @@ def measure(case: Values) -> Values:
 
 
 def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
-    """Whether a verdict on what was `hidden` is right, right by class, or names what is not there.
+    """Whether a verdict on the `hidden` cause is right, right by class, or names a false effect.
 
     Where nothing is hidden, `no_gap` is right; causes outside the library are to be left open, and
     a class of effects claims one of them.
@@ -65,11 +66,8 @@ def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
         return {"right": right, "by_class": right, "wrong": bool(named)}
     if hidden in OUTSIDE:
         right = verdict.verdict == "unexplained"
-        return {
-            "right": right,
-            "by_class": right,
-            "wrong": bool(named) or verdict.verdict == "ambiguous",
-        }
+        wrong = bool(named) or verdict.verdict == "ambiguous"
+        return {"right": right, "by_class": right, "wrong": wrong}
     others = [name for name in named if name != hidden]
     among = hidden in named or any(hidden in group for group in verdict.ambiguous)
     return {"right": named == [hidden] and not verdict.ambiguous,

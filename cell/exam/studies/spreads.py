@@ -27,7 +27,7 @@ SCATTER_CYCLE = ("full", "half")
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """A plant with nothing hidden whose runs differ at the next level."""
+    """Draw a plant without hidden effects whose runs differ at the next level of scatter."""
     case = Case(
         name=f"spread-{number:03d}",
         tier="state",
@@ -42,7 +42,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Estimated spreads over those stated and those drawn; names of others that were found."""
+    """Estimated spreads over true and over drawn ones, and names of other spreads found."""
     plant = Case.model_validate(case["case"])
     found, level = _estimate(plant), LEVELS[plant.scatter]
     runs = [RunScatter.draw(plant.scatter, plant.seed, i) for i in range(len(MOTIONS))]

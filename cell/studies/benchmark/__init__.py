@@ -1,1 +1,1 @@
-"""Reproduction of the paper's study: every policy over strips and range, figures, claims."""
+"""Reproduction of the paper's study: all policies over its strips, with figures and claims."""

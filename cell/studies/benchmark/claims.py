@@ -11,13 +11,14 @@ from cell.studies.benchmark.results import ImageFold, Results
 from cell.studies.benchmark.summary import spread
 from drivers.types import Array
 
+SPREAD_ROUNDING = 5e-5  # m, by which a spread may exceed a limit stated in whole millimetres
 THREE = ("triangular", "circular", "feedback")
 SIDES = {"triangular": ("negative", -1.0), "circular": ("positive", 1.0)}
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A claim of the paper's text, the result here, and whether they agree."""
+    """One claim of the paper (`says`), the result `here`, and whether the claim is `held`."""
 
     says: str
     here: str
@@ -25,7 +26,7 @@ class Claim:
 
 
 def claims(results: Results) -> tuple[Claim, ...]:
-    """The claims that the folds of this benchmark can test; the paper's main one first."""
+    """Test the paper's claims that these folds can decide; the main claim comes first."""
     folds = {policy: results.folds(policy) for policy in results.asked.policies}
     return tuple(_claims({policy: each for policy, each in folds.items() if each}, results))
 
@@ -33,28 +34,28 @@ def claims(results: Results) -> tuple[Claim, ...]:
 def _claims(folds: dict[str, tuple[ImageFold, ...]], results: Results) -> Iterator[Claim]:
     count = len(results.asked.strips)
     if "feedback" in folds:
-        yield _within(folds["feedback"], count, "feedback", paper.WORST["feedback"])
+        yield _limit_claim(folds["feedback"], count, "feedback", paper.WORST["feedback"])
     for policy, (word, sign) in SIDES.items():
         if policy in folds:
             yield _sign_claim(folds[policy], count, policy, word, sign)
     if folds.keys() >= set(THREE):
-        yield _smallest_mean(folds)
+        yield _smallest_mean_claim(folds)
     if "planned" in folds:
-        yield _within(
-            folds["planned"], count, "methods that know the properties", paper.KNOWN_STRIP_BOUND
-        )
+        who, limit = "methods that know the properties", paper.KNOWN_STRIP_BOUND
+        yield _limit_claim(folds["planned"], count, who, limit)
     again = {p: results.repeats(p) for p in THREE if p in folds}
     if any(len(f) > 1 for f in again.values()):
-        yield _repeatable(again)
+        yield _repeatability_claim(again)
 
 
-def _within(folds: tuple[ImageFold, ...], count: int, who: str, limit: float) -> Claim:
+def _limit_claim(folds: tuple[ImageFold, ...], count: int, who: str, limit: float) -> Claim:
     d = np.abs(_displacements(folds))
     held = len(folds) == count and bool(np.all(d < limit))
-    return Claim(f"{who}: under {1e3 * limit:.0f} mm on every strip", _worst(folds, count), held)
+    says = f"{who}: under {1e3 * limit:.0f} mm on every strip"
+    return Claim(says, _worst_text(folds, count), held)
 
 
-def _worst(folds: tuple[ImageFold, ...], count: int) -> str:
+def _worst_text(folds: tuple[ImageFold, ...], count: int) -> str:
     d = np.abs(_displacements(folds))
     touched = np.isfinite(d)
     if not touched.any():
@@ -79,7 +80,7 @@ def _sign_claim(
     )
 
 
-def _smallest_mean(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
+def _smallest_mean_claim(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
     means = {
         p: float(np.mean(np.nan_to_num(np.abs(_displacements(folds[p])), nan=np.inf)))
         for p in THREE
@@ -90,14 +91,14 @@ def _smallest_mean(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
     return Claim("feedback outperforms triangular and circular", f"mean |d| {values}", bool(held))
 
 
-def _repeatable(again: dict[str, tuple[ImageFold, ...]]) -> Claim:
+def _repeatability_claim(again: dict[str, tuple[ImageFold, ...]]) -> Claim:
     spreads = {policy: spread(folds) for policy, folds in again.items()}
     values = ", ".join(f"{policy} {millimetres(value)}" for policy, value in spreads.items())
     limit = paper.REPEATABILITY
     return Claim(
         f"five folds of one strip differ by at most {1e3 * limit:.0f} mm by each method",
         f"{max(len(f) for f in again.values())} folds: {values}",
-        bool(np.all(np.array(list(spreads.values())) <= limit + 5e-5)),
+        bool(np.all(np.array(list(spreads.values())) <= limit + SPREAD_ROUNDING)),
     )
 
 

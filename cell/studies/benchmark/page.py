@@ -37,9 +37,7 @@ from cell.studies.benchmark.summary import Row, misses_text, rows
 from drivers.files import write_file
 
 DPI = 160
-
-
-FOLD_WIDTH = 130.0  # mm of the fold
+FOLD_WIDTH = 130.0  # mm, drawn of a folded strip
 
 
 def folded_figure(results: Results) -> str:
@@ -51,22 +49,28 @@ def folded_figure(results: Results) -> str:
         left, right = figure.subplots(1, 2, width_ratios=[1.7, 1])
         shades = stiffness_colours(len(laid))
         for fold, shade in zip(laid, shades, strict=True):
-            shape = 1e3 * smooth(np.array(fold.shape))
-            shape[:, 0] -= shape[:, 0].max()
-            near = shape[:, 0] > -FOLD_WIDTH
-            h, length = shape[:, 1].max(), 1e3 * fold.bending_length
-            left.plot(*shape[near].T, color=shade, lw=1.8, gid=f"bending length {length:.1f} mm")
-            right.plot(length, h, "o", color=shade, ms=5, gid="folded strip")
-            right.annotate(f"{h:.1f}", (length, h), (6, -6),
-                           textcoords="offset points", color=shade, fontsize=8)  # fmt: skip
+            _draw_laid(left, right, fold, shade)
         c = np.array([0.0, 1.08e3 * max(fold.bending_length for fold in laid)])
-        right.plot(c, paper.FOLDED_HEIGHT * c, color=MUTED, lw=1)
-        right.annotate("0.9066 c", (c[1], paper.FOLDED_HEIGHT * c[1]), (-8, -2),
+        h = paper.FOLDED_HEIGHT * c
+        right.plot(c, h, color=MUTED, lw=1)
+        right.annotate(f"{paper.FOLDED_HEIGHT} c", (c[1], h[1]), (-8, -2),
                        textcoords="offset points", ha="right", color=MUTED, fontsize=8)  # fmt: skip
         left.set(xlabel="x from the fold's end  [mm]", ylabel="z  [mm]", aspect="equal")
         left.set_ylim(-1.5, None)
         right.set(xlabel="bending length c  [mm]", ylabel="height h  [mm]")
         return as_svg(figure)
+
+
+def _draw_laid(shapes: Any, heights: Any, fold: Laid, shade: Any) -> None:
+    """Draw the end of a folded strip, and its height over its bending length."""
+    shape = 1e3 * smooth(np.array(fold.shape))
+    shape[:, 0] -= shape[:, 0].max()
+    near = shape[:, 0] > -FOLD_WIDTH
+    h, c = shape[:, 1].max(), 1e3 * fold.bending_length
+    shapes.plot(*shape[near].T, color=shade, lw=1.8, gid=f"bending length {c:.1f} mm")
+    heights.plot(c, h, "o", color=shade, ms=5, gid="folded strip")
+    heights.annotate(f"{h:.1f}", (c, h), (6, -6),
+                     textcoords="offset points", color=shade, fontsize=8)  # fmt: skip
 
 
 def write_results(results: Results, folder: Path) -> Path:
@@ -79,7 +83,7 @@ def write_results(results: Results, folder: Path) -> Path:
 
 
 def write_main_picture(results: Results, path: Path) -> None:
-    """The displacements on all strips as a PNG at `path`."""
+    """Draw the displacements on all strips as a PNG file at `path`."""
     from matplotlib import rc_context
 
     content = io.BytesIO()
@@ -103,7 +107,7 @@ NOT_IN_SOURCE = (
 
 
 def page_of(results: Results) -> str:
-    """Self-contained page of `results`."""
+    """Self-contained HTML page of `results`."""
     summary = rows(results)
     return page(
         "studies/benchmark/benchmark.html",

@@ -12,10 +12,16 @@ from drivers.types import Array
 Curve = tuple[tuple[float, float], ...]  # x, z [m]
 
 
+def finite_or_none(values: Array) -> tuple[float | None, ...]:
+    """Convert `values` (n,) to plain numbers, None where they are not finite."""
+    return tuple(float(value) if np.isfinite(value) else None for value in values)
+
+
 class ImageFold(Settings):
-    """Result of a fold through images on the twin: `displacement` as the camera saw it and the true
-    one [m], None without a touch; times and `retardation_time` of the strip [s], its
-    `bending_length` [m]; `edge_offset_true` [m] between the laid edges; `run` is the folder.
+    """Result of one fold through images on the twin, recorded in the folder `run`.
+
+    `displacement` as the camera saw it and the true one are in m, None without a touch, as is
+    `edge_offset_true` between the laid edges and `bending_length`; times are in s.
     """
 
     kind: Literal["fold"] = "fold"
@@ -35,9 +41,10 @@ class ImageFold(Settings):
 
 
 class RangeFolds(Settings):
-    """Results of a policy over the paper's range with simulated observations: `displacement` [m],
-    None without a touch, and mean `force` [N] that holds the fixed edge from the take-over on; side
-    x side strips, stiffness outermost.
+    """Results of a policy over side x side strips of the paper's range, stiffness outermost.
+
+    `displacement` [m] is None without a touch, `force` [N] the mean one that holds the fixed edge
+    from the take-over on. Observations are simulated.
     """
 
     kind: Literal["range"] = "range"
@@ -54,9 +61,7 @@ class RangeFolds(Settings):
 
 
 class EffectFolds(Settings):
-    """Results of a policy over strips of the paper's range with one `effect` of textile size that
-    it does not know, none where empty: `displacement` [m] in the rod, None without a touch.
-    """
+    """Displacements [m] of `policy` in the rod with `effect` hidden; None where no layers touch."""
 
     kind: Literal["effect"] = "effect"
     policy: str
@@ -65,9 +70,9 @@ class EffectFolds(Settings):
 
 
 class CriticalPoints(Settings):
-    """Gripper `x` [m] at the first touch of a horizontal motion at `speed` [m/s]: by height,
-    stiffness, damping; None without a touch. Axes: `heights`, `bending_lengths` [m] and `dampings`
-    over the smallest one.
+    """Gripper `x` [m] at the first touch of a horizontal motion at `speed` [m/s], or None.
+
+    Axes of `x`: `heights`, `bending_lengths` [m], and `dampings` over the smallest one.
     """
 
     kind: Literal["critical"] = "critical"
@@ -79,9 +84,9 @@ class CriticalPoints(Settings):
 
 
 class Evolution(Settings):
-    """Shapes of one strip in a fold, equally spaced in time, the last one at its layer_touch at
-    `touch_x` [m], with `displacement` [m]; `path` of the gripper until then; where each shape's
-    gripper was heading [rad].
+    """Shapes of one strip during a fold at equal time intervals, up to the touch of its layers.
+
+    The touch is at `touch_x` [m] with `displacement` [m]; `headings` [rad] of the gripper's motion.
     """
 
     kind: Literal["evolution"] = "evolution"
@@ -106,7 +111,7 @@ class Adaptation(Settings):
 
 
 class Laid(Settings):
-    """Result of a laid fold: a folded strip at rest on the chain."""
+    """Shape of a folded, released strip at rest, simulated by the chain."""
 
     kind: Literal["laid"] = "laid"
     bending_length: float
@@ -147,12 +152,12 @@ class Results(Settings):
         return tuple(sorted(folds, key=lambda fold: fold.seed))
 
     def over_range(self, policy: str, engine: str) -> RangeFolds | None:
-        """The folds of `policy` over the paper's range in `engine`."""
+        """Folds of `policy` over the paper's range in `engine`; None where they are missing."""
         found = [r for r in self.results if isinstance(r, RangeFolds)]
         return next((r for r in found if (r.policy, r.engine) == (policy, engine)), None)
 
     def hidden_folds(self, policy: str) -> tuple[EffectFolds, ...]:
-        """The folds of `policy` on strips with hidden effects, in the order of measuring."""
+        """Folds of `policy` on strips with hidden effects, in the order of measurement."""
         found = [r for r in self.results if isinstance(r, EffectFolds)]
         return tuple(r for r in found if r.policy == policy)
 

@@ -52,13 +52,13 @@ def benchmark(
 def measure_parts(
     parts: Sequence[Part], folder: Path, engine: Engine, watcher: Watcher, *, again: bool = False
 ) -> Iterator[tuple[str, Result]]:
-    """Measure every part; returns its result by its key, Refused where it could not be measured."""
+    """Measure every part; yields its key and result, Refused where it could not be measured."""
     for part, record in carry_out(parts, folder, engine, watcher, again=again):
         yield part.key, _result(record)
 
 
 def summarise(record: Record) -> str:
-    """Result of a part, in a few words."""
+    """Result of a part in a few words, for the progress report."""
     if record.outcome is None:
         return f": {record.reason}"
     if record.outcome["kind"] == "fold":

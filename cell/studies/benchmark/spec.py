@@ -14,9 +14,9 @@ QUICK_FABRICS = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and sl
 
 
 class Size(Settings):
-    """Numbers of simulated strips: a side of the `grid` in the rod, and on the `chain`;
-    `stiffnesses`, `dampings` and `heights` [m] of the critical points; `laid` folded strips;
-    `hidden` strips for each effect that a policy does not know.
+    """Size of a benchmark: numbers of simulated strips, and `heights` [m] of critical points.
+
+    `grid` and `chain` are sides of the grids of strips in either engine, `hidden` strips by effect.
     """
 
     grid: int = Field(12, ge=2)
@@ -34,7 +34,7 @@ QUICK = Size(
 
 
 class BenchmarkSpec(Settings):
-    """Policies and strips by name, `repeats` of one strip, the first seed, and the size."""
+    """Scope of a benchmark: policies and strips by name, `repeats` of one strip, seed and size."""
 
     policies: tuple[str, ...]
     strips: tuple[str, ...]
@@ -53,7 +53,7 @@ class BenchmarkSpec(Settings):
         *,
         quick: bool,
     ) -> Self:
-        """The specification from the command line; names left out mean all known ones.
+        """Make the specification from options of the command line; no names mean all known ones.
 
         Raises ConfigurationError for an unknown name.
         """
@@ -69,7 +69,7 @@ class BenchmarkSpec(Settings):
 
     @property
     def repeated(self) -> str:
-        """The strip that is folded several times."""
+        """Name of the strip that is folded several times."""
         return FAVOURITE if FAVOURITE in self.strips else self.strips[0]
 
 
@@ -84,5 +84,5 @@ def _check_names(names: tuple[str, ...], known: tuple[str, ...], option: str) ->
 
 
 def split(given: str | None) -> tuple[str, ...]:
-    """Names in a comma-separated list such as `denim,blanket`."""
+    """Split a comma-separated list of names such as `denim,blanket`."""
     return tuple(part.strip() for part in (given or "").split(",") if part.strip())

@@ -14,9 +14,7 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class StripNumbers:
-    """Statistics of the folds through images, as measured [m], and |offset| of the laid edges by
-    truth: NaN where there is none.
-    """
+    """Statistics of folds through images: measured d, true |offset| of laid edges [m]; else NaN."""
 
     folded: int
     of: int

@@ -1,4 +1,4 @@
-"""Registry of studies: every module of these folders with a `STUDY`, by the module's name."""
+"""Registry of studies: finds the `STUDY` of every module in these folders."""
 
 import importlib
 import pkgutil
@@ -21,7 +21,7 @@ def studies() -> Mapping[str, Study]:
 
 
 def study_of(name: str) -> Study:
-    """The study called `name`; ConfigurationError for another name."""
+    """Study called `name`; raises ConfigurationError for an unknown name."""
     if name not in studies():
         raise ConfigurationError(
             f"study: {name!r} is not known{suggestion(name, studies())}; known: "

@@ -4,6 +4,7 @@ import numpy as np
 
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Study, Values
+from cell.studies.kit.predicted import SIGMAS_95
 from cell.studies.kit.rollouts import Kept, rough, sensing_of, stepper, stretchy
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
@@ -17,12 +18,14 @@ from policies.rollout import Folds, Rollout, roll_out
 
 STRANGE = {"friction 20-60": rough(20.0, 60.0), "friction 90": rough(90.0, 90.1),
            "stretch 3 N": stretchy}  # fmt: skip
+SUBSTEP_RATE = 180.0  # Hz, of the engine's steps at every rate of images
+ROLLS = 20  # draws of every condition on the rod
 SENSED = ("nothing", "30 Hz", "3 mm noise", "half dropped", "latency +-10 ms", "latency +-30 ms")
 CONDITIONS = (*SENSED, *STRANGE, *EFFECTS)
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw a strip in the next condition, each twenty times on the rod, then on the chain."""
+    """Draw a strip in the next condition, each ROLLS times for the rod, then for the chain."""
     times, which = divmod(number, len(CONDITIONS))
     name = CONDITIONS[which]
     if name in STRANGE:
@@ -30,37 +33,36 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     else:
         strip = plain(rng, STRIP_LENGTH, **({name: effect(name, rng)} if name in EFFECTS else {}))
     content = strip.model_dump(mode="json", by_alias=True)
-    engine = "chain" if times >= 20 else "rod"
+    engine = "chain" if times >= ROLLS else "rod"
     return {"engine": engine, "condition": name, "strip": content, "noise": number}
 
 
 def measure(case: Values) -> Values:
-    """Displacement d [m] by `adaptive` and by the shifted triangle, with the prediction and the
-    estimate of the strip; and the estimate of a second fold, combined with the first.
-    """
+    """Displacements [m] by `adaptive` and by the shifted triangle, and errors of its estimates."""
     strip = StripFile.model_validate(case["strip"])
     rate = 30.0 if case["condition"] == "30 Hz" else 60.0
     sensing = sensing_of(case["condition"])
-    settings = Rollout(rate=rate, sensing=sensing, substeps=round(180 / rate))
+    settings = Rollout(rate=rate, sensing=sensing, substeps=round(SUBSTEP_RATE / rate))
     rng, policy = np.random.default_rng([case["noise"], 1]), Kept(load_critic())
 
     def fold(by: Policy) -> Folds:
         engine, lying = stepper(case["engine"]), [describe(strip)]
         return roll_out(by, engine, strip, lying, settings=settings, rng=rng)
 
-    folds = fold(policy)
-    known = _last_prediction(policy, folds)
-    before, again = fold(Shifted()), fold(policy)
-    touch, d = folds.touch[0], float(folds.displacement[0])
+    first = fold(policy)
+    known = _last_prediction(policy, first)
+    shifted, second = fold(Shifted()), fold(policy)
+    again = _last_prediction(policy, second)
+    d = float(first.displacement[0])
     length, time, _ = truth(strip)
     ratio = abs(d - known.displacement) / known.sigma
-    both, sigma = _combine(known.retardation_time, _last_prediction(policy, again).retardation_time)
+    both, sigma = _combine(known.retardation_time, again.retardation_time)
     return {
         "d": d,
-        "shifted": float(before.displacement[0]),
-        "touched": touch is not None,
+        "shifted": float(shifted.displacement[0]),
+        "touched": first.touch[0] is not None,
         "within_1": ratio < 1.0,
-        "within_2": ratio < 1.96,
+        "within_2": ratio < SIGMAS_95,
         "length_off": float(np.log(known.bending_length.value) - length),
         "time_off": float(np.log(known.retardation_time.value) - time),
         "time_off_both": both - time,
@@ -70,7 +72,7 @@ def measure(case: Values) -> Values:
 
 
 def _last_prediction(policy: Kept, folds: Folds) -> FoldPrediction:
-    """Last prediction before the touch."""
+    """Last prediction of `policy` before the touch."""
     touch = folds.touch[0]
     end = np.inf if touch is None else touch.time
     return [said for seen, said in policy.seen if seen.time[0] < end][-1]
@@ -107,7 +109,7 @@ STUDY = Study(
         Quantity("time_within", Statistic.SHARE, "%", 100.0, label="time within sigma", digits=0),
         Quantity("time_within_both", Statistic.SHARE, "%", 100.0, label="by two folds", digits=0),
     ),
-    usual=20 * len(CONDITIONS),
+    usual=ROLLS * len(CONDITIONS),
     quick=1,
     seconds=1.5,
 )

@@ -1,4 +1,4 @@
-"""Study of how often `adaptive` reports an unlike strip, rightly and wrongly.
+"""Study of how often `adaptive` reports a strip unlike its model, rightly and wrongly.
 
 Strips as they may come are compared with a rod of what the policy believed at the touch
 (`cell.perception.agreement`). Laws that no description of a strip holds are causes of the exam.
@@ -36,7 +36,7 @@ STRANGE_LAWS = {
 
 
 def add_seam(rng: np.random.Generator) -> StripFile:
-    """Effect of a seam at a random place."""
+    """Draw a strip with a seam at a random place."""
     return plain(rng, seam=effect("seam", rng))
 
 
@@ -51,7 +51,7 @@ CONDITIONS = (*TRAINED_CONDITIONS, "friction 90", "stretch 3 N", *STRANGE_LAWS)
 
 
 class Law:
-    """A cause of the exam as a foreign law of the chain."""
+    """Cause of the exam as an extra force on the chain."""
 
     def __init__(self, name: str, values: dict[str, float]) -> None:
         self._cause, self._rng = cause_of(name, values), np.random.default_rng(0)
@@ -65,7 +65,7 @@ class Law:
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw a strip in the next condition."""
+    """Draw a strip in the next of the conditions, as trained or outside."""
     name = CONDITIONS[number % len(CONDITIONS)]
     strip = STRIP_DRAWS.get(name, unknown)(rng)
     content = strip.model_dump(mode="json", by_alias=True)
@@ -74,7 +74,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Whether the fold was flagged, the rod's residual and d [m]."""
+    """Displacement d [m] of a fold, whether it was flagged, and the residual [m] of the rod."""
     strip = StripFile.model_validate(case["strip"])
     law = STRANGE_LAWS.get(case["condition"])
     engine, policy = Traced(Chain(LINKS, () if law is None else (Law(*law),))), Kept(load_critic())
@@ -84,13 +84,13 @@ def measure(case: Values) -> Values:
     touch, d = folds.touch[0], float(folds.displacement[0])
     if touch is None:
         return {"d": None, "flagged": None, "residual": None}
-    rows = [row for row in policy.seen if row[0].time[0] <= touch.time]
-    stamps = np.array([seen.stamp[0] for seen, _ in rows])
-    new = np.concatenate([[True], np.diff(stamps) > 0])
-    curves = np.array([seen.profile[0] for seen, _ in rows])
+    decisions = [seen for seen in policy.seen if seen[0].time[0] <= touch.time]
+    stamps = np.array([observation.stamp[0] for observation, _ in decisions])
+    new = np.concatenate([[True], np.diff(stamps) > 0])  # decisions by an image not seen before
+    curves = np.array([observation.profile[0] for observation, _ in decisions])
     path = np.array(engine.poses)[:, 0]
     fold = MeasuredFold.until(touch.time, np.array(engine.times), path, stamps[new], curves[new])
-    agreed = agreement(unknown_strip(str(STRIP_LENGTH)), rows[-1][1], fold)
+    agreed = agreement(unknown_strip(str(STRIP_LENGTH)), decisions[-1][1], fold)
     if agreed is None:
         return {"d": d, "flagged": None, "residual": None}
     return {"d": d, "flagged": not agreed.like_model, "residual": agreed.residual,
@@ -98,7 +98,7 @@ def measure(case: Values) -> Values:
 
 
 def limits(outcomes: Sequence[Outcome]) -> Values:
-    """Limits that UNFLAGGED_SHARE of the folds of ordinary strips stay below."""
+    """Limits below which UNFLAGGED_SHARE of the folds of ordinary strips stay."""
     rows = [o.values for o in outcomes if o.case.values["kind"] == "as trained"]
     rows = [row for row in rows if row["residual"] is not None]
     found = {name: float(np.quantile([row[name] for row in rows], UNFLAGGED_SHARE))

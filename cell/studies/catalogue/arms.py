@@ -11,7 +11,7 @@ FILES = ("ticks.parquet", "profile.parquet", "result.yaml")
 
 
 def measure(case: Values) -> Values:
-    """Difference of both true displacements [m], and whether a second fold has equal bytes."""
+    """Difference of true displacements [m] by both arms, and whether a repeat has equal bytes."""
     with TemporaryDirectory() as place:
         arms = ("fci", "fci", "twin")
         made = [

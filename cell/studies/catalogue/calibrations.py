@@ -13,8 +13,9 @@ from cell.studies.kit.folds import difference, fold_strip, next_strip
 
 
 def measure(case: Values) -> Values:
-    """True displacement [m] with the wizards' calibration, and its difference from that of a fold
-    with the twin's own: `apart` signed, `grown` in size.
+    """True displacement [m] with the wizards' calibration, and its change from the twin's own.
+
+    The change is signed (`apart`) and in size (`grown`).
     """
     own, wizard = (_displacement(case, calibration) for calibration in (None, by_wizards()))
     sizes = (None if d is None else abs(d) for d in (wizard, own))
@@ -31,7 +32,7 @@ def _displacement(case: Values, calibration: Calibration | None) -> float | None
 
 @cache
 def by_wizards() -> Calibration:
-    """Calibration by both wizards, run unattended as an operator starts them."""
+    """Run both calibration wizards unattended, as an operator starts them; cached."""
     with TemporaryDirectory() as place:
         for kind in ("camera", "homography"):
             command = [sys.executable, "-m", "cell", "calibrate", kind, "--viz", "off"]

@@ -1,4 +1,4 @@
-"""Strips that nobody measured, folded by `adaptive` through cameras unlike the cell's own."""
+"""Study of unmeasured strips folded by `adaptive` through cameras unlike the cell's own."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -26,7 +26,7 @@ FRICTION_RANGE = (20.0, 60.0)  # 1/m, of every second strip
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """A strip before the next camera; in every second round of cameras its yarns rub."""
+    """Draw a strip for the next camera; in every second round it has yarn friction."""
     turn, which = divmod(number, len(CAMERAS))
     rubs = {"bending_hysteresis": friction(rng, *FRICTION_RANGE)} if turn % 2 else {}
     content = plain(rng, STRIP_LENGTH, **rubs).model_dump(mode="json", by_alias=True)
@@ -34,7 +34,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """The fold, by a cell that was calibrated through this camera."""
+    """Facts of a fold by a cell that was calibrated through this camera."""
     with TemporaryDirectory() as name:
         place = Path(name)
         configs = configs_with_twin(place, camera=CAMERAS[case["camera"]])

@@ -1,4 +1,4 @@
-"""Study of the cost of a fold's parts: an image, its measurement, a decision, a loop's turn.
+"""Study of the cost of a fold's parts: image, measurement, decision, turn of the control loop.
 
 Processor time of one thread where a part is called alone; a turn and the fold as a whole on the
 wall clock, so that they need an idle machine.
@@ -35,26 +35,22 @@ from policies.path import triangular
 from policies.rollout import Rollout, roll_out
 from policies.sensing import IMAGE_SENSING
 
-IMAGES_BETWEEN = 6  # images of a fold
+IMAGES_BETWEEN = 6  # images from one that is measured to the next
+FOLD_SPEED = 0.1  # m/s
 
 
 def image_and_reading(seed: int, look: str) -> Mapping[str, list[float]]:
-    """Milliseconds of each image of a fold of denim in a look, rendered, then read."""
+    """Times [ms] to render and to measure each image of a fold of denim in a look."""
     configs = find_configs(None)
-    strip, settings, camera = (
-        configs.strip("denim"),
-        PerceptionSettings(),
-        configs.cell().twin.camera,
-    )
-    made, twin = (
-        fold_of("denim", triangular(strip.length), 0.1),
-        FoldCamera(strip, camera, seed, looks()[look]),
-    )
+    strip, camera = configs.strip("denim"), configs.cell().twin.camera
+    settings, made = PerceptionSettings(), fold_of("denim", triangular(strip.length), FOLD_SPEED)
+    twin = FoldCamera(strip, camera, seed, looks()[look])
     found = inspect(twin.flat(strip), cached_calibration(), settings, strip)
     if found.appearance is None:
         return {}
     perception = Perception(cached_calibration(), settings, strip, found.appearance)
-    touch, costs = LayerTouch(settings, strip), {"image": [0.0], "reading": [0.0]}
+    touch = LayerTouch(settings, strip)
+    costs: dict[str, list[float]] = {"image": [], "reading": []}
     for sequence in range(IMAGES_BETWEEN, int(made.t[-1] * camera.rate), IMAGES_BETWEEN):
         pose, begun = made.pose(sequence / camera.rate), time.thread_time()
         frame = twin.frame(made, sequence)
@@ -62,17 +58,17 @@ def image_and_reading(seed: int, look: str) -> Mapping[str, list[float]]:
         touch.update(perception.look(frame, pose), pose)
         costs["image"].append(1e3 * (rendered - begun))
         costs["reading"].append(1e3 * (time.thread_time() - rendered))
-    return {name: values[1:] for name, values in costs.items()}
+    return costs
 
 
 def decision(seed: int, _look: str) -> Mapping[str, list[float]]:
-    """Milliseconds of each decision of `adaptive` in a fold from noisy states."""
+    """Times [ms] of each decision of `adaptive` in a fold from noisy states."""
     rng, kept = np.random.default_rng(seed), Kept(load_critic())
     strip = plain(rng)
     sensed = Rollout(sensing=IMAGE_SENSING)
     roll_out(kept, stepper("rod"), strip, [describe(strip)], settings=sensed, rng=rng)
     policy, costs = Adaptive(load_critic()), []
-    policy.reset(unknown_strip("0.6"), 0.1, 1)
+    policy.reset(unknown_strip("0.6"), FOLD_SPEED, 1)
     for seen, _ in kept.seen:
         begun = time.thread_time()
         policy.decide(seen)
@@ -82,9 +78,7 @@ def decision(seed: int, _look: str) -> Mapping[str, list[float]]:
 
 
 def whole(seed: int, _look: str) -> Mapping[str, list[float]]:
-    """Cost of a fold as `cell fold` makes it, with page and recording: share of its own time that
-    it took on the wall clock; milliseconds of each turn of the control loop.
-    """
+    """Wall time of a whole `cell fold` over its duration, and each turn of its loop [ms]."""
     calibration, choice = cached_calibration(), DeviceSelection(seed=seed)
     with TemporaryDirectory() as place:
         request = Request(
@@ -103,14 +97,14 @@ COST_PARTS: dict[str, Callable[[int, str], Mapping[str, list[float]]]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw the next part, images in the next look."""
+    """Draw case `number`; cases go through parts of a fold, images through looks too."""
     seed, part = divmod(number, len(COST_PARTS))
     look = list(looks())[seed % len(looks())] if part == 0 else next(iter(looks()))
     return {"part": list(COST_PARTS)[part], "look": look, "noise": seed}
 
 
 def measure(case: Values) -> Values:
-    """Costs of the case's part, a list for each name."""
+    """Costs of the part of a fold that the case names, a list of numbers by name."""
     return COST_PARTS[case["part"]](case["noise"], case["look"])
 
 

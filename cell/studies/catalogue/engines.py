@@ -40,7 +40,7 @@ SUBJECTS: dict[str, Callable[[], Stepper]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every engine on every fold, from the middle of the paper's range to its corners."""
+    """Draw case `number`; cases go through all engines, then folds from the range's middle on."""
     fold, subject = divmod(number, len(SUBJECTS))
     k, b, path = FOLD_CASES[fold % len(FOLD_CASES)]
     return {"engine": list(SUBJECTS)[subject], "stiffness": k, "damping": b, "path": path}
@@ -69,7 +69,7 @@ def steady(path: Path, dt: float) -> Array:
 def batch(
     rod: Rod, model: StripModel, poses: Array, dt: float, count: int = 1
 ) -> tuple[float, float]:
-    """Displacements d [m] of `count` equal folds along poses (k, 3), and their cost."""
+    """Displacement d [m] of `count` equal folds along poses (k, 3), and cost of one [s/s]."""
     each = np.repeat(poses[:, None], count, axis=1)
     for _ in range(2):  # the first loads the compiled code
         rod.reset([model] * count)
@@ -81,7 +81,7 @@ def batch(
 
 
 def stepwise(engine: Stepper, model: StripModel, path: Path) -> tuple[float, float]:
-    """Displacement d [m] of one fold, step by step as on the twin, and its cost."""
+    """Displacement d [m] of one fold, step by step as on the twin, and its cost [s/s]."""
     poses = steady(path, DT)
     start = np.array([[path.points[0, 0], 0.0, 0.0]])
     begun = time.thread_time()

@@ -35,13 +35,13 @@ STRIPS: dict[str, dict[str, float]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every strip by every policy."""
+    """Draw case `number`; cases go through the extreme strips, then through the policies."""
     policy, strip = divmod(number, len(STRIPS))
     return {"strip": list(STRIPS)[strip], "policy": policy_names()[policy % len(policy_names())]}
 
 
 def measure(case: Values) -> Values:
-    """Outcome of the fold of an extreme strip, and its error."""
+    """Fold an extreme strip and classify how the fold ended."""
     content = yaml.safe_load(find_configs(None).strip_path("denim").read_text(encoding="utf-8"))
     changed = {**content, **STRIPS[case["strip"]], "name": case["strip"]}
     with TemporaryDirectory() as place:
@@ -55,7 +55,7 @@ def measure(case: Values) -> Values:
 
 
 def judge_fold(result: FoldResult) -> Values:
-    """Outcome of a fold in a word: whether its measurement is true and its d near 0."""
+    """Classify how a fold ended: whether its measurement is true and its displacement small."""
     seen, true = result.displacement, result.displacement_true
     touched = result.outcome == "layer_touch"
     if not touched:

@@ -17,14 +17,14 @@ ACCEPTABLE_VERDICTS = ("stopped", "harmless")
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every fault in a state, then in the next state, then all with the next noise."""
+    """Draw case `number`; cases go through all faults, then states, then seeds of the noise."""
     number, fault = divmod(number, len(FAULTS))
     seed, state = divmod(number, len(FAULT_STATES))
     return {"fault": list(FAULTS)[fault], "state": FAULT_STATES[state], "noise": seed}
 
 
 def measure(case: Values) -> Values:
-    """Result of a fold with a fault; times [s], ways [m], shares as 0 and 1."""
+    """Result of a fold with an injected fault: times [s], distances [m], and the verdict on it."""
     blow = Blow(case["fault"], case["state"], case["noise"])
     with TemporaryDirectory() as place:
         came = dict(strike(blow, Path(place), cached_calibration()))
@@ -35,7 +35,7 @@ def measure(case: Values) -> Values:
 
 
 def page(outcomes: Sequence[Outcome]) -> str:
-    """Text of the runbook's table: a row a fault, with its worst case; then a row a monitor."""
+    """Format the runbook's page: a table of faults with their worst cases, then one of monitors."""
     lines = [PAGE_HEAD, "| fault | verdicts | noticed by | exit | stop | rest | way | message |"]
     lines.append("|---|---|---|---|---|---|---|---|")
     for fault in FAULTS:

@@ -15,7 +15,7 @@ POLICIES = ("triangular", "circular", "shifted", "planned", "feedback", "adaptiv
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every policy on every strip, then again with the next noise."""
+    """Draw case `number`; cases go through policies, then strips, then seeds of the noise."""
     strips = find_configs(None).strip_names()
     pair, policy = divmod(number, len(POLICIES))
     seed, strip = divmod(pair, len(strips))
@@ -23,7 +23,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Facts of the fold, and the displacement simulated by the rod along its path."""
+    """Facts of the fold, and the error [m] of the rod simulated along its gripper path."""
     with TemporaryDirectory() as place:
         result = fold_strip(case["strip"], case["policy"], case["noise"], Path(place))
         rod = resimulate(Path(result.run)).simulated

@@ -28,9 +28,9 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Error [s] of the wizard's latency for a camera with a known one.
+    """Error [s] of the latency that the wizard measures, for a camera with a known one.
 
-    Raises Fault where it says nothing.
+    Raises Fault where it measures none.
     """
     settings, late = find_configs(None).cell(), _late_twin(case["latency"], case["noise"])
     if late.aids is None:

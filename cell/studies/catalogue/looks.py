@@ -1,4 +1,4 @@
-"""Study of strips folded in every look of the cell, by preflight and images."""
+"""Study of folds of every strip in every look of the cell, with preflight and images."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,14 +15,14 @@ ALLOWED_MM = 6.0  # mm of displacement
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every look of every strip of the cell."""
+    """Draw case `number`; cases go through the looks, then through the cell's strips."""
     strips = find_configs(None).strip_names()
     strip, look = divmod(number, len(looks()))
     return {"look": list(looks())[look], "strip": strips[strip % len(strips)]}
 
 
 def measure(case: Values) -> Values:
-    """Facts of the fold by feedback with the plain look's calibration; the camera stays."""
+    """Facts of a fold by feedback in one look, with the calibration made in the plain look."""
     with TemporaryDirectory() as place:
         configs = configs_with_twin(Path(place), case["look"])
         result = fold_strip(

@@ -22,11 +22,13 @@ from policies.path import triangular
 from policies.profile import profiles, seen_profile
 
 SPEED, IMAGE_STRIDE = 0.1, 3  # m/s; images
+LINKS = 80  # of the chain that is folded
+ERRORS = ("contact", "tip_x", "tip_z", "curve", "profile")
 OUTLIER = 5.0  # robust standard deviations from which an error is an outlier
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every strip of the cell along a triangle, then along the first standard motion."""
+    """Draw case `number`; cases go through strips on a triangle, then on a standard motion."""
     strips = find_configs(None).strip_names()
     return {"strip": strips[number % len(strips)], "standard": number // len(strips) % 2 == 1}
 
@@ -35,26 +37,19 @@ def measure(case: Values) -> Values:
     """Errors of each image of a fold, seen minus true [m, s]."""
     strip = find_configs(None).strip(case["strip"])
     path = (STANDARD[REFERENCE_RUN].shape if case["standard"] else triangular)(strip.length)
-    fold = fold_of(case["strip"], path, SPEED, 80)
-    errors: dict[str, list[float]] = {name: [] for name in ("contact", "tip_x", "tip_z", "curve")}
-    errors["profile"], curves, unseen, late, images = [], [], 0, [], 0
+    fold = fold_of(case["strip"], path, SPEED, LINKS)
+    images = list(sights(fold, IMAGE_STRIDE))
+    seen = [sight for sight in images if _sees_strip(sight)]
+    errors: dict[str, list[float]] = {name: [] for name in ERRORS}
     halves: dict[str, list[float]] = defaultdict(list)
-    for sight in sights(fold, IMAGE_STRIDE):
-        images += 1
-        if sight.touch is not None and fold.touch is not None:
-            late = [sight.touch.time - fold.touch.time,
-                    sight.touch.displacement - fold.touch.displacement]  # fmt: skip
-        if len(sight.seen.profile) < 2 or not np.isfinite(sight.seen.contact_x):
-            unseen += 1
-            continue
+    curves = [_profile_errors(sight) for sight in seen]
+    for sight, curve in zip(seen, curves, strict=True):
         tip = sight.seen.tip - np.array(fold_tip(fold.shape(sight.stamp)))
-        _add_errors(halves, sight, strip.length)
-        curves.append(_profile_errors(sight))
-        row = (sight.contact, *tip, float(np.sqrt(np.mean(curves[-1] ** 2))))
-        for name, value in zip(errors, row, strict=False):
+        row = (sight.contact, *tip, _rms(curve), _rms(sight.profile()[0]))
+        for name, value in zip(ERRORS, row, strict=True):
             errors[name].append(float(value))
-        errors["profile"].append(float(np.sqrt(np.mean(sight.profile()[0] ** 2))))
-    contact = np.array(errors["contact"])
+        _add_errors(halves, sight, strip.length)
+    contact, (late, displacement) = np.array(errors["contact"]), _touch_errors(images)
     return {
         **errors,
         "bias": float(np.median(contact)),
@@ -65,14 +60,26 @@ def measure(case: Values) -> Values:
         "curve_bias": _rms(np.mean(curves, axis=0)),
         "curve_noise": spread(np.diff(curves, axis=0).ravel()) / np.sqrt(2.0),
         "wild": float(np.mean(abs(contact - np.median(contact)) > OUTLIER * spread(contact))),
-        "unseen": unseen / images,
-        "late": late[0] if late else None,
-        "displacement": late[1] if late else None,
+        "unseen": (len(images) - len(seen)) / len(images),
+        "late": late,
+        "displacement": displacement,
     }
 
 
+def _sees_strip(sight: Sight) -> bool:
+    return len(sight.seen.profile) >= 2 and bool(np.isfinite(sight.seen.contact_x))
+
+
+def _touch_errors(images: Sequence[Sight]) -> tuple[float, float] | tuple[None, None]:
+    """Errors of the touch in time [s] and displacement [m]; None where it was missed."""
+    seen, true = images[-1].touch, images[-1].fold.touch
+    if seen is None or true is None:
+        return None, None
+    return seen.time - true.time, seen.displacement - true.displacement
+
+
 def _add_errors(halves: dict[str, list[float]], sight: Sight, length: float) -> None:
-    """Add the errors of an image, of contact and thirds of the profile, to its half of the run."""
+    """Add the errors of an image in contact and thirds of the profile to its half of the run."""
     side = "past" if sight.pose.x < length / 2 else "before"
     halves[f"contact {side}"].append(sight.contact)
     off, where = sight.profile()
@@ -91,7 +98,7 @@ def _profile_errors(sight: Sight) -> Array:
 
 
 def noise_of_images(outcomes: Sequence[Outcome]) -> Values:
-    """Medians over strips of the noise, and root mean squares of the biases."""
+    """Noise of images, medians over strips, and their biases, root mean squares over strips."""
     rows = [o.values for o in outcomes]
     noise = np.median([[row["noise"], *row["tip_noise"], row["curve_noise"]] for row in rows], 0)
     names = ("contact_sigma", "tip_sigma", "tip_z_sigma", "profile_sigma")
@@ -104,9 +111,9 @@ def noise_of_images(outcomes: Sequence[Outcome]) -> Values:
 
 
 def bias(outcomes: Sequence[Outcome]) -> Values:
-    """Root mean squares over strips of the mean error of half a run, in the gap workflow's form.
+    """Systematic errors of images in half a run, as root mean squares for the gap workflow.
 
-    Of the profile beside the near edge, which shows on the other side past the middle. l1 and l2
+    `edge` is that of the profile beside the near edge, on the other side past the middle. l1 and l2
     err alike, so that the place of a touch errs by half as much as the displacement.
     """
     rows = [o.values for o in outcomes]

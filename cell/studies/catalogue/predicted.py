@@ -12,7 +12,7 @@ from cell.studies.kit.predicted import QUANTITIES, compare
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw every strip and every plant, then again with the next noise."""
+    """Draw case `number`; cases go through strips and plants, then seeds of the noise."""
     configs = find_configs(None)
     plants = sorted(path.stem for path in (configs.folder / "plants").glob("*.yaml"))
     subjects = [(name, "") for name in configs.strip_names()]

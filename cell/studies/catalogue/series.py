@@ -1,4 +1,4 @@
-"""Study of folds of one specimen in a row by a cell that learns, in a right cell and in wrong ones.
+"""Study of consecutive folds of one specimen by a learning cell, both right and faulty.
 
 The controller does not know what is wrong. In a wrong cell a ruler measures the first fold, once.
 """
@@ -46,7 +46,7 @@ FRICTION_RANGE = (20.0, 60.0)  # 1/m, of every second strip
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw a strip in the next cell; in every second round of cells its yarns rub."""
+    """Draw a strip for the next cell and series; every second one has yarn friction."""
     turn, which = divmod(number, len(CONDITIONS))
     cell, series = CONDITIONS[which]
     rubs = {"bending_hysteresis": friction(rng, *FRICTION_RANGE)} if (turn + which) % 2 else {}
@@ -55,7 +55,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Facts of the folds, the cell's knowledge of its bias in each, and the changes it noticed."""
+    """Facts of each fold, the biases that the cell learned, and whether it noticed a change."""
     cell, series = case["cell"], case["series"]
     found: dict[str, object] = {}
     with TemporaryDirectory() as name:
@@ -74,7 +74,7 @@ def measure(case: Values) -> Values:
 
 
 def _fold(case: Values, number: int, place: Path, memory: Path) -> FoldResult:
-    """Fold number `number` of the series, by a cell that learns in `memory`."""
+    """Run fold `number` of the series, by a cell that learns in `memory`."""
     strip = StripFile.model_validate(case["strip"])
     wrong = case["cell"] != RIGHT_CELL and not (
         case["series"] == CHANGED_SERIES and number < FOLDS_BEFORE
@@ -104,14 +104,14 @@ def _facts(case: Values, result: FoldResult) -> Values:
 
 
 def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
-    """Add the offset of the laid edges by a ruler, where the camera saw them too."""
+    """Teach the cell the edge offset read with a ruler, where the camera saw the edges too."""
     if result.edge_offset is not None and result.edge_offset_true is not None:
         edges = RULER_MARK * round(result.edge_offset_true / RULER_MARK)
         learn_from_ruler(Path(result.run), edges, find_configs(None).cell().name, memory)
 
 
 def _growth(found: Mapping[str, object]) -> float | None:
-    """Mean |d| of the folds that learned, less that of the first [m]; None without one."""
+    """Mean |d| [m] of the later folds less that of the first; None where one is missing."""
     first, *others = (
         found.get(f"true_{number + 1}") for number in range(max(SERIES_FOLDS.values()))
     )

@@ -24,6 +24,7 @@ from policies.adaptive.train.transfer import COVERAGE
 
 FRICTION_RANGE = (20.0, 60.0)  # 1/m
 DISPLACEMENT_SCALE = 1e-3  # m
+CROSS_FOLDS = 5  # of the cross-validation
 EFFECT_PAIRS = ("friction+seam", "seam+stretch", "friction+hem_mass")
 CONDITIONS = (
     *(("calipers", hidden) for hidden in ("nothing", "friction", *EFFECTS, *EFFECT_PAIRS)),
@@ -35,14 +36,12 @@ CONDITIONS = (
 def draw(number: int, rng: np.random.Generator) -> Values:
     """Draw a strip in the next condition: what the cell knows or loses, and the hidden effect."""
     known, hidden = CONDITIONS[number % len(CONDITIONS)]
-    parts = [part for part in hidden.split("+") if part != "nothing"]
-    named = {"friction": "bending_hysteresis"}
-    effects = {
-        named.get(part, part): friction(rng, *FRICTION_RANGE)
-        if part == "friction"
-        else effect(part, rng)
-        for part in parts
-    }
+    effects = {}
+    for part in hidden.split("+"):
+        if part == "friction":
+            effects["bending_hysteresis"] = friction(rng, *FRICTION_RANGE)
+        elif part != "nothing":
+            effects[part] = effect(part, rng)
     strip = plain(rng, STRIP_LENGTH, **effects)
     content = strip.model_dump(mode="json", by_alias=True)
     return {"known": known, "hidden": hidden, "strip": content, "noise": number}
@@ -70,7 +69,7 @@ def measure(case: Values) -> Values:
 
 
 def _loop_size(run: Path, length: float, edges: float | None) -> Values:
-    """Measured size of the laid fold's loop, and the length [m] that it holds beyond its size."""
+    """Height and width [m] of the laid fold's loop, and the extra length [m] that it holds."""
     seen = [e.facts.get("loop") for e in read_run(run).events() if e.kind == "edges_seen"]
     if edges is None or not seen or not isinstance(loop := seen[0], dict):
         return {}
@@ -79,16 +78,16 @@ def _loop_size(run: Path, length: float, edges: float | None) -> Values:
 
 
 def laid_weights(outcomes: Sequence[Outcome]) -> Values:
-    """Weights of the loop's size for its length, and the rms error [m] on fifths left out."""
+    """Linear model of the loop's extra length, and its cross-validated rms error [m]."""
     kept = [o for o in outcomes if "held" in o.values and o.case.values["known"] == "calipers"]
     thickness = [o.case.values["strip"]["thickness"] for o in kept]
     size = [(1.0, o.values["height"], o.values["width"]) for o in kept]
     terms, held = np.column_stack([size, thickness]), np.array([o.values["held"] for o in kept])
-    fifth = np.arange(len(kept)) % 5
-    left = [held[fifth == k] - terms[fifth == k] @ _robust_fit(terms[fifth != k], held[fifth != k])
-            for k in range(5)]  # fmt: skip
+    fold = np.arange(len(kept)) % CROSS_FOLDS
+    errors = [held[fold == k] - terms[fold == k] @ _robust_fit(terms[fold != k], held[fold != k])
+              for k in range(CROSS_FOLDS)]  # fmt: skip
     names = ("constant", "height", "width", "thickness")
-    rms = float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
+    rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
     return {"schema": 1, **dict(zip(names, _robust_fit(terms, held).tolist(), strict=True)),
             "rms": rms, "folds": len(kept)}  # fmt: skip
 

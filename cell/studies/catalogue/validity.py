@@ -43,17 +43,17 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Displacement d [m] by the triangle in the engine as used, less that in a finer one."""
+    """Displacement d [m] along a triangle in the engine as used, and its change in a finer one."""
     strip = find_configs(None).strip("denim").model_copy(update={case["key"]: case["value"]})
     coarse, fine = (_fold(make(), strip) for make in ENGINES[case["engine"]])
-    reason = coarse if isinstance(coarse, str) else fine if isinstance(fine, str) else ""
     if isinstance(coarse, str) or isinstance(fine, str):
+        reason = coarse if isinstance(coarse, str) else fine
         return {"d": None, "apart": None, "ended": False, "reason": reason}
     return {"d": coarse, "apart": fine - coarse, "ended": True, "reason": ""}
 
 
 def _fold(engine: Stepper, strip: StripFile) -> float | str:
-    """Displacement d [m] of the fold, or the error in its place."""
+    """Displacement d [m] of the fold, or the reason why there is none."""
     policy, rng = make_policy("triangular"), np.random.default_rng(0)
     try:
         settings = Rollout(substeps=4)

@@ -27,6 +27,7 @@ from drivers.types import Array, Frame, Pose
 
 OUTLIER_SHARE, ARM_NOISE = 0.10, 1e-4  # share of touches; m
 BOARD, TOUCHES = BoardSettings(), TouchSettings()
+SLIP_RANGE, LOWEST_TOUCH = (0.004, 0.04), 0.01  # m, of a wild touch; m over the desk
 EDGE_MARGIN = 40  # px from the image's edge to the work area's corners
 BARE = StripLook((40, 60, 110), 0.001, 0.05)
 
@@ -49,7 +50,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
             noise=rng.uniform(1.0, 4.0),
             gain=rng.uniform(0.85, 1.1),
         )
-        seen = Optics.of(camera).plane(_random_places(2))
+        seen = Optics.of(camera).plane(_work_area_grid(2))
         high = (camera.width - EDGE_MARGIN, camera.height - EDGE_MARGIN)
         if ((seen > EDGE_MARGIN) & (seen < high)).all():
             return {"camera": camera.model_dump(mode="json"), "noise": number}
@@ -66,7 +67,7 @@ def measure(case: Values) -> Values:
     reasons = [*refused, *verdict.reasons]
     if verdict.homography is None:
         return {"median": None, "worst": None, "refused": True, "reasons": reasons}
-    grid = _random_places(25)
+    grid = _work_area_grid(25)
     seen = verdict.homography.to_plane(lens.undistort(Optics.of(camera).plane(grid)))
     errors = np.hypot(*(seen - grid).T)
     return {
@@ -80,7 +81,8 @@ def measure(case: Values) -> Values:
     }
 
 
-def _random_places(count: int) -> Array:
+def _work_area_grid(count: int) -> Array:
+    """Grid (count^2, 2) [m] over the work area."""
     x = np.linspace(TOUCHES.x_min, TOUCHES.x_max, count)
     z = np.linspace(TOUCHES.z_min, TOUCHES.z_max, count)
     return np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
@@ -102,26 +104,26 @@ def _wizard_lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[
 def _touch_points(
     camera: CameraSettings, lens: Lens, rng: np.random.Generator
 ) -> tuple[TouchVerdict, int]:
-    """Map by the wizard, through rendered touches, and the number of wild first touches."""
+    """Image-to-plane map by the wizard, from rendered touches, and the number of wild touches."""
     renderer, sequence = Renderer(camera, BARE, int(rng.integers(1 << 30))), 0
-    points, off = TouchedPoints(lens, TOUCHES), np.zeros(2)
+    points, slip = TouchedPoints(lens, TOUCHES), np.zeros(2)
     count = round(OUTLIER_SHARE * len(points.plan))
-    first = set(rng.choice(len(points.plan), count, replace=False).tolist())
-    stage: tuple[int | None, bool] = (None, False)
+    wild = set(rng.choice(len(points.plan), count, replace=False).tolist())
+    touch: tuple[int | None, bool] = (None, False)
     while (pose := points.ask()) is not None:
-        if (points.number, points.again) != stage:
-            stage = (points.number, points.again)
-            slips = rng.random() < OUTLIER_SHARE if points.again else points.number in first
+        if (points.number, points.again) != touch:  # the images of one touch share its slip
+            touch = (points.number, points.again)
+            slips = rng.random() < OUTLIER_SHARE if points.again else points.number in wild
             angle = rng.uniform(0, 2 * np.pi)
-            off = slips * rng.uniform(0.004, 0.04) * np.array([np.cos(angle), np.sin(angle)])
-        seen = replace(pose, x=pose.x + off[0], z=max(pose.z + off[1], 0.01))
+            slip = slips * rng.uniform(*SLIP_RANGE) * np.array([np.cos(angle), np.sin(angle)])
+        seen = replace(pose, x=pose.x + slip[0], z=max(pose.z + slip[1], LOWEST_TOUCH))
         noise = ARM_NOISE * rng.normal(size=2)
         points.tell(
             _pointer_image(renderer, seen, sequence),
             replace(pose, x=pose.x + noise[0], z=pose.z + noise[1]),
         )
         sequence += 1
-    return points.verdict(), len(first)
+    return points.verdict(), len(wild)
 
 
 def _pointer_image(renderer: Renderer, pose: Pose, sequence: int) -> Frame:

@@ -1,1 +1,1 @@
-"""Tools that several studies measure with."""
+"""Tools shared by several studies."""

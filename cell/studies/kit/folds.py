@@ -44,17 +44,17 @@ def fold_strip(
     calibration: Calibration | None = None,
     memory: Path | None = None,
 ) -> FoldResult:
-    """Fold `strip`, recorded in `folder` without images and page.
+    """Fold `strip` by `policy` on the twin, recorded in `folder` without images and page.
 
     With a `memory` the cell learns from it there, and all its folds are of one specimen.
     """
     choice = DeviceSelection(arm=arm, plant=plant, seed=seed)
-    request = _learning(strip, policy, folder, memory, choice, configs, checkpoint)
+    request = _request(strip, policy, folder, memory, choice, configs, checkpoint)
     known = calibration or cached_calibration(configs)
     return fold(request, calibration=known, page=False)
 
 
-def _learning(
+def _request(
     strip: str,
     policy: str,
     folder: Path,
@@ -74,9 +74,7 @@ def _learning(
 def configs_with_twin(
     folder: Path, look: str = DEFAULT_LOOK, camera: Mapping[str, float] = MappingProxyType({})
 ) -> Path:
-    """A copy of the configuration as `folder`/configs, its twin in `look`, with these settings of
-    its `camera`.
-    """
+    """Copy the configuration to `folder`/configs, with other `look` and `camera` of its twin."""
     configs = find_configs(None)
     copy = Path(shutil.copytree(configs.folder, folder / "configs"))
     content = configs.cell().model_dump(mode="json", by_alias=True)
@@ -87,9 +85,9 @@ def configs_with_twin(
 
 
 def changed_since(strip: StripFile, memory: Path) -> str | None:
-    """Run since which the cell reports a change, by its folds of `strip` in `memory`."""
+    """Run since which the cell reports a change in its folds of `strip`; None without a change."""
     name, choice = name_of(strip.length, strip.thickness), DeviceSelection()
-    learned = _learning(name, "adaptive", memory, memory, choice).correction.learned
+    learned = _request(name, "adaptive", memory, memory, choice).correction.learned
     return None if learned is None else learned.since
 
 
@@ -119,7 +117,7 @@ def fold_unknown(
 
 
 def next_strip(number: int, _rng: np.random.Generator) -> Values:
-    """Draw each strip of the cell, then each with another noise."""
+    """Draw case `number`; cases go through the cell's strips, then seeds of the noise."""
     strips = find_configs(None).strip_names()
     noise, strip = divmod(number, len(strips))
     return {"strip": strips[strip], "noise": noise}

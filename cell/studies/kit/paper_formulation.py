@@ -24,7 +24,7 @@ ITERATIONS = 100
 
 
 class PaperFormulation:
-    """A Stepper over one strip of the paper, on hinges every 2 mm."""
+    """Engine for one strip in the paper's formulation, with hinges every 2 mm."""
 
     def reset(self, models: Sequence[StripModel]) -> None:
         """Lay the one strip flat and still."""

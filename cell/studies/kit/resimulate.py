@@ -53,7 +53,7 @@ def resimulate(folder: Path) -> Resimulation:
 
 
 def _model(run: Run) -> StripModel:
-    """The strip in the run's cell; a laboratory's run knows no cell."""
+    """Strip model of a run, in the rig of its cell where the run's header states one."""
     config = run.header.config
     if config is None:
         return describe(_strip(run))

@@ -24,7 +24,7 @@ Draw = Callable[[np.random.Generator], StripFile]
 
 
 class Kept(Adaptive):
-    """`adaptive` for one strip, with every observation and the prediction after it kept."""
+    """Policy `adaptive` for one strip that keeps every observation and the prediction after it."""
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Discard the observations of the last fold."""
@@ -44,7 +44,7 @@ class Kept(Adaptive):
 
 
 class Traced:
-    """An engine that records its grippers' motion: `times` (k,), `poses` (k, n, 3)."""
+    """Engine wrapper that records the grippers' motion: `times` (k,) [s], `poses` (k, n, 3)."""
 
     def __init__(self, engine: Stepper) -> None:
         self._engine = engine
@@ -57,17 +57,17 @@ class Traced:
         self.times, self.poses = [0.0], [np.tile((STRIP_LENGTH, 0.0, 0.0), (len(models), 1))]
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """Step to `poses` (n, 3) in `dt` [s]."""
+        """Step the engine to `poses` (n, 3) in `dt` [s], and record that."""
         self.times.append(self.times[-1] + dt)
         self.poses.append(poses.copy())
         return self._engine.step(poses, dt)
 
     def shapes(self) -> Array:
-        """Midlines (n, nodes, 2)."""
+        """Midlines (n, nodes, 2) [m] of the engine."""
         return self._engine.shapes()
 
     def arc(self) -> Array:
-        """Arc lengths (n, nodes)."""
+        """Arc lengths (n, nodes) [m] of the engine."""
         return self._engine.arc()
 
 
@@ -77,12 +77,12 @@ def stepper(name: str) -> Stepper:
 
 
 def rough(low: float, high: float) -> Draw:
-    """Effect of yarn friction with a yield curvature between `low` and `high` [1/m]."""
+    """Make a draw function of strips with yarn friction, its yield curvature in a range [1/m]."""
     return lambda rng: plain(rng, bending_hysteresis=friction(rng, low, high))
 
 
 def stretchy(rng: np.random.Generator) -> StripFile:
-    """Effect of stretch far beyond that of fabric."""
+    """Draw a strip that stretches far more than fabric."""
     return plain(rng, stretch={"stiffness": 3.0})
 
 

@@ -1,4 +1,4 @@
-"""Measurements of every image of a fold on the chain, with the truth beside."""
+"""Measures the images of a fold simulated on the chain, with the truth beside."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ BEFORE_TOUCH = 0.5  # s before the touch, from which on every image counts
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """One image of `fold`: its stamp [s], the pose, the measurement, the touch if seen."""
+    """Measurement of one image of `fold`: stamp [s], gripper pose, strip, and touch if seen."""
 
     stamp: float
     pose: Pose
@@ -39,9 +39,7 @@ class Sight:
         return self.seen.contact_x - self.fold.contact_x(self.stamp)
 
     def profile(self) -> tuple[Array, Array]:
-        """Distances (n,) [m] of measured points left of the true curve, and shares (n,) along
-        it.
-        """
+        """Signed distances (n,) [m] of measured points to the true curve, and shares (n,)."""
         return signed_distances(self.seen.profile, self.fold.shape(self.stamp))
 
 
@@ -51,8 +49,9 @@ def fold_of(strip: str, path: Path, speed: float, links: int = 60) -> TwinFold:
 
 
 def sights(fold: TwinFold, every: int = 1) -> Iterator[Sight]:
-    """Every `every`-th image from the take-over on, and all of them near the touch, until it is
-    seen. Raises PreflightRefused where the flat strip is not recognised.
+    """Measure every `every`-th image from the take-over on, and all images near the touch.
+
+    Ends once the touch is seen. Raises PreflightRefused where the flat strip is not recognised.
     """
     strip, settings, camera = fold.strip, PerceptionSettings(), _camera()
     twin, calibration = FoldCamera(strip, camera), cached_calibration()
@@ -60,12 +59,12 @@ def sights(fold: TwinFold, every: int = 1) -> Iterator[Sight]:
     if found.appearance is None:
         raise PreflightRefused(f"{strip.name}: the flat strip is not recognised")
     perception = Perception(calibration, settings, strip, found.appearance)
-    detector, touched = LayerTouch(settings, strip), fold.touch
-    first = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])
-    for sequence in range(int(first * camera.rate) + 1, int(fold.t[-1] * camera.rate)):
+    detector = LayerTouch(settings, strip)
+    near_touch = np.inf if fold.touch is None else fold.touch.time - BEFORE_TOUCH
+    taken_over = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])
+    for sequence in range(int(taken_over * camera.rate) + 1, int(fold.t[-1] * camera.rate)):
         stamp = sequence / camera.rate
-        far = touched is None or stamp < touched.time - BEFORE_TOUCH
-        if far and sequence % every:
+        if stamp < near_touch and sequence % every:
             continue
         pose = fold.pose(stamp)
         seen = perception.look(twin.frame(fold, sequence), pose)
@@ -81,8 +80,9 @@ def _camera() -> CameraSettings:
 
 
 def signed_distances(points: Array, curve: Array) -> tuple[Array, Array]:
-    """Distances (n,) of points (n, 2) from a polyline (m, 2), positive to its left, and where along
-    it (n,) the nearest places are, as shares of its segments.
+    """Distances (n,) of points (n, 2) from a polyline (m, 2), positive at its left, shares (n,).
+
+    A share is the place of the nearest point of the curve, in segments over their number.
     """
     if not len(points):
         return np.zeros(0), np.zeros(0)

@@ -19,7 +19,9 @@ from policies.path import Path
 
 STEP = 0.005  # s of the plant
 TIME_AFTER_TOUCH = 0.25  # s that a fold goes on after the touch
-CONTACT_HEIGHT = 0.001
+CONTACT_HEIGHT = 0.001  # m
+GRIPPED_WIDTH, OPEN_WIDTH = 0.004, 0.04  # m between the fingers
+TRANSPORT = 0.02  # s from an image's exposure to its arrival
 HAND_ASIDE, HAND_HEIGHT = 0.05, 0.25  # m: where the hand waits while a strip is judged
 
 
@@ -35,22 +37,23 @@ class TwinFold:
     touch: Touch | None
 
     def shape(self, time: float) -> Array:
-        """Midline (n, 2) at `time`, interpolated."""
-        place = np.clip(time / STEP, 0, len(self.t) - 1.001)
+        """Midline (n, 2) [m] at `time` [s], interpolated linearly."""
+        place = np.clip(time / STEP, 0, len(self.t) - 1.001)  # so that another shape follows
         i, share = int(place), place - int(place)
         return np.asarray(self.shapes[i] + share * (self.shapes[i + 1] - self.shapes[i]))
 
     def pose(self, time: float) -> Pose:
-        """Gripper's pose at `time`."""
+        """Gripper pose at `time` [s], interpolated linearly."""
         return Pose(*(float(np.interp(time, self.t, self.poses[:, c])) for c in range(3)))
 
     def contact_x(self, time: float) -> float:
-        """True desk contact at `time` [m]."""
+        """True x [m] of the desk contact at `time` [s]."""
         return desk_contact(self.shape(time), CONTACT_HEIGHT)
 
     def scene(self, time: float) -> Scene:
-        """Scene of the renderer at `time`."""
-        return Scene(time, self.shape(time), self.arc, self.pose(time), 0.004, holds_strip=True)
+        """Scene for the renderer at `time` [s]."""
+        pose = self.pose(time)
+        return Scene(time, self.shape(time), self.arc, pose, GRIPPED_WIDTH, holds_strip=True)
 
 
 def simulate_fold(strip: StripFile, path: Path, speed: float, *, links: int = 60) -> TwinFold:
@@ -81,8 +84,8 @@ class FoldCamera:
         arc = np.linspace(0, strip.length, 61)
         points = np.column_stack([arc, np.zeros_like(arc)])
         away = Pose(strip.length + HAND_ASIDE, HAND_HEIGHT, 0.0)
-        scene = Scene(0.0, points, arc, away, 0.04, holds_strip=False)
-        return Frame(0.0, 0.02, "test", sequence, self.renderer.render([scene], sequence))
+        scene = Scene(0.0, points, arc, away, OPEN_WIDTH, holds_strip=False)
+        return Frame(0.0, TRANSPORT, "test", sequence, self.renderer.render([scene], sequence))
 
     def frame(self, fold: TwinFold, sequence: int) -> Frame:
         """Frame number `sequence` of the fold."""
@@ -90,4 +93,5 @@ class FoldCamera:
         count = self.settings.sub_shapes
         offsets = ((np.arange(count) + 0.5) / count - 0.5) * self.settings.exposure
         scenes = [fold.scene(max(stamp + float(offset), 0.0)) for offset in offsets]
-        return Frame(stamp, stamp + 0.02, "test", sequence, self.renderer.render(scenes, sequence))
+        image = self.renderer.render(scenes, sequence)
+        return Frame(stamp, stamp + TRANSPORT, "test", sequence, image)

@@ -1,4 +1,4 @@
-"""Critical points: gripper x at the first touch, over the folded height."""
+"""Figure of critical points: gripper x at the first touch, over the folded height."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ HEIGHT_COLOURS = ["#3f8fc4", "#6a4fb3", "#b0428f", "#cf6a1f"]
 
 
 def critical_figure(results: Results) -> str:
-    """Figure (SVG), a panel a speed; areas span the damping, colours the gripper's height."""
+    """Figure (SVG) of critical points, a panel a speed; areas span dampings, colours heights."""
     found = [r for r in results.results if isinstance(r, CriticalPoints)]
     if not found:
         return ""
@@ -46,15 +46,9 @@ def _draw_panel(axes: Any, points: CriticalPoints) -> None:
         )  # fmt: skip
         axes.plot(h, x[i, :, 0], color=shade, lw=1.3, gid=f"gripper x, z = {1e3 * height:.0f} mm")
         axes.annotate(
-            f"z = {1e3 * height:.0f}",
-            (h[-1], x[i, -1, 0]),
-            (4, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=8,
-            color=MUTED,
-            annotation_clip=False,
-        )
+            f"z = {1e3 * height:.0f}", (h[-1], x[i, -1, 0]), (4, 0), textcoords="offset points",
+            va="center", fontsize=8, color=MUTED, annotation_clip=False,
+        )  # fmt: skip
     axes.set_xlabel("height h of the folded strip  [mm]")
     axes.set_title(f"moving at {1e3 * points.speed:.0f} mm/s", fontsize=9, color=MUTED, loc="left")
     axes.set_xlim(h[0], h[-1] + 3.2)

@@ -25,29 +25,24 @@ FEEDBACK_LIMIT = 1e3 * paper.WORST["feedback"]
 
 
 def strips_figure(results: Results) -> str:
-    """Figure (SVG) of d of every policy on every strip, with the paper's means and band."""
+    """Figure (SVG) of displacements d of each policy on each strip, with the paper's numbers."""
     with canvas(PAGE_WIDTH, _height(results)) as figure:
         _draw_strips(figure.add_subplot(), results)
         return as_svg(figure)
 
 
 def main_picture(results: Results) -> Any:
-    """Figure of d on every strip, for matplotlib, with a title of its own."""
+    """Matplotlib figure of the displacements d on every strip, with its own title."""
     with canvas(PAGE_WIDTH, _height(results) + 0.2) as figure:
         axes = figure.add_subplot()
         _draw_strips(axes, results)
-        axes.set_title(
-            "Misalignment of the layers, as the camera saw it on the twin",
-            loc="left",
-            pad=26,
-            fontsize=10.5,
-            color=INK,
-        )
+        title = "Misalignment of the layers, as the camera saw it on the twin"
+        axes.set_title(title, loc="left", pad=26, fontsize=10.5, color=INK)
         return figure
 
 
 def repeats_figure(results: Results) -> str:
-    """Figure (SVG) of repeated folds of one strip, about their mean, with the paper's 1 mm."""
+    """Figure (SVG) of d in repeated folds of one strip about its mean, with the paper's 1 mm."""
     policies = results.asked.policies
     half = 0.5e3 * paper.REPEATABILITY
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.75) as figure:
@@ -105,16 +100,8 @@ def _draw_strips(axes: Any, results: Results) -> None:
     for row in range(len(strips)):
         axes.axhline(row, color=RULE, lw=0.6, zorder=0)
     for policy in results.asked.policies:
-        folds = {fold.strip: fold for fold in results.folds(policy)}
-        d = _displacements(tuple(folds[s] for s in strips if s in folds))
-        places = [row for row, strip in enumerate(strips) if strip in folds]
-        mark = dot(policy)
-        axes.plot(d, places, **mark, label=policy, zorder=6 - 0.2 * mark["ms"], clip_on=False)
-    axes.set_yticks(range(len(strips)), strips)
-    axes.set_ylim(len(strips) + 0.05, -0.55)
-    axes.tick_params(axis="y", labelcolor=INK, labelsize=9)
-    axes.grid(visible=False, axis="y")
-    axes.spines["left"].set_visible(False)
+        _draw_policy_dots(axes, policy, results.folds(policy), strips)
+    _label_strips(axes, strips)
     axes.set_xlabel(DISPLACEMENT)
     axes.legend(
         loc="lower left",
@@ -126,6 +113,27 @@ def _draw_strips(axes: Any, results: Results) -> None:
         markerscale=0.9,
         labelcolor="linecolor",
     )
+
+
+def _draw_policy_dots(
+    axes: Any, policy: str, folds: tuple[ImageFold, ...], strips: list[str]
+) -> None:
+    """Draw a policy's displacements in the rows of their strips."""
+    found = {fold.strip: fold for fold in folds}
+    rows = [row for row, strip in enumerate(strips) if strip in found]
+    d = _displacements(tuple(found[strips[row]] for row in rows))
+    mark = dot(policy)
+    front = 6 - 0.2 * mark["ms"]  # smaller markers lie over larger ones
+    axes.plot(d, rows, **mark, label=policy, zorder=front, clip_on=False)
+
+
+def _label_strips(axes: Any, strips: list[str]) -> None:
+    """Label a row for each strip, the first on top, with room for the paper's numbers below."""
+    axes.set_yticks(range(len(strips)), strips)
+    axes.set_ylim(len(strips) + 0.05, -0.55)
+    axes.tick_params(axis="y", labelcolor=INK, labelsize=9)
+    axes.grid(visible=False, axis="y")
+    axes.spines["left"].set_visible(False)
 
 
 def _draw_paper_numbers(axes: Any) -> None:
@@ -160,6 +168,7 @@ def _draw_policy_range(axes: Any, results: Results, policy: str, row: int) -> No
 
 
 def _soft_to_stiff(results: Results) -> list[str]:
+    """Names of the folded strips by rising bending length."""
     lengths = {
         fold.strip: fold.bending_length
         for policy in results.asked.policies

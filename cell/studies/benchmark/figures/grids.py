@@ -1,4 +1,4 @@
-"""Maps of the paper's range: displacement and holding force of each policy."""
+"""Figures over the paper's range: displacement and holding force of each policy."""
 
 from typing import Any
 
@@ -12,9 +12,9 @@ from cell.studies.benchmark.results import RangeFolds, Results
 from policies.domain import DAMPING_RATIO, STIFFNESS_RANGE
 
 COLOUR_RANGE = 90.0  # mm, where the colours end
-LINEAR = 8.0  # mm, up to about which they grow evenly
+LINEAR = 8.0  # mm, up to about which the colour scale is linear
 BAR_TICKS = (-80, -20, -5, 5, 20, 80)
-FEWEST_COLUMNS = 3  # columns that a map's width is meant for
+FEWEST_COLUMNS = 3  # panels that the figure's height suits
 
 
 def maps_figure(results: Results) -> str:
@@ -24,16 +24,13 @@ def maps_figure(results: Results) -> str:
     if not measured:
         return ""
     with canvas(PAGE_WIDTH, 2.5) as figure:
-        panels = figure.subplots(1, max(len(measured), FEWEST_COLUMNS), sharey=True, squeeze=False)[
-            0
-        ]
-        shown = None
-        for axes, folds in zip(panels, measured, strict=False):
-            shown = _draw_map(axes, folds)
+        columns = max(len(measured), FEWEST_COLUMNS)
+        panels = figure.subplots(1, columns, sharey=True, squeeze=False)[0]
+        maps = [_draw_map(axes, folds) for axes, folds in zip(panels, measured, strict=False)]
         for axes in panels[len(measured) :]:
             axes.set_axis_off()
         panels[0].set_ylabel("damping over the least")
-        bar = figure.colorbar(shown, ax=list(panels), shrink=0.8, pad=0.01, aspect=22)
+        bar = figure.colorbar(maps[-1], ax=list(panels), shrink=0.8, pad=0.01, aspect=22)
         bar.outline.set_visible(False)
         bar.minorticks_off()
         bar.set_ticks(BAR_TICKS, labels=[f"{tick:+d}".replace("-", MINUS) for tick in BAR_TICKS])
@@ -54,15 +51,8 @@ def force_figure(results: Results) -> str:
             axes.plot([low, high], [row, row], color=colour(policy), lw=5, alpha=0.25)
             mean = float(np.mean(folds.force))
             axes.plot(mean, row, **dot(policy), gid=policy)
-            axes.annotate(
-                f"{mean:.2f} N",
-                (high, row),
-                (7, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize=8.5,
-                color=INK,
-            )
+            axes.annotate(f"{mean:.2f} N", (high, row), (7, 0), textcoords="offset points",
+                          va="center", fontsize=8.5, color=INK)  # fmt: skip
         policy_rows(axes, policies)
         axes.set_xlim(0, None)
         axes.margins(x=0.12)
@@ -71,14 +61,13 @@ def force_figure(results: Results) -> str:
 
 
 def _draw_map(axes: Any, folds: RangeFolds) -> Any:
+    """Draw d over stiffness and damping, with its mean and worst size; returns the colour mesh."""
     from matplotlib.colors import AsinhNorm
 
     norm = AsinhNorm(LINEAR, vmin=-COLOUR_RANGE, vmax=COLOUR_RANGE)
-    side = folds.side
-    k = _cell_borders(STIFFNESS_RANGE[0], STIFFNESS_RANGE[1], side)
-    b = _cell_borders(1.0, DAMPING_RATIO, side)
-    d = 1e3 * folds.d.T
-    shown = axes.pcolormesh(k, b, d, cmap="RdBu_r", norm=norm, lw=0)
+    k = _cell_borders(STIFFNESS_RANGE[0], STIFFNESS_RANGE[1], folds.side)  # stiffness
+    b = _cell_borders(1.0, DAMPING_RATIO, folds.side)  # damping over the least
+    colours = axes.pcolormesh(k, b, 1e3 * folds.d.T, cmap="RdBu_r", norm=norm, lw=0)
     axes.set(xscale="log", yscale="log", xlim=(k[0], k[-1]), ylim=(b[0], b[-1]))
     axes.set_xticks([0.02, 0.06, 0.2], ["0.02", "0.06", "0.2"])
     axes.set_yticks([1, 7, 50], ["1", "7", "50"])
@@ -92,10 +81,10 @@ def _draw_map(axes: Any, folds: RangeFolds) -> Any:
     caption = f"mean {numeral(float(mean))}\nworst {numeral(float(worst))}"
     axes.text(0, 1.03, caption, transform=axes.transAxes, fontsize=8.2, color=MUTED)
     axes.set_xlabel("stiffness  [N m/rad]", fontsize=8)
-    return shown
+    return colours
 
 
 def _cell_borders(low: float, high: float, side: int) -> Any:
-    """Borders of the cells around `side` places from `low` to `high`, logarithmic."""
+    """Borders (side + 1,) of `side` logarithmic cells, centred from `low` to `high`."""
     step = (high / low) ** (1 / (side - 1))
     return low * step ** (np.arange(side + 1) - 0.5)

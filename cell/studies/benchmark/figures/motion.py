@@ -20,11 +20,11 @@ from drivers.types import Array
 from policies.path import circular, triangular
 
 STRIP_LENGTH = 0.6  # m, of the paper's strip
-ARROW = 0.09  # m
+ARROW_MM, ARC_RADIUS_MM, BASELINE_MM = 90.0, 40.0, 62.0  # drawn of action, angle, zero line
 
 
 def level_figure(results: Results) -> str:
-    """Figure (SVG) of the strip as the gripper moves level, the first touch bold."""
+    """Figure (SVG) of the strip while the gripper moves horizontally, the first touch in bold."""
     found = evolution(results, LEVEL_MOTION)
     if found is None:
         return ""
@@ -71,12 +71,8 @@ def adaptation_figure(results: Results) -> str:
             name = f"{1e3 * c:.1f}"
             gid = f"bending length {name} mm"
             axes.plot(*_mm(path).T, color=shade, lw=1.5, label=name, gid=gid)
-        axes.legend(
-            title="bending length\n[mm]",
-            title_fontsize=8.5,
-            loc="upper left",
-            bbox_to_anchor=(1, 1),
-        )
+        axes.legend(title="bending length\n[mm]", title_fontsize=8.5, loc="upper left",
+                    bbox_to_anchor=(1, 1))  # fmt: skip
         axes.get_legend().get_title().set_color(MUTED)
         _labels(axes)
         return as_svg(figure)
@@ -96,7 +92,7 @@ def measures_figure(results: Results) -> str:
 
 
 def evolution(results: Results, policy: str) -> Evolution | None:
-    """The strip's measured evolution by `policy`; None where it is missing."""
+    """Recorded shapes of the strip folded by `policy`; None where they are missing."""
     found = [r for r in results.results if isinstance(r, Evolution)]
     return next((r for r in found if r.policy == policy), None)
 
@@ -107,15 +103,8 @@ def _draw_shapes(axes: Any, found: Evolution, ink: str) -> None:
     axes.plot(*smooth(_mm(found.shapes[-1])).T, color=ink, lw=2.2, gid="strip, first touch")
     if found.touch_x is not None:
         axes.plot(1e3 * found.touch_x, 0, "o", color=ORANGE, ms=5.5, zorder=6)
-        axes.annotate(
-            "layers touch",
-            (1e3 * found.touch_x, 0),
-            (0, -16),
-            textcoords="offset points",
-            ha="center",
-            color=ORANGE,
-            fontsize=8.5,
-        )
+        axes.annotate("layers touch", (1e3 * found.touch_x, 0), (0, -16), ha="center",
+                      textcoords="offset points", color=ORANGE, fontsize=8.5)  # fmt: skip
 
 
 def _draw_references(axes: Any) -> None:
@@ -130,40 +119,46 @@ def _draw_references(axes: Any) -> None:
 
 
 def _draw_state(axes: Any, found: Evolution) -> None:
-    middle = len(found.shapes) // 3
-    shape, phi = _mm(found.shapes[middle]), found.headings[middle]
+    early = len(found.shapes) // 3  # the strip hangs freely, the layers are still apart
+    shape = _mm(found.shapes[early])
     desk(axes)
     axes.plot(*shape.T, color=INK, lw=2, gid="strip")
-    contact, gripper = 1e3 * found.contacts[middle], shape[-1]
+    contact, gripper = 1e3 * found.contacts[early], shape[-1]
     axes.plot(contact, 0, "x", color=GREEN, ms=8, mew=2, zorder=6)
     axes.annotate("desk contact x", (contact, 0), (0, -16), textcoords="offset points",
                   ha="center", color=GREEN, fontsize=8.5)  # fmt: skip
     axes.plot(*gripper, "o", color=BLUE, ms=5)
     axes.annotate("gripper x, z", gripper, (9, -11), textcoords="offset points", fontsize=8.5)
-    along = 1e3 * ARROW * np.array([np.cos(phi), np.sin(phi)])
-    axes.annotate("", gripper + along, gripper, arrowprops=_arrow(BLUE))
-    turn = np.linspace(0.0, phi, 40)
-    ring = gripper + 40 * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    axes.plot(*ring.T, color=BLUE, lw=0.8)
-    axes.plot(*(gripper + np.array([[0, 0], [62, 0]])).T, color=BLUE, lw=0.8, ls=DASHES)
-    axes.annotate("φ", ring[len(ring) // 3], (5, 4), textcoords="offset points", color=BLUE)
+    _draw_action(axes, gripper, found.headings[early])
     _labels(axes, top=345)
     axes.set_xlim(-30, 610)
     axes.set_title("state and action", fontsize=9, color=MUTED, loc="left")
+
+
+def _draw_action(axes: Any, gripper: Array, phi: float) -> None:
+    """Draw the direction `phi` [rad] of the gripper's motion, as an arrow and an angle."""
+    along = ARROW_MM * np.array([np.cos(phi), np.sin(phi)])
+    axes.annotate("", gripper + along, gripper, arrowprops=_arrow(BLUE))
+    angles = np.linspace(0.0, phi, 40)
+    arc = gripper + ARC_RADIUS_MM * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    axes.plot(*arc.T, color=BLUE, lw=0.8)
+    level = gripper + np.array([[0, 0], [BASELINE_MM, 0]])
+    axes.plot(*level.T, color=BLUE, lw=0.8, ls=DASHES)
+    axes.annotate("φ", arc[len(arc) // 3], (5, 4), textcoords="offset points", color=BLUE)
 
 
 def _draw_lengths(axes: Any, found: Evolution, touch_x: float, d: float) -> None:
     shape = smooth(np.array(found.shapes[-1]))
     s = arc_lengths(shape)
     upper = s[-1] - (d + touch_x)  # l1 = d + l2, and l2 is x where the lower layer lies flat
+    layer = 1e3 * shape[s >= upper]
     desk(axes)
     axes.plot(*(1e3 * shape[s <= touch_x]).T, color=ORANGE, lw=2.6, gid="lower layer")
     axes.plot(*(1e3 * shape[(s >= touch_x) & (s <= upper)]).T, color=MUTED, lw=1.4, gid="fold")
-    axes.plot(*(1e3 * shape[s >= upper]).T, color=BLUE, lw=2.6, gid="upper layer")
+    axes.plot(*layer.T, color=BLUE, lw=2.6, gid="upper layer")
     axes.annotate("l₂", (500 * touch_x, 0), (0, -14), textcoords="offset points",
                   color=ORANGE, ha="center")  # fmt: skip
-    place = 1e3 * shape[(s >= upper).nonzero()[0][0] :]
-    axes.annotate("l₁", place[2 * len(place) // 3], (-14, 0), textcoords="offset points",
+    axes.annotate("l₁", layer[2 * len(layer) // 3], (-14, 0), textcoords="offset points",
                   color=BLUE)  # fmt: skip
     _labels(axes, top=345)
     axes.set_xlim(-30, 610)

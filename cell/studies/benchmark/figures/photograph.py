@@ -17,10 +17,13 @@ from policies.path import circular, triangular
 RED_BGR, GREEN_BGR, BLUE_BGR, BLACK_BGR = (40, 40, 220), (60, 190, 60), (230, 120, 30), (20, 20, 20)
 PICTURE_WIDTH = 1000  # px
 PART = 0.45  # of the fold's duration, about where the picture is taken
+DOT_RADIUS = 9  # px
+SUBPIXEL_BITS = 3  # of OpenCV's fixed-point coordinates
+SUBPIXELS = 1 << SUBPIXEL_BITS  # in a pixel
 
 
 def photograph(results: Results) -> str:
-    """A kept image (JPEG as text) of a fold by feedback; empty where there is none.
+    """Annotated camera image (JPEG as text) of a fold by feedback; empty where none was kept.
 
     As in the paper: the line that is searched in red, the desk contact green, the gripper blue,
     triangle and circle black.
@@ -49,7 +52,7 @@ def _draw_measurements(image: Image, run: Run, note: FrameNote, calibration: Cal
     drawn = image.copy()
     for path in (triangular(length), circular(length)):
         _draw_line(drawn, calibration, path.at(np.linspace(0.0, path.length, 200)), BLACK_BGR, 2)
-    gripper = [np.interp(note.stamp, ticks.t, ticks.x), np.interp(note.stamp, ticks.t, ticks.z)]
+    gripper = [np.interp(note.stamp, ticks.t, place) for place in (ticks.x, ticks.z)]
     _draw_line(drawn, calibration, np.array([(length, 0.0), (0.0, 0.0)]), RED_BGR, 2)
     row = int(np.argmin(np.abs(sights.stamp - note.stamp)))
     _draw_dot(drawn, calibration, np.array([sights.contact_x[row], 0.0]), GREEN_BGR)
@@ -68,8 +71,8 @@ def _draw_line(
 ) -> None:
     import cv2
 
-    pixels = np.rint(8 * calibration.to_image(points)).astype(np.int32)
-    cv2.polylines(image, [pixels], False, bgr, width, cv2.LINE_AA, shift=3)
+    pixels = np.rint(SUBPIXELS * calibration.to_image(points)).astype(np.int32)
+    cv2.polylines(image, [pixels], False, bgr, width, cv2.LINE_AA, shift=SUBPIXEL_BITS)
 
 
 def _draw_dot(
@@ -78,5 +81,6 @@ def _draw_dot(
     import cv2
 
     if np.isfinite(point).all():
-        centre = np.rint(8 * calibration.to_image(point[None])[0]).astype(int)
-        cv2.circle(image, tuple(centre.tolist()), 8 * 9, bgr, -1, cv2.LINE_AA, shift=3)
+        place = np.rint(SUBPIXELS * calibration.to_image(point[None])[0]).astype(int)
+        centre, radius = tuple(place.tolist()), SUBPIXELS * DOT_RADIUS
+        cv2.circle(image, centre, radius, bgr, cv2.FILLED, cv2.LINE_AA, shift=SUBPIXEL_BITS)

@@ -26,7 +26,7 @@ def colour(policy: str) -> str:
 
 
 def dot(policy: str) -> dict[str, Any]:
-    """Marker of `policy`, for matplotlib's `plot`."""
+    """Arguments of matplotlib's `plot` for the marker of `policy`."""
     look = look_of(policy)
     return {
         "marker": look.marker,
@@ -48,7 +48,7 @@ def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
 
 
 def zero(axes: Any) -> None:
-    """Draw the line of d = 0, aligned layers."""
+    """Draw the line of d = 0, where the layers are aligned."""
     axes.axvline(0.0, color=INK, lw=0.8, zorder=1)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cell.studies.benchmark.parts.evolution import curve
 from cell.studies.benchmark.parts.paper_range import knowing
-from cell.studies.benchmark.results import Adaptation
+from cell.studies.benchmark.results import Adaptation, finite_or_none
 from drivers.strip.describe import describe
 from drivers.strip.rod.engine import Rod
 from policies.domain import strip_at
@@ -19,7 +19,7 @@ DAMPING_SHARE = 0.3  # place in the paper's range
 
 @dataclass(frozen=True, slots=True)
 class Adapted:
-    """Part with the paths of `policy` over the paper's range of stiffness."""
+    """Benchmark part: gripper paths of `policy` over the paper's range of stiffness."""
 
     policy: str
     speed: float
@@ -43,7 +43,7 @@ class Adapted:
             settings=settings,
             rng=np.random.default_rng(0),
         )
-        ends = [
+        ends = [  # number of decisions up to the touch
             len(folds.trace) if touch is None else int(np.ceil(touch.time / settings.period))
             for touch in folds.touch
         ]
@@ -51,5 +51,5 @@ class Adapted:
             policy=self.policy,
             bending_lengths=tuple(strip.bending_length for strip in strips),
             paths=tuple(curve(folds.trace[:end, i]) for i, end in enumerate(ends)),
-            displacements=tuple(float(d) if np.isfinite(d) else None for d in folds.displacement),
+            displacements=finite_or_none(folds.displacement),
         )

@@ -30,7 +30,7 @@ PART_COST = 10.0
 
 @dataclass(frozen=True, slots=True)
 class ThroughImages:
-    """Part with the fold of `request`; `of` is the digest of its input files."""
+    """Benchmark part: one fold through images by `request`; `of` is the digest of its inputs."""
 
     request: Request
     of: str
@@ -43,7 +43,7 @@ class ThroughImages:
         return f"fold {request.strip} by {request.policy}, seed {request.choice.seed}"
 
     def measure(self) -> ImageFold:
-        """Fold, without writing a page: `cell report` makes it from the run."""
+        """Fold the strip and return the result, without a page: `cell report` makes that later."""
         done = fold(self.request, page=False)
         strip = find_configs(self.request.configs).strip(self.request.strip)
         return ImageFold(
@@ -77,7 +77,7 @@ def weights_digest(policy: str = "*") -> str:
 
 
 def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
-    """Parts without images: ranges, hidden effects, critical points, shapes."""
+    """Yield the parts without images: ranges, hidden effects, critical points, shapes."""
     extent = spec.extent
     for policy in spec.policies:
         of = digest(code(), weights_digest(policy))
@@ -109,7 +109,7 @@ def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[
 def _fold_request(
     spec: BenchmarkSpec, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
 ) -> ThroughImages:
-    """Request of a fold, with noise of the benchmark's seed plus `repeat`; always a new strip."""
+    """Part that folds a new `strip` by `policy`, with noise of the spec's seed plus `repeat`."""
     request = Request(
         strip=strip,
         policy=policy,

@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from cell.studies.benchmark.results import CriticalPoints
+from cell.studies.benchmark.results import CriticalPoints, finite_or_none
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
@@ -16,6 +16,7 @@ from policies.path import Path
 
 STEP = 0.005  # s
 SEGMENTS = 100
+MOTION_COST = 0.002  # s, about, of a motion at 1 m/s
 LIFT_SPEED = 0.1  # m/s, up to where the level motion begins
 PATH_END = -0.15  # m, where the level motion ends
 DWELL_TIME = 3.0  # s at rest before it: three times the slowest fabric's retardation
@@ -23,7 +24,7 @@ DWELL_TIME = 3.0  # s at rest before it: three times the slowest fabric's retard
 
 @dataclass(frozen=True, slots=True)
 class Critical:
-    """Part: level motions at `speed` [m/s], at each of `heights` [m], stiffnesses x dampings."""
+    """Benchmark part: level motions at `speed` [m/s] and each of `heights` [m], on many strips."""
 
     speed: float
     heights: tuple[float, ...]
@@ -41,27 +42,23 @@ class Critical:
     @property
     def cost(self) -> float:
         """Estimated time [s]."""
-        return 0.002 * len(self.heights) * self.stiffnesses * self.dampings / self.speed
+        return MOTION_COST * len(self.heights) * self.stiffnesses * self.dampings / self.speed
 
     def measure(self) -> CriticalPoints:
         """Move every strip at every height until its layers touch."""
         u, v = np.linspace(0, 1, self.stiffnesses), np.linspace(0, 1, self.dampings)
         strips = [strip_at(a, b) for a, b in product(u, v)]
-        found = [self._row(height, strips).reshape(len(u), len(v)) for height in self.heights]
-        table = tuple(
-            tuple(tuple(float(x) if np.isfinite(x) else None for x in row) for row in block)
-            for block in found
-        )
+        found = [self._first_touch(height, strips).reshape(len(u), -1) for height in self.heights]
         return CriticalPoints(
             speed=self.speed,
             heights=self.heights,
             bending_lengths=tuple(strip_at(a, 0.0).bending_length for a in u),
             dampings=tuple(float(DAMPING_RATIO**b) for b in v),
-            x=table,
+            x=tuple(tuple(map(finite_or_none, rows)) for rows in found),
         )
 
-    def _row(self, height: float, strips: Sequence[StripFile]) -> Array:
-        """Gripper x (n,) at the first touch, NaN without one."""
+    def _first_touch(self, height: float, strips: Sequence[StripFile]) -> Array:
+        """Gripper x (n,) [m] at each strip's first touch, NaN without one."""
         length = strips[0].length
         poses = level_motion(length, height, self.speed)
         rod = Rod(SEGMENTS, strict=False)

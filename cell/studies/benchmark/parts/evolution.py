@@ -26,7 +26,7 @@ STRIP_PLACE = (0.4, 0.3)  # of the strip in the paper's range
 
 @dataclass(frozen=True, slots=True)
 class Evolved:
-    """Part: shapes of a strip of medium stiffness folded by `policy`, or level."""
+    """Benchmark part: shapes of a strip of medium stiffness folded by `policy`, or level."""
 
     policy: str
     speed: float
@@ -39,7 +39,7 @@ class Evolved:
         return f"shapes under {self.policy} at {self.speed}"
 
     def measure(self) -> Evolution:
-        """Fold, and return the shapes."""
+        """Fold the strip and return its recorded shapes."""
         seen = (
             self._shapes_of_level_motion()
             if self.policy == LEVEL_MOTION
@@ -57,7 +57,7 @@ class Evolved:
         )
 
     def _shapes_of_level_motion(self) -> "_Shapes":
-        """Shapes under the horizontal motion, up to the touch."""
+        """Record the strip's shapes under the level motion, up to the touch."""
         strip = strip_at(*STRIP_PLACE)
         poses = level_motion(strip.length, LEVEL_HEIGHT, self.speed)
         t = np.arange(1.0, len(poses) + 1.0) * STEP
@@ -67,7 +67,7 @@ class Evolved:
         return _Shapes.of(motion.shapes, motion.contact_x, path, motion.touch, LEVEL_HEIGHT - 1e-9)
 
     def _shapes_of_fold(self) -> "_Shapes":
-        """Shapes under the policy, from take-over to touch."""
+        """Record the strip's shapes in a fold by the policy, from take-over to touch."""
         strip, recording = strip_at(*STRIP_PLACE), RecordingEngine(Rod(), shapes=True)
         folds = roll_out(
             knowing(self.policy, [strip]),
@@ -97,7 +97,7 @@ class _Shapes:
     def of(
         cls, shapes: Array, contacts: Array, path: Array, touch: Touch | None, height: float
     ) -> "_Shapes":
-        """Shapes at equal times from where the gripper reaches `height` [m]."""
+        """Choose shapes at equal time intervals from where the gripper reaches `height` [m]."""
         begin = int(np.argmax(path[:, 1] >= height))
         chosen = np.unique(np.linspace(begin, len(shapes) - 1, SHAPE_COUNT).round().astype(int))
         way = np.gradient(path, axis=0)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.studies.benchmark.parts.paper_range import SEGMENTS, knowing
-from cell.studies.benchmark.results import EffectFolds
+from cell.studies.benchmark.results import EffectFolds, finite_or_none
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
@@ -18,14 +18,14 @@ FRICTION_EFFECT = "bending_hysteresis"
 YIELD_RANGE = (20.0, 60.0)  # 1/m, as laboratories measure it
 HIDDEN_EFFECTS = ("", FRICTION_EFFECT, *EFFECTS)
 """Effects that are hidden in turn; the empty name stands for none."""
-FOLD_COST = 0.1  # of a fold; planning takes many
+FOLD_COST, PLANNED_COST = 0.1, 5  # s of a fold; times as much where it is planned
 
 
 @dataclass(frozen=True, slots=True)
 class HiddenEffect:
-    """Part: `count` strips of the paper's range with `effect` at textile size, at `speed` [m/s].
+    """Benchmark part: folds of `count` strips with a hidden `effect` at `speed` [m/s].
 
-    Every policy folds the same strips, observed as through images.
+    The effect is of textile size. Every policy folds the same strips, observed as through images.
     """
 
     policy: str
@@ -42,10 +42,10 @@ class HiddenEffect:
     @property
     def cost(self) -> float:
         """Estimated time [s]."""
-        return self.count * FOLD_COST * (5 if self.policy == Planned.name else 1)
+        return self.count * FOLD_COST * (PLANNED_COST if self.policy == Planned.name else 1)
 
     def measure(self) -> EffectFolds:
-        """Fold all strips."""
+        """Fold all strips in the rod and return their displacements [m]."""
         rng = np.random.default_rng(1)
         strips = [self._strip(rng) for _ in range(self.count)]
         known = [strip.model_copy(update={"effects": {}}) for strip in strips]
@@ -60,7 +60,7 @@ class HiddenEffect:
         return EffectFolds(
             policy=self.policy,
             effect=self.effect,
-            displacement=tuple(float(d) if np.isfinite(d) else None for d in folds.displacement),
+            displacement=finite_or_none(folds.displacement),
         )
 
     def _strip(self, rng: np.random.Generator) -> StripFile:

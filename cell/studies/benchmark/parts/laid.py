@@ -24,7 +24,7 @@ HELD, RELEASED = 0.5, 1.5  # s of rest
 
 @dataclass(frozen=True, slots=True)
 class LaidDown:
-    """Part with the strip at `stiffness`, a position in the paper's range from 0 to 1."""
+    """Benchmark part: a laid strip at `stiffness`, its place in the paper's range from 0 to 1."""
 
     stiffness: float
     of: str
@@ -36,7 +36,7 @@ class LaidDown:
         return f"laid strip at {self.stiffness:.3g} on {LINKS} links"
 
     def measure(self) -> Laid:
-        """Fold on the planned path, lay the edge on the fixed one, release."""
+        """Fold on the planned path, lay the edge on the fixed one, release it, return the shape."""
         strip = strip_at(self.stiffness, DAMPING_SHARE)
         chain = Chain(LINKS)
         chain.reset([describe(strip)])

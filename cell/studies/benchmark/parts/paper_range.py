@@ -1,4 +1,4 @@
-"""Benchmark part: a policy over the paper's range, simulated observations, either engine."""
+"""Benchmark part: a policy over the paper's range of strips, in the rod or on the chain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from cell.studies.benchmark.parts.recording_engine import RecordingEngine
-from cell.studies.benchmark.results import RangeFolds
+from cell.studies.benchmark.results import RangeFolds, finite_or_none
 from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile
@@ -18,12 +18,13 @@ from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
 
 SEGMENTS, LINKS = 100, 80
-STRIP_COST = {"rod": 0.03, "chain": 0.3}  # of a strip
+STRIP_COST = {"rod": 0.03, "chain": 0.3}  # s of a strip
+PLANNING_FOLDS = 16  # folds of the rod, about, that planning takes
 
 
 @dataclass(frozen=True, slots=True)
 class OverRange:
-    """Part with a logarithmic grid of side x side strips with corners, folded at `speed` [m/s].
+    """Benchmark part: a logarithmic grid of side x side strips, folded at `speed` [m/s].
 
     A policy that uses images gets late and noisy observations, as in training.
     """
@@ -42,7 +43,7 @@ class OverRange:
     @property
     def cost(self) -> float:
         """Estimated time [s]; planning takes many folds."""
-        folds = self.side**2 * (16 if self.policy == Planned.name else 1)
+        folds = self.side**2 * (PLANNING_FOLDS if self.policy == Planned.name else 1)
         return self.side**2 * STRIP_COST[self.engine] + folds * STRIP_COST["rod"]
 
     def measure(self) -> RangeFolds:
@@ -61,13 +62,13 @@ class OverRange:
             policy=self.policy,
             engine=self.engine,
             side=self.side,
-            displacement=tuple(float(d) if np.isfinite(d) else None for d in folds.displacement),
+            displacement=finite_or_none(folds.displacement),
             force=tuple(recording.holding_force.tolist()),
         )
 
 
 def knowing(policy: str, strips: Sequence[StripFile]) -> Policy:
-    """Policy by name; one that must know the strip before the fold is given each strip."""
+    """Make the policy by name; the planned one, which must know the strips, is given them."""
     return Planned(strips) if policy == Planned.name else make_policy(policy, in_rod=True)
 
 

@@ -13,7 +13,7 @@ from policies.rollout import Marching
 
 
 class RecordingEngine:
-    """Wraps `engine`; records contacts, holding forces, grippers' poses and `shapes`."""
+    """Engine wrapper that records contacts, holding forces, gripper heights and maybe `shapes`."""
 
     def __init__(self, engine: Stepper, *, shapes: bool = False) -> None:
         self.midlines: list[Array] = []
@@ -47,16 +47,16 @@ class RecordingEngine:
         return seen
 
     def shapes(self) -> Array:
-        """Shapes of the wrapped engine."""
+        """Midlines (n, nodes, 2) [m] of the wrapped engine."""
         return self._engine.shapes()
 
     def arc(self) -> Array:
-        """Arc lengths of the wrapped engine."""
+        """Arc lengths (n, nodes) [m] of the wrapped engine."""
         return self._engine.arc()
 
     @property
     def frames(self) -> NDArray[np.int64]:
-        """Number of decisions (n,) of each strip until its touch, that one included."""
+        """Number of decisions (n,) of each strip up to and including that of its touch."""
         lived = np.sum(self._going, axis=0)
         return np.asarray(np.minimum(lived + 1, len(self._going)), dtype=np.int64)
 
