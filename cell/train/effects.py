@@ -60,7 +60,7 @@ def evaluate_effects(
 
 
 def fold_with(critic: Critic, settings: CriticSettings, name: str) -> Array:
-    """Displacements (STRIPS_PER_EFFECT,) [m] of random strips with the effect `name`: a pure function."""
+    """Displacements (n,) [m] of random strips with the effect `name`: a pure function."""
     rng = np.random.default_rng([EVALUATED, CONDITIONS.index(name)])
     strips = [strip_with(name, rng, STRIP_LENGTH) for _ in range(STRIPS_PER_EFFECT)]
     models = [describe(strip) for strip in strips]
