@@ -1,4 +1,4 @@
-"""Delay between the gripper's true position and its report."""
+"""Control delay: the arm reports a gripper pose later than the gripper was there."""
 
 from collections.abc import Mapping
 from dataclasses import replace

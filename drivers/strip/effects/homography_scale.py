@@ -1,4 +1,4 @@
-"""Scale error of the calibrated image plane."""
+"""Scale error of positions that the calibrated camera measures."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Offset of the calibrated image plane."""
+"""Constant offset of positions that the calibrated camera measures."""
 
 from collections.abc import Mapping
 from dataclasses import replace
