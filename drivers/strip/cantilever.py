@@ -138,7 +138,7 @@ def _spans(arc: Array) -> Array:
 
 
 def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:
-    """Initial angles (n,) [rad] of Newton's method: a bend at the ledge, as wide as weight allows."""
+    """Initial angles (n,) [rad] of Newton's method: a bend at the ledge that the weight allows."""
     reach = bending_length * min(1.0, (bending_length / overhang) ** 0.5)
     turned = -0.5 * np.pi * min(1.0, (overhang / bending_length) ** 3 / 8)
     return np.asarray(turned * (1 - np.exp(-arc / reach)))

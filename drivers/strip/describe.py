@@ -57,10 +57,7 @@ def _build_model(inputs: _Inputs) -> StripModel:
 
 
 def load_strip(path: Path) -> StripFile:
-    """Load the strip file at `path`.
-
-    Raises ConfigurationError where it or its effects are wrong.
-    """
+    """Load the strip file at `path`; raises ConfigurationError where it or an effect is wrong."""
     strip = load(path, StripFile)
     check_effects(strip.effects, origin=str(path), of="strip")
     check_law(strip.law, origin=str(path))

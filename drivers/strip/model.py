@@ -47,7 +47,7 @@ class BendingLaw:
 
     @property
     def friction(self) -> tuple[tuple[float, float], ...]:
-        """Shares (stiffness, moment) of the elasto-plastic friction elements, first to yield first.
+        """Shares (stiffness, moment) of each elasto-plastic friction element, in order of yielding.
 
         One, or two that together begin as one does and end as it does: the sum bends over in
         between, the later the more `gradual`.

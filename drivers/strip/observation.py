@@ -51,12 +51,9 @@ def mean_force(t: Array, force: Array) -> Array:
     from scipy.integrate import cumulative_trapezoid  # a second that no fold needs
 
     total = cumulative_trapezoid(force, t, axis=0, initial=0.0)
-    begin, end = (np.clip(t + side * FORCE_WINDOW / 2, t[0], t[-1]) for side in (-1, 1))
-    first, last = (
-        np.stack([np.interp(limit, t, column) for column in total.T], axis=1)
-        for limit in (begin, end)
-    )
-    return np.asarray((last - first) / np.maximum(end - begin, SHORTEST_WINDOW)[:, None])
+    ends = [np.clip(t + side * FORCE_WINDOW / 2, t[0], t[-1]) for side in (-1, 1)]
+    first, last = (np.stack([np.interp(end, t, c) for c in total.T], axis=1) for end in ends)
+    return np.asarray((last - first) / np.maximum(ends[1] - ends[0], SHORTEST_WINDOW)[:, None])
 
 
 def reported_force(observation: Observation, t: Array, true_t: Array, force: Array) -> Array:

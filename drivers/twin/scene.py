@@ -1,4 +1,4 @@
-"""State of the twin's world as its camera needs it."""
+"""Scenes, the states of the twin's world that its camera renders, and their history."""
 
 from collections import deque
 from dataclasses import dataclass, replace
@@ -62,7 +62,7 @@ class History:
 
 
 def between(earlier: Scene, later: Scene, stamp: float) -> Scene:
-    """The scene at `stamp` [s] between two others; what the hand holds is the earlier one's."""
+    """Scene at `stamp` [s], interpolated; what the hand holds is that of the `earlier` scene."""
     share = (stamp - earlier.stamp) / (later.stamp - earlier.stamp)
     here, there = earlier.gripper.as_array(), later.gripper.as_array()
     x, z, pitch = (here + share * (there - here)).tolist()

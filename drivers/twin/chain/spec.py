@@ -98,14 +98,17 @@ def _add_desk(spec: mujoco.MjSpec, depth: float) -> None:
 
 def _add_slide(body: mujoco.MjsBody, model: StripModel, lumps: Lumps, node: int) -> None:
     """Let the body at `node` move along the link before it, or at node 0 along the desk."""
-    loose = np.isfinite(model.boundary.edge_friction)
-    slips = node == len(lumps.mass) and np.isfinite(model.boundary.grip_force)
-    if loose if node == 0 else lumps.stretches or slips:
+    if node == 0:
+        moves, stiffness = np.isfinite(model.boundary.edge_friction), lumps.held[0]
+    else:
+        slips = node == len(lumps.mass) and np.isfinite(model.boundary.grip_force)
+        moves, stiffness = lumps.stretches or slips, lumps.along[node - 1]
+    if moves:
         body.add_joint(
             name=f"{SLIDE}{node}",
             type=mujoco.mjtJoint.mjJNT_SLIDE,
             axis=[1.0, 0.0, 0.0],
-            stiffness=[lumps.held[0] if node == 0 else lumps.along[node - 1], 0.0, 0.0],
+            stiffness=[stiffness, 0.0, 0.0],
         )
 
 

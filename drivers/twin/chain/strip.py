@@ -107,7 +107,7 @@ class ChainStrip:
         self._grip = Grip.at_rest(self._grip.pose)
 
     def _step_until_touch(self, grip: Grip, h: float) -> None:
-        """A step; repeated from the same start with solid layers when they meet in it."""
+        """Advance by a step; repeat it from its start with solid layers if they touch in it."""
         mujoco.mj_getState(self._model, self._data, self._state, STATE_SPEC)
         before = (self._time, self._gap)
         self._step(grip, h)
@@ -120,7 +120,7 @@ class ChainStrip:
             layers = Layers.of(self._joints.angles(self._data.qpos)[:-1])
             self._load(compile_chain(self._description, self._links, layers))
             self._pace(h)
-            self._foreign.again(self._model)
+            self._foreign.restore_damping(self._model)
             mujoco.mj_setState(self._model, self._data, self._state, STATE_SPEC)
             self._ends.apply(self._model, self._data)
             self._step(grip, h)
@@ -138,7 +138,7 @@ class ChainStrip:
             raise SimulationNotFinite("chain", self._time + h)
 
     def _within_reach(self, target: Array) -> Array:
-        """The target, no further from the fixed edge than a taut strip and `PULL` reach.
+        """`target` (3,), moved no further from the fixed edge than a taut strip and `PULL` reach.
 
         A weld with a larger violation pulls so hard that the solver loses the weight in rounding.
         """
@@ -160,4 +160,4 @@ class ChainStrip:
 
 
 def _unheard(_: str) -> None:
-    """Discards MuJoCo's warnings."""
+    """Discard a warning of MuJoCo."""

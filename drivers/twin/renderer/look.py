@@ -1,4 +1,4 @@
-"""Appearance of a strip."""
+"""Visual appearance of a strip, as the renderer draws it."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -28,7 +28,7 @@ class StripLook:
         return cls(strip.colour, strip.thickness, strip.width, pattern)
 
     def tint(self, s: Array, y: Array) -> Array | None:
-        """(n, 3) BGR at arc lengths and depths (n,) [m]; None where the strip has one colour."""
+        """BGR colours (n, 3) at arc lengths and depths (n,) [m]; None for a strip of one colour."""
         if self.pattern.plain:
             return None
         i, j = (np.floor(place / self.pattern.pitch).astype(np.int64) for place in (s, y))
