@@ -27,7 +27,7 @@ class NoRest(CellError):
 
 @dataclass(frozen=True, slots=True)
 class Hanging:
-    """Equilibrium shape of a hanging strip, and what its derivatives need.
+    """Equilibrium shape of a hanging strip, with the stiffness and loads for its derivatives.
 
     `points` (n + 1, 2) are x, z [m] from the ledge (0, 0), at arc lengths `arc` (n + 1,) [m];
     `angles` (n,) [rad] are those of the segments between them, from the horizontal up; `stiffness`
@@ -116,14 +116,14 @@ def hang(
 
 
 def _newton_step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
-    """Newton step (n,) [rad] of the angles; the weight's stiffness is left out if not convex."""
+    """Newton step (n,) [rad] of the angles, without stiffness of the weight that destabilises."""
     if not _stable(stiffness):
         stiffness = stiffness + np.stack([np.zeros(len(lifting)), np.maximum(lifting, 0.0)])
     return np.asarray(-solveh_banded(stiffness, gradient))
 
 
 def _stable(stiffness: Array) -> bool:
-    """Whether `stiffness` (2, n), a banded matrix, is positive definite: an energy minimum."""
+    """Whether the banded matrix `stiffness` (2, n) is positive definite, as at a stable shape."""
     try:
         cholesky_banded(stiffness, check_finite=False)
     except LinAlgError:

@@ -63,11 +63,11 @@ def beside(curve: Any, q: int, chosen: Any, bend: float, x: float, z: float) -> 
 
 @kernel
 def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
-    """Signed distance [m] of (x, z) from the nearer segment at node `q`; the ends are straight."""
+    """Signed distance [m] of (x, z) from the nearer of the segments at node `q`, left positive."""
     last = len(curve) - 1
     best, found = math.inf, 0.0
     here = chord(curve, max(q - 1, 0))
-    bend = curvature(chord(curve, q - 2), here) if q > 1 else 0.0
+    bend = curvature(chord(curve, q - 2), here) if q > 1 else 0.0  # straight at both ends
     for segment in range(max(q - 1, 0), min(q + 1, last)):
         ahead, bend_ahead = here, 0.0
         if segment + 1 < last:

@@ -21,7 +21,7 @@ SOFTEST = 0.05  # of the rigidity that is always left
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A generic term of a strip's equations, by its amount in a strip file.
+    """A generic term of a strip's equations: its unit, its range and the field that it changes.
 
     `size` [unit] is the smallest amount visible in ten runs, `most` the largest of any strip,
     `least` the lowest (`-most` unless stated). `added` is the path of the model's field to which

@@ -1,4 +1,4 @@
-"""Measurement model of the cell: conversion between true and measured values.
+"""Measurement model of the cell: conversion of positions, times and forces, true to measured.
 
 True places are over the true desk, as engines have them; measured ones are in the cell frame of the
 calibration. measured = (1 + scale) true + shift; times are stamps.

@@ -30,7 +30,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Smallest vertical distance `height` [m] between the layers, at `x` and arc length `s`."""
+    """Smallest vertical distance `height` [m] of the layers, at `x` [m] and arc length `s` [m]."""
 
     height: float
     x: float

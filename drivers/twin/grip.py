@@ -45,20 +45,20 @@ class RigOffsets:
         self._start: Pose | None = None
         self._share = 0.0
 
-    def grasp(self, believed: Pose) -> None:
-        """Set `believed` as the pose of the grasp, from which on offsets grow with the distance."""
-        self._start = believed
+    def grasp(self, reported: Pose) -> None:
+        """Set `reported` as the pose of the grasp, from which on offsets grow with the distance."""
+        self._start = reported
 
-    def advance(self, believed: Pose) -> Pose:
-        """The true pose of a gripper that has moved to the reported pose `believed`."""
+    def advance(self, reported: Pose) -> Pose:
+        """The true pose of a gripper that has moved to the pose `reported`."""
         if self._start is not None:
-            share = share_away(believed.as_array(), self._start.as_array())
+            share = share_away(reported.as_array(), self._start.as_array())
             self._share = max(self._share, float(share))
-        return self.true(believed)
+        return self.true(reported)
 
-    def true(self, believed: Pose) -> Pose:
-        """The true pose of a gripper reported at `believed`, with the offsets grown so far."""
+    def true(self, reported: Pose) -> Pose:
+        """The true pose of a gripper at the pose `reported`, with the offsets grown so far."""
         if self._share == 0:
-            return believed
-        x, z, pitch = true_poses(self._rig, believed.as_array(), self._share).tolist()
+            return reported
+        x, z, pitch = true_poses(self._rig, reported.as_array(), self._share).tolist()
         return Pose(x, z, pitch)

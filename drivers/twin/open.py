@@ -45,7 +45,7 @@ ORDINARY = PlantOptions()
 
 @dataclass(frozen=True, slots=True)
 class Twin:
-    """Clock and devices of a cell whose strip is simulated, and their common world."""
+    """Clock, devices and world of a cell that is wholly simulated."""
 
     clock: TwinClock
     arm: TwinArm

@@ -35,7 +35,7 @@ class Surroundings(Settings):
 
 
 class CameraSettings(Settings):
-    """A camera that looks along +y at the plane y = 0, from `distance` [m] in front of it.
+    """Settings of a camera that looks along +y at the plane y = 0 from `distance` [m] before it.
 
     Angles [rad]: `elevation` above the desk seen from the near edge, at most 5 degrees; `yaw`,
     `tilt` and `roll` are mounting errors. The optical axis aims at (`aim_x`, `aim_z`) and the image

@@ -56,7 +56,7 @@ class World:
         self._path: deque[tuple[float, Callable[[], Pose]]] = deque([(0.0, lambda: start)])
         self._fingers = Fingers(opening, opening, start=0.0, speed=1.0)
         self._pointer = False
-        self._bearings = RigOffsets(model.rig)
+        self._offsets = RigOffsets(model.rig)
         self._grip: Grip | None = None
         self._grasped_at: float | None = None
         plant.reset([model])
@@ -75,7 +75,7 @@ class World:
     @property
     def gripper(self) -> Pose:
         """The newest true pose of the gripper."""
-        return self._bearings.true(self._path[-1][1]())
+        return self._offsets.true(self._path[-1][1]())
 
     def follow(self, stamp: float, pose: Pose) -> None:
         """Add the arm's reported `pose` at `stamp` [s]; stamps that are not newer are ignored."""
@@ -94,7 +94,7 @@ class World:
         end = nanoseconds(min(time, self._path[-1][0]))
         while nanoseconds((self._steps + 1) * self._settings.step) <= end:
             self._steps += 1
-            hand = self._bearings.advance(self._hand_at(self.time))
+            hand = self._offsets.advance(self._hand_at(self.time))
             if self._grasped_at is not None:
                 self._step_strip(hand)
             self._history.add(self._scene(self.time, hand))
@@ -132,7 +132,7 @@ class World:
             )
         stated = Pose(self.model.stated_length, 0.0, 0.0)
         self._grip = Grip.between(self.gripper, stated)
-        self._bearings.grasp(self.gripper)
+        self._offsets.grasp(self.gripper)
         self._points = frozen(self._plant.shapes()[0])
         self._grasped_at = self.time
 

@@ -1,4 +1,4 @@
-"""Control delay: the arm reports a gripper pose later than the gripper was there."""
+"""Control delay: the arm reports each gripper pose later than the gripper reaches it."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -67,7 +67,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """A named physical or measurement effect: a pure function from strip model to strip model.
+    """A physical or measurement phenomenon as a pure function from strip model to strip model.
 
     `sentence` is for a technician; `revealed_by` is the motion that shows it best; `typical`
     gives, for a strip, values of the switch from just visible in ten runs to as large as
@@ -94,7 +94,7 @@ class Effect:
         return tuple(float(np.clip(size, switch.low, switch.high)) for size in sizes)
 
     def _assumed_sizes(self) -> tuple[float, ...]:
-        """Shares of the first parameter's range, from a weak effect to a strong one."""
+        """Sizes as shares of the first parameter's range, from a weak effect to a strong one."""
         switch = self.parameters[0]
         sizes = tuple(share * switch.high for share in ASSUMED_SIZES)
         # A parameter without a null is a limit, such as a friction: the smaller, the stronger.

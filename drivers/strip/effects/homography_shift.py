@@ -1,4 +1,4 @@
-"""Constant offset of positions that the calibrated camera measures."""
+"""Constant offset of the positions measured by the calibrated camera."""
 
 from collections.abc import Mapping
 from dataclasses import replace

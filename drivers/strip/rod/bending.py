@@ -100,7 +100,7 @@ def turn(work: Any, r: int, u: Any) -> Any:
 
 @kernel
 def pull(block: Any, r: int, u: Any, couple: Any) -> None:
-    """Force of segment r on its first node, and its 2 x 2 stiffness, into `work`.
+    """Write the force of segment `r` on its first node, and its 2 x 2 stiffness, into `work`.
 
     f = T t + V n with tension T = EA (l / l0 - 1) and shear V = couple / l, couple the
     difference of the moments at its ends; df/de = EA/l0 t t' + T/l n n' + couple d2angle/de2.

@@ -56,6 +56,6 @@ def drag_edge(block: Any, alive: Any) -> None:
 
 @kernel
 def slide(block: Any, alive: Any) -> None:
-    """Slide both ends after a step of the living lanes."""
+    """Apply the slip of both ends after a step of the active lanes."""
     let_out(block, alive)
     drag_edge(block, alive)

@@ -37,7 +37,7 @@ class Showing(NamedTuple):
 
 
 class Rod:
-    """An implicit planar elastic rod of `segments` segments; see `Stepper`.
+    """Strip engine (`Stepper`): an implicit planar elastic rod of `segments` segments.
 
     `order` 2 is BDF2, 1 backward Euler, which damps more, like fabric. Newton's method ends when
     segments turn by less than `tolerance` [rad], root mean square: ten times the default moves
@@ -83,7 +83,7 @@ class Rod:
         return self.advance(poses[None], dt)
 
     def advance(self, poses: Array, dt: float) -> Observables:
-        """Advance in one call by a step of `dt` [s] to each of `poses` (k, n, 3) in turn."""
+        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3); returns the final state."""
         self._step_all(poses, dt, np.empty((0, 0, 0, 2)), 1)
         last = self._shown
         return Observables(
@@ -98,7 +98,7 @@ class Rod:
     def follow(
         self, poses: Array, dt: float, every: int = 0, memory: Array | None = None
     ) -> Showing:
-        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3); returns all observables.
+        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3); returns observables of each.
 
         Shapes are kept of each `every`th step, 0 for none, in `memory` (m or more, n, nodes, 2) if
         given.
@@ -132,11 +132,11 @@ class Rod:
         return failed
 
     def shapes(self) -> Array:
-        """Midlines (n, nodes, 2) [m]; see `Stepper.shapes`."""
+        """Midlines (n, nodes, 2) [m] of all strips, from the fixed to the grasped edge."""
         return midlines(self._batch)
 
     def arc(self) -> Array:
-        """Arc lengths of the nodes (n, nodes) [m], closer towards the grip; see `Stepper.arc`."""
+        """Arc lengths (n, nodes) [m] of the nodes from the fixed edge, closer towards the grip."""
         return np.array(self._batch.arc)
 
     def _begin(self) -> None:
@@ -182,6 +182,6 @@ class Rod:
 
 
 def _touch(known: Array, edge: float) -> Touch:
-    """Layer touch of a strip by its `known` (KNOWN_SIZE,); its fixed edge is at x = `edge` [m]."""
+    """Layer touch of a strip from its `known` (KNOWN_SIZE,) and its fixed edge at x = `edge`."""
     time, x, s = (float(known[field]) for field in (of.TIME, of.TOUCH_X, of.TOUCH_S))
     return Touch(time, x, to_grasped=float(known[of.LENGTH]) - s, to_fixed=x - edge)

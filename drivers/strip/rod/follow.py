@@ -55,7 +55,7 @@ def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
 
 @kernel
 def write_touch(known: Any, gap: Any, time: float, h: float) -> None:
-    """Write the layer touch into `known`, at which the `gap` (height, x, s) fell to its limit."""
+    """Write the layer touch, where the `gap` (height, x, s) fell to its limit, into `known`."""
     height, x, s = gap
     share = 1.0
     if math.isfinite(known[GAP]) and known[GAP] > known[TOUCH_GAP]:
@@ -99,7 +99,7 @@ def observe(batch: Any, b: int, shown: Any, k: int, time: float, h: float) -> No
 
 @kernel
 def retire(batch: Any, b: int, lane: int, shown: Any, k: int) -> None:
-    """End a strip after step k: its observables stay constant from then on."""
+    """End the strip in one lane after step `k`: its observables stay constant from then on."""
     put(batch.alive[b], 0, 0, lane, 0.0)
     i = batch.strips[b, lane]
     for later in range(k + 1, len(shown)):

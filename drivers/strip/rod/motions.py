@@ -16,7 +16,7 @@ PIECE_TIME = 0.5  # s of motion in one compiled call: a batch closes up between 
 
 
 class GripperPath(NamedTuple):
-    """Reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging` starts at the first."""
+    """Reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging` if not started flat."""
 
     t: Array
     poses: Array

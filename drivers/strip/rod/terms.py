@@ -73,7 +73,7 @@ def slip_direction(block: Any, r: int, taut: Any) -> Any:
 
 @kernel
 def stick_slip(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
-    """Tension [N] and stiffness of segment `r` with stick-slip; the tension is level in slip.
+    """Tension [N] and stiffness of segment `r` with stick-slip: constant tension where it slides.
 
     Whether it slides follows from the tension that the last linear solution gives it if it sticks:
     that of its positions is mostly the stretch that a turn of an almost inextensible piece feigns.

@@ -59,7 +59,7 @@ class Lumps:
 
     @classmethod
     def of(cls, model: StripModel, links: int) -> Self:
-        """The lumped fields of `model` on `links` links."""
+        """Lumped coefficients of `model` on `links` links."""
         strip, law = model.mechanics, model.mechanics.law
         nodes = places(strip.length, links)
         middles = np.concatenate([[0.0], 0.5 * (nodes[:-1] + nodes[1:]), [strip.length]])

@@ -25,7 +25,7 @@ KNOWN_FIELDS: dict[type, str] = {
 
 
 def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjSpec:
-    """A fresh spec of `model` on `links` links, flat along +x, gripped at its end.
+    """A new MuJoCo spec of `model` as a chain of `links` links, flat along +x, gripped at its end.
 
     Body i + 1 has its origin at node i; the last one is the tip, welded to the gripper.
     Without `layers` only the desk carries the strip, with them its layers rest on each other.
@@ -54,7 +54,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
 
 
 def compile_chain(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjModel:
-    """The compiled chain, with the stiffness of its grip corrected.
+    """Compiled MuJoCo model of the chain, with the stiffness of its grip corrected.
 
     MuJoCo softens a weld in proportion to how light the welded body is. The tip is nearly massless,
     so with the default its grip would sag by millimetres, and more with more links.

@@ -1,4 +1,4 @@
-"""One strip as a MuJoCo chain: state, step, layer_touch."""
+"""Simulation of one strip as a MuJoCo chain: state, step, layer touch."""
 
 import math
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)  # arrays compare slowly w
 
 
 class ChainStrip:
-    """A strip on `links` links, flat and still at time 0, held at its end.
+    """Simulation of a strip as a chain of `links` links, flat at time 0 and held at its end.
 
     `points` (links + 1, 2) [m] are its nodes now, at arc lengths `arc` (links + 1,) [m] from the
     fixed edge; `touch` is its layer_touch, once it has happened. `foreign` forces act on it in
@@ -97,7 +97,7 @@ class ChainStrip:
         return np.array([x, z]) / self._lumps.scale
 
     def _bring_in(self) -> None:
-        """Move an edge that is not at its stated position there, and let the strip come to rest."""
+        """Move the grasped edge to its stated position, if need be, and let the strip settle."""
         for pose in approach_poses(self._description):
             grip = self._grip.to(pose, LONGEST_STEP)
             self._loads.renew(self._data, LONGEST_STEP)

@@ -23,7 +23,7 @@ PILE = 0.0009  # m that it reaches over the lowest strip, more than lens and pix
 def draw_lint(
     image: Image, empty: Image, scene: Scene, optics: Optics, bias: float, look: tuple[Array, float]
 ) -> None:
-    """Shift the apparent contact of `scene` by `bias` [m] along x, in place.
+    """Draw lint or glare that shifts the apparent contact of `scene` by `bias` [m] along x.
 
     `empty` (h, w, 3) shows the same region without a strip; `look` is the strip's colour (3,) BGR
     in its light, and its thickness [m].

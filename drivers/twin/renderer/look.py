@@ -12,7 +12,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class StripLook:
-    """`colour` (sRGB, 0..255), `thickness` [m] and `width` [m] of the strip on the desk.
+    """Visual appearance of a strip: `colour` (sRGB, 0..255), `thickness` [m] and `width` [m].
 
     `pattern` is printed on it.
     """

@@ -19,7 +19,7 @@ FIELD = 0.6  # of the image's diagonal, the radius up to which the lens is inver
 
 @dataclass(frozen=True, slots=True)
 class Optics:
-    """Camera centre (3,) and rotation (3, 3) in the cell frame; focal, principal point [px].
+    """Pinhole camera: `centre` (3,) [m], `rotation` (3, 3), focal length and principal point [px].
 
     `inverse` (5,) are coefficients of the undistorting factor in powers of the squared distorted
     radius.

@@ -54,11 +54,11 @@ class Window:
 
     def put(self, part: Image, image: Image) -> None:
         """Copy `part` into `image`, without the margin at sides that lie inside the image."""
-        up, left = (self.margin if side > 0 else 0 for side in (self.top, self.left))
+        above, left = (self.margin if side > 0 else 0 for side in (self.top, self.left))
         right = self.right - (self.margin if self.right < self.size[0] else 0)
         bottom = self.bottom - (self.margin if self.bottom < self.size[1] else 0)
-        rows = slice(self.top + up, max(bottom, self.top + up))
+        rows = slice(self.top + above, max(bottom, self.top + above))
         columns = slice(self.left + left, max(right, self.left + left))
         image[rows, columns] = part[
-            up : up + rows.stop - rows.start, left : left + columns.stop - columns.start
+            above : above + rows.stop - rows.start, left : left + columns.stop - columns.start
         ]
