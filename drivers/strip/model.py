@@ -149,9 +149,9 @@ class Mechanics:
             spread = softness * width
             return np.asarray(special.ndtr(ahead / spread) - special.ndtr(behind / spread))
         cells = np.linspace(0.0, self.length, CELLS + 1)
-        ahead = np.minimum(cells[1:], position + width / 2)
-        shared = ahead - np.maximum(cells[:-1], position - width / 2)
-        return np.clip(shared * (CELLS / self.length), 0.0, 1.0)
+        right = np.minimum(cells[1:], position + width / 2)
+        left = np.maximum(cells[:-1], position - width / 2)
+        return np.clip((right - left) * (CELLS / self.length), 0.0, 1.0)
 
     def scale_rigidity(self, factor: Array) -> Self:
         """A copy with rigidity and viscosity times `factor` (CELLS,): same retardation time."""

@@ -98,14 +98,9 @@ def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
         return None
     lower_z = np.interp(upper[:, 0], points[: tip + 1, 0], points[: tip + 1, 1])
     gap = np.where(upper[:, 0] >= points[0, 0], upper[:, 1] - lower_z, np.inf)
-    opened = np.flatnonzero(gap > opening)
-    if len(opened) == 0:
+    j = _closing_minimum(gap, opening)
+    if j is None:
         return None
-    inner = np.arange(max(int(opened[0]), 1), len(gap) - 1)
-    minima = inner[(gap[inner] <= gap[inner - 1]) & (gap[inner] < gap[inner + 1])]
-    if len(minima) == 0:
-        return None
-    j = int(minima[np.argmin(gap[minima])])
     if not np.isfinite(gap[j - 1 : j + 2]).all():
         return Gap(float(gap[j]), float(upper[j, 0]), float(s[tip + j]))
     offset = _vertex(gap[j - 1], gap[j], gap[j + 1])
@@ -113,6 +108,16 @@ def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
     nodes = np.arange(len(upper))
     x, s_there = (np.interp(j + offset, nodes, values) for values in (upper[:, 0], s[tip:]))
     return Gap(float(height), float(x), float(s_there))
+
+
+def _closing_minimum(gap: Array, opening: float) -> int | None:
+    """Index of the smallest local minimum of `gap` (n,) after it has exceeded `opening`, if any."""
+    opened = np.flatnonzero(gap > opening)
+    if len(opened) == 0:
+        return None
+    inner = np.arange(max(int(opened[0]), 1), len(gap) - 1)
+    minima = inner[(gap[inner] <= gap[inner - 1]) & (gap[inner] < gap[inner + 1])]
+    return int(minima[np.argmin(gap[minima])]) if len(minima) else None
 
 
 def touch_between(

@@ -81,14 +81,14 @@ def board_frame(
     image = np.empty((settings.height, settings.width, 3), np.uint8)
     glow = light(settings)[..., None]
     image[:] = bgr(settings.surroundings.backdrop) * glow
-    _show(image, optics, board, pose, glow)
+    _draw_board(image, optics, board, pose, glow)
     rng = np.random.default_rng((seed, sequence, 0xB0))
     seen = noisy(blur(image, settings.lens_blur), settings.noise, rng)
     seen.setflags(write=False)
     return Frame(stamp, stamp + settings.transport_delay, SOURCE, sequence, seen)
 
 
-def _show(
+def _draw_board(
     image: Image, optics: Optics, board: cv2.aruco.CharucoBoard, pose: Matrix, glow: Pixels
 ) -> None:
     """Draw `board` into `image` where the camera sees it, in place."""
@@ -107,7 +107,7 @@ def _show(
         return
     x, y = _on_board(optics, pose, (left, top, right, bottom))
     scale = max(PRINT_SCALE * optics.focal / depth * square, SMALLEST_SQUARE)
-    print_, share = _sample(board, x / square, y / square, round(scale))
+    print_, share = _sample_print(board, x / square, y / square, round(scale))
     part = image[top:bottom, left:right]
     paper = print_[..., None] * glow[top:bottom, left:right]
     part[:] = np.minimum(part + share[..., None] * (paper - part) + 0.5, 255)
@@ -130,7 +130,7 @@ def _on_board(
     return x, y
 
 
-def _sample(
+def _sample_print(
     board: cv2.aruco.CharucoBoard, x: Pixels, y: Pixels, scale: int
 ) -> tuple[Pixels, Pixels]:
     """Grey level of the print and coverage of the pixel, at x, y [squares]."""

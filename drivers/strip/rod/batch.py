@@ -1,6 +1,6 @@
 """Memory of a batch of strips: creation, compaction when strips have ended, and read-out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -23,12 +23,8 @@ def flat_batch(models: Sequence[StripModel], segments: int) -> Batch:
     slots = -(-count // lanes) * lanes
     filled = [*models, *[models[-1]] * (slots - count)]  # spare lanes copy the last strip
     rich = any(needs_terms(model) for model in models)
-    lumped = {id(model): lump(model, segments, rich=rich) for model in _distinct_models(filled)}
-    natures = np.stack([lumped[id(model)] for model in filled])
-    arcs = {
-        id(model): lattice(model.mechanics.length, segments) for model in _distinct_models(models)
-    }
-    arc = np.stack([arcs[id(model)] for model in models])
+    natures = _for_each(filled, lambda model: lump(model, segments, rich=rich))
+    arc = _for_each(models, lambda model: lattice(model.mechanics.length, segments))
     active = (np.arange(slots) < count).astype(np.float64)
     return Batch(
         nature=at.pack(natures, lanes),
@@ -50,7 +46,8 @@ def compact(batch: Batch) -> Batch:
     lanes = batch.strips.shape[1]
     alive = at.unpack(batch.alive, lanes)[:, 0, 0] > 0
     busy = int(alive.reshape(-1, lanes).any(axis=1).sum())
-    if busy == 0 or -(-int(alive.sum()) // lanes) > CLOSING_SHARE * busy:
+    needed = -(-int(alive.sum()) // lanes)  # rounded up
+    if busy == 0 or needed > CLOSING_SHARE * busy:
         return batch
     order = np.argsort(~alive, kind="stable")
 
@@ -89,9 +86,11 @@ def fixed_edges(batch: Batch) -> Array:
     return _by_strip(batch, batch.state[:, 1, at.X].ravel())
 
 
-def _distinct_models(models: Sequence[StripModel]) -> list[StripModel]:
-    """Each distinct object among `models` once, in the order of first use."""
-    return list({id(model): model for model in models}.values())
+def _for_each(models: Sequence[StripModel], compute: Callable[[StripModel], Array]) -> Array:
+    """Stack of `compute(model)`, (n, ...), computed once for models that are the same object."""
+    distinct = {id(model): model for model in models}
+    values = {key: compute(model) for key, model in distinct.items()}
+    return np.stack([values[id(model)] for model in models])
 
 
 def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:

@@ -1,6 +1,7 @@
 """Simulation of whole motions in one batch, each strip along its own gripper path."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from drivers.strip.shape import Touch
 from drivers.types import Array
 
 PIECE_TIME = 0.5  # s of motion in one compiled call: a batch closes up between calls
+ROUNDING = 1e-9  # steps, by which a touch at the end of a step may seem to be after it
 
 
 class GripperPath(NamedTuple):
@@ -114,8 +116,8 @@ def _motion_of_strip(
     if touch is not None and touch.time > count * dt:
         touch = None
     if touch is not None:
-        count = min(count, int(np.ceil(touch.time / dt - 1e-9)))
-        touch = Touch(path.t[0] + touch.time, touch.x, touch.to_grasped, touch.to_fixed)
+        count = min(count, int(np.ceil(touch.time / dt - ROUNDING)))
+        touch = replace(touch, time=path.t[0] + touch.time)
     return StripMotion(
         t=path.t[0] + dt * np.arange(1, count + 1),
         poses=poses[:count],

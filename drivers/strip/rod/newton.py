@@ -56,11 +56,8 @@ def assemble(block: Any, r: int, rate: Any) -> None:
     segment's own stiffness.
     """
     work, band = block.work, block.band
-    k0, k1, k2 = (
-        load(work, r - 1, at.TANGENT),
-        load(work, r, at.TANGENT),
-        load(work, r + 1, at.TANGENT),
-    )
+    k0, k1 = load(work, r - 1, at.TANGENT), load(work, r, at.TANGENT)
+    k2 = load(work, r + 1, at.TANGENT)
     (ox, oz), (px, pz) = pair(work, r - 2, at.TURN_X), pair(work, r - 1, at.TURN_X)
     qx, qz = pair(work, r, at.TURN_X)
     sx, sz, tx, tz = px + qx, pz + qz, ox + px, oz + pz
@@ -68,12 +65,8 @@ def assemble(block: Any, r: int, rate: Any) -> None:
     inertia = load(block.nature, r, at.MASS) * rate * rate
     reaction, support = desk(block, r)
     gx, gz = residual(block, r, inertia, reaction)
-    bxx, bxz, bzz = (
-        load(work, r - 1, at.S_XX),
-        load(work, r - 1, at.S_XZ),
-        load(work, r - 1, at.S_ZZ),
-    )
-    cxx, cxz, czz = load(work, r, at.S_XX), load(work, r, at.S_XZ), load(work, r, at.S_ZZ)
+    (bxx, bxz), bzz = pair(work, r - 1, at.S_XX), load(work, r - 1, at.S_ZZ)
+    (cxx, cxz), czz = pair(work, r, at.S_XX), load(work, r, at.S_ZZ)
     dxx = fma(k2 * qx, qx, fma(k1x, sx, fma(k0x, px, inertia))) + (bxx + cxx)
     dxz = fma(k2 * qx, qz, fma(k1x, sz, fma(k0x, pz, bxz))) + cxz
     dzz = fma(k2 * qz, qz, fma(k1z, sz, fma(k0z, pz, inertia))) + (bzz + czz)

@@ -120,7 +120,7 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
     for parts in STEP_PARTS:
         failed = in_parts(block, grips, pace, gate, parts)
         copy_fields(start, (0, start.shape[1]), block.state, 0, failed)
-        moved = gate - failed
+        moved = gate - failed  # their history is the state before the whole step
         copy_fields(start, (at.X, at.EPS), block.state, at.X1, moved)
         copy_fields(start, (at.EPS, at.FRICTION), block.state, at.EPS1, moved)
         if block.terms is not None:

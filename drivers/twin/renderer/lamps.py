@@ -51,14 +51,19 @@ def arm_shadow(
     for part in parts:
         middle = (part.front + part.back) / 2
         points = np.insert(part.corners, 1, middle, axis=1)
-        for seen in (_on_wall(points, lamp), _on_desk(points, lamp, floor)):
-            if len(seen) > 2:
-                pixels = np.rint(optics.project(seen) / SHADOW_GRID * 2**FRACTION_BITS)
-                outline = np.clip(pixels, -FARTHEST, FARTHEST).astype(np.int32)
-                cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, FRACTION_BITS)
+        for shadow in (_on_wall(points, lamp), _on_desk(points, lamp, floor)):
+            if len(shadow) > 2:
+                _fill(dark, optics.project(shadow) / SHADOW_GRID)
     sigma = _softness(lamp, optics) / SHADOW_GRID
     soft = cv2.GaussianBlur(dark.astype(np.float32) / 255, (0, 0), sigma)
     return np.asarray(cv2.resize(1 - np.float32(lamp.share) * soft, size), dtype=np.float32)
+
+
+def _fill(dark: Image, corners: Array) -> None:
+    """Fill the polygon of `corners` (n, 2) [cells of the grid] in `dark` (h, w), in place."""
+    whole = np.rint(corners * 2**FRACTION_BITS)
+    outline = np.clip(whole, -FARTHEST, FARTHEST).astype(np.int32)
+    cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, FRACTION_BITS)
 
 
 def _on_wall(points: Array, lamp: Lamp) -> Array:
