@@ -15,7 +15,7 @@ from drivers.types import Array, Image
 
 TABLE_RANGE = (-0.2, 1.2)  # m of x that the table covers, as shares of nothing but generosity
 BINS = 1400
-BESIDE = 50  # px beside the image, up to which desk counts for the rows of the shadow
+IMAGE_MARGIN = 50  # px beside the image, up to which desk counts for the rows of the shadow
 FADE_HEIGHT = 0.03  # m of height over which the shadow fades
 SOFT_BORDER = 0.004  # m, half of its soft border in y
 
@@ -67,7 +67,7 @@ def _band_rows(
     x = np.linspace(*TABLE_RANGE, 15)
     depths = (-2 * SOFT_BORDER, width + 2 * SOFT_BORDER)
     seen = np.concatenate([optics.plane(np.stack([x, 0 * x + floor], -1), y) for y in depths])
-    seen = seen[(seen[:, 0] > -BESIDE) & (seen[:, 0] < settings.width + BESIDE)]
+    seen = seen[(seen[:, 0] > -IMAGE_MARGIN) & (seen[:, 0] < settings.width + IMAGE_MARGIN)]
     top = int(np.clip(seen[:, 1].min() - 1, 0, settings.height - 1))
     return top, int(np.clip(seen[:, 1].max() + 2, top + 1, settings.height))
 
