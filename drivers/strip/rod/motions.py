@@ -55,7 +55,7 @@ def simulate_all(
     simulated = len(observed[0])
     motions = []
     for i, (path, count, shapes) in enumerate(zip(paths, counts, kept, strict=True)):
-        seen = Showing(*(channel[:, i] for channel in observed), shapes)
+        seen = Showing._make([*(channel[:, i] for channel in observed), shapes])
         steps, touch = min(count, simulated), rod.touch[i]
         motions.append(_motion_of_strip(seen, poses[:, i], path, steps, touch, dt, stride))
     return motions
