@@ -18,18 +18,19 @@ SEGMENTS = 320
 GRADING = 1.6  # arc = overhang t^GRADING at equal steps of t
 ITERATIONS = 60
 CONVERGED = 1e-10  # rad
+LARGEST_STEP = 0.8  # rad by which Newton's method turns a segment at once
 
 
 class NoRest(CellError):
-    """A hanging strip for which no shape at rest was found."""
+    """Error: no equilibrium shape was found for a hanging strip."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hanging:
-    """Equilibrium of a hanging strip: x, z [m] of `points` (n + 1, 2) from the ledge (0, 0), and
-    `arc`.
+    """Equilibrium shape of a hanging strip, with the stiffness and loads for its derivatives.
 
-    `angles` (n,) [rad] are those of the segments between them, above the horizontal; `stiffness`
+    `points` (n + 1, 2) are x, z [m] from the ledge (0, 0), at arc lengths `arc` (n + 1,) [m];
+    `angles` (n,) [rad] are those of the segments between them, from the horizontal up; `stiffness`
     (2, n) is the upper band of the energy's second derivative over EI [1/m], `pull` (n,) [1/m] the
     moment of the weight over EI.
     """
@@ -42,18 +43,18 @@ class Hanging:
     pull: Array
 
     def moved_by_bending_length(self) -> Array:
-        """Motion (n + 1, 2) [m] of the points per unit of ln(bending length)."""
+        """Derivative (n + 1, 2) [m] of the points by ln(bending length)."""
         turn = solveh_banded(self.stiffness, 3 * self.pull * np.cos(self.angles))
         return self._motion(turn[:, None])[..., 0]
 
     def moved_by_clamp_angle(self) -> Array:
-        """Motion (n + 1, 2) [m] of the points per radian of the clamp angle."""
+        """Derivative (n + 1, 2) [m/rad] of the points by the clamp angle."""
         load = np.zeros(len(self.angles))
         load[0] = 1 / _spans(self.arc)[0]
         return self._motion(solveh_banded(self.stiffness, load)[:, None])[..., 0]
 
     def moved_by_rest_curvature(self, fields: Array) -> Array:
-        """Motion (n + 1, 2, m) [m] per unit of rest curvature `fields` (n, m) [1/m].
+        """Derivatives (n + 1, 2, m) of the points by amounts of rest curvature `fields` (n, m).
 
         Field j holds at the hinge where segment j begins.
         """
@@ -62,7 +63,7 @@ class Hanging:
         return self._motion(solveh_banded(self.stiffness, load))
 
     def _motion(self, turn: Array) -> Array:
-        """Motion of the points (n + 1, 2, m) for turns of the segments (n, m) [rad]."""
+        """Displacement (n + 1, 2, m) [m] of the points for turns (n, m) [rad] of the segments."""
         lengths = np.diff(self.arc)
         across = np.stack([-np.sin(self.angles), np.cos(self.angles)], axis=1) * lengths[:, None]
         steps = across[:, :, None] * turn[:, None, :]
@@ -75,7 +76,7 @@ def segments(overhang: float) -> Array:
 
 
 def hinges(overhang: float) -> Array:
-    """Arc lengths (n,) [m] of the hinges, at which a rest curvature is stated."""
+    """Arc lengths (n,) [m] of the hinges, at which rest curvature is given."""
     return segments(overhang)[:-1]
 
 
@@ -86,7 +87,7 @@ def hang(
     rest_curvature: Array | None = None,
     clamp_angle: float = 0.0,
 ) -> Hanging:
-    """The shape at rest of a strip of `bending_length` [m] that hangs over by `overhang` [m].
+    """Equilibrium of a strip of `bending_length` [m] that hangs over a ledge by `overhang` [m].
 
     `rest_curvature` (n,) [1/m] at the `hinges`, positive turns the free end up; `clamp_angle`
     [rad] above the horizontal. Raises NoRest when Newton's method finds no shape.
@@ -95,33 +96,34 @@ def hang(
     spans = _spans(arc)
     middle = 0.5 * (arc[1:] + arc[:-1])
     pull = np.diff(arc) * (overhang - middle) / bending_length**3
-    born = np.zeros(len(pull)) if rest_curvature is None else rest_curvature * spans
+    rest_turns = np.zeros(len(pull)) if rest_curvature is None else rest_curvature * spans
     angles = _start_angles(middle, overhang, bending_length) + clamp_angle
     for _ in range(ITERATIONS):
-        gradient, stiffness = _derivatives(angles, born, spans, pull, clamp_angle)
+        gradient, stiffness = _derivatives(angles, rest_turns, spans, pull, clamp_angle)
         step = _newton_step(gradient, stiffness, pull * np.sin(angles))
-        angles = angles + step * min(1.0, 0.8 / max(float(np.abs(step).max()), 1e-300))
-        if not np.abs(step).max() > CONVERGED:
+        turn = float(np.abs(step).max())
+        angles = angles + step * min(1.0, LARGEST_STEP / max(turn, np.finfo(float).tiny))
+        if not turn > CONVERGED:  # NaN too ends the search
             break
-    if not (np.abs(step).max() <= CONVERGED and _stable(stiffness)):
+    if not (turn <= CONVERGED and _stable(stiffness)):
         raise NoRest(
             f"a strip of bending length {bending_length:.4g} m over {overhang:.4g} m: "
             "no shape at rest was found"
         )
-    across = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.diff(arc)[:, None]
-    points = np.concatenate([np.zeros((1, 2)), np.cumsum(across, axis=0)])
+    chords = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.diff(arc)[:, None]
+    points = np.concatenate([np.zeros((1, 2)), np.cumsum(chords, axis=0)])
     return Hanging(bending_length, arc, angles, points, stiffness, pull)
 
 
 def _newton_step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
-    """Newton's step of the equilibrium, without the weight's stiffness where it destabilises."""
+    """Newton step (n,) [rad] of the angles, without stiffness of the weight that destabilises."""
     if not _stable(stiffness):
         stiffness = stiffness + np.stack([np.zeros(len(lifting)), np.maximum(lifting, 0.0)])
     return np.asarray(-solveh_banded(stiffness, gradient))
 
 
 def _stable(stiffness: Array) -> bool:
-    """Whether the energy rises in all directions: the stiffness is positive definite."""
+    """Whether the banded matrix `stiffness` (2, n) is positive definite, as at a stable shape."""
     try:
         cholesky_banded(stiffness, check_finite=False)
     except LinAlgError:
@@ -130,23 +132,23 @@ def _stable(stiffness: Array) -> bool:
 
 
 def _spans(arc: Array) -> Array:
-    """Lengths (n,) [m] of strip that each hinge stands for: between the middles of the segments."""
+    """Length (n,) [m] of strip lumped at each hinge, between the middles of its segments."""
     lengths = np.diff(arc)
     return np.asarray(0.5 * (lengths + np.concatenate([[0.0], lengths[:-1]])))
 
 
 def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:
-    """Starting angles of Newton's method: a bend at the ledge as wide as the weight allows."""
+    """Initial angles (n,) [rad] of Newton's method: a bend at the ledge that the weight allows."""
     reach = bending_length * min(1.0, (bending_length / overhang) ** 0.5)
     turned = -0.5 * np.pi * min(1.0, (overhang / bending_length) ** 3 / 8)
     return np.asarray(turned * (1 - np.exp(-arc / reach)))
 
 
 def _derivatives(
-    angles: Array, born: Array, spans: Array, pull: Array, clamp_angle: float
+    angles: Array, rest_turns: Array, spans: Array, pull: Array, clamp_angle: float
 ) -> tuple[Array, Array]:
     """First derivative (n,) and upper band (2, n) of the second derivative of the energy."""
-    moment = (np.diff(angles, prepend=clamp_angle) - born) / spans
+    moment = (np.diff(angles, prepend=clamp_angle) - rest_turns) / spans
     gradient = moment + pull * np.cos(angles)
     gradient[:-1] -= moment[1:]
     stiffness = np.zeros((2, len(angles)))

@@ -9,7 +9,7 @@ from drivers.strip.model import StripModel
 from drivers.types import frozen
 
 HALF_WIDTH = 0.005  # m to each side over which a crease turns
-SET = 1.2  # bending lengths before the grip: where its first turn bends a strip that lies
+GRASP_BEND = 1.2  # bending lengths from the grip to where its first turn bends a lying strip
 
 
 def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
@@ -22,14 +22,16 @@ def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
     return replace(model, mechanics=replace(mechanics, rest_curvature=curved))
 
 
-def set_down(model: StripModel, turn: float) -> StripModel:
+def add_grasp_crease(model: StripModel, turn: float) -> StripModel:
     """The model with a crease of `turn` [rad] in front of the grip, as left by the grasp.
 
     The grasp turns and pushes the lying strip before anything is lifted. Where it bends then
     depends on unknown slack, and the crease that a strip with bending hysteresis keeps depends on
     its history; so the crease is a parameter.
     """
+    if not turn:
+        return model
     mechanics = model.mechanics
     weight = float(np.mean(mechanics.linear_density)) * GRAVITY
     bending_length = (float(np.mean(mechanics.rigidity)) / weight) ** (1 / 3)
-    return add_crease(model, -turn, mechanics.length - SET * bending_length) if turn else model
+    return add_crease(model, -turn, mechanics.length - GRASP_BEND * bending_length)

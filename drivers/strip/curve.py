@@ -10,11 +10,12 @@ from drivers.strip.rod.compiled import entry, kernel
 SEARCH_SPAN = 0.08  # m of the strip on each side of where a point should lie
 STRIDE = 4  # nodes
 OUTLIER = 3.0  # robust standard deviations beyond which a value counts no more than that
+MAD = 1.4826  # sigma over the median of deviations
 
 
 @kernel
 def between(shapes: Any, places: Any) -> Any:
-    """Curves (m, nodes, 2) at fractional indices `places` (m,) into `shapes` (k, nodes, 2)."""
+    """Midlines (m, nodes, 2) interpolated at indices `places` (m,) of `shapes` (k, nodes, 2)."""
     curves = np.empty((len(places), shapes.shape[1], 2))
     for m in range(len(places)):
         place = min(max(places[m], 0.0), len(shapes) - 1.0)
@@ -28,22 +29,23 @@ def between(shapes: Any, places: Any) -> Any:
 
 @kernel
 def chord(curve: Any, q: int) -> Any:
-    """Segment q of a curve: its way (x, z) [m] and its length [m]."""
+    """Vector (x, z) [m] and length [m] of segment `q` of a curve, as one triple."""
     x, z = curve[q + 1, 0] - curve[q, 0], curve[q + 1, 1] - curve[q, 1]
     return x, z, math.hypot(x, z)
 
 
 @kernel
 def curvature(before: Any, after: Any) -> Any:
-    """Curvature [1/m] at the node between two chords, from the turn of the one to the other."""
+    """Curvature [1/m] at the node between two successive chords (x, z, length)."""
     (ux, uz, first), (vx, vz, second) = before, after
     return 2.0 * (ux * vz - uz * vx) / (first * second * (first + second))
 
 
 @kernel
 def beside(curve: Any, q: int, chosen: Any, bend: float, x: float, z: float) -> Any:
-    """Distance of (x, z) to segment q with the chord `chosen`, and signed distance to the arc of
-    mean curvature `bend` [1/m] on that chord, left positive.
+    """Distance [m] of (x, z) from segment `q`, and its signed distance from the arc, left positive.
+
+    The arc over the segment's chord `chosen` has the mean curvature `bend` [1/m].
     """
     dx, dz, length = chosen
     tx, tz = dx / length, dz / length
@@ -52,8 +54,8 @@ def beside(curve: Any, q: int, chosen: Any, bend: float, x: float, z: float) -> 
     low = 0.0 if q > 0 else -math.inf
     high = 1.0 if q < len(curve) - 2 else math.inf
     inside = min(max(along, low), high)
-    off = (along - inside) * length
-    distance = math.hypot(across, off)
+    beyond_end = (along - inside) * length
+    distance = math.hypot(across, beyond_end)
     share = min(max(inside, 0.0), 1.0)
     bulge = 0.5 * bend * length * length * share * (1.0 - share)
     return distance, math.copysign(distance, across) + bulge
@@ -61,11 +63,11 @@ def beside(curve: Any, q: int, chosen: Any, bend: float, x: float, z: float) -> 
 
 @kernel
 def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
-    """Signed distance of (x, z) to the nearer segment at node q, straight at both ends."""
+    """Signed distance [m] of (x, z) from the nearer of the segments at node `q`, left positive."""
     last = len(curve) - 1
     best, found = math.inf, 0.0
     here = chord(curve, max(q - 1, 0))
-    bend = curvature(chord(curve, q - 2), here) if q > 1 else 0.0
+    bend = curvature(chord(curve, q - 2), here) if q > 1 else 0.0  # straight at both ends
     for segment in range(max(q - 1, 0), min(q + 1, last)):
         ahead, bend_ahead = here, 0.0
         if segment + 1 < last:
@@ -81,7 +83,7 @@ def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
 
 @kernel
 def nearest(curve: Any, low: int, high: int, x: float, z: float) -> Any:
-    """The node of low..high that is nearest to (x, z), searched by every STRIDE-th node first."""
+    """Index of the node in low..high nearest to (x, z), searched by every STRIDE-th node first."""
     best = nearest_of(curve, range(low, high + 1, STRIDE), x, z)
     close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
     return nearest_of(curve, close, x, z)
@@ -89,7 +91,7 @@ def nearest(curve: Any, low: int, high: int, x: float, z: float) -> Any:
 
 @kernel
 def nearest_of(curve: Any, nodes: Any, x: float, z: float) -> Any:
-    """The one of `nodes` that is nearest to (x, z)."""
+    """Index of the node nearest to (x, z) among the indices `nodes`."""
     best, least = 0, math.inf
     for q in nodes:
         square = (curve[q, 0] - x) ** 2 + (curve[q, 1] - z) ** 2
@@ -100,7 +102,7 @@ def nearest_of(curve: Any, nodes: Any, x: float, z: float) -> Any:
 
 @kernel
 def around(arc: Any, s: float) -> Any:
-    """First and last node within SEARCH_SPAN of the arc length s, clamped to the strip."""
+    """First and last node index within SEARCH_SPAN of arc length `s` [m], clamped to the strip."""
     last = len(arc) - 1
     low = before(arc, min(s, arc[last]) - SEARCH_SPAN)
     high = before(arc, max(s, 0.0) + SEARCH_SPAN) + 1
@@ -109,7 +111,7 @@ def around(arc: Any, s: float) -> Any:
 
 @kernel
 def before(arc: Any, s: float) -> Any:
-    """The last node whose arc length is less than s; -1 where there is none."""
+    """Index of the last node whose arc length is less than `s` [m]; -1 without one."""
     low, high = -1, len(arc)
     while high - low > 1:
         middle = (low + high) // 2
@@ -124,7 +126,7 @@ def before(arc: Any, s: float) -> Any:
 def signed_distances(
     points: Any, image: Any, near: Any, places: Any, shapes: Any, arc: Any, found: Any
 ) -> None:
-    """Write into `found` the distances (n,) [m] of points (n, 2) from the midline at their times.
+    """Write into `found` (n,) the signed distances [m] of `points` (n, 2) from a moving midline.
 
     Positive to the left of the way from the fixed to the grasped edge. Point p belongs to
     `image` (n,), which shows the world at `places` (m,), a fractional index into `shapes`
@@ -141,14 +143,15 @@ def signed_distances(
 
 @entry
 def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -> None:
-    """Write into `mean` and `square` those of values[edges[g]:edges[g + 1]], outliers clipped.
+    """Write into `mean` and `square` (g,) the mean and the mean square of each group of values.
 
-    Values count at most `OUTLIER` robust deviations (at least `sigma`) from the group's median.
+    Group g is values[edges[g]:edges[g + 1]]. Values count at most `OUTLIER` robust deviations (at
+    least `sigma`) from the group's median.
     """
     for g in range(len(edges) - 1):
         group = values[edges[g] : edges[g + 1]]
         middle = np.median(group)
-        spread = max(sigma, 1.4826 * np.median(np.abs(group - middle)))
+        spread = max(sigma, MAD * np.median(np.abs(group - middle)))
         total, power = 0.0, 0.0
         for value in group:
             kept = min(max(value, middle - OUTLIER * spread), middle + OUTLIER * spread)

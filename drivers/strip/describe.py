@@ -1,4 +1,4 @@
-"""The physical description of a strip from its file, and validation of files that need it."""
+"""Construction of a strip's physical model from its file, and validation of such files."""
 
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -17,19 +17,19 @@ from drivers.types import frozen
 
 
 def describe(strip: StripFile, cell_effects: Effects | None = None, index: int = 0) -> StripModel:
-    """The description of `strip` in a cell, with the effects of both applied in registry order.
+    """Build the model of `strip` in a cell, with the effects of both applied in registry order.
 
     `index` is the number of runs that this specimen has already been through.
     """
     effects = {**strip.effects, **(cell_effects or {})}
-    return _describe_cached(
-        _CacheKey(f"{strip!r} {sorted(effects.items())!r} {index}", strip, effects, index)
-    )
+    # Text, because the inputs hold dicts, which have no hash; and repr keeps -0.0 and 0.0 apart.
+    key = f"{strip!r} {sorted(effects.items())!r} {index}"
+    return _build_model(_Inputs(key, strip, effects, index))
 
 
 @dataclass(frozen=True, slots=True)
-class _CacheKey:
-    """Cache key of a description: equal where all inputs are equal."""
+class _Inputs:
+    """Inputs of a strip model, compared and hashed by `key` alone."""
 
     key: str
     strip: StripFile = field(compare=False)
@@ -38,9 +38,9 @@ class _CacheKey:
 
 
 @lru_cache(maxsize=16)
-def _describe_cached(asked: _CacheKey) -> StripModel:
-    """A strip's description from the cache; descriptions are read-only and shared."""
-    strip = asked.strip
+def _build_model(inputs: _Inputs) -> StripModel:
+    """Build a strip model, or take it from the cache: models are read-only and shared."""
+    strip = inputs.strip
     rigidity = np.full(CELLS, strip.rigidity)
     mechanics = Mechanics(
         length=strip.length,
@@ -51,13 +51,13 @@ def _describe_cached(asked: _CacheKey) -> StripModel:
         rest_curvature=frozen(np.zeros(CELLS)),
         linear_density=frozen(np.full(CELLS, strip.linear_density)),
     )
-    bare = StripModel(mechanics=mechanics, stated_length=strip.length, index=asked.index)
-    whole = apply_effects(bare, asked.effects)
-    return with_law(whole, strip.law) if strip.law else whole
+    bare = StripModel(mechanics=mechanics, stated_length=strip.length, index=inputs.index)
+    effective = apply_effects(bare, inputs.effects)
+    return with_law(effective, strip.law) if strip.law else effective
 
 
 def load_strip(path: Path) -> StripFile:
-    """The strip file at `path`; raises ConfigurationError where it or its effects are wrong."""
+    """Load the strip file at `path`; raises ConfigurationError where it or an effect is wrong."""
     strip = load(path, StripFile)
     check_effects(strip.effects, origin=str(path), of="strip")
     check_law(strip.law, origin=str(path))
@@ -66,15 +66,16 @@ def load_strip(path: Path) -> StripFile:
 
 
 def load_plant(path: Path) -> StripFile:
-    """The plant file at `path`: a strip file that may also hold effects of the rig.
+    """Load the plant file at `path`: a strip file that may also hold effects of the cell.
 
     Raises ConfigurationError where it or its effects are wrong.
     """
     plant = load(path, StripFile)
-    rig = {n: v for n, v in plant.effects.items() if n in registry() and registry()[n].of == "cell"}
-    own = {n: v for n, v in plant.effects.items() if n not in rig}
-    check_effects(own, origin=str(path), of="strip")
-    check_effects(rig, origin=str(path), of="cell")
+    known = {name for name, effect in registry().items() if effect.of == "cell"}
+    of_cell = {name: values for name, values in plant.effects.items() if name in known}
+    of_strip = {name: values for name, values in plant.effects.items() if name not in known}
+    check_effects(of_strip, origin=str(path), of="strip")
+    check_effects(of_cell, origin=str(path), of="cell")
     check_law(plant.law, origin=str(path))
     check_described(plant, origin=str(path))
     return plant

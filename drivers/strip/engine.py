@@ -1,4 +1,4 @@
-"""Protocol of a strip engine: a stepper over a batch, and simulation of one whole motion."""
+"""Protocol of a strip engine that steps a batch, and simulation of one whole motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,9 +34,9 @@ class Stepper(Protocol):
     """An engine that simulates n strips at once, each held by its own gripper."""
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """Lay the strips flat and still, grippers at (L, 0), pitch 0, time 0.
+        """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0, at time 0.
 
-        Raises Unsupported for a part of a description that the engine cannot represent.
+        Raises Unsupported for a part of a model that the engine cannot represent.
         """
 
     def step(self, poses: Array, dt: float) -> Observables:
@@ -54,11 +54,11 @@ class Stepper(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class StripMotion:
-    """A simulated motion: times (k,), gripper poses (k, 3), contact_x (k,), tip (k, 2),
-    holding_force (k,), grip_force (k, 2), shapes (k, nodes, 2) or (0, nodes, 2), and the
-    layer_touch if any.
+    """Simulated motion of one strip: observables at k times, shapes and the layer touch, if any.
 
-    All values are true ones over the true desk; `observation` converts them to measured ones.
+    Times (k,), gripper poses (k, 3), contact_x (k,), tip (k, 2), holding_force (k,), grip_force
+    (k, 2), shapes (k, nodes, 2) or (0, nodes, 2). All values are true ones over the true desk;
+    `observation` converts them to measured ones.
     """
 
     t: Array
@@ -80,15 +80,14 @@ def simulate(
     dt: float = 0.005,
     shapes: bool = False,
 ) -> StripMotion:
-    """Simulate one strip along a gripper path: times t (m,) [s], poses (m, 3); stops at
-    layer_touch.
+    """Simulate one strip along a gripper path of times `t` (m,) [s] and `poses` (m, 3).
 
-    The path is the reported one; the true path of the grip follows from the model's rig.
+    Stops at layer_touch. The path is the reported one; the true one follows from the model's rig.
     """
     t, poses = true_path(model.rig, t, poses)
     engine.reset([model])
-    steps = np.arange(dt, t[-1] - t[0] + 0.5 * dt, dt)
-    path = np.stack([np.interp(steps + t[0], t, poses[:, c]) for c in range(3)], axis=1)
+    elapsed = np.arange(dt, t[-1] - t[0] + 0.5 * dt, dt)
+    path = np.stack([np.interp(elapsed + t[0], t, poses[:, c]) for c in range(3)], axis=1)
     seen: list[Observables] = []
     curves: list[Array] = []
     for pose in path:
@@ -99,12 +98,12 @@ def simulate(
             break
     nodes = engine.shapes().shape[1]
     return StripMotion(
-        t=steps[: len(seen)] + t[0],
+        t=elapsed[: len(seen)] + t[0],
         poses=path[: len(seen)],
-        contact_x=np.array([o.contact_x[0] for o in seen]),
-        tip=np.array([o.tip[0] for o in seen]),
-        holding_force=np.array([o.holding_force[0] for o in seen]),
-        grip_force=np.array([o.grip_force[0] for o in seen]).reshape(-1, 2),
+        contact_x=np.array([step.contact_x[0] for step in seen]),
+        tip=np.array([step.tip[0] for step in seen]),
+        holding_force=np.array([step.holding_force[0] for step in seen]),
+        grip_force=np.array([step.grip_force[0] for step in seen]).reshape(-1, 2),
         shapes=np.array(curves) if curves else np.empty((0, nodes, 2)),
         touch=seen[-1].touch[0] if seen else None,
     )

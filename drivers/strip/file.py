@@ -1,4 +1,4 @@
-"""Strip files: the properties of a fabric strip as a person states them."""
+"""Strip files: nominal properties of a fabric strip, as an operator writes them."""
 
 from typing import Annotated, Any, Literal
 
@@ -15,7 +15,7 @@ Channel = Annotated[int, Field(ge=0, le=255)]
 
 
 class Provenance(Settings):
-    """Source of a value; `assumed` where none is published."""
+    """Published source of one value in a strip file; `assumed` where none is published."""
 
     key: str
     source: str
@@ -23,7 +23,7 @@ class Provenance(Settings):
 
 
 class StripFile(Settings):
-    """A fabric strip in SI units; see the strip file contract.
+    """Contents of a strip file: size, mass, bending and effects of a fabric strip, in SI units.
 
     `law` holds amounts of generic laws that describe what no effect explains; written only where
     not empty.
@@ -96,5 +96,5 @@ def paper_strip(k: float, b: float, **changes: Any) -> StripFile:
 
 
 def paper_damping_minimum(k: float) -> float:
-    """Smallest damping of the paper's range, b_min(k) = 3e-3 k + 3.5e-4 (appendix)."""
+    """Smallest joint damping [N m s/rad] in the paper: b_min(k) = 3e-3 k + 3.5e-4 (appendix)."""
     return 3e-3 * k + 3.5e-4

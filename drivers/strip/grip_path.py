@@ -1,4 +1,4 @@
-"""True gripper path from the reported one, and back: the effects of `Rig`.
+"""Conversion between reported and true gripper poses, which differ by the errors in `Rig`.
 
 The strip is grasped as it lies on the desk, so offsets, tilt and desk height act from 0 upwards
 over the first `LIFT_TRAVEL` of the path, in proportion to the largest distance from its start.
@@ -18,10 +18,10 @@ AS_REPORTED = Rig()
 
 
 def true_path(rig: Rig, t: Array, poses: Array, *, hanging: bool = False) -> tuple[Array, Array]:
-    """True times (m,) [s] and poses (m, 3) of a way reported as `t`, `poses`.
+    """True times (m,) [s] and poses (m, 3) of a gripper path reported as `t`, `poses`.
 
-    A strip that hangs when the way begins has its lift behind it. Without effects of the rig
-    the very same arrays.
+    A strip that hangs when the path begins has its lift behind it. Without effects of the rig
+    the arrays are returned unchanged.
     """
     if rig == AS_REPORTED:
         return t, poses
@@ -47,15 +47,15 @@ def share_away(poses: Array, start: Array) -> Array:
 
 
 def true_poses(rig: Rig, reported: Array, share: Array | float) -> Array:
-    """True poses (..., 3) over the true desk, `share` (...) of the rig's offsets grown."""
+    """True poses (..., 3) over the true desk: `reported` plus `share` (...) of the offsets."""
     return np.asarray(reported + _offset(rig) * np.asarray(share)[..., None])
 
 
 def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:
-    """Poses (..., 3) as the arm reports and takes them, for true ones; undoes `true_poses`."""
+    """Reported poses (..., 3) of `true` ones (..., 3); the inverse of `true_poses`."""
     return np.asarray(true - _offset(rig) * np.asarray(share)[..., None])
 
 
 def _offset(rig: Rig) -> Array:
-    """Offset (3,) of the true pose over the true desk from the reported one."""
+    """Offset (3,) [m, m, rad] of the true pose over the true desk from the reported one."""
     return np.array([rig.grip_x, rig.grip_z - rig.desk_height, rig.grip_tilt])

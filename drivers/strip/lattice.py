@@ -6,11 +6,11 @@ from drivers.types import Array
 
 
 def graded_nodes(length: float, pieces: int, share: float, finest: float) -> Array:
-    """Arc lengths of the nodes (pieces + 1,) [m]: equal segments, except that over the last `share`
-    they shrink to `finest` times the others.
+    """Arc lengths (pieces + 1,) [m] of nodes that are equally spaced, closer near the grip.
 
-    Near the grip a taut strip bends within sqrt(EI / T), a millimetre or two; where it leaves the
-    desk depends on the length of that bend.
+    Over the last `share` of the segments their length shrinks to `finest` times the others'. Near
+    the grip a taut strip bends within sqrt(EI / T), a millimetre or two; where it leaves the desk
+    depends on the length of that bend.
     """
     before_grip = (pieces - 0.5 - np.arange(pieces)) / pieces
     spans = np.minimum(1.0, finest ** (1.0 - before_grip / share))

@@ -16,12 +16,16 @@ from drivers.errors import ConfigurationError
 from drivers.strip.model import Mechanics, StripModel
 from drivers.types import Array, frozen
 
+SOFTEST = 0.05  # of the rigidity that is always left
+
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """One generic law: `size` [unit] is its smallest amount visible in ten runs, `most` the largest
-    of any strip, `least` the lowest (`-most` unless stated); `added` is the field of a model to
-    which it adds, or puts it into one.
+    """A generic term of a strip's equations: its unit, its range and the field that it changes.
+
+    `size` [unit] is the smallest amount visible in ten runs, `most` the largest of any strip,
+    `least` the lowest (`-most` unless stated). `added` is the path of the model's field to which
+    the amount is added, or a function that applies it to a model.
     """
 
     name: str
@@ -34,12 +38,12 @@ class Term:
 
     @property
     def low(self) -> float:
-        """The lowest amount [unit]."""
+        """Lowest allowed amount, in `unit`."""
         return -self.most if self.least is None else self.least
 
 
 def _add(part: Any, path: str, amount: float) -> Any:
-    """Copy of `part` of a model with `more` of the field at `path` in it."""
+    """Copy of `part`, a dataclass of a model, with `amount` added to the field at dotted `path`."""
     field, _, inner = path.partition(".")
     value = getattr(part, field)
     return replace(part, **{field: _add(value, inner, amount) if inner else value + amount})
@@ -55,7 +59,7 @@ def _add_gradient(model: StripModel, amount: float) -> StripModel:
 
 
 def _add_drift(model: StripModel, amount: float) -> StripModel:
-    factor = np.full_like(model.mechanics.rigidity, max(0.05, 1.0 + amount * model.index))
+    factor = np.full_like(model.mechanics.rigidity, max(SOFTEST, 1.0 + amount * model.index))
     return replace(model, mechanics=model.mechanics.scale_rigidity(factor))
 
 
@@ -83,7 +87,7 @@ def _add_compliance(model: StripModel, amount: float) -> StripModel:
 
 
 def _position(model: StripModel) -> Array:
-    """Position of each cell along the strip, from -1/2 to 1/2 (CELLS,)."""
+    """Relative arc length (CELLS,) of the cells, from -1/2 at the fixed edge to 1/2 at the grip."""
     return np.asarray(model.mechanics.cells / model.mechanics.length - 0.5)
 
 
@@ -119,11 +123,11 @@ _TERMS = (
     Term("term_lift", "grip higher than the arm reports", "m", 3e-4, 0.03, "rig.grip_z"),
 )  # fmt: skip
 LAW_TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _TERMS})
-"""The laws by name, in the order in which they apply."""
+"""The generic terms by name, in the order in which they apply."""
 
 
 def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
-    """`model` with these amounts of the generic laws; unknown names are ignored."""
+    """`model` with `amounts` of generic terms applied; unknown names are ignored."""
     for name, term in LAW_TERMS.items():
         if amount := amounts.get(name):
             added = term.added
@@ -132,7 +136,7 @@ def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
 
 
 def check_law(amounts: Mapping[str, float], origin: str) -> None:
-    """Raise ConfigurationError for an unknown law or an amount outside its range."""
+    """Raise ConfigurationError for an unknown generic term or an amount outside its range."""
     for name, amount in amounts.items():
         if name not in LAW_TERMS:
             raise ConfigurationError(

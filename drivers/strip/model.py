@@ -1,6 +1,6 @@
-"""The physical description of a strip in a cell, which every engine consumes.
+"""Physical model of a strip and its cell, the common input of all simulation engines.
 
-A description comes from a strip file and the cell's effects and nothing else. It is independent
+A model comes from a strip file and the cell's effects and nothing else. It is independent
 of any discretisation: fields along the strip are constant over `CELLS` equal cells, and an
 engine lumps them onto its own nodes with `Mechanics.mean` and `Mechanics.total`.
 """
@@ -17,23 +17,23 @@ from drivers.strip.file import GRAVITY
 from drivers.types import Array, frozen
 
 CELLS = 600
-EARLY_SHARE = 0.8  # of the stiffness of friction that sets in gradually, what slides early
-LATE_SHARE = 0.6  # of its moment, that is left to what slides late
+EARLY_SHARE = 0.8  # of the stiffness of gradual friction, in the element that slides early
+LATE_SHARE = 0.6  # of its moment, that `gradual` 1 moves to the element that slides late
 CONTACT_HEIGHT = 0.001  # m above rest at which the lifted strip leaves the desk
 
 
 @dataclass(frozen=True, slots=True)
 class BendingLaw:
-    """Moment of curvature beyond the linear Kelvin-Voigt law; nulls switch a term off.
+    """Bending moment as a function of curvature, beyond the linear Kelvin-Voigt law.
 
-    `cubic` [m^2] and `fifth`: M = EI kappa (1 + u + fifth u^2) with u = cubic kappa^2, level past
-    the crest where a softening law (`cubic` below 0) would fall. `yield_curvature` [1/m]:
-    friction moment over rigidity of an elasto-plastic element beside the elastic one, whose
-    stiffness before it slides is `stiffness_ratio` times EI; `gradual`, 0 to 1, is how much earlier
-    most of it slides than the rest (see `friction`). `quadratic_damping` [m s^2] times
-    EI |dkappa/dt| dkappa/dt adds to the moment. Of the rigidity the share `relaxing` carries
-    its moment only for about `relaxation_time` [s] (a Maxwell element, at rest when the motion
-    begins).
+    A term whose amount is 0 is off. `cubic` [m^2] and `fifth`: M = EI kappa (1 + u + fifth u^2)
+    with u = cubic kappa^2, level past the crest where a softening law (`cubic` below 0) would fall.
+    `yield_curvature` [1/m]: friction moment over rigidity of an elasto-plastic element beside the
+    elastic one, whose stiffness before it slides is `stiffness_ratio` times EI; `gradual`, 0 to 1,
+    is how much earlier most of it slides than the rest (see `friction`). `quadratic_damping` [m
+    s^2] times EI |dkappa/dt| dkappa/dt adds to the moment. Of the rigidity the share `relaxing`
+    carries its moment only for about `relaxation_time` [s] (a Maxwell element, at rest when the
+    motion begins).
     """
 
     cubic: float = 0.0
@@ -47,7 +47,7 @@ class BendingLaw:
 
     @property
     def friction(self) -> tuple[tuple[float, float], ...]:
-        """The elasto-plastic elements of bending friction, the one that yields first in front.
+        """Shares (stiffness, moment) of each elasto-plastic friction element, in order of yielding.
 
         One, or two that together begin as one does and end as it does: the sum bends over in
         between, the later the more `gradual`.
@@ -59,7 +59,7 @@ class BendingLaw:
 
     @property
     def crest(self) -> float:
-        """Curvature [1/m] from which on the elastic moment is level; infinite if it ever grows."""
+        """Curvature [1/m] at which the elastic moment stops growing; infinite if it never does."""
         if self.cubic >= 0 or 20.0 * self.fifth >= 9.0:
             return math.inf
         # dM/dkappa = 0: the smaller root of 1 + 3 u + 5 fifth u^2, finite at fifth = 0 too
@@ -69,7 +69,7 @@ class BendingLaw:
 
 @dataclass(frozen=True, slots=True)
 class Drag:
-    """Force of still air per length, 1/2 rho C_d width (u + slow) (v_n n + along v_t t).
+    """Drag of still air per length, 1/2 rho C_d width (u + slow) (v_n n + along v_t t).
 
     C_d is `coefficient`, u^2 = v_n^2 + oblique v_t^2 of the speeds v_n across and v_t along the
     strip. At `slow` [m/s] friction of the air resists as much as its pressure.
@@ -83,12 +83,12 @@ class Drag:
 
 @dataclass(frozen=True, slots=True)
 class Mechanics:
-    """Mechanical properties of the strip; arrays (CELLS,), cell j spans [j, j + 1] length / CELLS.
+    """Mechanical properties of a strip, as scalars and as arrays (CELLS,) over equal cells.
 
-    `rigidity` EI [N m^2], `viscosity` [N m^2 s] (moment per rate of curvature),
-    `rest_curvature` [1/m], `linear_density` [kg/m], all of the whole width. `length` [m] is the
-    true one, at rest. `stretch_stiffness` [N] is force per strain, `drag` that of the air,
-    `adhesion` [N/m] the force per length along the strip between layers that touch.
+    Cell j spans [j, j + 1] length / CELLS. `rigidity` EI [N m^2], `viscosity` [N m^2 s] (moment per
+    rate of curvature), `rest_curvature` [1/m], `linear_density` [kg/m], all of the whole width.
+    `length` [m] is the true one, at rest. `stretch_stiffness` [N] is force per strain, `drag` that
+    of the air, `adhesion` [N/m] the force per length along the strip between layers that touch.
     """
 
     length: float
@@ -110,7 +110,7 @@ class Mechanics:
 
     @property
     def ends(self) -> Array:
-        """Arc lengths (2,) [m] of both edges."""
+        """Arc lengths (2,) [m] of the fixed and the grasped edge."""
         return np.array([0.0, self.length])
 
     @property
@@ -129,11 +129,11 @@ class Mechanics:
         return self.total(values, edges) / np.diff(edges)
 
     def series(self, values: Array, edges: Array) -> Array:
-        """Harmonic mean (n,) over the spans between `edges` (n + 1,) [m]: stiffnesses in series."""
+        """Harmonic mean (n,) of a per-cell field (CELLS,) over spans of `edges` (n + 1,) [m]."""
         return 1.0 / self.mean(1.0 / values, edges)
 
     def inside(self, position: float, width: float, softness: float = 0.0) -> Array:
-        """Fraction (CELLS,) of each cell that lies within `width` [m] about `position` [m].
+        """Fraction (CELLS,) of each cell inside a window of `width` [m] centred at `position` [m].
 
         With `softness` the edges are smoothed by a Gaussian of deviation softness times width.
         Raises ConfigurationError for a position outside the strip.
@@ -149,19 +149,19 @@ class Mechanics:
             spread = softness * width
             return np.asarray(special.ndtr(ahead / spread) - special.ndtr(behind / spread))
         cells = np.linspace(0.0, self.length, CELLS + 1)
-        ahead = np.minimum(cells[1:], position + width / 2)
-        shared = ahead - np.maximum(cells[:-1], position - width / 2)
-        return np.clip(shared * (CELLS / self.length), 0.0, 1.0)
+        right = np.minimum(cells[1:], position + width / 2)
+        left = np.maximum(cells[:-1], position - width / 2)
+        return np.clip((right - left) * (CELLS / self.length), 0.0, 1.0)
 
     def scale_rigidity(self, factor: Array) -> Self:
-        """The strip with rigidity times `factor` (CELLS,) and the same retardation time."""
+        """A copy with rigidity and viscosity times `factor` (CELLS,): same retardation time."""
         rigidity, viscosity = frozen(self.rigidity * factor), frozen(self.viscosity * factor)
         return replace(self, rigidity=rigidity, viscosity=viscosity)
 
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """Boundary conditions and loads: `gravity` (g_x, g_z) [m/s^2] in the cell frame.
+    """Boundary conditions and loads of a strip: `gravity` (g_x, g_z) [m/s^2] in the cell frame.
 
     `edge_friction`: friction coefficient of the loose fixed edge and the part of the strip that
     lies on the desk. `grip_force` [N]: pull along the strip at which it slides out of the grip.
@@ -176,7 +176,7 @@ class Boundary:
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """Errors of the rig's pose and timing against its reports, true minus reported.
+    """Errors of gripper pose and desk height, true minus reported, and delay of the arm's stamps.
 
     `grip_x`, `grip_z` [m] and `grip_tilt` [rad] of the gripper's pose, `desk_height` [m] of the
     desk, `delay` [s] of the gripper's stamps; applied in `grip_path` and `observation`. Engines get
@@ -192,7 +192,7 @@ class Rig:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """Measurement errors of the rig, measured minus true; applied in `observation`.
+    """Measurement errors of camera and force sensor, measured minus true; see `observation`.
 
     `contact_height` [m] is the height that defines desk_contact. Images show the world
     `camera_latency` [s] before their stamps. Places in them are 1 + `scale` times true, offset by
@@ -213,10 +213,10 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class StripModel:
-    """A strip in a cell. `stated_length` [m] is where the gripper takes the edge, x = L.
+    """A strip in a cell: its mechanics, its boundary conditions and the cell's errors.
 
-    A strip of another length starts slack or taut. `index` is the number of runs that the specimen
-    has already been through.
+    `stated_length` [m] is where the gripper takes the edge, x = L. A strip of another length starts
+    slack or taut. `index` is the number of runs that the specimen has already been through.
     """
 
     mechanics: Mechanics

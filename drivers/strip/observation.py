@@ -1,4 +1,4 @@
-"""Measured values from true ones, and back: the effects of `Observation`.
+"""Measurement model of the cell: conversion of positions, times and forces, true to measured.
 
 True places are over the true desk, as engines have them; measured ones are in the cell frame of the
 calibration. measured = (1 + scale) true + shift; times are stamps.
@@ -13,6 +13,7 @@ from drivers.strip.shape import Touch
 from drivers.types import Array
 
 FORCE_WINDOW = 0.02  # s over which an arm averages a force; assumed
+SHORTEST_WINDOW = 1e-9  # s, keeps the mean of a path of one row finite
 
 
 def seen_time(observation: Observation, t: Array | float) -> Array | float:
@@ -38,12 +39,12 @@ def true_points(model: StripModel, points: Array) -> Array:
 
 
 def seen_contact(observation: Observation, x: Array | float) -> Array | float:
-    """Measured contact_x (...,) [m] of a true desk contact at `x` (...,)."""
+    """Measured contact_x (...,) [m] of a true desk contact at `x` (...,) [m]."""
     return (1 + observation.scale) * x + (observation.shift_x + observation.contact_bias)
 
 
 def mean_force(t: Array, force: Array) -> Array:
-    """Force (k, 2) [N] at times `t` (k,) [s], each a mean over `FORCE_WINDOW` about its time.
+    """Moving average (k, 2) [N] over `FORCE_WINDOW` of `force` (k, 2) at times `t` (k,) [s].
 
     A path that is given in rows has kinks, where a gripper jerks from step to step.
     """
@@ -51,19 +52,19 @@ def mean_force(t: Array, force: Array) -> Array:
 
     total = cumulative_trapezoid(force, t, axis=0, initial=0.0)
     ends = [np.clip(t + side * FORCE_WINDOW / 2, t[0], t[-1]) for side in (-1, 1)]
-    first, last = (np.stack([np.interp(e, t, c) for c in total.T], axis=1) for e in ends)
-    return np.asarray((last - first) / np.maximum(ends[1] - ends[0], 1e-9)[:, None])
+    first, last = (np.stack([np.interp(end, t, c) for c in total.T], axis=1) for end in ends)
+    return np.asarray((last - first) / np.maximum(ends[1] - ends[0], SHORTEST_WINDOW)[:, None])
 
 
 def reported_force(observation: Observation, t: Array, true_t: Array, force: Array) -> Array:
-    """Force (m, 2) [N] in reports at `t` (m,) [s] of a true `force` (k, 2) at `true_t` (k,)."""
+    """Reported force (m, 2) [N] at `t` (m,) [s] for a true `force` (k, 2) at `true_t` (k,) [s]."""
     then = t - observation.force_delay
     seen = np.stack([np.interp(then, true_t, column) for column in force.T], axis=1)
     return np.asarray(seen + np.array([observation.force_x, observation.force_z]))
 
 
 def seen_touch(model: StripModel, touch: Touch, grip: Array, reported: Array) -> Touch:
-    """layer_touch as images show it.
+    """Layer touch as the camera measures it, from the true `touch`.
 
     `grip` (3,) is the true pose at the touch, `reported` (3,) the arm's pose at the stamp of the
     image. l1 is measured along the image of the upper layer to the reported grip point, along the

@@ -1,4 +1,4 @@
-"""Geometry of a strip's shape: desk_contact, tip of the fold, layer_touch.
+"""Geometric features of a strip's shape: desk contact, fold tip, layer gap and layer touch.
 
 One definition for truth, both engines, policies and perception. A shape is the midline as nodes (n,
 2) of x, z [m] in the cell frame at arc lengths s (n,) [m] from the fixed edge.
@@ -15,7 +15,7 @@ LYING_LENGTH = 0.05  # m of strip that lies, which ends the search for the desk 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """layer_touch: when [s], where x [m], and the lengths to both edges [m]."""
+    """First touch of the layers: its time [s], its x [m], and the lengths [m] to both edges."""
 
     time: float
     x: float
@@ -24,13 +24,13 @@ class Touch:
 
     @property
     def displacement(self) -> float:
-        """d = l1 - l2, misalignment of the layers [m] (paper, figure of l1 and l2)."""
+        """Misalignment d = l1 - l2 [m] of the layers (paper, figure of l1 and l2)."""
         return self.to_grasped - self.to_fixed
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Smallest vertical distance `height` [m] between the layers, at `x` and arc length `s`."""
+    """Smallest vertical distance `height` [m] of the layers, at `x` [m] and arc length `s` [m]."""
 
     height: float
     x: float
@@ -63,13 +63,13 @@ def desk_contact(points: Array, height: float) -> float:
 
 
 def _last_low(z: Array, start: int, height: float) -> int:
-    """Index of the last of the values `z` (n,) from `start` on that is at most `height`."""
+    """Last index of the run of values `z` (n,) at most `height` that begins at `start`."""
     above = np.flatnonzero(z[start:] > height)
     return start + int(above[0]) - 1 if len(above) else len(z) - 1
 
 
 def fold_tip(points: Array) -> tuple[float, float]:
-    """(x, z) of the rightmost point, refined by a parabola through three nodes."""
+    """(x, z) [m] of the rightmost point of `points` (n, 2), refined by a parabola."""
     j = int(np.argmax(points[:, 0]))
     if j in (0, len(points) - 1):
         return float(points[j, 0]), float(points[j, 1])
@@ -94,46 +94,52 @@ def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
     """
     tip = int(np.argmax(points[:, 0]))
     upper = points[tip:]
-    if len(upper) < 4 or tip < 2:
+    if len(upper) < 4 or tip < 2:  # too few nodes on either side for a fold
         return None
     lower_z = np.interp(upper[:, 0], points[: tip + 1, 0], points[: tip + 1, 1])
     gap = np.where(upper[:, 0] >= points[0, 0], upper[:, 1] - lower_z, np.inf)
+    j = _closing_minimum(gap, opening)
+    if j is None:
+        return None
+    if not np.isfinite(gap[j - 1 : j + 2]).all():
+        return Gap(float(gap[j]), float(upper[j, 0]), float(s[tip + j]))
+    offset = _vertex(gap[j - 1], gap[j], gap[j + 1])
+    height = gap[j] - 0.25 * (gap[j - 1] - gap[j + 1]) * offset
+    nodes = np.arange(len(upper))
+    x, s_there = (np.interp(j + offset, nodes, values) for values in (upper[:, 0], s[tip:]))
+    return Gap(float(height), float(x), float(s_there))
+
+
+def _closing_minimum(gap: Array, opening: float) -> int | None:
+    """Index of the smallest local minimum of `gap` (n,) after it has exceeded `opening`, if any."""
     opened = np.flatnonzero(gap > opening)
     if len(opened) == 0:
         return None
     inner = np.arange(max(int(opened[0]), 1), len(gap) - 1)
     minima = inner[(gap[inner] <= gap[inner - 1]) & (gap[inner] < gap[inner + 1])]
-    if len(minima) == 0:
-        return None
-    j = int(minima[np.argmin(gap[minima])])
-    if not np.isfinite(gap[j - 1 : j + 2]).all():
-        return Gap(float(gap[j]), float(upper[j, 0]), float(s[tip + j]))
-    offset = _vertex(gap[j - 1], gap[j], gap[j + 1])
-    height = gap[j] - 0.25 * (gap[j - 1] - gap[j + 1]) * offset
-    index = j + offset
-    places = np.arange(len(upper))
-    x = np.interp(index, places, upper[:, 0])
-    return Gap(float(height), float(x), float(np.interp(index, places, s[tip:])))
+    return int(minima[np.argmin(gap[minima])]) if len(minima) else None
 
 
 def touch_between(
     before: tuple[float, Gap | None], after: tuple[float, Gap | None], gap: float, length: float
 ) -> Touch | None:
-    """layer_touch between two instants (time, Gap), interpolated to where the gap is `gap`."""
-    (t0, g0), (t1, g1) = before, after
-    if g1 is None or g1.height > gap:
+    """Layer touch between two instants (time [s], Gap), where the gap falls to `gap` [m], if any.
+
+    `length` [m] is that of the strip.
+    """
+    (t0, earlier), (t1, later) = before, after
+    if later is None or later.height > gap:
         return None
-    share = 1.0
-    if g0 is not None and g0.height > gap:
-        share = (g0.height - gap) / (g0.height - g1.height)
-    start = g0 if g0 is not None and g0.height > gap else g1
-    x = start.x + share * (g1.x - start.x)
-    s = start.s + share * (g1.s - start.s)
+    if earlier is None or not earlier.height > gap:  # nothing to interpolate from
+        return Touch(t0 + (t1 - t0), later.x, to_grasped=length - later.s, to_fixed=later.x)
+    share = (earlier.height - gap) / (earlier.height - later.height)
+    x = earlier.x + share * (later.x - earlier.x)
+    s = earlier.s + share * (later.s - earlier.s)
     return Touch(t0 + share * (t1 - t0), x, to_grasped=length - s, to_fixed=x)
 
 
 def _vertex(left: float, here: float, right: float) -> float:
-    """Offset in nodes, within +-0.5, of the extremum of a parabola through three values."""
+    """Offset [nodes], at most +-0.5, of the extremum of a parabola through three values."""
     bend = left - 2 * here + right
     if bend == 0:
         return 0.0

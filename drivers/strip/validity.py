@@ -1,4 +1,4 @@
-"""The strips for which rod and chain were found to hold, in one place.
+"""Ranges of strip properties in which the rod and chain engines were validated.
 
 Measured by `cell study validity`: folds of denim with one value changed,
 against the same engine with half its step in space. Inside the bounds that changes the
@@ -16,7 +16,7 @@ from drivers.strip.file import StripFile
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Range in which an `engine` was validated: `value` of a strip from `low` to `high`.
+    """Validated range of one strip property in one `engine`: `value` from `low` to `high`.
 
     Below `refused` the engine gives no result at all. `why` is what happens outside.
     """
@@ -77,7 +77,7 @@ BOUNDS = (
 
 
 def doubts(strip: StripFile) -> tuple[str, ...]:
-    """Properties of `strip` outside the range in which an engine was validated, a sentence each."""
+    """Warnings about properties of `strip` outside an engine's validated range, a sentence each."""
     return tuple(
         f"{strip.name}: {_location(bound, strip)}, the {bound.engine} holds from {bound.low:g} to "
         f"{bound.high:g}: {bound.why}; expect errors of the simulation"

@@ -22,14 +22,14 @@ FORCE_NOT_MEASURED = (float("nan"), float("nan"))
 
 
 class ExternalWrench:
-    """The external force of the twin's arm, in the plane of the strip.
+    """Simulated external force of the twin's arm, in the plane of the strip.
 
     An arm estimates it from the torques of its motors, averaged over some time; what its tare did
     not take off stays for the session.
     """
 
     def __init__(self, settings: WrenchSettings, rng: np.random.Generator) -> None:
-        """An arm that feels nothing yet; noise and offset come from `rng`."""
+        """Start at zero force; noise and offset come from `rng`."""
         self._rng = rng
         self._noise = settings.noise
         self._share = 1.0 if settings.lag == 0 else 1.0 - exp(-TICK / settings.lag)
@@ -46,7 +46,7 @@ class ExternalWrench:
 
     @property
     def reading(self) -> tuple[float, float]:
-        """What the arm reports, (f_x, f_z) [N]."""
+        """Reported force (f_x, f_z) [N]."""
         return self._reading
 
 
@@ -83,8 +83,8 @@ class TwinArm:
         self._actual = [start.x, start.z, start.pitch]
         self._rate = [0.0, 0.0, 0.0]
         self._delay = delay
-        felt = settings.force  # of a generator of its own: nothing else changes with it
-        self._wrench = None if felt is None else ExternalWrench(felt, rng.spawn(1)[0])
+        wrench = settings.force  # of a generator of its own: nothing else changes with it
+        self._wrench = None if wrench is None else ExternalWrench(wrench, rng.spawn(1)[0])
         still = (*self._actual, *self._rate)
         self._past = deque([still] * (2 + int(max(delay, 0.0) / TICK)))
         self._connected = False
@@ -155,21 +155,23 @@ class TwinArm:
         self._world.follow_when_asked(arrives, partial(self._in_cell, self._actual))
 
     def _in_cell(self, actual: list[float]) -> Pose:
-        """A pose as the robot has it, through its own frame."""
+        """Pose of `actual` (x, z, pitch) after the conversion to the robot's frame and back."""
         return Pose(*self._cell_in_robot.to_cell(self._cell_in_robot.to_robot(*actual)))
 
     def _trail(self, command: list[float]) -> None:
-        """Follow the command with a first-order lag."""
-        step = [self._follow * (c - a) for c, a in zip(command, self._actual, strict=True)]
-        self._actual = [a + s for a, s in zip(self._actual, step, strict=True)]
-        self._rate = [s / TICK for s in step]
+        """Move the actual pose towards `command` (x, z, pitch) with a first-order lag."""
+        lags = zip(command, self._actual, strict=True)
+        step = [self._follow * (goal - actual) for goal, actual in lags]
+        self._actual = [actual + move for actual, move in zip(self._actual, step, strict=True)]
+        self._rate = [move / TICK for move in step]
 
     def _report(self) -> list[float]:
-        """Pose and rate (6,) that the arm can report at this time."""
+        """Pose and rate (6,) that the arm reports now: those of `delay` [s] ago."""
         ticks = max(self._delay, 0.0) / TICK
         whole = int(ticks)
+        share = ticks - whole
         newer, older = self._past[-1 - whole], self._past[-2 - whole]
-        return [n + (ticks - whole) * (o - n) for n, o in zip(newer, older, strict=True)]
+        return [new + share * (old - new) for new, old in zip(newer, older, strict=True)]
 
     @property
     def _settled(self) -> bool:

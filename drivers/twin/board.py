@@ -16,12 +16,15 @@ from drivers.types import Array, Frame, Image
 SOURCE = "twin board"
 QUIET_ZONE = 0.5  # squares of white paper around the pattern
 SAMPLES_PER_PIXEL = 2  # samples per pixel and direction
+BORDER = 4  # px around the board that are redrawn with it
+PRINT_SCALE = 2.5  # pixels of the print per pixel of the image
+SMALLEST_SQUARE = 24.0  # px of the print
 PAPER_LEVEL, INK_LEVEL = 232.0, 26.0  # grey levels of the print
 
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Pose of a board in front of the camera, given by its image.
+    """Pose of a board in front of the camera, described by its place and size in the image.
 
     `x`, `y` are the centre as fractions of the image, `size` the board's width as a fraction of the
     image's. At zero angles [rad] it faces the camera; `tilt` leans its top away, `turn` moves its
@@ -78,14 +81,14 @@ def board_frame(
     image = np.empty((settings.height, settings.width, 3), np.uint8)
     glow = light(settings)[..., None]
     image[:] = bgr(settings.surroundings.backdrop) * glow
-    _show(image, optics, board, pose, glow)
+    _draw_board(image, optics, board, pose, glow)
     rng = np.random.default_rng((seed, sequence, 0xB0))
     seen = noisy(blur(image, settings.lens_blur), settings.noise, rng)
     seen.setflags(write=False)
     return Frame(stamp, stamp + settings.transport_delay, SOURCE, sequence, seen)
 
 
-def _show(
+def _draw_board(
     image: Image, optics: Optics, board: cv2.aruco.CharucoBoard, pose: Matrix, glow: Pixels
 ) -> None:
     """Draw `board` into `image` where the camera sees it, in place."""
@@ -97,13 +100,14 @@ def _show(
     if depth <= 0:
         raise ConfigurationError("board: pose: is behind the camera; hold the board before it")
     seen = optics.project(placed)
-    left, top = np.clip(np.floor(seen.min(axis=0)).astype(int) - 4, 0, image.shape[1::-1])
-    right, bottom = np.clip(np.ceil(seen.max(axis=0)).astype(int) + 5, 0, image.shape[1::-1])
+    size = image.shape[1::-1]
+    left, top = np.clip(np.floor(seen.min(axis=0)).astype(int) - BORDER, 0, size)
+    right, bottom = np.clip(np.ceil(seen.max(axis=0)).astype(int) + BORDER + 1, 0, size)
     if left >= right or top >= bottom:
         return
     x, y = _on_board(optics, pose, (left, top, right, bottom))
-    scale = max(2.5 * optics.focal / depth * square, 24.0)
-    print_, share = _sample(board, x / square, y / square, round(scale))
+    scale = max(PRINT_SCALE * optics.focal / depth * square, SMALLEST_SQUARE)
+    print_, share = _sample_print(board, x / square, y / square, round(scale))
     part = image[top:bottom, left:right]
     paper = print_[..., None] * glow[top:bottom, left:right]
     part[:] = np.minimum(part + share[..., None] * (paper - part) + 0.5, 255)
@@ -112,7 +116,7 @@ def _show(
 def _on_board(
     optics: Optics, pose: Matrix, box: tuple[int, int, int, int]
 ) -> tuple[Pixels, Pixels]:
-    """Where rays meet the board [m from its centre], SAMPLES_PER_PIXEL to a pixel of `box`."""
+    """Points x, y [m] of the board, from its centre, that SAMPLES_PER_PIXEL rays per pixel meet."""
     left, top, right, bottom = box
     u, v = np.meshgrid(
         (np.arange((right - left) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL - 0.5 + left,
@@ -126,7 +130,7 @@ def _on_board(
     return x, y
 
 
-def _sample(
+def _sample_print(
     board: cv2.aruco.CharucoBoard, x: Pixels, y: Pixels, scale: int
 ) -> tuple[Pixels, Pixels]:
     """Grey level of the print and coverage of the pixel, at x, y [squares]."""

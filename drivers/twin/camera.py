@@ -23,14 +23,14 @@ AS_CALIBRATED = Observation()
 
 
 class Visible(Protocol):
-    """A world that keeps the scenes of its last second."""
+    """Source of the recent scenes that a camera renders, such as the twin's world."""
 
     def scene(self, stamp: float) -> Scene:
-        """The cell at `stamp` [s]."""
+        """The scene of the cell at `stamp` [s]."""
 
 
 class TwinCamera:
-    """Satisfies `drivers.protocols.Camera` for a simulated world.
+    """Simulated camera (`drivers.protocols.Camera`) that renders scenes of the twin's world.
 
     Frame k is exposed about k / rate, its stamp, and delivered `transport_delay` later; a share of
     them, `lost`, never is. Only frames that are read are rendered. `observation` holds what changed
@@ -118,7 +118,7 @@ class TwinCamera:
         return Frame(stamp, self._arrival(sequence), SOURCE, sequence, image)
 
     def _exposure(self, middle: float) -> list[Scene]:
-        """Middles of equal parts of the exposure [s], none before the run began."""
+        """Scenes at the middles of equal parts of the exposure around `middle` [s], from 0 s on."""
         count = self._settings.sub_shapes
         offsets = (np.arange(count) + 0.5) / count - 0.5
         moments = middle + offsets * self._settings.exposure
@@ -126,7 +126,7 @@ class TwinCamera:
 
 
 def optics_now(settings: CameraSettings, observation: Observation, desk_height: float) -> Optics:
-    """The camera at its present pose: measured = (1 + scale) (true + desk height) + shift."""
+    """Optics at the present pose: measured = (1 + scale) (true + desk height) + shift."""
     shift = observation.shift_x, observation.shift_z
     moved = Optics.of(settings).displace(observation.scale, shift)
     return moved.displace(0.0, (0.0, desk_height))

@@ -13,7 +13,7 @@ Action = Callable[[float], None]
 
 
 class Turn(IntEnum):
-    """Order of events at the same instant."""
+    """Kinds of events, in the order in which those at the same instant run."""
 
     SERVO = 0
     HAND = 1
@@ -39,13 +39,12 @@ class Event:
         self.cancelled = True
 
     def due(self) -> int:
-        """When it runs next [ns]: the whole multiple `count` of its period, so it cannot drift."""
+        """Time [ns] of the next run: start plus `count` whole periods, so that it cannot drift."""
         return nanoseconds(self.start + self.count * (self.period or 0.0))
 
 
 class TwinClock:
-    """Seconds since the run began, advanced only by `wait_until` through an ordered queue of
-    events.
+    """Simulated clock, advanced only by `wait_until` through an ordered queue of events.
 
     Instants are whole nanoseconds, so that a servo tick, a strip step and a frame at the same
     moment are equal; they run in the order of their `Turn`, and within a turn in the order in which
@@ -73,11 +72,11 @@ class TwinClock:
         return self._push(Event(action, turn, self._number(), begin, period, count=1))
 
     def at(self, time: float, action: Action, turn: Turn) -> Event:
-        """Call `action(now)` once at `time` [s], or as soon as the clock moves when it is past."""
+        """Call `action(now)` once at `time` [s], or at the next `wait_until` if `time` is past."""
         return self._push(Event(action, turn, self._number(), max(time, self.now()), None))
 
     def wait_until(self, time: float) -> None:
-        """Run every event up to and including `time` [s]; return at once when it is past.
+        """Run every event up to and including `time` [s]; returns at once if `time` is past.
 
         An exception of an event is raised here with the clock at that event's time. Raises
         CellError when called by an event.

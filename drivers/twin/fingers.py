@@ -18,6 +18,6 @@ class Fingers:
         return self.start + abs(self.target - self.width) / self.speed
 
     def at(self, time: float) -> float:
-        """Width between them at `time` [m]."""
+        """Width [m] between the fingers at `time` [s]."""
         travel = self.speed * max(time - self.start, 0.0)
         return float(min(max(self.target, self.width - travel), self.width + travel))

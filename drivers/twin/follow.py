@@ -1,6 +1,4 @@
-"""Simulated strip and camera beside any arm: they follow its measured poses and
-its hand's grasp.
-"""
+"""Simulated strip and camera beside any arm, moved by its measured poses and its hand."""
 
 from collections.abc import Callable
 

@@ -11,9 +11,7 @@ from drivers.types import Pose
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """A rigid hold: the edge at `along`, `across` [m] in the hand's frame,
-    turned by `turn` [rad].
-    """
+    """A rigid grasp: position `along`, `across` [m] and `turn` [rad] of the edge in the hand."""
 
     along: float
     across: float
@@ -21,7 +19,7 @@ class Grip:
 
     @classmethod
     def between(cls, hand: Pose, edge: Pose) -> Self:
-        """The hold of a `hand` that closed on `edge`."""
+        """The grasp of a hand at pose `hand` that closed on an edge at pose `edge`."""
         dx, dz = edge.x - hand.x, edge.z - hand.z
         c, s = cos(hand.pitch), sin(hand.pitch)
         return cls(c * dx + s * dz, c * dz - s * dx, edge.pitch - hand.pitch)
@@ -37,7 +35,7 @@ class Grip:
 
 
 class RigOffsets:
-    """The gripper's true pose over the true desk from the pose that the arm reports.
+    """Converter of reported gripper poses to true poses over the true desk.
 
     The offsets of `rig` grow as in `grip_path`: from zero at the grasp.
     """
@@ -47,20 +45,20 @@ class RigOffsets:
         self._start: Pose | None = None
         self._share = 0.0
 
-    def grasp(self, believed: Pose) -> None:
-        """The strip is grasped here: from now on offsets grow with the distance."""
-        self._start = believed
+    def grasp(self, reported: Pose) -> None:
+        """Set `reported` as the pose of the grasp, from which on offsets grow with the distance."""
+        self._start = reported
 
-    def advance(self, believed: Pose) -> Pose:
-        """The true pose of a gripper that has moved to the reported pose `believed`."""
+    def advance(self, reported: Pose) -> Pose:
+        """The true pose of a gripper that has moved to the pose `reported`."""
         if self._start is not None:
-            share = share_away(believed.as_array(), self._start.as_array())
+            share = share_away(reported.as_array(), self._start.as_array())
             self._share = max(self._share, float(share))
-        return self.true(believed)
+        return self.true(reported)
 
-    def true(self, believed: Pose) -> Pose:
-        """The true pose, with the offsets grown so far."""
+    def true(self, reported: Pose) -> Pose:
+        """The true pose of a gripper at the pose `reported`, with the offsets grown so far."""
         if self._share == 0:
-            return believed
-        x, z, pitch = true_poses(self._rig, believed.as_array(), self._share).tolist()
+            return reported
+        x, z, pitch = true_poses(self._rig, reported.as_array(), self._share).tolist()
         return Pose(x, z, pitch)

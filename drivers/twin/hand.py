@@ -39,7 +39,7 @@ class TwinHand:
             self._closing = self._clock.at(at, self._meet_strip, Turn.HAND)
 
     def state(self) -> HandState:
-        """Width and grasp at this instant."""
+        """State of the fingers now: width, grasp and whether they move."""
         now = self._clock.now()
         return HandState(
             stamp=now,

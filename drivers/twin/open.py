@@ -1,4 +1,4 @@
-"""Opens the twin of the whole cell on one simulated clock."""
+"""Construction of the twin of a whole cell on one simulated clock."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ ORDINARY = PlantOptions()
 
 @dataclass(frozen=True, slots=True)
 class Twin:
-    """Clock and devices of a cell whose strip is simulated, and their common world."""
+    """Clock, devices and world of a cell that is wholly simulated."""
 
     clock: TwinClock
     arm: TwinArm
@@ -54,7 +54,7 @@ class Twin:
     world: World
 
     def truth(self) -> Truth:
-        """What really happened; for scoring only."""
+        """True history of strip and gripper since the grasp; for scoring only."""
         return self.world.truth()
 
 
@@ -69,7 +69,7 @@ class Desk:
     home: Pose
 
     def truth(self) -> Truth:
-        """What really happened; for scoring only."""
+        """True history of strip and gripper since the grasp; for scoring only."""
         return self.world.truth()
 
 
@@ -106,7 +106,7 @@ def open_desk(
     index: int = 0,
     staging: PlantOptions = ORDINARY,
 ) -> Desk:
-    """Strip and camera on `clock`, for an arm that reports its poses to the world."""
+    """A desk with strip and camera on `clock`, for an arm that reports its poses to the world."""
     model = describe(plant, cell_effects, index)
     home = Pose(model.stated_length, settings.arm.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)

@@ -9,11 +9,11 @@ SLOW_PERIOD = 0.1  # s between two images, from which on none is held back: no t
 
 
 class PacedCamera:
-    """Satisfies `drivers.protocols.Camera` for a camera that draws its image while it is read.
+    """Camera wrapper that draws an image in one control tick and delivers it in the next.
 
-    Drawing an image and reading the strip in it in one tick of the control loop would take twice as
-    long as either. So the tick in which a frame arrives draws it, and the next one gets it; its
-    stamp still says when the world was so.
+    It satisfies `drivers.protocols.Camera`. Drawing an image and reading the strip in it in one
+    tick of the control loop would take twice as long as either. So the tick in which a frame
+    arrives draws it, and the next one gets it; its stamp still says when the world was so.
     """
 
     def __init__(self, camera: Camera) -> None:

@@ -11,7 +11,7 @@ PIECE_TIME = 0.005  # s of the world between two looks at the wall
 
 
 class RealTimeClock:
-    """Satisfies `drivers.protocols.Clock`: time is the wall's, and the twin's world follows it.
+    """Wall clock (`drivers.protocols.Clock`) that advances the twin's world to the present.
 
     Its readers may be threads; the twin's own devices read `twin`, so that their stamps say how
     far the world has come. The wall clock starts at the first use, so that construction time does
@@ -56,7 +56,7 @@ class RealTimeClock:
         self._catch_up(self.now() + self._patience)
 
     def _catch_up(self, end: float) -> None:
-        """Advance the world by small pieces to the present, or until the wall says `end` [s]."""
+        """Advance the world by small pieces to the present, at most until wall time `end` [s]."""
         while (now := self.now()) < end and now - self._twin.now() > LATE_AT_MOST:
             self._twin.wait_until(min(self._twin.now() + PIECE_TIME, now))
 

@@ -1,4 +1,4 @@
-"""State of the twin's world as its camera needs it."""
+"""Scenes, the states of the twin's world that its camera renders, and their history."""
 
 from collections import deque
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from drivers.types import Array, Pose, frozen
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """The world in the plane of the strip at `stamp` [s of the run], in the cell frame.
+    """State of the twin's world at `stamp` [s of the run], in the strip's plane and cell frame.
 
     `points` (n, 2) midline (x, z) [m] from the fixed edge on, `arc` (n,) its arc length [m];
     `gripper` the true pose of the fingers, `finger_width` the distance between them [m],
@@ -33,7 +33,7 @@ class History:
     """Scenes at regular steps within a limited memory, with linear interpolation between them."""
 
     def __init__(self, step: float, memory: float) -> None:
-        """Scenes every `step` [s], kept for `memory` [s]."""
+        """Keep scenes at every `step` [s] for the last `memory` [s]."""
         self._step = nanoseconds(step)
         self._scenes: deque[Scene] = deque(maxlen=nanoseconds(memory) // self._step + 2)
 
@@ -62,7 +62,7 @@ class History:
 
 
 def between(earlier: Scene, later: Scene, stamp: float) -> Scene:
-    """The scene at `stamp` [s] between two others; what the hand holds is the earlier one's."""
+    """Scene at `stamp` [s], interpolated; what the hand holds is that of the `earlier` scene."""
     share = (stamp - earlier.stamp) / (later.stamp - earlier.stamp)
     here, there = earlier.gripper.as_array(), later.gripper.as_array()
     x, z, pitch = (here + share * (there - here)).tolist()
@@ -77,7 +77,7 @@ def between(earlier: Scene, later: Scene, stamp: float) -> Scene:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """The world at each strip step since the grasp: times `t` (k,) [s of the run].
+    """True states of strip and gripper at each step since the grasp, times `t` (k,) [s of the run].
 
     `contact_x` (k,) [m]; `tip` (k, 2) [m], the fold's rightmost point; `gripper` (k, 3) and
     `edge` (k, 3), poses of the fingers and of the strip's grasped edge; `shapes` (k, n, 2) [m],

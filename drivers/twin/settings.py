@@ -18,10 +18,11 @@ Offset = Annotated[float, Field(ge=-0.05, le=0.05)]
 
 
 class Surroundings(Settings):
-    """Colours in sRGB, and extent [m] in y of the desk; the strip's near edge lies at y = 0.
+    """Colours (sRGB) around the strip, and extent [m] in y of the desk.
 
-    A bright green mat before a green backdrop, as for chroma keying: white, black, grey, brown,
-    red, blue and teal fabrics all differ from it, in colour where they do not in brightness.
+    The strip's near edge lies at y = 0. A bright green mat before a green backdrop, as for chroma
+    keying: white, black, grey, brown, red, blue and teal fabrics all differ from it, in colour
+    where they do not in brightness.
     """
 
     desk: Colour = (106, 196, 72)
@@ -34,7 +35,7 @@ class Surroundings(Settings):
 
 
 class CameraSettings(Settings):
-    """A camera that looks along +y at the plane y = 0, from `distance` [m] in front of it.
+    """Settings of a camera that looks along +y at the plane y = 0 from `distance` [m] before it.
 
     Angles [rad]: `elevation` above the desk seen from the near edge, at most 5 degrees; `yaw`,
     `tilt` and `roll` are mounting errors. The optical axis aims at (`aim_x`, `aim_z`) and the image
@@ -91,12 +92,12 @@ class CameraSettings(Settings):
 
     @property
     def identity(self) -> str:
-        """Hash of all of these settings, which a calibration must match."""
+        """Hash of all camera settings, which a calibration must match."""
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:16]
 
 
 class WrenchSettings(Settings):
-    """How the twin's arm reports the strip's force, one sigma [N], `lag` [s].
+    """Noise and bias [N, one sigma] and lag [s] of the force that the twin's arm reports.
 
     Each reading has the `noise`, each session the `bias`, which is what the tare left; it is
     averaged over `lag`. Source: assumed. Of a Franka at rest a user shows readings some 10 mN apart
@@ -110,7 +111,7 @@ class WrenchSettings(Settings):
 
 
 class ArmSettings(Settings):
-    """The twin's arm. Lengths [m], angles [rad], times [s].
+    """Settings of the twin's arm: lengths [m], angles [rad], times [s].
 
     It trails its commands by `lag` and measures itself with `noise` and `pitch_noise` (one
     sigma). The emulated robot of arm fci trails by `robot_delay` and `robot_lag` instead; with a
@@ -129,7 +130,7 @@ class ArmSettings(Settings):
 
 
 class HandSettings(Settings):
-    """The twin's hand. Lengths [m], angles [rad]."""
+    """Settings of the twin's hand: lengths [m], angles [rad]."""
 
     opening: float = Field(0.04, ge=0.01, le=0.08)  # between open fingers
     speed: float = Field(0.08, gt=0, le=0.5)  # m/s, of the width
@@ -138,7 +139,7 @@ class HandSettings(Settings):
 
 
 class WorldSettings(Settings):
-    """The twin's desk and strip. Times [s]."""
+    """Settings of the twin's desk and simulated strip: times [s]."""
 
     links: int = Field(60, ge=40, le=400)
     step: float = Field(0.005, ge=0.0005, le=0.005)

@@ -1,9 +1,9 @@
-"""The twin's desk: the strip and the hand over it, with their history, over the true desk."""
+"""The twin's world: a strip on the desk and the hand over it, with their history."""
 
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -27,6 +27,15 @@ class Plant(Stepper, Protocol):
         """Release the grasped edge; later poses of a step have no effect on it."""
 
 
+class _Step(NamedTuple):
+    """State after one step of the strip: time [s], hand and edge poses, nodes (n, 2) [m]."""
+
+    time: float
+    hand: Pose
+    edge: Pose
+    points: Array
+
+
 class World:
     """One strip on the desk, moved by the stamped poses of the connected arm.
 
@@ -47,34 +56,35 @@ class World:
         self._path: deque[tuple[float, Callable[[], Pose]]] = deque([(0.0, lambda: start)])
         self._fingers = Fingers(opening, opening, start=0.0, speed=1.0)
         self._pointer = False
-        self._bearings = RigOffsets(model.rig)
+        self._offsets = RigOffsets(model.rig)
         self._grip: Grip | None = None
         self._grasped_at: float | None = None
         plant.reset([model])
         self._arc = frozen(plant.arc()[0])
         self._points = frozen(np.stack([self._arc, np.zeros_like(self._arc)], axis=1))
         self._seen: list[Observables] = []
-        self._record: list[tuple[float, Pose, Pose, Array]] = []
+        self._record: list[_Step] = []
         self._history = History(settings.step, settings.memory)
         self._history.add(self._scene(0.0, start))
 
     @property
     def time(self) -> float:
-        """How far the strip has been simulated [s]."""
+        """Time [s] up to which the strip has been simulated."""
         return nanoseconds(self._steps * self._settings.step) / NANOSECONDS
 
     @property
     def gripper(self) -> Pose:
         """The newest true pose of the gripper."""
-        return self._bearings.true(self._path[-1][1]())
+        return self._offsets.true(self._path[-1][1]())
 
     def follow(self, stamp: float, pose: Pose) -> None:
         """Add the arm's reported `pose` at `stamp` [s]; stamps that are not newer are ignored."""
         self.follow_when_asked(stamp, lambda: pose)
 
     def follow_when_asked(self, stamp: float, pose: Callable[[], Pose]) -> None:
-        """Add a pose that is computed only where a step needs it: one in five, of an arm that
-        reports every millisecond.
+        """Add a reported pose at `stamp` [s], computed only if a step of the strip needs it.
+
+        Of an arm that reports every millisecond that is one pose in five.
         """
         if stamp > self._path[-1][0]:
             self._path.append((stamp, pose))
@@ -84,7 +94,7 @@ class World:
         end = nanoseconds(min(time, self._path[-1][0]))
         while nanoseconds((self._steps + 1) * self._settings.step) <= end:
             self._steps += 1
-            hand = self._bearings.advance(self._hand_at(self.time))
+            hand = self._offsets.advance(self._hand_at(self.time))
             if self._grasped_at is not None:
                 self._step_strip(hand)
             self._history.add(self._scene(self.time, hand))
@@ -102,7 +112,7 @@ class World:
         self._pointer = held
 
     def edge_within(self, reach: float, lean: float) -> bool:
-        """Whether the strip lies within `reach` [m] and `lean` [rad] of a gripper near x = L."""
+        """Whether the strip's edge lies within `reach` [m] and `lean` [rad] of the gripper."""
         if not self._settings.strip or self._pointer:
             return False
         hand, edge = self.gripper, self._edge()
@@ -122,7 +132,7 @@ class World:
             )
         stated = Pose(self.model.stated_length, 0.0, 0.0)
         self._grip = Grip.between(self.gripper, stated)
-        self._bearings.grasp(self.gripper)
+        self._offsets.grasp(self.gripper)
         self._points = frozen(self._plant.shapes()[0])
         self._grasped_at = self.time
 
@@ -154,17 +164,17 @@ class World:
         return x, z
 
     def truth(self) -> Truth:
-        """The true history since the grasp."""
-        count, nodes = len(self._record), len(self._arc)
+        """True states of strip and gripper at each step since the grasp."""
+        steps, count, nodes = self._record, len(self._record), len(self._arc)
         return Truth(
-            t=frozen([time for time, *_ in self._record]),
-            contact_x=frozen([o.contact_x[0] for o in self._seen]),
-            tip=frozen(np.reshape([o.tip[0] for o in self._seen], (count, 2))),
-            gripper=frozen(np.reshape([h.as_array() for _, h, *_ in self._record], (count, 3))),
-            edge=frozen(np.reshape([e.as_array() for _, _, e, _ in self._record], (count, 3))),
-            shapes=frozen(np.reshape([s for *_, s in self._record], (count, nodes, 2))),
+            t=frozen([step.time for step in steps]),
+            contact_x=frozen([seen.contact_x[0] for seen in self._seen]),
+            tip=frozen(np.reshape([seen.tip[0] for seen in self._seen], (count, 2))),
+            gripper=frozen(np.reshape([step.hand.as_array() for step in steps], (count, 3))),
+            edge=frozen(np.reshape([step.edge.as_array() for step in steps], (count, 3))),
+            shapes=frozen(np.reshape([step.points for step in steps], (count, nodes, 2))),
             arc=self._arc,
-            holding_force=frozen([o.holding_force[0] for o in self._seen]),
+            holding_force=frozen([seen.holding_force[0] for seen in self._seen]),
             touch=self._touch(),
             edge_offset=float(self._points[0, 0] - self._points[-1, 0]),
         )
@@ -176,12 +186,12 @@ class World:
         return replace(touch, time=touch.time + self._grasped_at)
 
     def _step_strip(self, hand: Pose) -> None:
-        edge = hand if self._grip is None else self._grip.edge(hand)
-        seen = self._plant.step(edge.as_array()[None], self._settings.step)
+        target = hand if self._grip is None else self._grip.edge(hand)
+        seen = self._plant.step(target.as_array()[None], self._settings.step)
         self._points = frozen(self._plant.shapes()[0])
         self._seen.append(seen)
-        where = edge if self.holds_strip else self._edge()
-        self._record.append((self.time, hand, where, self._points))
+        edge = target if self.holds_strip else self._edge()
+        self._record.append(_Step(self.time, hand, edge, self._points))
 
     def _edge(self) -> Pose:
         dx, dz = self._points[-1] - self._points[-2]
@@ -192,12 +202,12 @@ class World:
         path = self._path
         while len(path) > 1 and path[1][0] <= time:
             path.popleft()
-        (t0, here) = path[0]
-        if len(path) == 1 or time <= t0:
-            return here()
-        (t1, there) = path[1]
-        share = (time - t0) / (t1 - t0)
-        x, z, pitch = (here().as_array() * (1 - share) + there().as_array() * share).tolist()
+        before, earlier = path[0]
+        if len(path) == 1 or time <= before:
+            return earlier()
+        after, later = path[1]
+        share = (time - before) / (after - before)
+        x, z, pitch = (earlier().as_array() * (1 - share) + later().as_array() * share).tolist()
         return Pose(x, z, pitch)
 
     def _scene(self, time: float, hand: Pose) -> Scene:

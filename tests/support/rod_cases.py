@@ -8,7 +8,7 @@ from drivers.strip.describe import describe
 from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.strip.model import StripModel
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.batch import laid_flat, midlines
+from drivers.strip.rod.batch import flat_batch, midlines
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.static import settle
 from drivers.types import Array
@@ -55,7 +55,7 @@ def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:
     The cantilever of ASTM D1388 and of heavy-elastica theory; there is no desk.
     """
     check(models)
-    batch = laid_flat(models, segments)
+    batch = flat_batch(models, segments)
     end = segments + 1
     batch.nature[:, :, at.DESK] = 0.0
     bending = [at.BEND, at.DAMP, at.SLIP, at.STICK]

@@ -1,4 +1,4 @@
-"""Registry of effects: the `EFFECT` of every module of this folder, and plug-ins of that kind."""
+"""Registry of effects: `EFFECT` from every module in this folder, and effects from plug-ins."""
 
 import importlib
 import pkgutil
@@ -15,7 +15,7 @@ from drivers.strip.model import Effects, StripModel
 
 @cache
 def registry() -> Mapping[str, Effect]:
-    """Effects by name, in the order in which they apply: laws, boundary, observation."""
+    """All effects by name, in the order in which they apply: by stage, then by name."""
     modules = [name for _, name, _ in pkgutil.iter_modules(__path__) if name != "effect"]
     own = [importlib.import_module(f"{__name__}.{name}").EFFECT for name in modules]
     effects = [*own, *plugins("effects", Effect, {effect.name for effect in own}).values()]
@@ -23,7 +23,7 @@ def registry() -> Mapping[str, Effect]:
 
 
 def apply_effects(model: StripModel, effects: Effects) -> StripModel:
-    """`model` with the named effects, in registry order."""
+    """`model` with all `effects` applied, in registry order."""
     for name, effect in registry().items():
         if name in effects:
             model = effect.apply_to(model, _fit_to_strip(effect, effects[name], model))
@@ -31,7 +31,7 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
 
 
 def _checkout_hint(name: str) -> str:
-    """Hint for an effect file of that name in a checkout that is not the running package."""
+    """Error hint where the working folder has a file of effect `name` that is not installed."""
     path = Path("drivers", "strip", "effects", f"{name}.py")
     if not path.is_file():
         return ""
@@ -41,15 +41,16 @@ def _checkout_hint(name: str) -> str:
 def _fit_to_strip(
     effect: Effect, values: Mapping[str, float], model: StripModel
 ) -> Mapping[str, float]:
-    """Values of the effect on this strip; a place near the stated end stays near a shorter end."""
+    """`values` on this strip, with places beyond a shorter strip's true end moved to that end."""
     end = model.mechanics.length
     places = {p.name for p in effect.parameters if p.role == "place"}
-    beyond = {n for n in places & values.keys() if end < values[n] <= model.stated_length}
+    given = places & values.keys()
+    beyond = {name for name in given if end < values[name] <= model.stated_length}
     return {**values, **dict.fromkeys(beyond, end)}
 
 
 def check_effects(effects: Effects, origin: str, of: Literal["strip", "cell"]) -> None:
-    """Refuse unknown effects, parameters and values outside their range."""
+    """Raise ConfigurationError for unknown effects or parameters and for values out of range."""
     for name, values in effects.items():
         known = [e.name for e in registry().values() if e.of == of]
         if name not in known:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.strip.crease import set_down
+from drivers.strip.crease import add_grasp_crease
 from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
@@ -16,7 +16,7 @@ def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
         gradual=values["gradual"],
     )
     lawful = replace(model, mechanics=replace(model.mechanics, law=law))
-    return set_down(lawful, values["set"])
+    return add_grasp_crease(lawful, values["set"])
 
 
 EFFECT = Effect(

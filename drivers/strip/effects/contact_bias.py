@@ -1,4 +1,4 @@
-"""Bias of the desk contact that perception measures."""
+"""Bias of the measured desk contact, the place where the strip leaves the desk."""
 
 from collections.abc import Mapping
 from dataclasses import replace

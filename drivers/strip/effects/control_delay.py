@@ -1,4 +1,4 @@
-"""Delay between the gripper's true position and its report."""
+"""Control delay: the arm reports each gripper pose later than the gripper reaches it."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Height error of the desk."""
+"""Desk height error: the desk is higher or lower than the arm assumes."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Tilt of the desk along the strip."""
+"""Desk tilt: a slope along the strip, which turns gravity in the cell frame."""
 
 import math
 from collections.abc import Mapping

@@ -12,11 +12,11 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 
 Role = Literal["amount", "place", "width", "time", "ratio", "shape"]
-UNKNOWN_SIZES = (0.01, 0.1)  # of its range, for an effect that states no typical sizes
+ASSUMED_SIZES = (0.01, 0.1)  # of its range, for an effect that states no typical sizes
 
 
 class Stage(IntEnum):
-    """Stage of the description at which an effect acts; effects apply in this order."""
+    """Part of the strip model that an effect changes; effects apply in the order of the stages."""
 
     SIZE = 0
     LAW = 1
@@ -26,7 +26,7 @@ class Stage(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Values from `low` to `high`, uniform or uniform in their logarithm; times the length."""
+    """Uniform or log-uniform distribution from `low` to `high`, optionally in strip lengths."""
 
     low: float
     high: float
@@ -46,7 +46,7 @@ PLACE_SPAN = Span(0.15, 0.95, of_length=True)  # along a strip, away from its fi
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number of an effect: unit, the value that switches it off, and its physical range.
+    """One parameter of an effect: its unit, the null value that switches it off, and its range.
 
     The first parameter of an effect is its switch, and those after it that have a null; one
     whose `null` is None is switched off by absence. Without a `default` it must be given.
@@ -67,7 +67,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """A named phenomenon as a pure function from description to description.
+    """A physical or measurement phenomenon as a pure function from strip model to strip model.
 
     `sentence` is for a technician; `revealed_by` is the motion that shows it best; `typical`
     gives, for a strip, values of the switch from just visible in ten runs to as large as
@@ -88,20 +88,25 @@ class Effect:
     looks_like: frozenset[str] = frozenset()
 
     def sizes(self, strip: StripFile) -> tuple[float, ...]:
-        """Values of the switch to screen `strip` at, within the switch's range."""
+        """Values of the first parameter at which to screen `strip`, clipped to its range."""
         switch = self.parameters[0]
-        span = UNKNOWN_SIZES if switch.null is not None else UNKNOWN_SIZES[::-1]
-        given = (share * switch.high for share in span)
-        found = self.typical(strip) if self.typical is not None else tuple(given)
-        return tuple(float(np.clip(value, switch.low, switch.high)) for value in found)
+        sizes = self.typical(strip) if self.typical is not None else self._assumed_sizes()
+        return tuple(float(np.clip(size, switch.low, switch.high)) for size in sizes)
+
+    def _assumed_sizes(self) -> tuple[float, ...]:
+        """Sizes as shares of the first parameter's range, from a weak effect to a strong one."""
+        switch = self.parameters[0]
+        sizes = tuple(share * switch.high for share in ASSUMED_SIZES)
+        # A parameter without a null is a limit, such as a friction: the smaller, the stronger.
+        return sizes if switch.null is not None else sizes[::-1]
 
     def complete(self, values: Mapping[str, float]) -> dict[str, float]:
-        """`values` with the defaults of the parameters that were not given."""
+        """A copy of `values` with the defaults of all parameters that it lacks."""
         defaults = {p.name: p.default for p in self.parameters if p.default is not None}
         return {**defaults, **values}
 
     def apply_to(self, model: StripModel, values: Mapping[str, float]) -> StripModel:
-        """`model` with this effect; the same object where the effect is at its null.
+        """`model` with this effect applied; the same object where the effect is at its null.
 
         Raises ConfigurationError for values that do not fit the strip.
         """

@@ -1,4 +1,4 @@
-"""Pitch offset of the gripper from what the arm reports."""
+"""Offset of the gripper's true pitch from the pitch that the arm reports."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Scale error of the calibrated image plane."""
+"""Scale error of the positions measured by the calibrated camera."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Offset of the calibrated image plane."""
+"""Constant offset of the positions measured by the calibrated camera."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Adhesion between layers in contact."""
+"""Adhesion between the layers of a folded strip where they touch."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Bending rigidity that depends on curvature."""
+"""Nonlinear bending: rigidity that grows or falls with curvature."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Uniform rest curvature of the strip."""
+"""Pre-curl: a uniform rest curvature of the strip."""
 
 from collections.abc import Mapping
 from dataclasses import replace

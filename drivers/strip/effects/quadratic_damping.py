@@ -1,4 +1,4 @@
-"""Bending damping quadratic in the rate of curvature."""
+"""Quadratic damping: a bending moment in proportion to the square of the curvature rate."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.strip.crease import set_down
+from drivers.strip.crease import add_grasp_crease
 from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
@@ -11,7 +11,7 @@ from drivers.strip.model import StripModel
 def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
     law = replace(model.mechanics.law, relaxing=values["ratio"], relaxation_time=values["time"])
     lawful = replace(model, mechanics=replace(model.mechanics, law=law))
-    return set_down(lawful, values["set"])
+    return add_grasp_crease(lawful, values["set"])
 
 
 EFFECT = Effect(

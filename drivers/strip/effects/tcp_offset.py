@@ -1,4 +1,4 @@
-"""Offset of the true grip point from the reported one."""
+"""Tool centre point (TCP) error: offset of the true grip point from the reported one."""
 
 from collections.abc import Mapping
 from dataclasses import replace

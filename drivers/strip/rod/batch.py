@@ -1,6 +1,6 @@
-"""Memory of a batch of strips: initialised flat, compacted when strips have ended, read out."""
+"""Memory of a batch of strips: creation, compaction when strips have ended, and read-out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -10,33 +10,29 @@ from drivers.strip.model import StripModel
 from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.follow import Batch
-from drivers.strip.rod.lumping import lattice, nature, needs_terms
+from drivers.strip.rod.lumping import lattice, lump, needs_terms
 from drivers.types import Array
 
 T = TypeVar("T", bound=np.generic)
 CLOSING_SHARE = 0.75  # share of the busy blocks that must suffice before a batch is closed up
 
 
-def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
-    """The strips flat and still along x, each with its grip at its end."""
+def flat_batch(models: Sequence[StripModel], segments: int) -> Batch:
+    """A batch of `models` that lie flat and at rest along x, each gripped at its end."""
     count, rows, lanes = len(models), segments + 3, at.lanes_for(len(models))
     slots = -(-count // lanes) * lanes
-    filled = [*models, *[models[-1]] * (slots - count)]
+    filled = [*models, *[models[-1]] * (slots - count)]  # spare lanes copy the last strip
     rich = any(needs_terms(model) for model in models)
-    lumped = {id(model): nature(model, segments, rich=rich) for model in _distinct_models(filled)}
-    natures = np.stack([lumped[id(model)] for model in filled])
-    places = {
-        id(model): lattice(model.mechanics.length, segments) for model in _distinct_models(models)
-    }
-    arc = np.stack([places[id(model)] for model in models])
-    living = (np.arange(slots) < count).astype(np.float64)
+    natures = _for_each(filled, lambda model: lump(model, segments, rich=rich))
+    arc = _for_each(models, lambda model: lattice(model.mechanics.length, segments))
+    active = (np.arange(slots) < count).astype(np.float64)
     return Batch(
         nature=at.pack(natures, lanes),
         state=at.pack(_flat_states(natures, rich=rich), lanes),
         work=at.scratch(rows, at.RICH_WORK if rich else at.WORK, lanes),
         band=at.scratch(2 * rows + 4, at.COLUMN_COUNT, lanes),
         strips=np.arange(slots).reshape(-1, lanes),
-        alive=at.pack(living[:, None, None], lanes),
+        alive=at.pack(active[:, None, None], lanes),
         known=np.stack([_limits(model) for model in models]),
         arc=arc,
         held=np.stack([[length, 0.0, 0.0] for length in arc[:, -1]]),
@@ -45,12 +41,13 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
     )
 
 
-def closed_up(batch: Batch) -> Batch:
-    """The batch with its living strips moved into the first blocks, where that saves time."""
+def compact(batch: Batch) -> Batch:
+    """The batch with its active strips moved into the first blocks, where that saves time."""
     lanes = batch.strips.shape[1]
     alive = at.unpack(batch.alive, lanes)[:, 0, 0] > 0
     busy = int(alive.reshape(-1, lanes).any(axis=1).sum())
-    if busy == 0 or -(-int(alive.sum()) // lanes) > CLOSING_SHARE * busy:
+    needed = -(-int(alive.sum()) // lanes)  # rounded up
+    if busy == 0 or needed > CLOSING_SHARE * busy:
         return batch
     order = np.argsort(~alive, kind="stable")
 
@@ -66,35 +63,38 @@ def closed_up(batch: Batch) -> Batch:
 
 
 def end_strips(batch: Batch, gone: NDArray[np.bool_]) -> Batch:
-    """The batch with the strips `gone` (n,) ended."""
+    """The batch with the strips of mask `gone` (n,) marked as ended."""
     slots = np.append(gone, np.zeros(batch.strips.size - len(gone), dtype=bool))
     ended = slots[batch.strips].reshape(batch.alive.shape)
     return batch._replace(alive=np.where(ended, 0.0, batch.alive))
 
 
 def living(batch: Batch) -> NDArray[np.bool_]:
-    """Which strips (n,) still simulate."""
+    """Mask (n,) of the strips that are still simulated."""
     alive = at.unpack(batch.alive, batch.strips.shape[1])[:, 0, 0] > 0
     return _by_strip(batch, alive)
 
 
 def midlines(batch: Batch) -> Array:
-    """Nodes (n, nodes, 2) [m] of x, z."""
+    """Midlines (n, nodes, 2) of all strips: x, z [m] of the nodes."""
     rows = at.unpack(batch.state, batch.strips.shape[1])
     return _by_strip(batch, rows[:, 1:-1, [at.X, at.Z]])
 
 
 def fixed_edges(batch: Batch) -> Array:
-    """x of the fixed edges (n,) [m]."""
+    """Positions x (n,) [m] of the fixed edges."""
     return _by_strip(batch, batch.state[:, 1, at.X].ravel())
 
 
-def _distinct_models(models: Sequence[StripModel]) -> list[StripModel]:
-    """Each distinct model once, with the strips that share it."""
-    return list({id(model): model for model in models}.values())
+def _for_each(models: Sequence[StripModel], compute: Callable[[StripModel], Array]) -> Array:
+    """Stack of `compute(model)`, (n, ...), computed once for models that are the same object."""
+    distinct = {id(model): model for model in models}
+    values = {key: compute(model) for key, model in distinct.items()}
+    return np.stack([values[id(model)] for model in models])
 
 
 def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:
+    """Values (n, ...) in the order of the strips from those of the batch's `slots`."""
     ordered = np.empty_like(slots)
     ordered[batch.strips.ravel()] = slots
     return ordered[: len(batch.arc)]

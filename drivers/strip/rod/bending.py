@@ -6,12 +6,12 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.friction import element
 from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
-from drivers.strip.rod.terms import lagging, sliding, sliding_late
+from drivers.strip.rod.terms import lagging, sliding_late, stick_slip
 
 
 @kernel
 def direction(state: Any, r: int) -> Any:
-    """Unit tangent of segment r, one over its length [1/m], and its length [m]."""
+    """Unit tangent (x, z), inverse length [1/m] and length [m] of segment `r`."""
     ex = load(state, r + 1, at.X) - load(state, r, at.X)
     ez = load(state, r + 1, at.Z) - load(state, r, at.Z)
     length = sqrt(fma(ex, ex, ez * ez))
@@ -21,7 +21,7 @@ def direction(state: Any, r: int) -> Any:
 
 @kernel
 def strain(a: Any, b: Any) -> Any:
-    """Bending strain 4 tan(theta / 4) between unit tangents a, b; tan(theta / 4).
+    """Bending strain 4 tan(theta / 4) between unit tangents `a` and `b`, and tan(theta / 4).
 
     Of the measures theta + O(theta^3), theta^3 / 48 comes close to the theta^3 / 36 that cancels
     the error of second differences where an elastica is bent most, and needs no arc tangent.
@@ -36,7 +36,7 @@ def strain(a: Any, b: Any) -> Any:
 
 @kernel
 def friction(block: Any, r: int, eps: Any) -> Any:
-    """Moment of the elasto-plastic element at row r and its tangent."""
+    """Moment [N m] of the elasto-plastic friction element at row `r`, and its tangent."""
     stick, slip = load(block.nature, r, at.STICK), load(block.nature, r, at.SLIP)
     change = eps - load(block.state, r, at.EPS)
     return element(stick, slip, change, load(block.state, r, at.FRICTION))
@@ -44,11 +44,11 @@ def friction(block: Any, r: int, eps: Any) -> Any:
 
 @kernel
 def elastic(block: Any, r: int, e: Any) -> Any:
-    """K e (1 + u + fifth u^2), u = cubic e^2, at row r and its tangent; past a crest, level."""
+    """Elastic moment K e (1 + u + fifth u^2), u = cubic e^2, at row `r`, and its tangent."""
     stiffness, cubic = load(block.nature, r, at.BEND), load(block.nature, r, at.CUBIC)
     crest = load(block.nature, r, at.CREST)
     over, under = below(crest, e), below(e, -crest)
-    e = choose(over, crest, choose(under, -crest, e))
+    e = choose(over, crest, choose(under, -crest, e))  # clamped: the moment stays level
     growth = cubic * e * e
     beyond = load(block.nature, r, at.FIFTH) * growth * growth
     slope = stiffness * (fma(3.0, growth, 1.0) + 5.0 * beyond)
@@ -76,7 +76,7 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
 
 @kernel
 def bend(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
-    """Moment on the angle at row r between segments with tangents a and b.
+    """Moment [N m] on the angle at row `r` between segments with tangents `a` and `b`.
 
     With q = tan(theta / 4): deps/dtheta = 1 + q^2, d2eps/dtheta2 = q (1 + q^2) / 2. Leaves the
     tangent d(moment)/dtheta in `work`.
@@ -91,7 +91,7 @@ def bend(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
 
 @kernel
 def turn(work: Any, r: int, u: Any) -> Any:
-    """Write into `work` how segment r turns with its end: its normal over its length."""
+    """Write into `work` how segment `r` turns per motion of its end: its normal over its length."""
     x, z = -(u[1] * u[2]), u[0] * u[2]
     store(work, r, at.TURN_X, x)
     store(work, r, at.TURN_Z, z)
@@ -100,7 +100,7 @@ def turn(work: Any, r: int, u: Any) -> Any:
 
 @kernel
 def pull(block: Any, r: int, u: Any, couple: Any) -> None:
-    """Force of segment r on its first node, and its 2 x 2 stiffness, into `work`.
+    """Write the force of segment `r` on its first node, and its 2 x 2 stiffness, into `work`.
 
     f = T t + V n with tension T = EA (l / l0 - 1) and shear V = couple / l, couple the
     difference of the moments at its ends; df/de = EA/l0 t t' + T/l n n' + couple d2angle/de2.
@@ -113,7 +113,7 @@ def pull(block: Any, r: int, u: Any, couple: Any) -> None:
     stretch = load(block.nature, r, at.STRETCH)
     taut = stretch * (length - load(block.nature, r, at.SPAN))
     if block.terms is not None:
-        taut, stretch = sliding(block, r, taut, stretch, length)
+        taut, stretch = stick_slip(block, r, taut, stretch, length)
     floor, known = load(block.nature, r, at.FLOOR), load(block.state, r, at.TENSION)
     string = choose(known - floor, known, floor) * inverse
     twist = couple * inverse * inverse
@@ -139,7 +139,7 @@ def trail(state: Any) -> None:
 
 @kernel
 def internal(block: Any, rate: Any) -> None:
-    """Every segment's force and stiffness, every node's bending tangent, into `work`."""
+    """Write each segment's force and stiffness and each node's bending tangent into `work`."""
     end = block.state.shape[0] - 2
     if block.last == end:
         trail(block.state)

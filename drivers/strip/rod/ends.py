@@ -1,4 +1,4 @@
-"""Sliding ends: the strip in its grip, the loose edge on the desk."""
+"""Sliding of a strip's ends: in its grip, and of a loose fixed edge on the desk."""
 
 from typing import Any
 
@@ -7,17 +7,17 @@ from drivers.strip.rod.bending import direction
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import below, choose, like, load, store
 from drivers.strip.rod.newton import desk
-from drivers.strip.rod.terms import HUGE, limit_of, slides
+from drivers.strip.rod.terms import HUGE, slip_direction, slip_limit
 
 
 @kernel
-def slid(block: Any, r: int) -> Any:
-    """How far [m] segment r slides in the step just solved."""
+def slip_length(block: Any, r: int) -> Any:
+    """Sliding distance [m] of segment `r` in the step just solved."""
     stretch, span = load(block.nature, r, at.STRETCH), load(block.nature, r, at.SPAN)
     _, _, _, length = direction(block.state, r)
     taut = stretch * (length - span - load(block.state, r, at.SLID))
-    way = slides(block, r, taut)
-    level = choose(way, limit_of(block, r), -load(block.state, r, at.HELD))
+    way = slip_direction(block, r, taut)
+    level = choose(way, slip_limit(block, r), -load(block.state, r, at.HELD))
     return choose(way * way, (taut - level) / stretch, 0.0)
 
 
@@ -30,18 +30,18 @@ def let_out(block: Any, alive: Any) -> None:
     """
     r = block.state.shape[0] - 3
     before = load(block.state, r, at.SLID)
-    store(block.state, r, at.SLID, choose(alive, before + slid(block, r), before))
+    store(block.state, r, at.SLID, choose(alive, before + slip_length(block, r), before))
 
 
 @kernel
 def drag_edge(block: Any, alive: Any) -> None:
-    """Move the fixed edge by its slip, and hold it by the friction of the lying part.
+    """Move the fixed edge by its slip, and update the friction that the lying part exerts on it.
 
     All friction of the lying part acts at its edge: that part is straight and hardly stretches, so
     it slides as a whole when the pull exceeds friction times the normal force of the desk.
     """
     state = block.state
-    away = slid(block, 1)
+    away = slip_length(block, 1)
     for r in range(2):
         x = load(state, r, at.X)
         store(state, r, at.X, choose(alive, x + away, x))
@@ -56,6 +56,6 @@ def drag_edge(block: Any, alive: Any) -> None:
 
 @kernel
 def slide(block: Any, alive: Any) -> None:
-    """Slide both ends after a step of the living lanes."""
+    """Apply the slip of both ends after a step of the active lanes."""
     let_out(block, alive)
     drag_edge(block, alive)

@@ -10,7 +10,7 @@ from drivers.errors import SimulationNotConverged, SimulationNotFinite
 from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
 from drivers.strip.rod import follow as of
-from drivers.strip.rod.batch import closed_up, end_strips, fixed_edges, laid_flat, living, midlines
+from drivers.strip.rod.batch import compact, end_strips, fixed_edges, flat_batch, living, midlines
 from drivers.strip.rod.follow import follow
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.newton import TURN_TOLERANCE
@@ -19,10 +19,14 @@ from drivers.strip.rod.step import Pace
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
+LARGEST_RATIO = 2.0  # of a step to the last one: BDF2 is stable up to 1 + sqrt(2)
+
 
 class Showing(NamedTuple):
-    """Observables of n strips over k steps: `contact_x` (k, n), `tip` (k, n, 2), `holding_force`
-    (k, n), `grip_force` (k, n, 2), and `shapes` (m, n, nodes, 2), NaN after a strip's end.
+    """Observables of n strips over k steps, and midlines at m of these steps.
+
+    `contact_x` (k, n), `tip` (k, n, 2), `holding_force` (k, n), `grip_force` (k, n, 2), and
+    `shapes` (m, n, nodes, 2), NaN after a strip's end.
     """
 
     contact_x: Array
@@ -33,7 +37,7 @@ class Showing(NamedTuple):
 
 
 class Rod:
-    """An implicit planar elastic rod of `segments` segments; see `Stepper`.
+    """Strip engine (`Stepper`): an implicit planar elastic rod of `segments` segments.
 
     `order` 2 is BDF2, 1 backward Euler, which damps more, like fabric. Newton's method ends when
     segments turn by less than `tolerance` [rad], root mean square: ten times the default moves
@@ -55,17 +59,17 @@ class Rod:
         if segments < 20 or order not in (1, 2):
             raise ValueError(f"segments {segments}, order {order}; allowed: 20 or more, 1 or 2")
         self._segments = segments
-        self._again = 1.0 if order == 2 else 0.0
+        self._steady_omega = 1.0 if order == 2 else 0.0
         self._strict, self._tolerance = strict, tolerance
 
     def reset(self, models: Sequence[StripModel], start: Array | None = None) -> None:
-        """Lay the strips flat and still, grippers at (L, 0), pitch 0, time 0.
+        """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0, at time 0.
 
         With `start` (n, 3) they hang at rest from grippers at these poses instead.
-        Raises Unsupported for a part of a description that a rod cannot represent.
+        Raises Unsupported for a part of a model that a rod cannot represent.
         """
         check(models)
-        self._batch = laid_flat(models, self._segments)
+        self._batch = flat_batch(models, self._segments)
         self._begin()
         if start is None and any(m.mechanics.length != m.stated_length for m in models):
             fit_length(self._batch, models)
@@ -79,7 +83,7 @@ class Rod:
         return self.advance(poses[None], dt)
 
     def advance(self, poses: Array, dt: float) -> Observables:
-        """Advance in one call by a step of `dt` [s] to each of `poses` (k, n, 3) in turn."""
+        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3); returns the final state."""
         self._step_all(poses, dt, np.empty((0, 0, 0, 2)), 1)
         last = self._shown
         return Observables(
@@ -94,8 +98,10 @@ class Rod:
     def follow(
         self, poses: Array, dt: float, every: int = 0, memory: Array | None = None
     ) -> Showing:
-        """Advance along `poses` (k, n, 3) and return the observables of every step, and the shapes
-        of each `every`th step, 0 for none; in `memory` (m or more, n, nodes, 2) where it is given.
+        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3); returns observables of each.
+
+        Shapes are kept of each `every`th step, 0 for none, in `memory` (m or more, n, nodes, 2) if
+        given.
         """
         count = len(poses) // every if every else 0
         shapes = np.empty((count, *self._batch.arc.shape, 2)) if memory is None else memory[:count]
@@ -107,30 +113,30 @@ class Rod:
 
     def retire(self, gone: NDArray[np.bool_]) -> None:
         """End the strips `gone` (n,): they keep their shape and are no longer computed."""
-        self._batch = closed_up(end_strips(self._batch, gone))
+        self._batch = compact(end_strips(self._batch, gone))
 
     @property
     def touch(self) -> tuple[Touch | None, ...]:
-        """layer_touch of each strip so far, None without one."""
+        """Layer touch of each strip so far, None without one."""
         return self._touch
 
     @property
     def living(self) -> NDArray[np.bool_]:
-        """Which strips (n,) still simulate."""
+        """Mask (n,) of the strips that are still simulated."""
         return living(self._batch)
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Which strips (n,) failed to converge."""
+        """Mask (n,) of the strips that failed to converge."""
         failed: NDArray[np.bool_] = np.isfinite(self._batch.known[:, of.FAILED])
         return failed
 
     def shapes(self) -> Array:
-        """Midlines (n, nodes, 2) [m]; see `Stepper.shapes`."""
+        """Midlines (n, nodes, 2) [m] of all strips, from the fixed to the grasped edge."""
         return midlines(self._batch)
 
     def arc(self) -> Array:
-        """Arc lengths of the nodes (n, nodes) [m], closer towards the grip; see `Stepper.arc`."""
+        """Arc lengths (n, nodes) [m] of the nodes from the fixed edge, closer towards the grip."""
         return np.array(self._batch.arc)
 
     def _begin(self) -> None:
@@ -141,14 +147,14 @@ class Rod:
         self._shown = np.zeros((count, of.FIELDS_SHOWN))
 
     def _step_all(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
-        """Observables of each step, (k, n, FIELDS_SHOWN)."""
+        """Step along `poses` (k, n, 3); returns observables (k, n, FIELDS_SHOWN) of each step."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         if poses.shape[1:] != self._batch.held.shape:
             raise ValueError(f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)")
         shown = np.empty((len(poses), *self._shown.shape))
         shown[:] = self._shown
-        omega = self._again * min(dt / self._last, 2.0)
-        pace = Pace(dt, omega, self._again, self._tolerance)
+        omega = self._steady_omega * min(dt / self._last, LARGEST_RATIO)
+        pace = Pace(dt, omega, self._steady_omega, self._tolerance)
         ended = follow(self._batch, poses, shown, shapes, every, self._time, pace)
         self._time += len(poses) * dt
         self._last = dt
@@ -156,11 +162,11 @@ class Rod:
             self._shown = shown[-1]
         if ended:
             self._record_touches()
-            self._batch = closed_up(self._batch)
+            self._batch = compact(self._batch)
         return shown
 
     def _record_touches(self) -> None:
-        """Record new touches; raise for new failures where they are not allowed."""
+        """Record new layer touches; raises for a strip that failed if the engine is strict."""
         known = self._batch.known
         touched = np.isfinite(known[:, of.TIME])
         touch, edges = list(self._touch), fixed_edges(self._batch)
@@ -176,6 +182,6 @@ class Rod:
 
 
 def _touch(known: Array, edge: float) -> Touch:
-    """layer_touch of a strip whose fixed edge is at x = `edge` [m]."""
+    """Layer touch of a strip from its `known` (KNOWN_SIZE,) and its fixed edge at x = `edge`."""
     time, x, s = (float(known[field]) for field in (of.TIME, of.TOUCH_X, of.TOUCH_S))
     return Touch(time, x, to_grasped=float(known[of.LENGTH]) - s, to_fixed=x - edge)

@@ -12,7 +12,7 @@ from drivers.strip.rod.layout import Block
 from drivers.strip.rod.measures import along, desk_contact, fold_tip, layer_gap, rightmost
 from drivers.strip.rod.step import Grips, Pace, step
 
-# What a step shows of a strip.
+# Observables of a strip after a step.
 CONTACT_X, TIP_X, TIP_Z, HOLDING, GRIP_X, GRIP_Z = range(6)
 FIELDS_SHOWN = 6
 # What is known of a strip: its limits, its smallest gap one step ago, its touch, its failure.
@@ -24,10 +24,12 @@ KNOWN_SIZE = 11
 
 
 class Batch(NamedTuple):
-    """Strips in blocks: `nature`, `state` (blocks, rows, fields[, LANE_COUNT]), shared `work`,
-    `band`; `strips`, `alive`: which strip each lane holds and whether it simulates; of each strip
-    `known` (n, KNOWN_SIZE), `arc` (n, nodes), `held` (n, 3), the pose of its grip; `last` and
-    `terms` as in Block.
+    """Memory of n strips: solver arrays in blocks of lanes, and values of each strip.
+
+    `nature`, the coefficients, and `state` (blocks, rows, fields[, LANE_COUNT]); `work` and `band`,
+    which blocks share; `strips` and `alive`: which strip each lane holds and whether it is still
+    simulated; of each strip `known` (n, KNOWN_SIZE), `arc` (n, nodes) and `held` (n, 3), its last
+    grip pose; `last` and `terms` as in Block.
     """
 
     nature: Any
@@ -44,16 +46,16 @@ class Batch(NamedTuple):
 
 
 @kernel
-def gather(state: Any, lane: int, x: Any, z: Any) -> None:
-    """Midline of one lane into x, z (nodes,)."""
+def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
+    """Copy the midline of one lane into `x` and `z` (nodes,) [m]."""
     for j in range(len(x)):
         x[j] = pick(state, j + 1, at.X, lane)
         z[j] = pick(state, j + 1, at.Z, lane)
 
 
 @kernel
-def settle_touch(known: Any, gap: Any, time: float, h: float) -> None:
-    """layer_touch, interpolated to where the `gap` (height, x, s) fell through its limit."""
+def write_touch(known: Any, gap: Any, time: float, h: float) -> None:
+    """Write the layer touch, where the `gap` (height, x, s) fell to its limit, into `known`."""
     height, x, s = gap
     share = 1.0
     if math.isfinite(known[GAP]) and known[GAP] > known[TOUCH_GAP]:
@@ -65,7 +67,7 @@ def settle_touch(known: Any, gap: Any, time: float, h: float) -> None:
 
 @kernel
 def measure(x: Any, z: Any, known: Any, shown: Any) -> Any:
-    """Observables of one shape into `shown`; its layer gap as height, place along the nodes."""
+    """Write the observables of one shape into `shown`; returns height and node of its layer gap."""
     tip = rightmost(x)
     shown[CONTACT_X] = desk_contact(x, z, tip, known[HEIGHT])
     shown[TIP_X], shown[TIP_Z] = fold_tip(x, z, tip)
@@ -74,13 +76,13 @@ def measure(x: Any, z: Any, known: Any, shown: Any) -> Any:
 
 @kernel
 def observe(batch: Any, b: int, shown: Any, k: int, time: float, h: float) -> None:
-    """Measure every living lane after step k; a strip whose layers touched lives no longer."""
+    """Measure the active lanes of block `b` after step `k`, and end strips whose layers touched."""
     nodes = batch.arc.shape[1]
     x, z = np.empty(nodes), np.empty(nodes)
     for lane in range(batch.strips.shape[1]):
         if pick(batch.alive[b], 0, 0, lane) > 0.0:
             i = batch.strips[b, lane]
-            gather(batch.state[b], lane, x, z)
+            copy_midline(batch.state[b], lane, x, z)
             shown[k, i, HOLDING] = -pick(batch.state[b], 1, at.TENSION, lane)
             for axis in range(2):
                 shown[k, i, GRIP_X + axis] = pick(
@@ -90,14 +92,14 @@ def observe(batch: Any, b: int, shown: Any, k: int, time: float, h: float) -> No
             height, index = measure(x, z, known, shown[k, i])
             gap = height, along(x, index), along(batch.arc[i], index)
             if height <= known[TOUCH_GAP]:
-                settle_touch(known, gap, time, h)
+                write_touch(known, gap, time, h)
                 retire(batch, b, lane, shown, k)
             known[GAP], known[GAP_X], known[GAP_S] = gap
 
 
 @kernel
 def retire(batch: Any, b: int, lane: int, shown: Any, k: int) -> None:
-    """End a strip after step k: its observables stay constant from then on."""
+    """End the strip in one lane after step `k`: its observables stay constant from then on."""
     put(batch.alive[b], 0, 0, lane, 0.0)
     i = batch.strips[b, lane]
     for later in range(k + 1, len(shown)):
@@ -106,8 +108,8 @@ def retire(batch: Any, b: int, lane: int, shown: Any, k: int) -> None:
 
 
 @kernel
-def drop(batch: Any, b: int, unsolved: Any, shown: Any, k: int, time: float) -> None:
-    """End the strips that failed to converge in step k."""
+def end_failed(batch: Any, b: int, unsolved: Any, shown: Any, k: int, time: float) -> None:
+    """End the strips of block `b` that failed to converge in step `k`."""
     for lane in range(batch.strips.shape[1]):
         if lane_of(unsolved, lane) > 0.0:
             batch.known[batch.strips[b, lane], FAILED] = time
@@ -116,16 +118,16 @@ def drop(batch: Any, b: int, unsolved: Any, shown: Any, k: int, time: float) -> 
 
 @kernel
 def record(batch: Any, b: int, shapes: Any) -> None:
-    """Midlines of the living lanes into shapes (n, nodes, 2)."""
+    """Copy the midlines of the active lanes of block `b` into `shapes` (n, nodes, 2) [m]."""
     for lane in range(batch.strips.shape[1]):
         if pick(batch.alive[b], 0, 0, lane) > 0.0:
             shape = shapes[batch.strips[b, lane]]
-            gather(batch.state[b], lane, shape[:, 0], shape[:, 1])
+            copy_midline(batch.state[b], lane, shape[:, 0], shape[:, 1])
 
 
 @kernel
 def alive_in(batch: Any, b: int) -> int:
-    """How many lanes of a block still simulate."""
+    """Number of lanes of block `b` that are still simulated."""
     count = 0
     for lane in range(batch.strips.shape[1]):
         count += pick(batch.alive[b], 0, 0, lane) > 0.0
@@ -134,7 +136,7 @@ def alive_in(batch: Any, b: int) -> int:
 
 @kernel
 def alive_lanes(batch: Any) -> int:
-    """How many lanes of all blocks still simulate."""
+    """Number of lanes of all blocks that are still simulated."""
     count = 0
     for b in range(len(batch.nature)):
         count += alive_in(batch, b)
@@ -142,8 +144,8 @@ def alive_lanes(batch: Any) -> int:
 
 
 @kernel
-def hold(batch: Any, b: int, poses: Any) -> None:
-    """Store the present grip poses of a block's strips."""
+def store_poses(batch: Any, b: int, poses: Any) -> None:
+    """Store `poses` (n, 3) as the last grip poses of the strips in block `b`."""
     for i in batch.strips[b]:
         if i < len(batch.held):
             for c in range(3):
@@ -171,10 +173,10 @@ def follow(
             time = start + (k + 1) * pace.h
             unsolved = step(block, grips, now)
             if anywhere(unsolved):
-                drop(batch, b, unsolved, shown, k, time)
+                end_failed(batch, b, unsolved, shown, k, time)
             if len(shapes) > 0 and (k + 1) % every == 0:
                 record(batch, b, shapes[(k + 1) // every - 1])
             observe(batch, b, shown, k, time, pace.h)
-            hold(batch, b, poses[k])
-            now = Pace(pace.h, pace.again, pace.again, pace.tolerance)
+            store_poses(batch, b, poses[k])
+            now = Pace(pace.h, pace.next_omega, pace.next_omega, pace.tolerance)
     return before - alive_lanes(batch)

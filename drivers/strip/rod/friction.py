@@ -1,4 +1,4 @@
-"""Dry friction between yarns: an elasto-plastic element of bending."""
+"""Dry friction between yarns, modelled as an elasto-plastic element in bending."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from drivers.strip.rod.lanes import below, choose, fma
 
 @kernel
 def element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
-    """Moment of an element after a `change` of strain, and its tangent (return mapping).
+    """Moment [N m] of an element after a `change` of strain, and its tangent (return mapping).
 
     `stick` is its stiffness, `slip` the moment at which it slides, `before` its moment before.
     """

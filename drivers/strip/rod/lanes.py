@@ -1,4 +1,4 @@
-"""A SIMD type of eight strips, so that kernels read as scalar mathematics.
+"""Numba SIMD type of eight doubles, one per strip, so that kernels read as scalar mathematics.
 
 Compiled code may add, subtract, multiply and divide `Lanes` with each other and with floats. `load`
 of an array with a lane axis gives Lanes, without one a float: the same kernel simulates eight
@@ -97,7 +97,7 @@ def _negative(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 
 def _native(name: str, count: int) -> Callable[..., Any]:
-    """Code that calls the LLVM intrinsic `name` with `count` arguments."""
+    """Code generator that calls the LLVM intrinsic `name` with `count` arguments."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         operands = _operands(builder, sig.return_type, args)
@@ -113,20 +113,20 @@ def _native(name: str, count: int) -> Callable[..., Any]:
 
 
 def _inline(function: Callable[Concatenate[Any, P], Any]) -> Callable[P, Any]:
-    """Registers `function`, which gives the type and the code generator, as an intrinsic."""
+    """Register `function`, which returns a signature and a code generator, as a numba intrinsic."""
     code: Callable[P, Any] = intrinsic(function)
     return code
 
 
 @_inline
 def sqrt(typing: Any, a: Any) -> Any:
-    """Square root."""
+    """Square root of a float, or of each lane."""
     return a(a), _native("sqrt", 1)
 
 
 @_inline
 def fma(typing: Any, a: Any, b: Any, c: Any) -> Any:
-    """a * b + c, rounded once."""
+    """a * b + c, rounded once, lane by lane."""
     return _widest(a, b, c)(a, b, c), _native("fma", 3)
 
 
@@ -182,6 +182,15 @@ def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> A
     return builder.bitcast(builder.gep(view.data, [offset]), VECTOR.as_pointer())
 
 
+def _lane_address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    """Address of the double of `args`: array, row, column and lane."""
+    place = _address(context, builder, sig.args[0], args[0], args[1:3])
+    if sig.args[0].ndim == 2:
+        return place
+    place = builder.bitcast(place, ir.DoubleType().as_pointer())
+    return builder.gep(place, [args[3]])
+
+
 @_inline
 def load(typing: Any, array: Any, row: Any, column: Any) -> Any:
     """Element of a contiguous `array` (rows, columns[, LANE_COUNT]); no bounds check."""
@@ -207,28 +216,20 @@ def store(typing: Any, array: Any, row: Any, column: Any, value: Any) -> Any:
 
 @_inline
 def pick(typing: Any, array: Any, row: Any, column: Any, lane: Any) -> Any:
-    """The float of one `lane` (0 in an array without lanes); no bounds check."""
+    """Element of one `lane` as a float (lane 0 in an array without lanes); no bounds check."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        place = _address(context, builder, sig.args[0], args[0], args[1:3])
-        if sig.args[0].ndim == 3:
-            place = builder.bitcast(place, ir.DoubleType().as_pointer())
-            place = builder.gep(place, [args[3]])
-        return builder.load(place)
+        return builder.load(_lane_address(context, builder, sig, args))
 
     return types.float64(array, types.intp, types.intp, types.intp), generate
 
 
 @_inline
 def put(typing: Any, array: Any, row: Any, column: Any, lane: Any, value: Any) -> Any:
-    """Write the float of one `lane`; no bounds check."""
+    """Write the float `value` to one `lane` of an element; no bounds check."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        place = _address(context, builder, sig.args[0], args[0], args[1:3])
-        if sig.args[0].ndim == 3:
-            place = builder.bitcast(place, ir.DoubleType().as_pointer())
-            place = builder.gep(place, [args[3]])
-        builder.store(args[4], place)
+        builder.store(args[4], _lane_address(context, builder, sig, args))
         return context.get_dummy_value()
 
     return types.void(array, types.intp, types.intp, types.intp, types.float64), generate
@@ -246,7 +247,7 @@ def like(typing: Any, array: Any, value: Any) -> Any:
 
 @_inline
 def lane_of(typing: Any, number: Any, lane: Any) -> Any:
-    """The float in one `lane` of a number."""
+    """The float in one `lane` of `number`, or `number` itself where it is a float."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.extract_element(*args) if sig.args[0] == Lanes else args[0]

@@ -1,4 +1,4 @@
-"""Memory layout of a rod.
+"""Memory layout of the rod solver: names of the array fields, packing of strips into lanes.
 
 Arrays are (rows, fields[, LANE_COUNT]). Row r is node r - 1: row 1 the fixed edge, row N + 1 the
 grasped edge; rows 0 and N + 2 are ghosts, one element beyond the ends, that hold the tangents.
@@ -13,6 +13,7 @@ from drivers.strip.rod.lanes import LANE_COUNT
 from drivers.types import Array
 
 FIRST_FREE_NODE = 2  # row of the first free node
+CACHE_LINE = 8  # doubles
 
 # State: position, velocity, strain of bending and friction moment now, and one step before.
 X, Z, VX, VZ, EPS, FRICTION = range(6)
@@ -26,7 +27,7 @@ MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, FIFTH, CREST, DAMP, SLIP, STICK, REST =
 STRETCH, SPAN, SHARE, FLOOR = range(12, 16)
 NATURE = 16
 
-# More of both for `terms`: strain of a Maxwell element now and before, how far a segment has slid
+# More of both for `terms`: strain of a Maxwell element now and before, how far a segment has slid,
 # the pull at which its end slides, and which way it does, moment of friction that slides late;
 # coefficients.
 MAXWELL, MAXWELL1, SLID, HELD, WAY, LATE = range(STATE_SIZE, STATE_SIZE + 6)
@@ -47,10 +48,11 @@ COLUMN_COUNT = 7
 
 
 class Block(NamedTuple):
-    """Strips that are solved together: their parameters and state, and shared work arrays.
+    """Strips that are solved together: their coefficients and state, and shared work arrays.
 
-    `last` is the row of the last free node; `terms` is None where no strip of the batch needs the
-    kernels of `terms`: then the compiled code does not contain them.
+    `nature` holds the coefficients. `last` is the row of the last free node; `terms` is None where
+    no strip of the batch needs the kernels of `terms`: then the compiled code does not contain
+    them.
     """
 
     nature: Any
@@ -62,39 +64,39 @@ class Block(NamedTuple):
 
 
 def pack(values: Array, lanes: int) -> Array:
-    """(n, rows, fields) reshaped to blocks (n / lanes, rows, fields[, lanes]), lanes innermost."""
+    """Pack `values` (n, rows, fields) into blocks (n / lanes, rows, fields[, lanes])."""
     if lanes == 1:
-        return _copy(values)
+        return _aligned_copy(values)
     blocks = values.reshape(-1, lanes, *values.shape[1:])
-    return _copy(np.moveaxis(blocks, 1, -1))
+    return _aligned_copy(np.moveaxis(blocks, 1, -1))
 
 
 def unpack(blocks: Array, lanes: int) -> Array:
-    """Inverse of `pack`: blocks (n / lanes, rows, fields[, lanes]) as (n, rows, fields)."""
+    """Unpack blocks (n / lanes, rows, fields[, lanes]) into values (n, rows, fields)."""
     if lanes == 1:
         return blocks
     return np.moveaxis(blocks, -1, 1).reshape(-1, *blocks.shape[1:-1])
 
 
 def scratch(rows: int, fields: int, lanes: int) -> Array:
-    """Zeros (rows, fields[, lanes])."""
-    return _align((rows, fields) if lanes == 1 else (rows, fields, lanes))
+    """Cache-aligned zeros (rows, fields[, lanes])."""
+    return _aligned_zeros((rows, fields) if lanes == 1 else (rows, fields, lanes))
 
 
 def lanes_for(count: int) -> int:
-    """Lanes of a block for a batch of `count` strips: one strip is faster without lanes."""
+    """Number of lanes per block for `count` strips: one strip is faster without SIMD."""
     return 1 if count < 2 else LANE_COUNT
 
 
-def _copy(values: Array) -> Array:
-    copy = _align(values.shape)
+def _aligned_copy(values: Array) -> Array:
+    copy = _aligned_zeros(values.shape)
     copy[...] = values
     return copy
 
 
-def _align(shape: tuple[int, ...]) -> Array:
-    """Zeros aligned to a cache line, so that no vector straddles two."""
+def _aligned_zeros(shape: tuple[int, ...]) -> Array:
+    """Zeros of `shape` aligned to a cache line, so that no vector straddles two."""
     size = int(np.prod(shape))
-    raw = np.zeros(size + 8)
-    offset = (-raw.ctypes.data % 64) // 8
+    raw = np.zeros(size + CACHE_LINE)
+    offset = -raw.ctypes.data % (raw.itemsize * CACHE_LINE) // raw.itemsize
     return raw[offset : offset + size].reshape(shape)

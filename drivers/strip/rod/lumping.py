@@ -1,4 +1,4 @@
-"""A description lumped onto the nodes of a rod."""
+"""Lumping of a strip model onto the nodes and segments of a rod."""
 
 from collections.abc import Sequence
 from dataclasses import fields
@@ -30,15 +30,15 @@ def lattice(length: float, segments: int) -> Array:
 
 
 def needs_terms(model: StripModel) -> bool:
-    """Whether a description has effects that only `terms` simulate."""
+    """Whether a strip model has effects that only the kernels of `terms` simulate."""
     mechanics, law, boundary = model.mechanics, model.mechanics.law, model.boundary
-    lagging = law.quadratic_damping != 0 or law.relaxing != 0 or len(law.friction) > 1
-    slides = min(boundary.edge_friction, boundary.grip_force) < np.inf
-    return lagging or slides or mechanics.drag.coefficient != 0
+    has_history = law.quadratic_damping != 0 or law.relaxing != 0 or len(law.friction) > 1
+    can_slide = min(boundary.edge_friction, boundary.grip_force) < np.inf
+    return has_history or can_slide or mechanics.drag.coefficient != 0
 
 
-def nature(model: StripModel, segments: int, *, rich: bool = False) -> Array:
-    """The description lumped onto `segments` segments -> (segments + 3, NATURE).
+def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
+    """Coefficients (segments + 3, NATURE) of `model` lumped onto `segments` segments.
 
     `rich`: (segments + 3, RICH_NATURE), with the coefficients of `terms`.
     """
@@ -67,10 +67,11 @@ def nature(model: StripModel, segments: int, *, rich: bool = False) -> Array:
 
 
 def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
-    """Bending at each node between the middles of its segments: compliances in series add up.
+    """Write the bending coefficients of each node, between the middles of its segments.
 
-    The first and the last node stand for half a segment, so that clamps are second-order accurate.
-    Damping of unlike pieces under one moment: D = K^2 int(viscosity / EI^2) ds.
+    Compliances in series add up. The first and the last node stand for half a segment, so that
+    clamps are second-order accurate. Damping of unlike pieces under one moment: D = K^2
+    int(viscosity / EI^2) ds.
     """
     reach = np.diff(middles)
     rigidity, law = mechanics.rigidity, mechanics.law
@@ -86,11 +87,10 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
 
 
 def _combine_compliances(grip: Array, compliance: float) -> None:
-    """Combine the compliance of the hinge at the grip with the grip's own, in series: angles add
-    under one moment.
+    """Put the grip's `compliance` [rad/(N m)] in series with the strip's hinge at the grip.
 
-    K' = K / (1 + C K); with s = K' / K the strip's share of the angle, damping is s^2 D, and the
-    cubic term s^3 of itself.
+    Angles add under one moment: K' = K / (1 + C K); with s = K' / K the strip's share of the angle,
+    damping is s^2 D, and the cubic term s^3 of itself.
     """
     if compliance == 0:
         return
@@ -103,7 +103,7 @@ def _combine_compliances(grip: Array, compliance: float) -> None:
 
 
 def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
-    """Coefficients of `terms`; the hinge at the grip has yielded already."""
+    """Write the coefficients of `terms`; the grip's compliance is already in those of bending."""
     mechanics, law, boundary = model.mechanics, model.mechanics.law, model.boundary
     inner = rows[1:-1]
     inner[:, at.QUADRATIC] = inner[:, at.BEND] * law.quadratic_damping / reach
@@ -114,13 +114,13 @@ def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
     inner[:, at.DRAG] = 0.5 * AIR_DENSITY * drag.coefficient * mechanics.width * reach
     inner[:, at.SLOW : at.ALONG + 1] = drag.slow, drag.oblique, drag.along
     rows[:, at.GRIPPED] = np.inf
-    rows[-3, at.GRIPPED] = boundary.grip_force
+    rows[-3, at.GRIPPED] = boundary.grip_force  # the last segment, before the grip and its ghost
     inner[:, at.CLING] = boundary.edge_friction
     _lump_friction(inner, law)
 
 
 def _lump_friction(inner: Array, law: BendingLaw) -> None:
-    """The moment and stiffness of friction, lumped as one element, shared between two."""
+    """Share the friction, lumped as one element, between two elements where the law has two."""
     if len(law.friction) > 1:
         (stick, slip), (late_stick, late_slip) = law.friction
         inner[:, at.LATE_STICK] = late_stick * inner[:, at.STICK]
@@ -130,7 +130,7 @@ def _lump_friction(inner: Array, law: BendingLaw) -> None:
 
 
 def check(models: Sequence[StripModel]) -> None:
-    """Raise Unsupported for what a rod cannot represent of `models`."""
+    """Raise Unsupported where a rod cannot represent part of a model in `models`."""
     for model in models:
         for part in (model.mechanics, model.mechanics.law, model.boundary):
             _check_known(part)
@@ -140,7 +140,7 @@ def check(models: Sequence[StripModel]) -> None:
 
 
 def _check_known(part: Mechanics | BendingLaw | Boundary) -> None:
-    """Refuse fields that the rod does not support, unless they are at their null."""
+    """Raise Unsupported for a field that the rod does not simulate, unless at its default."""
     for field in fields(part):
         if field.name in KNOWN_FIELDS[type(part)].split():
             continue

@@ -18,7 +18,7 @@ from drivers.strip.rod.terms import air, predict_terms, remember
 
 @kernel
 def weights(omega: float) -> Any:
-    """BDF2 weights of the last two values in the base of a rate; `omega` is the ratio of steps."""
+    """BDF2 weights of the last two values in the base of a rate, for a step ratio `omega`."""
     return (1.0 + omega) ** 2 / (1.0 + 2.0 * omega), -(omega**2) / (1.0 + 2.0 * omega)
 
 
@@ -44,7 +44,7 @@ def predict(block: Any, h: float, omega: float, alive: Any) -> None:
 
 @kernel
 def predict_strain(block: Any, omega: float) -> None:
-    """Bases of the bending strains, whose history shifts in `finish`."""
+    """Store the BDF2 bases of the bending strains in `work`; `finish` shifts their history."""
     now, old = weights(omega)
     for r in range(1, block.state.shape[0] - 1):
         eps, eps1 = load(block.state, r, at.EPS), load(block.state, r, at.EPS1)
@@ -77,8 +77,7 @@ def finish(block: Any, rate: float, alive: Any) -> None:
 
 @kernel
 def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
-    """Store the strip's force on its grip: the forces on the free nodes, except the grip's, less
-    the gain of their momentum in the step.
+    """Store the strip's force [N] on its grip, from the balance of momentum of the free nodes.
 
     The last segments are so short that their own shear shows what Newton's method leaves.
     """
@@ -105,7 +104,7 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
 
 @kernel
 def attempt(block: Any, h: float, omega: float, alive: Any, tolerance: float) -> Any:
-    """One implicit step of the living lanes; returns those that failed to converge."""
+    """Advance the active lanes by one implicit step; returns the lanes that failed to converge."""
     rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
     predict(block, h, omega, alive)
     predict_strain(block, omega)

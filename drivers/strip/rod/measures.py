@@ -1,4 +1,4 @@
-"""desk_contact, tip of the fold and layer gap, compiled; defined by `drivers.strip.shape`."""
+"""Compiled desk contact, fold tip and layer gap, as defined in `drivers.strip.shape`."""
 
 import math
 from typing import Any
@@ -31,7 +31,7 @@ def desk_contact(x: Any, z: Any, tip: int, height: float) -> Any:
 
 @kernel
 def vertex(left: float, here: float, right: float) -> float:
-    """Offset in nodes, within +-0.5, of the extremum of a parabola through three values."""
+    """Offset [nodes], at most +-0.5, of the extremum of a parabola through three values."""
     bend = left - 2 * here + right
     if bend == 0:
         return 0.0
@@ -40,7 +40,7 @@ def vertex(left: float, here: float, right: float) -> float:
 
 @kernel
 def rightmost(x: Any) -> int:
-    """Node of the largest x, the first of equals."""
+    """Index of the node with the largest x, the first of equals."""
     best = 0
     for j in range(1, len(x)):
         if x[j] > x[best]:
@@ -50,7 +50,7 @@ def rightmost(x: Any) -> int:
 
 @kernel
 def fold_tip(x: Any, z: Any, j: int) -> Any:
-    """(x, z) of the rightmost point near node j, refined by a parabola."""
+    """(x, z) [m] of the rightmost point near node `j`, refined by a parabola."""
     if j in (0, len(x) - 1):
         return x[j], z[j]
     offset = vertex(x[j - 1], x[j], x[j + 1])
@@ -61,7 +61,7 @@ def fold_tip(x: Any, z: Any, j: int) -> Any:
 
 @kernel
 def gap_over(x: Any, z: Any, j: int, k: int) -> Any:
-    """Height of node j over the lower layer, infinite without one, and the segment below it."""
+    """Height [m] of node `j` over the lower layer, infinite without one, and the segment below."""
     if x[j] < x[0]:
         return math.inf, k
     while k > 0 and x[k] > x[j]:
@@ -73,14 +73,15 @@ def gap_over(x: Any, z: Any, j: int, k: int) -> Any:
 
 @kernel
 def layer_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
-    """(height, index along the nodes) of the smallest closing layer gap; infinite if none."""
+    """Height [m] and fractional node index of the smallest closing layer gap; infinite if none."""
     last = len(x) - 1
     best, place = math.inf, 0.0
-    if last - tip < 3 or tip < 2:
+    if last - tip < 3 or tip < 2:  # too few nodes on either side for a fold
         return best, place
     k = tip - 1
     opened, lowest = False, math.inf
-    before, (here, k) = 0.0, gap_over(x, z, tip, k)
+    before = 0.0
+    here, k = gap_over(x, z, tip, k)
     for j in range(tip, last):
         after, k = gap_over(x, z, j + 1, k)
         opened = opened or here > opening
@@ -93,7 +94,7 @@ def layer_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
 
 @kernel
 def refine_minimum(before: float, here: float, after: float, j: int) -> Any:
-    """(height, index) of the minimum by the parabola through three gaps at j - 1, j, j + 1."""
+    """Height [m] and node index of a minimum, by a parabola through gaps at j - 1, j and j + 1."""
     if math.isinf(before) or math.isinf(after):
         return here, float(j)
     offset = vertex(before, here, after)
@@ -102,6 +103,6 @@ def refine_minimum(before: float, here: float, after: float, j: int) -> Any:
 
 @kernel
 def along(values: Any, index: float) -> Any:
-    """Interpolate `values` at a fractional index."""
+    """Linear interpolation of `values` (n,) at a fractional `index`."""
     j = min(int(index), len(values) - 2)
     return values[j] + (values[j + 1] - values[j]) * (index - j)

@@ -1,6 +1,7 @@
-"""Whole motions in one batch, each strip along its own gripper path."""
+"""Simulation of whole motions in one batch, each strip along its own gripper path."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +14,11 @@ from drivers.strip.shape import Touch
 from drivers.types import Array
 
 PIECE_TIME = 0.5  # s of motion in one compiled call: a batch closes up between calls
+ROUNDING = 1e-9  # steps, by which a touch at the end of a step may seem to be after it
 
 
 class GripperPath(NamedTuple):
-    """A reported path: times `t` (m,) [s], `poses` (m, 3); `hanging` starts at the first pose."""
+    """Reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging` if not started flat."""
 
     t: Array
     poses: Array
@@ -44,30 +46,43 @@ def simulate_all(
     layer_touch or at the end of its path.
     """
     paths = [_true_path(model, path) for model, path in zip(models, paths, strict=True)]
-    counts = [max(1, round((path.t[-1] - path.t[0]) / dt)) for path in paths]
+    counts = [max(1, round(path.duration / dt)) for path in paths]
     poses = np.stack([_sample(path, dt, max(counts)) for path in paths], axis=1)
     rod.reset(models, _start_poses(models, paths) if any(path.hanging for path in paths) else None)
     stride = every or len(poses) + 1
+    kept = [np.empty((count // stride, *rod.arc().shape[1:], 2), precision) for count in counts]
+    observed = _follow_in_pieces(rod, poses, counts, dt, every, kept)
+    simulated = len(observed[0])
+    motions = []
+    for i, (path, count, shapes) in enumerate(zip(paths, counts, kept, strict=True)):
+        seen = Showing._make([*(channel[:, i] for channel in observed), shapes])
+        steps, touch = min(count, simulated), rod.touch[i]
+        motions.append(_motion_of_strip(seen, poses[:, i], path, steps, touch, dt, stride))
+    return motions
+
+
+def _follow_in_pieces(
+    rod: Rod, poses: Array, counts: Sequence[int], dt: float, every: int, kept: Sequence[Array]
+) -> list[Array]:
+    """Follow `poses` (k, n, 3) in calls of about PIECE_TIME until all strips have ended.
+
+    Strip i ends after `counts[i]` steps at the latest. Returns the observables of `Showing` but for
+    the shapes, each (k, n, ...), and writes every `every`th shape of strip i into `kept[i]`.
+    """
+    stride = every or len(poses) + 1
     piece = max(1, round(PIECE_TIME / dt) // max(every, 1)) * max(every, 1)
     memory = np.empty((piece // stride, *rod.arc().shape, 2))
-    kept = [np.empty((count // stride, *memory.shape[2:]), precision) for count in counts]
-    shown = []
+    observed = []
     for begin in range(0, len(poses), piece):
         *channels, shapes = rod.follow(poses[begin : begin + piece], dt, every, memory)
-        for i, mine in enumerate(kept):
-            rows = mine[begin // stride :][: len(shapes)]
+        observed.append(channels)
+        for i, of_strip in enumerate(kept):
+            rows = of_strip[begin // stride :][: len(shapes)]
             rows[:] = shapes[: len(rows), i]
-        shown.append(channels)
         rod.retire(np.array(counts) <= begin + piece)
         if not rod.living.any():
             break
-    channels = [np.concatenate(pieces) for pieces in zip(*shown, strict=True)]
-    seen = [Showing._make([*(c[:, i] for c in channels), mine]) for i, mine in enumerate(kept)]
-    counts = [min(count, len(channels[0])) for count in counts]
-    return [
-        _motion_of_lane(one, poses[:, i], path, count, rod.touch[i], dt, stride)
-        for i, (one, path, count) in enumerate(zip(seen, paths, counts, strict=True))
-    ]
+    return [np.concatenate(pieces) for pieces in zip(*observed, strict=True)]
 
 
 def _true_path(model: StripModel, path: GripperPath) -> GripperPath:
@@ -76,17 +91,19 @@ def _true_path(model: StripModel, path: GripperPath) -> GripperPath:
 
 
 def _sample(path: GripperPath, dt: float, count: int) -> Array:
-    """Poses (count, 3) at the ends of the steps, the last one held."""
+    """Poses (count, 3) of `path` at the ends of `count` steps of `dt` [s], the last pose held."""
     times = path.t[0] + dt * np.arange(1, count + 1)
     return np.stack([np.interp(times, path.t, path.poses[:, c]) for c in range(3)], axis=-1)
 
 
 def _start_poses(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array:
     flat = [(model.stated_length, 0.0, 0.0) for model in models]
-    return np.array([w.poses[0] if w.hanging else f for w, f in zip(paths, flat, strict=True)])
+    return np.array(
+        [path.poses[0] if path.hanging else lying for path, lying in zip(paths, flat, strict=True)]
+    )
 
 
-def _motion_of_lane(
+def _motion_of_strip(
     seen: Showing,
     poses: Array,
     path: GripperPath,
@@ -95,12 +112,12 @@ def _motion_of_lane(
     dt: float,
     stride: int,
 ) -> StripMotion:
-    """The motion of one strip: its first `count` steps, fewer where its layers touched."""
+    """Motion of one strip over its first `count` steps, fewer where its layers touched."""
     if touch is not None and touch.time > count * dt:
         touch = None
     if touch is not None:
-        count = min(count, int(np.ceil(touch.time / dt - 1e-9)))
-        touch = Touch(path.t[0] + touch.time, touch.x, touch.to_grasped, touch.to_fixed)
+        count = min(count, int(np.ceil(touch.time / dt - ROUNDING)))
+        touch = replace(touch, time=path.t[0] + touch.time)
     return StripMotion(
         t=path.t[0] + dt * np.arange(1, count + 1),
         poses=poses[:count],

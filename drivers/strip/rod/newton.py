@@ -3,11 +3,11 @@
 from typing import Any
 
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.band import SIDE_ROW, eliminate, eliminate_fifth, substitute
+from drivers.strip.rod.band import SIDE_COLUMN, eliminate, eliminate_fifth, substitute
 from drivers.strip.rod.bending import internal
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import anywhere, below, choose, fma, like, load, store
-from drivers.strip.rod.terms import air, expect, settling_turn
+from drivers.strip.rod.terms import air, settling_turn, update_stuck
 
 ITERATIONS = 10
 TURN_TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments, unless asked
@@ -17,8 +17,7 @@ SINK = 2e-5  # m over which the desk takes up the weight
 
 @kernel
 def desk(block: Any, r: int) -> Any:
-    """Upward force of the desk on row r and its derivative: a one-sided spring, quadratic, then
-    linear.
+    """Upward force [N] of the desk on row `r` and its stiffness [N/m]: a one-sided spring.
 
     Quadratic, then linear; exactly the weight at z = 0, so that a strip at rest stays there.
     """
@@ -33,7 +32,7 @@ def desk(block: Any, r: int) -> Any:
 
 @kernel
 def residual(block: Any, r: int, inertia: Any, reaction: Any) -> Any:
-    """Residual force on row r: inertia + internal forces - weight - desk."""
+    """Residual force (x, z) [N] on row `r`: inertia + internal forces - weight - desk."""
     nature, state, work = block.nature, block.state, block.work
     x = inertia * (load(state, r, at.X) - load(work, r, at.HAT_X))
     z = inertia * (load(state, r, at.Z) - load(work, r, at.HAT_Z))
@@ -44,23 +43,21 @@ def residual(block: Any, r: int, inertia: Any, reaction: Any) -> Any:
 
 @kernel
 def pair(work: Any, r: int, first: int) -> Any:
-    """Two neighbouring fields of row r of `work`, from field `first` on."""
+    """Fields `first` and `first` + 1 of row `r` of `work`, such as the x and z of a vector."""
     return load(work, r, first), load(work, r, first + 1)
 
 
 @kernel
 def assemble(block: Any, r: int, rate: Any) -> None:
-    """Assemble two rows of the tangent matrix: of node row r against r - 2, r - 1 and itself.
+    """Assemble and eliminate the x and z rows of the tangent matrix for node row `r`.
 
-    The angle at row r turns with p(r-1) per x(r-1), -(p(r-1) + p(r)) per x(r), p(r) per x(r+1),
-    p the normal over the length; k is d(moment)/d(angle); S a segment's own stiffness.
+    The angle at row r turns with p(r-1) per x(r-1), -(p(r-1) + p(r)) per x(r), p(r) per x(r+1), p
+    the normal over the length, written o, p, q for r - 2, r - 1, r; k is d(moment)/d(angle); S a
+    segment's own stiffness.
     """
     work, band = block.work, block.band
-    k0, k1, k2 = (
-        load(work, r - 1, at.TANGENT),
-        load(work, r, at.TANGENT),
-        load(work, r + 1, at.TANGENT),
-    )
+    k0, k1 = load(work, r - 1, at.TANGENT), load(work, r, at.TANGENT)
+    k2 = load(work, r + 1, at.TANGENT)
     (ox, oz), (px, pz) = pair(work, r - 2, at.TURN_X), pair(work, r - 1, at.TURN_X)
     qx, qz = pair(work, r, at.TURN_X)
     sx, sz, tx, tz = px + qx, pz + qz, ox + px, oz + pz
@@ -68,12 +65,8 @@ def assemble(block: Any, r: int, rate: Any) -> None:
     inertia = load(block.nature, r, at.MASS) * rate * rate
     reaction, support = desk(block, r)
     gx, gz = residual(block, r, inertia, reaction)
-    bxx, bxz, bzz = (
-        load(work, r - 1, at.S_XX),
-        load(work, r - 1, at.S_XZ),
-        load(work, r - 1, at.S_ZZ),
-    )
-    cxx, cxz, czz = load(work, r, at.S_XX), load(work, r, at.S_XZ), load(work, r, at.S_ZZ)
+    (bxx, bxz), bzz = pair(work, r - 1, at.S_XX), load(work, r - 1, at.S_ZZ)
+    (cxx, cxz), czz = pair(work, r, at.S_XX), load(work, r, at.S_ZZ)
     dxx = fma(k2 * qx, qx, fma(k1x, sx, fma(k0x, px, inertia))) + (bxx + cxx)
     dxz = fma(k2 * qx, qz, fma(k1x, sz, fma(k0x, pz, bxz))) + cxz
     dzz = fma(k2 * qz, qz, fma(k1z, sz, fma(k0z, pz, inertia))) + (bzz + czz)
@@ -89,22 +82,22 @@ def assemble(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def correct(block: Any, gate: Any) -> Any:
-    """Move the free nodes by Newton's solution where `gate`, and the tensions with them.
+    """Apply the solved Newton step to nodes and tensions of the lanes `gate`; returns its size.
 
-    T = EA (l / l0 - 1 + t de / l0): the tension of the linearised segment, free of the stretch
-    that a turn of a straight piece feigns. Returns the mean and the largest of the squared turns
-    of the segments [rad^2].
+    T = EA (l / l0 - 1 + t de / l0): the tension of the linearised segment, free of the stretch that
+    a turn of a straight piece feigns. The size is the mean and the largest of the squared turns of
+    the segments [rad^2].
     """
     state, work, band = block.state, block.work, block.band
     turned, wildest = like(state, 0.0), like(state, 0.0)
-    x0, z0 = like(state, 0.0), like(state, 0.0)
+    dx_before, dz_before = like(state, 0.0), like(state, 0.0)
     for r in range(at.FIRST_FREE_NODE, state.shape[0] - 1):
-        dx, dz = load(band, 2 * r, SIDE_ROW), load(band, 2 * r + 1, SIDE_ROW)
+        dx, dz = load(band, 2 * r, SIDE_COLUMN), load(band, 2 * r + 1, SIDE_COLUMN)
         x, z = pair(state, r, at.X)
         store(state, r, at.X, choose(gate, x - dx, x))
         store(state, r, at.Z, choose(gate, z - dz, z))
         turn_x, turn_z = pair(work, r - 1, at.TURN_X)
-        ex, ez = dx - x0, dz - z0
+        ex, ez = dx - dx_before, dz - dz_before
         turn = fma(turn_x, ex, turn_z * ez)
         square = turn * turn
         turned = fma(load(block.nature, r - 1, at.SHARE), square, turned)
@@ -113,19 +106,19 @@ def correct(block: Any, gate: Any) -> Any:
         tension = fma(-load(work, r - 1, at.GROWTH), along, load(work, r - 1, at.TAUT))
         if block.terms is not None:
             turned = turned + settling_turn(block, r - 1, along)
-            expect(block, r - 1, along)
+            update_stuck(block, r - 1, along)
         store(state, r - 1, at.TENSION, choose(gate, tension, load(state, r - 1, at.TENSION)))
-        x0, z0 = dx, dz
+        dx_before, dz_before = dx, dz
     return turned, wildest
 
 
 @kernel
 def solve(block: Any, rate: Any, alive: Any, tolerance: Any) -> Any:
-    """Newton iterations until segments turn by less than `tolerance` [rad], root mean square;
-    returns the lanes that failed.
+    """Iterate Newton's method on the active lanes; returns the lanes that failed to converge.
 
-    A lane with a segment that turns by more than LARGEST_TURN in one correction failed: Newton's
-    method could then converge to a kinked equilibrium that does not continue the motion.
+    It ends when segments turn by less than `tolerance` [rad], root mean square. A lane with a
+    segment that turns by more than LARGEST_TURN in one correction failed: Newton's method could
+    then converge to a kinked equilibrium that does not continue the motion.
     """
     unsolved, failed = alive, 0.0 * alive
     for _ in range(ITERATIONS):

@@ -1,4 +1,4 @@
-"""Strips at rest, hung from a gripper."""
+"""Static equilibria of a batch of strips, reached by damped motion along gripper paths."""
 
 from collections.abc import Sequence
 
@@ -16,12 +16,13 @@ from drivers.strip.rod.step import Pace
 from drivers.types import Array
 
 APPROACH_STEPS = 60  # steps from lying flat to where a strip hangs
+APPROACH_HEIGHT = 0.7  # of the way in over what a slack strip allows
 PERIOD = 0.05  # s, Euler steps in which a strip comes to where it shall rest
 STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, those in which it comes to rest
 
 
 def lift_path(batch: Batch, start: Array) -> Array:
-    """A path (k, n, 3) of grips from flat strips to `start` (n, 3): first up, then inwards.
+    """Gripper poses (k, n, 3) on the way from flat strips to `start` (n, 3): up, then inwards.
 
     The height grows with the root of the inward distance, so that the edge stays within the strip's
     reach.
@@ -33,7 +34,7 @@ def lift_path(batch: Batch, start: Array) -> Array:
 
 
 def fit_length(batch: Batch, models: Sequence[StripModel]) -> None:
-    """Fit strips of another true length between their fixed edge and x = `stated_length`.
+    """Move the gripped edge of each strip that is too long or too short to x = `stated_length`.
 
     A shorter strip is stretched evenly; a longer one lies at rest with its slack as a wave in front
     of the grip, as after a grip that came in from above.
@@ -46,12 +47,12 @@ def fit_length(batch: Batch, models: Sequence[StripModel]) -> None:
         share = np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:, None]
         path = batch.held + share[:, :, None] * (goal - batch.held)
         reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
-        path[:, :, 1] = 0.7 * reach * np.sqrt(share * (1 - share))
+        path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
         settle(end_strips(batch, slack <= 0), path)
 
 
 def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
-    """Move the nodes of the strips `which` (n,) to `ratio` (n,) times their x."""
+    """Scale x of all nodes by `ratio` (n,), in the strips of mask `which` (n,)."""
     end = batch.state.shape[1] - 1
     for b, lane in np.ndindex(batch.strips.shape):
         i = batch.strips[b, lane]
@@ -64,12 +65,13 @@ def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
 
 def settle(batch: Batch, path: Array) -> None:
     """Move the grips along `path` (k, n, 3), `PERIOD` a step, and let the strips come to rest."""
-    _euler(batch, path, PERIOD)
+    _follow_damped(batch, path, PERIOD)
     for longer in STILLING:
-        _euler(batch, path[-1:], longer)
+        _follow_damped(batch, path[-1:], longer)
 
 
-def _euler(batch: Batch, poses: Array, dt: float) -> None:
+def _follow_damped(batch: Batch, poses: Array, dt: float) -> None:
+    """Step along `poses` (k, n, 3) by backward Euler; raises where a strip fails or touches."""
     shown = np.zeros((len(poses), len(batch.held), of.FIELDS_SHOWN))
     pace = Pace(dt, 0.0, 0.0, TURN_TOLERANCE)
     follow(batch, poses, shown, np.empty((0, 0, 0, 2)), 1, 0.0, pace)

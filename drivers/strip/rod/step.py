@@ -14,12 +14,14 @@ from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import anywhere, choose, load, pick, put, store
 from drivers.strip.rod.march import attempt
 
-STEP_PARTS = (16, 256)
+STEP_PARTS = (16, 256)  # substeps of a failed step: first try, second try
 
 
 class Grips(NamedTuple):
-    """Which strip each lane of a block holds (LANE_COUNT,), whether it is alive, the previous grip
-    poses `held` (n, 3) and the next `poses` (n, 3).
+    """Grip poses of all strips before and after a step, and the strips in one block's lanes.
+
+    `strips` (LANE_COUNT,) are the strips that the lanes hold, `alive` whether each is still
+    simulated; `held` (n, 3) are the poses before the step, `poses` (n, 3) those after it.
     """
 
     strips: Any
@@ -29,19 +31,21 @@ class Grips(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Step `h` [s], its ratio to the last one, that of equal steps, and Newton's `tolerance`
-    [rad].
+    """Size `h` [s] of a step, its BDF2 step ratios, and the `tolerance` [rad] of Newton's method.
+
+    `omega` is the ratio of the step to the last one, `next_omega` that of equal steps after it: 1,
+    or 0 for backward Euler.
     """
 
     h: float
     omega: float
-    again: float
+    next_omega: float
     tolerance: float
 
 
 @kernel
-def grip(block: Any, lane: int, pose: Any) -> None:
-    """Set one lane's grasped edge to x, z, and its ghost node one segment on along the pitch."""
+def place_grip(block: Any, lane: int, pose: Any) -> None:
+    """Move one lane's grasped edge to `pose` (x, z, pitch), and its ghost node along the pitch."""
     row = block.state.shape[0] - 2
     span = pick(block.nature, row, at.SPAN, lane)
     put(block.state, row, at.X, lane, pose[0])
@@ -51,8 +55,8 @@ def grip(block: Any, lane: int, pose: Any) -> None:
 
 
 @kernel
-def place(block: Any, grips: Any, share: float) -> None:
-    """Interpolate each living lane's grip to `share` of the step, unless the end is free."""
+def place_grips(block: Any, grips: Any, share: float) -> None:
+    """Move each active lane's grip to the pose at `share` of the step, unless the end is free."""
     if block.last == block.state.shape[0] - 2:
         return
     pose = np.empty(3)
@@ -62,12 +66,12 @@ def place(block: Any, grips: Any, share: float) -> None:
             for c in range(3):
                 goal = grips.poses[i, c]
                 pose[c] = goal - (1.0 - share) * (goal - grips.held[i, c])
-            grip(block, lane, pose)
+            place_grip(block, lane, pose)
 
 
 @kernel
 def rewind(block: Any, gate: Any) -> None:
-    """Undo a failed step where `gate`."""
+    """Restore the state before a failed step in the lanes `gate`."""
     state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for field in range(at.EPS):
@@ -78,8 +82,8 @@ def rewind(block: Any, gate: Any) -> None:
 
 
 @kernel
-def copy(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
-    """Copy fields (first, end) of `source` to `target` from `to`, where `gate`."""
+def copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
+    """Copy fields first to end - 1 of `source` to `target` from field `to` on, in lanes `gate`."""
     first, end = fields
     for r in range(target.shape[0]):
         for c in range(end - first):
@@ -89,11 +93,11 @@ def copy(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
 
 @kernel
 def in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
-    """Step the lanes `gate` by `parts` equal substeps without history; the failed lanes."""
+    """Step the lanes `gate` in `parts` equal substeps without history; returns the failed lanes."""
     going = gate
     for part in range(parts):
-        place(block, grips, (part + 1) / parts)
-        omega = pace.again if part > 0 else 0.0
+        place_grips(block, grips, (part + 1) / parts)
+        omega = pace.next_omega if part > 0 else 0.0
         going = going - attempt(block, pace.h / parts, omega, going, pace.tolerance)
         if not anywhere(going):
             break
@@ -102,12 +106,12 @@ def in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
 
 @kernel
 def step(block: Any, grips: Any, pace: Any) -> Any:
-    """One step of a block to the poses of its grips; returns lanes that failed to converge.
+    """Step a block to the next poses of its grips; returns the lanes that failed to converge.
 
     A lane that moved in substeps goes on with the history of one whole step; one that failed stays
     as it was.
     """
-    place(block, grips, 1.0)
+    place_grips(block, grips, 1.0)
     gate = attempt(block, pace.h, pace.omega, load(grips.alive, 0, 0), pace.tolerance)
     if not anywhere(gate):
         return gate
@@ -115,14 +119,14 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
     start = block.state.copy()
     for parts in STEP_PARTS:
         failed = in_parts(block, grips, pace, gate, parts)
-        copy(start, (0, start.shape[1]), block.state, 0, failed)
-        moved = gate - failed
-        copy(start, (at.X, at.EPS), block.state, at.X1, moved)
-        copy(start, (at.EPS, at.FRICTION), block.state, at.EPS1, moved)
+        copy_fields(start, (0, start.shape[1]), block.state, 0, failed)
+        moved = gate - failed  # their history is the state before the whole step
+        copy_fields(start, (at.X, at.EPS), block.state, at.X1, moved)
+        copy_fields(start, (at.EPS, at.FRICTION), block.state, at.EPS1, moved)
         if block.terms is not None:
-            copy(start, (at.MAXWELL, at.MAXWELL1), block.state, at.MAXWELL1, moved)
+            copy_fields(start, (at.MAXWELL, at.MAXWELL1), block.state, at.MAXWELL1, moved)
         gate = failed
         if not anywhere(gate):
             break
-    place(block, grips, 1.0)
+    place_grips(block, grips, 1.0)
     return gate

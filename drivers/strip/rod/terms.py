@@ -1,4 +1,4 @@
-"""Optional terms: history-dependent moments, air drag, sliding ends.
+"""Optional force terms of the rod: history-dependent moments, air drag, sliding ends.
 
 Only batches with a strip that needs them run this code; a null coefficient adds zeros.
 """
@@ -18,7 +18,7 @@ UNSETTLED = 0.1  # rad^2, what counts at most
 
 @kernel
 def magnitude(a: Any) -> Any:
-    """|a|."""
+    """Absolute value of `a`, lane by lane."""
     return choose(below(a, 0.0), -a, a)
 
 
@@ -34,7 +34,7 @@ def fade(block: Any, r: int, change: Any, rate: Any) -> Any:
 
 @kernel
 def lagging(block: Any, r: int, change: Any, rate: Any) -> Any:
-    """Moment at row r that depends on the past of its strain, and its tangent.
+    """Rate- and history-dependent moment [N m] at row `r`, and its tangent.
 
     Q |deps/dt| deps/dt of quadratic damping, and K q of the rigidity that relaxes.
     """
@@ -47,33 +47,33 @@ def lagging(block: Any, r: int, change: Any, rate: Any) -> Any:
 
 @kernel
 def sliding_late(block: Any, r: int, eps: Any) -> Any:
-    """Moment at row r of the friction that slides late, and its tangent."""
+    """Moment [N m] of the friction element at row `r` that slides late, and its tangent."""
     stick, slip = load(block.nature, r, at.LATE_STICK), load(block.nature, r, at.LATE_SLIP)
     change = eps - load(block.state, r, at.EPS)
     return element(stick, slip, change, load(block.state, r, at.LATE))
 
 
 @kernel
-def limit_of(block: Any, r: int) -> Any:
-    """Pull [N] at which segment r slides."""
+def slip_limit(block: Any, r: int) -> Any:
+    """Tension [N] at which segment `r` begins to slide."""
     held, gripped = load(block.state, r, at.HELD), load(block.nature, r, at.GRIPPED)
     return choose(held - gripped, gripped, held)
 
 
 @kernel
-def slides(block: Any, r: int, taut: Any) -> Any:
-    """1 where segment r slides under the tension `taut` that it had stuck, -1 pushed, else 0.
+def slip_direction(block: Any, r: int, taut: Any) -> Any:
+    """Sliding direction of segment `r` at sticking tension `taut`: 1 pulled, -1 pushed, 0 none.
 
     The grip lets go of what is pulled, not of what is pushed, which buckles first; a loose edge
     slides both ways.
     """
     pushed = below(taut, -load(block.state, r, at.HELD))
-    return below(limit_of(block, r), taut) - pushed
+    return below(slip_limit(block, r), taut) - pushed
 
 
 @kernel
-def sliding(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
-    """Tension of segment r, part of which has slid, and its stiffness; constant where it slides.
+def stick_slip(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
+    """Tension [N] and stiffness of segment `r` with stick-slip: constant tension where it slides.
 
     Whether it slides follows from the tension that the last linear solution gives it if it sticks:
     that of its positions is mostly the stretch that a turn of an almost inextensible piece feigns.
@@ -82,27 +82,28 @@ def sliding(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
     step all sticks: tensions of extrapolated positions are meaningless.
     """
     taut = taut - stretch * load(block.state, r, at.SLID)
-    way, before = slides(block, r, load(block.work, r, at.STUCK)), load(block.state, r, at.WAY)
+    way = slip_direction(block, r, load(block.work, r, at.STUCK))
+    before = load(block.state, r, at.WAY)
     way = choose(below(way * before, -0.5), 0.0, way)
     way = choose(below(UNTRIED - 0.5, before), 0.0, way)
     store(block.state, r, at.WAY, way)
     store(block.work, r, at.STUCK, taut)
     store(block.work, r, at.STUCK_GROWTH, stretch * span)
-    level = choose(way, limit_of(block, r), -load(block.state, r, at.HELD))
+    level = choose(way, slip_limit(block, r), -load(block.state, r, at.HELD))
     moves = way * way
     return choose(moves, level, taut), choose(moves, 0.0, stretch)
 
 
 @kernel
-def expect(block: Any, r: int, along: Any) -> None:
-    """Update the tension that a sticking segment r would have, by a correction of `along` [1]."""
+def update_stuck(block: Any, r: int, along: Any) -> None:
+    """Update the sticking tension of segment `r` after a correction of its strain by `along`."""
     taut, growth = load(block.work, r, at.STUCK), load(block.work, r, at.STUCK_GROWTH)
     store(block.work, r, at.STUCK, fma(-growth, along, taut))
 
 
 @kernel
 def settling_turn(block: Any, r: int, along: Any) -> Any:
-    """Length change of a segment r that may slide, in a correction, as an equivalent squared turn.
+    """Squared turn [rad^2] equivalent to a strain correction `along` of a segment that may slide.
 
     A strip that slides moves without turning, so turns by themselves would end Newton's method
     early.
@@ -110,12 +111,12 @@ def settling_turn(block: Any, r: int, along: Any) -> Any:
     turn = CORRECTION_TURN * along
     square = turn * turn
     square = choose(square - UNSETTLED, UNSETTLED, square)
-    return choose(below(limit_of(block, r), HUGE), square, 0.0)
+    return choose(below(slip_limit(block, r), HUGE), square, 0.0)
 
 
 @kernel
 def air(block: Any, r: int, rate: Any) -> Any:
-    """Force against the motion of row r through the air, and its tangent.
+    """Air drag (x, z) [N] against the motion of row `r`, and its tangent (xx, xz, zz).
 
     F = D v with D = 1/2 rho C_d width length (u + slow) (n n' + along t t') of the predicted
     motion: of second order in the step, and symmetric.
@@ -129,7 +130,7 @@ def air(block: Any, r: int, rate: Any) -> Any:
 
 @kernel
 def resist(block: Any, r: int, rate: Any) -> None:
-    """Write into `work` the drag matrix at row r, from the predicted motion."""
+    """Write the drag matrix of row `r`, from its predicted motion, into `work`."""
     state, work = block.state, block.work
     tx = load(state, r + 1, at.X) - load(state, r - 1, at.X)
     tz = load(state, r + 1, at.Z) - load(state, r - 1, at.Z)
@@ -137,8 +138,8 @@ def resist(block: Any, r: int, rate: Any) -> None:
     nx, nz = -(tz * inverse), tx * inverse
     vx = rate * (load(state, r, at.X) - load(work, r, at.BASE_X))
     vz = rate * (load(state, r, at.Z) - load(work, r, at.BASE_Z))
-    across, past = fma(nx, vx, nz * vz), fma(nz, vx, -(nx * vz))
-    speed = sqrt(fma(load(block.nature, r, at.OBLIQUE) * past, past, across * across))
+    across, along = fma(nx, vx, nz * vz), fma(nz, vx, -(nx * vz))
+    speed = sqrt(fma(load(block.nature, r, at.OBLIQUE) * along, along, across * across))
     drag = load(block.nature, r, at.DRAG) * (speed + load(block.nature, r, at.SLOW))
     share = load(block.nature, r, at.ALONG)
     store(work, r, at.DRAG_XX, drag * fma(share * nz, nz, nx * nx))
@@ -159,7 +160,7 @@ def remember(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
 
 @kernel
 def predict_terms(block: Any, rate: Any, weights: Any) -> None:
-    """Set the drag of the coming step, and weigh past Maxwell strains into the base of the next."""
+    """Write drag matrices and bases of the Maxwell strains for the coming step into `work`."""
     now, old = weights
     for r in range(1, block.state.shape[0] - 1):
         store(block.state, r, at.WAY, UNTRIED)

@@ -12,7 +12,7 @@ SOLIMP = np.array([CONSTRAINT_SHARE, CONSTRAINT_SHARE, 0.001, 0.5, 2.0])
 
 
 def sag(acceleration: float) -> float:
-    """Depth [m] to which what falls at `acceleration` [m/s^2] sinks into a contact at rest.
+    """Depth [m] to which a body under `acceleration` [m/s^2] sinks into a contact at rest.
 
     Over it a strip starts at rest. Over a desk without it the strip would fall freely for a step,
     to a kink of 0.1 mm at its fixed edge, and under the push of a lift the strip would buckle there

@@ -16,11 +16,11 @@ GIVE = 1e-4  # m, by which an end yields before it slides
 
 @dataclass(slots=True)
 class Slide:
-    """A stiff spring that holds its joint until the pull exceeds `limit`; then a constant force
-    until the motion reverses.
+    """Stick-slip element: a stiff spring up to the force `limit`, then a constant force.
 
-    `joint` is the coordinate, `stiffness` that of the spring, all in the chain's scaled units;
-    `rest` is the spring's rest position and `sliding` the sign of the motion.
+    It sticks again when the motion reverses. `joint` is the coordinate, `stiffness` that of the
+    spring, all in the chain's scaled units; `rest` is the spring's rest position and `sliding` the
+    sign of the motion.
     """
 
     joint: int
@@ -32,12 +32,13 @@ class Slide:
 
     def judge(self, position: float, rate: float) -> None:
         """Decide between stick and slip from the joint's position and velocity."""
-        pull = self.stiffness * (position - self.rest)
         if self.sliding != NOT_SLIDING:
-            if self.sliding * rate <= 0:
+            if self.sliding * rate <= 0:  # reversed: stick, with the spring at the same force
                 self.rest = position - self.sliding * self.limit / self.stiffness
                 self.sliding = NOT_SLIDING
-        elif (abs(pull) if self.both_ways else pull) > self.limit:
+            return
+        pull = self.stiffness * (position - self.rest)
+        if (abs(pull) if self.both_ways else pull) > self.limit:
             self.sliding = float(np.sign(pull))
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -64,19 +65,17 @@ class Ends:
     @classmethod
     def of(cls, model: StripModel, lumps: Lumps, joints: Joints) -> Self:
         """Both ends of a chain at rest."""
-        boundary, grip, edge = model.boundary, joints.grip, joints.edge
-        press = -float(boundary.gravity[1])
-        limit = boundary.grip_force * lumps.scale
-        if grip is not None and np.isinf(limit):
-            grip = None
-        cling = boundary.edge_friction * float(lumps.mass.sum()) * press
-        held, loose = min(lumps.along[-1], limit / GIVE), min(lumps.held[0], cling / GIVE)
-        return cls(
-            grip=None if grip is None else Slide(grip, held, limit, both_ways=False),
-            edge=None if edge is None else Slide(edge, loose, cling, both_ways=True),
-            friction=boundary.edge_friction,
-            edge_weight=0.5 * float(lumps.mass[0]) * press,
-        )
+        boundary, gravity = model.boundary, -float(model.boundary.gravity[1])
+        grip: Slide | None = None
+        edge: Slide | None = None
+        hold = boundary.grip_force * lumps.scale
+        if joints.grip is not None and not np.isinf(hold):
+            grip = Slide(joints.grip, min(lumps.along[-1], hold / GIVE), hold, both_ways=False)
+        if joints.edge is not None:
+            friction = boundary.edge_friction * float(lumps.mass.sum()) * gravity
+            edge = Slide(joints.edge, min(lumps.held[0], friction / GIVE), friction, both_ways=True)
+        edge_weight = 0.5 * float(lumps.mass[0]) * gravity
+        return cls(grip, edge, boundary.edge_friction, edge_weight)
 
     @property
     def slide(self) -> bool:
@@ -102,7 +101,7 @@ class Ends:
 
 
 def borne(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Normal force [N] of the desk on the chain in the last step, in the chain's scaled units."""
+    """Normal force [scaled N] of the desk on the chain in the last step."""
     desk = model.geom("desk").id
     touching = (data.contact.geom == desk).any(axis=1) & (data.contact.efc_address >= 0)
     return float(data.efc_force[data.contact.efc_address[touching]].sum())

@@ -16,7 +16,7 @@ FEWEST_LINKS = 8
 
 
 class Chain:
-    """A Stepper over MuJoCo chains of `links` links, one after the other.
+    """Strip engine (`Stepper`): MuJoCo chains of `links` links, stepped one after the other.
 
     Steps longer than 5 ms are divided into equal parts along the straight line between poses. After
     layer_touch the run goes on: the layers rest on each other. A grip is compliant (10 N pull it by
@@ -33,7 +33,7 @@ class Chain:
         self._time = 0.0
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """Lay the strips flat and still, grippers at (L, 0), pitch 0, time 0.
+        """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0, at time 0.
 
         Raises Unsupported for what a chain cannot represent.
         """

@@ -23,7 +23,7 @@ class Parts:
 
 
 ForceFunction = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
-"""A foreign law at work on one chain, called with model, data, time and h before each step.
+"""An extra force on one chain, called with model, data, time and h before each step.
 
 It adds to the applied forces and the damping of the step of h [s] that begins at time [s]:
 `data.qfrc_applied`, `data.xfrc_applied` and `model.dof_damping` hold what the chain has by
@@ -35,11 +35,11 @@ class ExtraForce(Protocol):
     """An extra force, attached to chains by `begin`."""
 
     def begin(self, parts: Parts) -> ForceFunction:
-        """The force for one chain that lies flat and still."""
+        """Attach the force to one chain that lies flat and at rest; returns its function."""
 
 
 class ExtraForces:
-    """All extra forces of one chain."""
+    """The extra forces that act on one chain, and the damping that they add."""
 
     def __init__(self, laws: Sequence[ExtraForce], parts: Parts) -> None:
         self._lumps, self._hinges = parts.lumps, parts.joints.hinges
@@ -47,7 +47,7 @@ class ExtraForces:
         self._damping: Array = np.zeros(0)
 
     def clear(self, model: mujoco.MjModel, data: mujoco.MjData, h: float) -> None:
-        """Remove what was added to the last step; without extra forces nothing is changed."""
+        """Reset the applied forces and the damping of the last step, if there are extra forces."""
         if self._acts:
             data.qfrc_applied[:] = 0.0
             data.xfrc_applied[:] = 0.0
@@ -59,8 +59,8 @@ class ExtraForces:
             act(model, data, time, h)
         self._damping = model.dof_damping.copy() if self._acts else self._damping
 
-    def again(self, model: mujoco.MjModel) -> None:
-        """Apply the damping of this step again to a chain that was recompiled."""
+    def restore_damping(self, model: mujoco.MjModel) -> None:
+        """Copy the damping of this step into the `model` of a recompiled chain."""
         if self._acts:
             model.dof_damping[:] = self._damping
 
@@ -91,10 +91,10 @@ def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:
 
 
 class FifthOrder:
-    """The elastic moment beyond the cubic term of the bending law."""
+    """Extra force of the fifth-order term of the elastic bending law."""
 
     def begin(self, parts: Parts) -> ForceFunction:
-        """The moment at every hinge of a chain."""
+        """Attach the moment to the hinges of one chain; returns its function."""
         lumps = parts.lumps
 
         def law(angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG001
@@ -105,6 +105,6 @@ class FifthOrder:
 
 
 def own_laws(model: StripModel) -> Sequence[ExtraForce]:
-    """Terms of the strip's own model that are simulated as extra forces."""
+    """Extra forces that simulate terms of the strip's own bending law."""
     law = model.mechanics.law
     return (FifthOrder(),) if law.cubic != 0 and law.fifth != 0 else ()

@@ -1,6 +1,4 @@
-"""The grip of a chain: a weld whose target leads the commanded pose, so that
-the tip does not lag.
-"""
+"""The grip of a chain: a weld whose target leads the commanded pose to cancel its lag."""
 
 from dataclasses import dataclass
 from typing import Self

@@ -1,4 +1,4 @@
-"""Coordinates of a chain and the shape that follows from them."""
+"""Joint coordinates of a chain of links, and the positions and speeds that they imply."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -16,7 +16,7 @@ Indices = NDArray[np.int_]
 
 @dataclass(frozen=True, slots=True)
 class Joints:
-    """Coordinates of a chain of n links, `spans` (n,) [m] long at rest.
+    """Indices of the joints of a chain of n links, whose lengths at rest are `spans` (n,) [m].
 
     `hinges` (n + 1,) are those of the nodes; `slides` those by which the links `lengthened` grow
     longer; `edge` moves the fixed edge along the desk, `grip` the end of the last link.
@@ -31,7 +31,7 @@ class Joints:
 
     @classmethod
     def of(cls, model: mujoco.MjModel, spans: Array) -> Self:
-        """Coordinates of a compiled chain."""
+        """Joint indices of a compiled chain."""
         links = len(spans)
         found = {model.joint(j).name: j for j in range(model.njnt)}
         slides = {k: found[f"{SLIDE}{k}"] for k in range(links + 1) if f"{SLIDE}{k}" in found}
@@ -50,7 +50,7 @@ class Joints:
         return np.asarray(position[self.hinges].cumsum())
 
     def nodes(self, position: Array) -> Array:
-        """Nodes (n + 1, 2) [m] of x, z."""
+        """Positions (n + 1, 2) of the nodes: x, z [m]."""
         angles = self.angles(position)[:-1]
         nodes = np.zeros((len(self.hinges), 2))
         nodes[1:, 0] = np.cos(angles)
@@ -61,9 +61,7 @@ class Joints:
         return np.asarray(nodes.cumsum(axis=0))
 
     def speeds(self, position: Array, rate: Array) -> tuple[Array, Array]:
-        """Speeds (n, 2) [m/s] of the middle of each link along and across it, and directions
-        (n, 2) along it.
-        """
+        """Speeds (n, 2) [m/s] of link middles along and across the link, and directions (n, 2)."""
         angles = self.angles(position)[:-1]
         along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
@@ -74,9 +72,8 @@ class Joints:
         middles = ends - 0.5 * turn
         if self.edge is not None:
             middles[:, 0] += rate[self.edge]
-        return np.stack(
-            [(middles * direction).sum(axis=1) for direction in (along, normals)], axis=1
-        ), along
+        speeds = [(middles * direction).sum(axis=1) for direction in (along, normals)]
+        return np.stack(speeds, axis=1), along
 
     def _lengths(self, position: Array) -> Array:
         lengths = self.spans[:, None].copy()

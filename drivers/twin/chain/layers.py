@@ -13,6 +13,7 @@ from drivers.types import Array
 THICK = 0.005  # m, how far one layer may fall through the other and is still pushed back
 LAYER_FRICTION = 1.0  # of fabric on fabric, assumed; more than on a desk (paper, III-A)
 UPPER = 2  # collision class
+FLAT = np.sqrt(0.5)  # cosine of the angle to the desk at which the bend between layers begins
 CLING_REACH = 0.0005  # m, how far layers that cling may part before they let go
 
 
@@ -31,19 +32,19 @@ class Layers:
         """The layers of a fold whose links stand at `angle` (n,) [rad] from flat."""
         level = np.cos(angle)
         turned = int(np.argmax(level < 0))
-        flat = np.flatnonzero(level[:turned] > np.sqrt(0.5))
-        back = np.flatnonzero(level[turned:] < -np.sqrt(0.5))
+        flat = np.flatnonzero(level[:turned] > FLAT)
+        back = np.flatnonzero(level[turned:] < -FLAT)
         return cls(
             lower=int(flat[-1]) if len(flat) else 0,
             upper=turned + int(back[0]) if len(back) else len(angle),
         )
 
     def add(self, body: mujoco.MjsBody, node: int, lumps: Lumps, gap: float) -> None:
-        """Add the contact body of the link that begins at `node`: it keeps midlines `gap` [m]
-        apart, and together with adhesion.
+        """Add to `body` the contact shape of the link that begins at `node`.
 
-        Its body lies on the outer side of the fold and is thick, because a falling layer moves by
-        more than the thickness of fabric within a step.
+        It keeps midlines `gap` [m] apart, and together with adhesion. It lies on the outer side of
+        the fold and is thick, because a falling layer moves by more than the thickness of fabric
+        within a step.
         """
         link = min(node, len(lumps.spans) - 1)
         radius = max(THICK, gap)

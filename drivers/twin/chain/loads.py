@@ -28,10 +28,11 @@ class Loads:
         if self._rubs or self._fades:
             data.qfrc_applied[self._joints.hinges] = self._moments(data, h)
         if self._blown:
+            # bodies between world and tip plus gripper; force components x and z
             data.xfrc_applied[1:-2, :3:2] = self._drag(data, h)
 
     def _moments(self, data: mujoco.MjData, h: float) -> Array:
-        """Moments (n + 1,) at the hinges."""
+        """Moments (n + 1,) of friction and relaxation at the hinges."""
         lumps, hinges = self._lumps, self._joints.hinges
         moment = np.zeros(len(hinges))
         if self._rubs:
@@ -48,9 +49,9 @@ class Loads:
         Their strain obeys dq/dt = dangle/dt - q / time; exact for a uniform rate between calls.
         """
         lumps = self._lumps
-        past = self._elapsed / lumps.fading_time
-        kept = -np.expm1(-past) / past if past > 0 else 1.0
-        self._strain = np.exp(-past) * self._strain + kept * (angle - self._angle)
+        periods = self._elapsed / lumps.fading_time
+        kept = -np.expm1(-periods) / periods if periods > 0 else 1.0
+        self._strain = np.exp(-periods) * self._strain + kept * (angle - self._angle)
         self._angle, self._elapsed = angle.copy(), h
         return np.asarray(lumps.fading * (angle - lumps.rest - self._strain))
 
@@ -61,9 +62,9 @@ class Loads:
         strips stay stable.
         """
         air, (speed, tangents) = self._lumps.air, self._joints.speeds(data.qpos, data.qvel)
-        past, across = speed.T
-        resistance = self._lumps.drag * (np.sqrt(across**2 + air.oblique * past**2) + air.slow)
+        along, across = speed.T
+        resistance = self._lumps.drag * (np.sqrt(across**2 + air.oblique * along**2) + air.slow)
         slowed = resistance / (1.0 + h * resistance / self._lumps.mass)
         normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
-        rubbed, pushed = (slowed * air.along * past)[:, None], (slowed * across)[:, None]
+        rubbed, pushed = (slowed * air.along * along)[:, None], (slowed * across)[:, None]
         return np.asarray(-rubbed * tangents - pushed * normals)

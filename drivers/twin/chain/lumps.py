@@ -1,4 +1,4 @@
-"""The fields of a strip lumped onto the links and hinges of a chain."""
+"""Lumping of a strip model onto the links and hinges of a chain."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -18,7 +18,7 @@ RIGID = 3e3  # axial stiffness over weight from which a strip counts as inextens
 
 @dataclass(frozen=True, slots=True)
 class Lumps:
-    """A strip on n links and n + 1 hinges, in the chain's own unit of mass.
+    """Coefficients of a strip on n links and n + 1 hinges, in the chain's own unit of mass.
 
     Dynamics do not change when masses, stiffnesses and forces share a factor; solver tolerances
     do. So every strip is built as heavy as the paper's: `scale` is that factor.
@@ -59,7 +59,7 @@ class Lumps:
 
     @classmethod
     def of(cls, model: StripModel, links: int) -> Self:
-        """The lumped fields of `model` on `links` links."""
+        """Lumped coefficients of `model` on `links` links."""
         strip, law = model.mechanics, model.mechanics.law
         nodes = places(strip.length, links)
         middles = np.concatenate([[0.0], 0.5 * (nodes[:-1] + nodes[1:]), [strip.length]])
@@ -119,12 +119,12 @@ def places(length: float, links: int) -> Array:
 
 
 def _lag(strip: Mechanics) -> Array:
-    """Damping of unlike pieces under one moment: D = K^2 int(viscosity / EI^2) ds."""
+    """Integrand (CELLS,) of the damping of unlike pieces: D = K^2 int(viscosity / EI^2) ds."""
     return strip.viscosity / strip.rigidity**2
 
 
 def _drag(strip: Mechanics) -> float:
-    """Force per length over the square of the normal speed [N s^2/m^3]."""
+    """Drag force per length over the square of the normal speed [N s^2/m^3]."""
     return 0.5 * AIR_DENSITY * strip.drag.coefficient * strip.width
 
 

@@ -25,7 +25,7 @@ KNOWN_FIELDS: dict[type, str] = {
 
 
 def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjSpec:
-    """A fresh spec of `model` on `links` links, flat along +x, gripped at its end.
+    """A new MuJoCo spec of `model` as a chain of `links` links, flat along +x, gripped at its end.
 
     Body i + 1 has its origin at node i; the last one is the tip, welded to the gripper.
     Without `layers` only the desk carries the strip, with them its layers rest on each other.
@@ -54,7 +54,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
 
 
 def compile_chain(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjModel:
-    """The compiled chain, with the stiffness of its grip corrected.
+    """Compiled MuJoCo model of the chain, with the stiffness of its grip corrected.
 
     MuJoCo softens a weld in proportion to how light the welded body is. The tip is nearly massless,
     so with the default its grip would sag by millimetres, and more with more links.
@@ -98,14 +98,17 @@ def _add_desk(spec: mujoco.MjSpec, depth: float) -> None:
 
 def _add_slide(body: mujoco.MjsBody, model: StripModel, lumps: Lumps, node: int) -> None:
     """Let the body at `node` move along the link before it, or at node 0 along the desk."""
-    loose = np.isfinite(model.boundary.edge_friction)
-    slips = node == len(lumps.mass) and np.isfinite(model.boundary.grip_force)
-    if loose if node == 0 else lumps.stretches or slips:
+    if node == 0:
+        moves, stiffness = np.isfinite(model.boundary.edge_friction), lumps.held[0]
+    else:
+        slips = node == len(lumps.mass) and np.isfinite(model.boundary.grip_force)
+        moves, stiffness = lumps.stretches or slips, lumps.along[node - 1]
+    if moves:
         body.add_joint(
             name=f"{SLIDE}{node}",
             type=mujoco.mjtJoint.mjJNT_SLIDE,
             axis=[1.0, 0.0, 0.0],
-            stiffness=[lumps.held[0] if node == 0 else lumps.along[node - 1], 0.0, 0.0],
+            stiffness=[stiffness, 0.0, 0.0],
         )
 
 

@@ -1,4 +1,4 @@
-"""One strip as a MuJoCo chain: state, step, layer_touch."""
+"""Simulation of one strip as a MuJoCo chain: state, step, layer touch."""
 
 import math
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)  # arrays compare slowly w
 
 
 class ChainStrip:
-    """A strip on `links` links, flat and still at time 0, held at its end.
+    """Simulation of a strip as a chain of `links` links, flat at time 0 and held at its end.
 
     `points` (links + 1, 2) [m] are its nodes now, at arc lengths `arc` (links + 1,) [m] from the
     fixed edge; `touch` is its layer_touch, once it has happened. `foreign` forces act on it in
@@ -97,7 +97,7 @@ class ChainStrip:
         return np.array([x, z]) / self._lumps.scale
 
     def _bring_in(self) -> None:
-        """Move an edge that is not at its stated position there, and let the strip come to rest."""
+        """Move the grasped edge to its stated position, if need be, and let the strip settle."""
         for pose in approach_poses(self._description):
             grip = self._grip.to(pose, LONGEST_STEP)
             self._loads.renew(self._data, LONGEST_STEP)
@@ -107,7 +107,7 @@ class ChainStrip:
         self._grip = Grip.at_rest(self._grip.pose)
 
     def _step_until_touch(self, grip: Grip, h: float) -> None:
-        """A step; repeated from the same start with solid layers when they meet in it."""
+        """Advance by a step; repeat it from its start with solid layers if they touch in it."""
         mujoco.mj_getState(self._model, self._data, self._state, STATE_SPEC)
         before = (self._time, self._gap)
         self._step(grip, h)
@@ -120,7 +120,7 @@ class ChainStrip:
             layers = Layers.of(self._joints.angles(self._data.qpos)[:-1])
             self._load(compile_chain(self._description, self._links, layers))
             self._pace(h)
-            self._foreign.again(self._model)
+            self._foreign.restore_damping(self._model)
             mujoco.mj_setState(self._model, self._data, self._state, STATE_SPEC)
             self._ends.apply(self._model, self._data)
             self._step(grip, h)
@@ -138,7 +138,7 @@ class ChainStrip:
             raise SimulationNotFinite("chain", self._time + h)
 
     def _within_reach(self, target: Array) -> Array:
-        """The target, no further from the fixed edge than a taut strip and `PULL` reach.
+        """`target` (3,), moved no further from the fixed edge than a taut strip and `PULL` reach.
 
         A weld with a larger violation pulls so hard that the solver loses the weight in rounding.
         """
@@ -160,4 +160,4 @@ class ChainStrip:
 
 
 def _unheard(_: str) -> None:
-    """Discards MuJoCo's warnings."""
+    """Discard a warning of MuJoCo."""

@@ -39,7 +39,7 @@ def draw_things(
 def _covers(
     thing: Thing, optics: Optics, size: tuple[int, ...]
 ) -> list[tuple[NDArray[np.uint8], float]]:
-    """Masks (height, width) of the parts of a thing, and their brightness."""
+    """Mask (height, width) and brightness of each visible part of a thing, in drawing order."""
     if isinstance(thing, Cable):
         return [(_line(thing, optics, size), 1.0)]
     (x0, y0, z0), (x1, y1, z1) = thing.low, thing.high
@@ -69,7 +69,7 @@ def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uin
 
 
 def _bend(at: Array, values: Array) -> Array:
-    """Values (n,) at whole numbers, interpolated smoothly."""
+    """Polynomial fitted to `values` (n,) at 0, 1, ..., evaluated at the places `at` (m,)."""
     degree = min(len(values) - 1, 3)
     fit = np.polynomial.polynomial.polyfit(np.arange(len(values)), values, degree)
     return np.asarray(np.polynomial.polynomial.polyval(at, fit))

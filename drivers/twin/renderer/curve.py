@@ -24,14 +24,12 @@ class Curve:
 
     @property
     def steps(self) -> Array:
-        """(m, 2) displacement [m] along the curve that each sample stands for, as long as their
-        spacing.
-        """
+        """Displacements (m, 2) [m] along the curve, as long as the spacing of the samples."""
         return np.asarray(self.tangents * (self.s[1] - self.s[0]))
 
     @property
     def normals(self) -> Array:
-        """(m, 2) unit normals, to the left of the tangent: up for a strip lying along +x."""
+        """Unit normals (m, 2), to the left of the tangent: up for a strip lying along +x."""
         return np.stack([-self.tangents[:, 1], self.tangents[:, 0]], axis=-1)
 
 

@@ -1,4 +1,4 @@
-"""The hand: two fingers that hold the strip's edge at mid width, or the pin of the calibration."""
+"""Drawing of the hand: two fingers about the strip's edge, or the calibration pin."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ DISC_LEVELS = np.array([236.0, 240.0, 240.0])
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """A box: convex `corners` (m, 2) x, z [m], from `front` to `back` in y [m], brightness."""
+    """A box of the hand: convex `corners` (m, 2) of x, z [m], from `front` to `back` in y [m]."""
 
     corners: Array
     front: float
@@ -49,7 +49,7 @@ def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
 
 
 def faces_of(parts: Sequence[Outline], optics: Optics) -> list[tuple[Array, Array]]:
-    """Corners (m, 2) [px] of the front and the back of each box."""
+    """Corners (m, 2) [px] of the front and the back face of each box."""
     return [
         (optics.plane(part.corners, part.front), optics.plane(part.corners, part.back))
         for part in parts
@@ -63,8 +63,9 @@ def draw_hand(
     origin: tuple[int, int],
     colour: Array,
 ) -> None:
-    """Boxes with darker sides and a lit front, drawn in place into `image` (h, w, 3), which begins
-    at `origin` (u, v) of the one that their `faces` count from.
+    """Draw boxes with darker sides and a lit front into `image` (h, w, 3), in place.
+
+    `faces` are in pixels of a larger image, in which this one begins at `origin` (u, v).
     """
     for part, face in zip(parts, faces, strict=True):
         near, far = (corners - origin for corners in face)
@@ -74,14 +75,14 @@ def draw_hand(
 
 
 def draw_pointer(image: Image, scene: Scene, optics: Optics, colour: Array) -> None:
-    """A dark plate with a bright disc centred on the gripper point, into `image` (h, w, 3)."""
+    """Draw the pin, a dark plate with a bright disc at the grip point, into `image` (h, w, 3)."""
     centre = np.array([scene.gripper.x, scene.gripper.z])
     _disc(image, centre, PLATE, optics, colour * 0.5)
     _disc(image, centre, DISC, optics, DISC_LEVELS)
 
 
 def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Array) -> None:
-    """A disc of `radius` [m] in the plane y = 0 with exact coverage of its border, in place."""
+    """Draw a disc of `radius` [m] in the plane y = 0, in place, with an antialiased border."""
     middle, *sides = optics.plane(centre + radius * np.array([(0, 0), (1, 0), (0, 1)]))
     axes = np.array(sides) - middle
     reach = int(np.abs(axes).sum(axis=0).max()) + 2
@@ -98,7 +99,7 @@ def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Ar
 def extent(
     faces: Sequence[tuple[Array, Array]], scene: Scene, optics: Optics
 ) -> tuple[Array, Array]:
-    """Pixels u and v (k,) that bound the hand, of these `faces`, and the object it holds."""
+    """Pixels u and v (k,) that bound the hand, by its `faces`, and the pin that it holds."""
     sides = [corners for face in faces for corners in face]
     if scene.pointer:
         centre = np.array([scene.gripper.x, scene.gripper.z])
@@ -108,7 +109,7 @@ def extent(
 
 
 def above(outline: Array, floor: float) -> Array:
-    """The part (m, 2) of a convex outline of x, z that stands above `floor` [m]."""
+    """Part (m, 2) of a convex `outline` (n, 2) of x, z [m] that lies above `floor` [m]."""
     if (outline[:, 1] >= floor).all():
         return outline
     kept: list[Array] = []

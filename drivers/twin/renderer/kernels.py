@@ -22,8 +22,9 @@ def plane(
     principal: tuple[float, float],
     distortion: tuple[float, float],
 ) -> Array:
-    """Pixels (n, 2) of points (n, 2) of x, z [m] in the plane at `y` [m], for the camera at
-    `centre` (3,) whose rotation is `m` (3, 3); see `Optics`.
+    """Pixels (n, 2) of `points` (n, 2) of x, z [m] in the plane at `y` [m].
+
+    The camera at `centre` (3,) has the rotation `m` (3, 3); see `Optics`.
     """
     (u, v), (k1, k2) = principal, distortion
     pixels = np.empty((len(points), 2))
@@ -41,8 +42,9 @@ def plane(
 
 @entry
 def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
-    """Points and derivatives (m, 2) at increasing `s` (m,) of the cubic Hermite curve through
-    `nodes` (n, 2) with `slopes` (n, 2) at arc lengths `arc` (n,).
+    """Points and derivatives (m, 2) of a cubic Hermite curve at increasing arc lengths `s` (m,).
+
+    It passes through `nodes` (n, 2) with `slopes` (n, 2) at arc lengths `arc` (n,).
     """
     points, derivatives = np.empty((len(s), 2)), np.empty((len(s), 2))
     i = 0
@@ -63,7 +65,7 @@ def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Arra
 
 @entry
 def greatest(bins: Indices, values: Array, count: int) -> Array:
-    """(count,) the greatest of the `values` (m,) in each of `bins` (m,), at least 0."""
+    """Largest (count,) of the `values` (m,) in each bin of `bins` (m,), at least 0."""
     found = np.zeros(count)
     for k in range(len(bins)):
         found[bins[k]] = max(found[bins[k]], values[k])
@@ -120,11 +122,11 @@ def _gather(
     low: int,
     right: int,
 ) -> int:
-    """Add to `sums` (n, channels) what `points` leave in one of the four pixels about each: in the
-    lower ones, in the right ones; returns how many sums are taken.
+    """Add each point's share of one of the four pixels around it to the `sums` (n, channels).
 
-    They are `kept` by their numbers, from 1 on: that of each pixel (rows, columns), of which the
-    first is `origin`, 0 where it has none, the pixel of each (n,), and how many are taken before.
+    `low` and `right`, 0 or 1, choose the pixel. Pixels get sums when first needed, numbered from 1:
+    `kept` holds the number for each pixel (rows, columns) from `origin` on, 0 without a sum, the
+    flat pixel index of each sum (n,), and how many sums are taken. Returns how many are then taken.
     """
     places, pixels, taken = kept
     (u0, v0), (rows, columns) = origin, places.shape

@@ -1,4 +1,4 @@
-"""Varying light: the arm's shadow, and mains flicker."""
+"""Brightness of an image under varying light: the arm's shadow, and mains flicker."""
 
 from collections.abc import Sequence
 
@@ -13,6 +13,9 @@ from drivers.twin.renderer.stage import BACKDROP_DISTANCE
 from drivers.types import Array, Image
 
 SHADOW_GRID = 4  # px: the grid on which a shadow is drawn
+FRACTION_BITS = 4  # of the corners that OpenCV takes as whole numbers
+FARTHEST = 2**20  # of such corners: an outline that reaches farther out is cut off there
+BELOW_LAMP = 0.05  # m by which what casts a shadow on the desk is lower than the lamp
 WALL_EDGE = -0.03  # m of height under which the desk hides the wall
 Gain = NDArray[np.float32]
 
@@ -24,7 +27,7 @@ def dim(image: Image, gain: Gain) -> Image:
 
 
 def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
-    """(height, 1) brightness of the rows of a frame exposed about `stamp` [s].
+    """Brightness (height, 1) of the rows of a frame exposed about `stamp` [s].
 
     The lamp's power falls to zero twice a mains period; the average over an `exposure` [s] follows
     the sinc of its fraction of that period.
@@ -38,28 +41,33 @@ def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
 def arm_shadow(
     lamp: Lamp, parts: Sequence[Outline], optics: Optics, size: tuple[int, int], floor: float
 ) -> Gain:
-    """(height, width) brightness under the arm's shadow on wall and desk; `size` is (width,
-    height).
+    """Brightness (height, width) of an image under the arm's shadow on wall and desk.
 
-    The desk lies at `floor` [m]. Objects between desk and wall are shaded like the wall.
+    `size` is (width, height). The desk lies at `floor` [m]. Objects between desk and wall are
+    shaded like the wall.
     """
     width, height = size[0] // SHADOW_GRID, size[1] // SHADOW_GRID
     dark = np.zeros((height, width), dtype=np.uint8)
     for part in parts:
         middle = (part.front + part.back) / 2
         points = np.insert(part.corners, 1, middle, axis=1)
-        for seen in (_on_wall(points, lamp), _on_desk(points, lamp, floor)):
-            if len(seen) > 2:
-                pixels = np.rint(optics.project(seen) / SHADOW_GRID * 16)
-                outline = np.clip(pixels, -(2**20), 2**20).astype(np.int32)
-                cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, 4)
+        for shadow in (_on_wall(points, lamp), _on_desk(points, lamp, floor)):
+            if len(shadow) > 2:
+                _fill(dark, optics.project(shadow) / SHADOW_GRID)
     sigma = _softness(lamp, optics) / SHADOW_GRID
     soft = cv2.GaussianBlur(dark.astype(np.float32) / 255, (0, 0), sigma)
     return np.asarray(cv2.resize(1 - np.float32(lamp.share) * soft, size), dtype=np.float32)
 
 
+def _fill(dark: Image, corners: Array) -> None:
+    """Fill the polygon of `corners` (n, 2) [cells of the grid] in `dark` (h, w), in place."""
+    whole = np.rint(corners * 2**FRACTION_BITS)
+    outline = np.clip(whole, -FARTHEST, FARTHEST).astype(np.int32)
+    cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, FRACTION_BITS)
+
+
 def _on_wall(points: Array, lamp: Lamp) -> Array:
-    """Where rays from the lamp through `points` (n, 3) meet the wall, above the desk."""
+    """Points (n, 3) at which rays from the lamp through `points` (n, 3) meet the wall."""
     place = np.array(lamp.place)
     away = (BACKDROP_DISTANCE - place[1]) / (points[:, 1] - place[1])
     met = place + away[:, None] * (points - place)
@@ -68,9 +76,9 @@ def _on_wall(points: Array, lamp: Lamp) -> Array:
 
 
 def _on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
-    """Where rays from the lamp through `points` (n, 3) meet the desk before the wall."""
+    """Points (m, 3) at which rays from the lamp through `points` (n, 3) meet the desk."""
     place = np.array(lamp.place)
-    low = points[points[:, 2] < place[2] - 0.05]
+    low = points[points[:, 2] < place[2] - BELOW_LAMP]
     away = (place[2] - floor) / (place[2] - low[:, 2])
     met = place + away[:, None] * (low - place)
     met[:, 1] = np.minimum(met[:, 1], BACKDROP_DISTANCE)
@@ -78,7 +86,7 @@ def _on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
 
 
 def _softness(lamp: Lamp, optics: Optics) -> float:
-    """Sigma [px] of the shadow's border on the wall, from the lamp's size."""
+    """Sigma [px] of the blur of the shadow's border on the wall, from the lamp's size."""
     reach = BACKDROP_DISTANCE - lamp.place[1]
     border = lamp.size * BACKDROP_DISTANCE / (reach - BACKDROP_DISTANCE)
     return float(border * optics.focal / (BACKDROP_DISTANCE - optics.centre[1]))

@@ -1,4 +1,4 @@
-"""Appearance of a strip."""
+"""Visual appearance of a strip, as the renderer draws it."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -12,7 +12,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class StripLook:
-    """`colour` (sRGB, 0..255), `thickness` [m] and `width` [m] of the strip on the desk.
+    """Visual appearance of a strip: `colour` (sRGB, 0..255), `thickness` [m] and `width` [m].
 
     `pattern` is printed on it.
     """
@@ -28,7 +28,7 @@ class StripLook:
         return cls(strip.colour, strip.thickness, strip.width, pattern)
 
     def tint(self, s: Array, y: Array) -> Array | None:
-        """(n, 3) BGR at arc lengths and depths (n,) [m]; None where the strip has one colour."""
+        """BGR colours (n, 3) at arc lengths and depths (n,) [m]; None for a strip of one colour."""
         if self.pattern.plain:
             return None
         i, j = (np.floor(place / self.pattern.pitch).astype(np.int64) for place in (s, y))

@@ -14,11 +14,12 @@ from drivers.twin.settings import CameraSettings
 from drivers.types import Array
 
 Pixels = NDArray[np.float32]
+FIELD = 0.6  # of the image's diagonal, the radius up to which the lens is inverted
 
 
 @dataclass(frozen=True, slots=True)
 class Optics:
-    """Camera centre (3,) and rotation (3, 3) in the cell frame; focal, principal point [px].
+    """Pinhole camera: `centre` (3,) [m], `rotation` (3, 3), focal length and principal point [px].
 
     `inverse` (5,) are coefficients of the undistorting factor in powers of the squared distorted
     radius.
@@ -52,11 +53,11 @@ class Optics:
             settings.focal,
             principal,
             settings.distortion,
-            _inverse(settings.distortion, 0.6 * diagonal / settings.focal),
+            _inverse(settings.distortion, FIELD * diagonal / settings.focal),
         )
 
     def displace(self, scale: float, shift: tuple[float, float]) -> Self:
-        """The same camera elsewhere, to which p appears where 1 + scale times p plus `shift` did.
+        """The camera moved so that a point p appears where (1 + scale) p + `shift` appeared before.
 
         `shift` is of x, z [m]. All rays turn about the centre, so this holds at every depth.
         """
@@ -86,7 +87,7 @@ class Optics:
         return pixels
 
     def seen_from(self, origin: tuple[int, int]) -> Self:
-        """The same camera with pixels counted from `origin` (u, v)."""
+        """The camera with pixels counted from `origin` (u, v)."""
         u, v = self.principal
         return replace(self, principal=(u - origin[0], v - origin[1]))
 
@@ -104,13 +105,14 @@ class Optics:
         return x, y, z
 
     def on_level(self, rays: tuple[Pixels, Pixels, Pixels], z: float) -> tuple[Pixels, Pixels]:
-        """Where in x, y [m] rays that look down meet the level `z`; others meet it far away."""
+        """Points x, y [m] at which downward `rays` meet the level `z` [m]; others end far away."""
         reach = np.float32(z - self.centre[2]) / np.minimum(rays[2], np.float32(-1e-4))
         x, y = (np.asarray(self.centre[j] + reach * rays[j], dtype=np.float32) for j in range(2))
         return x, y
 
 
 def _mounting(yaw: float, tilt: float, roll: float) -> Array:
+    """Rotation (3, 3) of the camera by its mounting errors [rad]."""
     cy, sy, ct, st, cr, sr = (f(a) for a in (yaw, tilt, roll) for f in (np.cos, np.sin))
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
     about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]])
@@ -119,7 +121,7 @@ def _mounting(yaw: float, tilt: float, roll: float) -> Array:
 
 
 def _inverse(distortion: tuple[float, float], field: float) -> Array:
-    """Factor from distorted to undistorted, a polynomial in the squared distorted radius."""
+    """Coefficients (5,) of the undistorting factor in powers of the squared distorted radius."""
     k1, k2 = distortion
     radius = np.linspace(0.0, field, 400)
     factor = 1 + radius**2 * (k1 + k2 * radius**2)

@@ -57,8 +57,9 @@ class Renderer:
         contact_bias: float = 0.0,
         surround: Look = PLAIN,
     ) -> None:
-        """`optics` are those of its settings unless given; see `lint` for `contact_bias` [m].
+        """Draw the background; `optics` are those of `settings` unless given.
 
+        `contact_bias` [m] shifts the apparent desk contact, see `lint`.
         `surround` is the look of the cell about the strip, its colours over those of `settings`.
         """
         settings = apply_look(settings, surround)
@@ -88,30 +89,40 @@ class Renderer:
             raise ConfigurationError("render: scenes: none given; a frame shows at least one")
         middle = scenes[len(scenes) // 2]
         curve = expose(scenes, self._spacing) if middle.strip else None
-        clouds = () if curve is None else self._clouds(curve)
         hand = outlines(middle, self._look.width / 2, -self._look.thickness / 2)
-        faces_of_hand = faces_of(hand, self._optics)
         image = self._resting.copy()
-        window = Window.around(
-            [*(cloud.pixels for cloud in clouds), extent(faces_of_hand, middle, self._optics)],
-            (self._settings.width, self._settings.height),
-            reach(self._settings.lens_blur),
-        )
-        if window is not None:
-            part = window.of(self._sharp).copy()
-            if curve is not None:
-                self._shadow.cast(part, window.origin, shadow_profile(curve))
-            draw_hand(part, hand, faces_of_hand, window.origin, self._gripper)
-            self._draw(part, window, middle, clouds)
-            if curve is not None and self._contact_bias:
-                self._draw_lint(part, window, middle)
-            window.put(blur(part, self._settings.lens_blur), image)
+        self._draw_moving(image, middle, curve, hand)
         image = self._lit(image, middle, hand)
         self._noise.apply(image, sequence)
         return image
 
+    def _draw_moving(
+        self, image: Image, scene: Scene, curve: Curve | None, hand: Sequence[Outline]
+    ) -> None:
+        """Redraw the part of `image` (h, w, 3) in which strip and hand appear, in place."""
+        clouds = () if curve is None else self._clouds(curve)
+        hand_faces = faces_of(hand, self._optics)
+        window = Window.around(
+            [*(cloud.pixels for cloud in clouds), extent(hand_faces, scene, self._optics)],
+            (self._settings.width, self._settings.height),
+            reach(self._settings.lens_blur),
+        )
+        if window is None:
+            return
+        part = window.of(self._sharp).copy()
+        if curve is not None:
+            self._shadow.cast(part, window.origin, shadow_profile(curve))
+        draw_hand(part, hand, hand_faces, window.origin, self._gripper)
+        for cloud in clouds:
+            splat(part, cloud.points, cloud.tint, self._colour, self._light, window.origin)
+        if scene.pointer:
+            draw_pointer(part, scene, self._optics.seen_from(window.origin), self._gripper)
+        if curve is not None and self._contact_bias:
+            self._draw_lint(part, window, scene)
+        window.put(blur(part, self._settings.lens_blur), image)
+
     def _lit(self, image: Image, scene: Scene, hand: Sequence[Outline]) -> Image:
-        """`image` under the light at this moment, where it varies."""
+        """`image` (h, w, 3) under light that varies: the arm's shadow and flicker, if any."""
         surround, settings = self._surround, self._settings
         if surround.lamp is not None:
             size, floor = (settings.width, settings.height), -self._look.thickness / 2
@@ -122,7 +133,7 @@ class Renderer:
         return image
 
     def _clouds(self, curve: Curve) -> tuple[Cloud, ...]:
-        """The strip's material points, far to near."""
+        """Clouds of the strip's material points, far to near."""
         picture = project(curve, self._optics, self._look)
         return (
             faces(curve, picture, self._optics, self._look, self._weave),
@@ -134,14 +145,6 @@ class Renderer:
         glow = float(np.median(window.of(self._light)))
         look = (self._colour * glow, self._look.thickness)
         draw_lint(part, window.of(self._sharp), scene, optics, self._contact_bias, look)
-
-    def _draw(self, part: Image, window: Window, scene: Scene, clouds: Sequence[Cloud]) -> None:
-        """Draw what moves before the hand, far to near, into `part`, the pixels of `window`."""
-        for cloud in clouds:
-            splat(part, cloud.points, cloud.tint, self._colour, self._light, window.origin)
-        if scene.pointer:
-            optics = self._optics.seen_from(window.origin)
-            draw_pointer(part, scene, optics, self._gripper)
 
 
 def apply_look(settings: CameraSettings, look: Look) -> CameraSettings:

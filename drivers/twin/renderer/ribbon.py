@@ -25,14 +25,14 @@ BACK_BRIGHTNESS = 0.93  # brightness of the side that lies on the desk
 
 @dataclass(frozen=True, slots=True)
 class Weave:
-    """Brightness of the material: `face` (i, j) by arc length and y, `cut` (i, 1) by arc length."""
+    """Brightness of the fabric: `face` (i, j) by arc length and y, `cut` (i, 1) by arc length."""
 
     face: Array
     cut: Array
 
 
 def weave(depth: float, rng: np.random.Generator) -> Weave:
-    """A twill of single yarns with variation `depth`, a share of brightness; 1 on average."""
+    """A random twill of yarns whose brightness varies by the share `depth` about 1."""
     i, j = np.arange(WEAVE_ROWS)[:, None], np.arange(WEAVE_COLUMNS)[None, :]
     twill = np.sin(2 * np.pi * (i / 4 + j / 5))
     warp = rng.normal(size=(1, WEAVE_COLUMNS))
@@ -46,8 +46,8 @@ def weave(depth: float, rng: np.random.Generator) -> Weave:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
-    """The midline in the image, at y = 0: `near` (m, 2) [px] and the images of displacements there.
+class Projection:
+    """The midline at y = 0 in the image, `near` (m, 2) [px], and displacements from it in pixels.
 
     `along` (m, 2) [px] is a sample's piece of the curve, `half` (m, 2) half a thickness along the
     normal, `motion` (m, 2) the path during the exposure, empty at rest.
@@ -59,8 +59,8 @@ class Seen:
     motion: Array
 
 
-def project(curve: Curve, optics: Optics, look: StripLook) -> Seen:
-    """`curve` through the lens, linear about each of its points."""
+def project(curve: Curve, optics: Optics, look: StripLook) -> Projection:
+    """Project `curve` into the image, with the lens linearised about each point."""
     near = optics.plane(curve.points)
     by_x, by_z = (
         (optics.plane(curve.points + step) - near) / LENS_PROBE for step in LENS_PROBE * np.eye(2)
@@ -71,11 +71,13 @@ def project(curve: Curve, optics: Optics, look: StripLook) -> Seen:
 
     half = offsets(curve.normals * (look.thickness / 2))
     motion = np.empty((0, 2)) if curve.motion is None else offsets(curve.motion)
-    return Seen(near, offsets(curve.steps), half, motion)
+    return Projection(near, offsets(curve.steps), half, motion)
 
 
-def faces(curve: Curve, picture: Seen, optics: Optics, look: StripLook, material: Weave) -> Cloud:
-    """Material points of the visible side, from the near edge to the far one."""
+def faces(
+    curve: Curve, picture: Projection, optics: Optics, look: StripLook, material: Weave
+) -> Cloud:
+    """Material points of the strip's visible side, from the near edge to the far one."""
     across = optics.plane(curve.points, look.width) - picture.near
     area, length = _area(picture.along, across), np.hypot(*picture.along.T)
     rows = np.ceil(area / length / DEPTH_PITCH).astype(np.int64)
@@ -87,10 +89,8 @@ def faces(curve: Curve, picture: Seen, optics: Optics, look: StripLook, material
     )
 
 
-def near_edge(curve: Curve, picture: Seen, look: StripLook, material: Weave) -> Cloud:
-    """Material points of the cut edge in the plane y = 0: half a thickness to either side of the
-    midline.
-    """
+def near_edge(curve: Curve, picture: Projection, look: StripLook, material: Weave) -> Cloud:
+    """Material points of the cut edge at y = 0, half a thickness to either side of the midline."""
     thickness = 2 * float(np.hypot(*picture.half.T).max())
     rows = np.full(len(curve.s), max(int(np.ceil(thickness / PITCH)), 2))
     each, shade = _area(picture.along, 2 * picture.half) / rows, np.full(len(curve.s), CUT)
@@ -105,8 +105,8 @@ def _cloud(points: Array, look: StripLook) -> Cloud:
     return Cloud(points, np.empty((0, 0)) if tint is None else tint)
 
 
-def _surface(curve: Curve, picture: Seen, optics: Optics, look: StripLook) -> Array:
-    """(m, 2) [px] where the side that the camera sees starts at the near edge.
+def _surface(curve: Curve, picture: Projection, optics: Optics, look: StripLook) -> Array:
+    """Image points (m, 2) [px] at which the visible side starts at the near edge.
 
     It lies half a thickness off the midline, but for EDGE_RADIUS.
     """
@@ -117,18 +117,18 @@ def _surface(curve: Curve, picture: Seen, optics: Optics, look: StripLook) -> Ar
 
 
 def _area(along: Array, across: Array) -> Array:
-    """(m,) area of parallelograms [px^2]."""
+    """Areas (m,) [px^2] of the parallelograms between `along` and `across` (m, 2) [px]."""
     return np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0])
 
 
 def _facing(curve: Curve, optics: Optics) -> Array:
-    """(m,) 1 where the camera sees the side that the normal points to, -1 elsewhere."""
+    """Signs (m,): 1 where the camera sees the side that the normal points to, else -1."""
     outside = ((optics.centre[[0, 2]] - curve.points) * curve.normals).sum(axis=-1)
     return np.where(outside >= 0, 1.0, -1.0)
 
 
 def _lit(curve: Curve, optics: Optics) -> Array:
-    """(m,) brightness of the side that faces the camera, by Lambert's law."""
+    """Brightness (m,) of the side that faces the camera, by Lambert's law."""
     normals = curve.normals
     side = _facing(curve, optics)
     diffuse = np.maximum((normals @ LIGHT_DIRECTION) * side, 0.0)

@@ -11,26 +11,26 @@ TILE_SHIFTS = 200  # px, so many by as many places of the tile under the image
 
 
 def blur(image: Image, sigma: float) -> Image:
-    """Image (h, w, 3) through a lens whose point spread has `sigma` [px]."""
+    """`image` (h, w, 3) blurred by a lens with a Gaussian point spread of `sigma` [px]."""
     if sigma == 0:
         return image
     return np.asarray(cv2.GaussianBlur(image, (reach(sigma), reach(sigma)), sigma), dtype=np.uint8)
 
 
 def reach(sigma: float) -> int:
-    """Odd size [px] of the kernel that holds a blur of `sigma`."""
+    """Odd size [px] of the kernel of a Gaussian blur of `sigma` [px]."""
     return 2 * max(1, int(np.ceil(2.6 * sigma))) + 1
 
 
 def noisy(image: Image, sigma: float, rng: np.random.Generator) -> Image:
-    """Image (h, w, 3) with fresh noise of `sigma` grey levels."""
+    """`image` (h, w, 3) with fresh Gaussian noise of `sigma` grey levels."""
     noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma)
     return np.asarray(np.clip(np.rint(image + noise), 0, 255), dtype=np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
 class NoiseBank:
-    """A noise tile larger than the image, (height, width, 3): positive and negative parts."""
+    """A noise tile (height, width, 3) larger than the image, as positive and negative parts."""
 
     seed: int
     adds: Image
@@ -46,7 +46,7 @@ class NoiseBank:
 
 
 def noise_bank(width: int, height: int, sigma: float, seed: int) -> NoiseBank:
-    """Noise of `sigma` grey levels, in part shared by neighbours, as after demosaicing."""
+    """Noise bank of `sigma` grey levels, correlated between neighbours as after demosaicing."""
     rng = np.random.default_rng((seed, 0x5E))
     tile = rng.standard_normal((height + TILE_SHIFTS, width + TILE_SHIFTS, 3), dtype=np.float32)
     tile = cv2.GaussianBlur(tile, (3, 3), 0.5)

@@ -15,13 +15,14 @@ from drivers.types import Array, Image
 
 TABLE_RANGE = (-0.2, 1.2)  # m of x that the table covers, as shares of nothing but generosity
 BINS = 1400
+IMAGE_MARGIN = 50  # px beside the image, up to which desk counts for the rows of the shadow
 FADE_HEIGHT = 0.03  # m of height over which the shadow fades
 SOFT_BORDER = 0.004  # m, half of its soft border in y
 
 
 @dataclass(frozen=True, slots=True)
 class ShadowBand:
-    """Rows of the image from `top` on that see desk under the strip.
+    """Image rows, from `top` on, in which the desk under the strip appears.
 
     `bins` (rows, width) place along x, `weight` (rows, width) how much of the shadow they take.
     """
@@ -44,14 +45,9 @@ class ShadowBand:
 
 
 def shadow_band(settings: CameraSettings, optics: Optics, look: StripLook) -> ShadowBand:
-    """Where the camera sees the desk at the depths that the strip covers."""
+    """Shadow band of the image rows in which the camera sees the desk at the strip's depths."""
     floor = -look.thickness / 2
-    depths = (-2 * SOFT_BORDER, look.width + 2 * SOFT_BORDER)
-    x = np.linspace(*TABLE_RANGE, 15)
-    seen = np.concatenate([optics.plane(np.stack([x, 0 * x + floor], -1), y) for y in depths])
-    seen = seen[(seen[:, 0] > -50) & (seen[:, 0] < settings.width + 50)]
-    top = int(np.clip(seen[:, 1].min() - 1, 0, settings.height - 1))
-    bottom = int(np.clip(seen[:, 1].max() + 2, top + 1, settings.height))
+    top, bottom = _band_rows(settings, optics, look.width, floor)
     u, v = np.meshgrid(
         np.arange(settings.width, dtype=np.float32), np.arange(top, bottom, dtype=np.float32)
     )
@@ -64,8 +60,20 @@ def shadow_band(settings: CameraSettings, optics: Optics, look: StripLook) -> Sh
     return ShadowBand(top, bins, weight.astype(np.float32))
 
 
+def _band_rows(
+    settings: CameraSettings, optics: Optics, width: float, floor: float
+) -> tuple[int, int]:
+    """First and last row (exclusive) of the shadow of a strip of `width` [m] on the `floor` [m]."""
+    x = np.linspace(*TABLE_RANGE, 15)
+    depths = (-2 * SOFT_BORDER, width + 2 * SOFT_BORDER)
+    seen = np.concatenate([optics.plane(np.stack([x, 0 * x + floor], -1), y) for y in depths])
+    seen = seen[(seen[:, 0] > -IMAGE_MARGIN) & (seen[:, 0] < settings.width + IMAGE_MARGIN)]
+    top = int(np.clip(seen[:, 1].min() - 1, 0, settings.height - 1))
+    return top, int(np.clip(seen[:, 1].max() + 2, top + 1, settings.height))
+
+
 def shadow_profile(curve: Curve) -> Array:
-    """(BINS,) depth of the shadow along x, 0 to 1: the deeper, the lower the strip hangs."""
+    """Depth (BINS,) of the shadow along x, 0 to 1: the deeper, the lower the strip hangs."""
     place = (curve.points[:, 0] - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS
     bins = np.clip(place, 0, BINS - 1).astype(np.int64)
     depth = np.exp(-np.maximum(curve.points[:, 1], 0) / FADE_HEIGHT)

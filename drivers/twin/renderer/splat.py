@@ -1,4 +1,4 @@
-"""The strip as a cloud of material points."""
+"""Cloud of material points that represents the strip in an image."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """Points of material (6, n): u, v [px], area [px^2], brightness, arc length and depth [m].
+    """Material points (6, n): u, v [px], area [px^2], brightness, arc length and depth [m].
 
     `tint` (n, 3) BGR are colours of their own; empty where all share that of the strip.
     """

@@ -31,7 +31,7 @@ class Stage:
 
 
 def bgr(colour: Colour) -> Array:
-    """sRGB as BGR floats (3,)."""
+    """The sRGB `colour` as BGR floats (3,)."""
     return np.array(colour[::-1], dtype=np.float64)
 
 
@@ -42,7 +42,7 @@ def stage(
     rng: np.random.Generator,
     things: Sequence[Thing] = (),
 ) -> Stage:
-    """The cell without strip and gripper; the desk lies half a thickness under the midline.
+    """Draw the cell without strip and gripper; the desk lies half a thickness below the midline.
 
     `things` stand on the desk and behind it.
     """
@@ -72,7 +72,7 @@ def _grid(width: int, height: int) -> tuple[Pixels, Pixels]:
 
 
 def light(settings: CameraSettings) -> Field:
-    """(height, width) brightness that lamp, lens and exposure leave at each pixel."""
+    """Brightness (height, width) that lamp, lens and exposure leave at each pixel."""
     u = np.linspace(-0.5, 0.5, settings.width, dtype=np.float32)[None, :]
     v = np.linspace(-0.5, 0.5, settings.height, dtype=np.float32)[:, None]
     gradient = 1 - settings.light_gradient * (0.8 * u + 0.6 * v)
@@ -81,14 +81,14 @@ def light(settings: CameraSettings) -> Field:
 
 
 def _row(optics: Optics, width: int, y: float, z: float) -> Array:
-    """Row [px] at every column (width,) of the line along x at `y`, `z` [m]."""
+    """Row (width,) [px] at each column of the image of a line along x at `y`, `z` [m]."""
     x = np.linspace(-3.0, 4.0, 1401)
     line = optics.project(np.stack([x, np.full_like(x, y), np.full_like(x, z)], axis=-1))
     return np.interp(np.arange(width), line[:, 0], line[:, 1])
 
 
 def _cover(canvas: Field, over: Field, row: Array) -> None:
-    """Lay `over` on `canvas` below `row` (width,), exact in the pixels that it cuts."""
+    """Cover `canvas` with `over` below `row` (width,) [px], in place, with an antialiased edge."""
     v = np.arange(canvas.shape[0])[:, None]
     share = np.clip(v - row[None, :] + 0.5, 0.0, 1.0).astype(np.float32)[..., None]
     canvas += share * (over - canvas)
@@ -97,7 +97,7 @@ def _cover(canvas: Field, over: Field, row: Array) -> None:
 def _cloth(
     rays: tuple[Pixels, Pixels, Pixels], settings: CameraSettings, rng: np.random.Generator
 ) -> Field:
-    """(height, width, 1) brightness of a hanging cloth: broad folds and a fine weave."""
+    """Brightness (height, width, 1) of a hanging cloth: broad folds and a fine weave."""
     x, y, z = rays
     across = x / y * np.float32(BACKDROP_DISTANCE + settings.distance)
     phases = rng.uniform(0, 2 * np.pi, 4)
@@ -117,7 +117,7 @@ def _desk(
     settings: CameraSettings,
     rng: np.random.Generator,
 ) -> Field:
-    """(height, width, 3) the desk's surface where rays meet it, ignoring occlusion."""
+    """Colours (height, width, 3) of the desk where rays meet it, ignoring occlusion."""
     x, y = optics.on_level(rays, floor)
     grain = cv2.GaussianBlur(rng.standard_normal((256, 1024), dtype=np.float32), (0, 0), 1.2)
     grain /= grain.std()
@@ -128,7 +128,7 @@ def _desk(
 
 
 def _clamp(image: Image, settings: CameraSettings, optics: Optics, look: StripLook) -> None:
-    """The bar that holds the fixed edge, beyond the strip's end."""
+    """Draw the bar that clamps the fixed edge, beyond the strip's end, into `image`."""
     left, right, height = CLAMP
     floor = -look.thickness / 2
     colour = bgr(settings.surroundings.clamp) * settings.gain
@@ -141,7 +141,7 @@ def _clamp(image: Image, settings: CameraSettings, optics: Optics, look: StripLo
 
 
 def fill(image: Image, outline: Array, colour: Array) -> None:
-    """A convex polygon (m, 2) [px] with sub-pixel corners and smooth sides, in place."""
+    """Fill a convex polygon (m, 2) [px] with sub-pixel corners and smooth sides, in place."""
     corners = np.rint(outline * 256).astype(np.int32)
     ink = tuple(float(c) for c in np.minimum(colour, 255))
     cv2.fillConvexPoly(image, corners, ink, cv2.LINE_AA, 8)

@@ -1,4 +1,4 @@
-"""The part of an image that is redrawn in a frame."""
+"""Window of an image: the part that is redrawn in a frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Window:
     def around(
         cls, extents: Sequence[tuple[Array, Array]], size: tuple[int, int], margin: int
     ) -> Self | None:
-        """The window that holds points (u, v) [px] and twice the margin, or None outside."""
+        """Window around points (u, v) [px] and twice the margin; None where it misses the image."""
         shown = [extent for extent in extents if len(extent[0])]
         if not shown:
             return None
@@ -45,20 +45,20 @@ class Window:
 
     @property
     def origin(self) -> tuple[int, int]:
-        """First pixel (u, v)."""
+        """First pixel (u, v) of the window."""
         return self.left, self.top
 
     def of(self, image: NDArray[T]) -> NDArray[T]:
-        """This part of `image`, a view."""
+        """View of the window's part of `image`."""
         return image[self.top : self.bottom, self.left : self.right]
 
     def put(self, part: Image, image: Image) -> None:
-        """Lay `part` into `image`, but for the margin where it has neighbours."""
-        up, left = (self.margin if side > 0 else 0 for side in (self.top, self.left))
+        """Copy `part` into `image`, without the margin at sides that lie inside the image."""
+        above, left = (self.margin if side > 0 else 0 for side in (self.top, self.left))
         right = self.right - (self.margin if self.right < self.size[0] else 0)
         bottom = self.bottom - (self.margin if self.bottom < self.size[1] else 0)
-        rows = slice(self.top + up, max(bottom, self.top + up))
+        rows = slice(self.top + above, max(bottom, self.top + above))
         columns = slice(self.left + left, max(right, self.left + left))
         image[rows, columns] = part[
-            up : up + rows.stop - rows.start, left : left + columns.stop - columns.start
+            above : above + rows.stop - rows.start, left : left + columns.stop - columns.start
         ]

@@ -10,7 +10,7 @@ import pytest
 from drivers.strip.describe import describe
 from drivers.strip.model import StripModel
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.batch import laid_flat
+from drivers.strip.rod.batch import flat_batch
 from drivers.strip.rod.bending import friction
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.layout import Block
@@ -27,7 +27,7 @@ WEIGHT = 0.4 * 0.05 * LENGTH * 9.81  # N
 
 
 def _block(model: StripModel, segments: int = 40) -> Block:
-    batch = laid_flat([model], segments)
+    batch = flat_batch([model], segments)
     state, nature = batch.state[0], batch.nature[0]
     return Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
 

@@ -8,9 +8,9 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.batch import laid_flat, midlines
+from drivers.strip.rod.batch import flat_batch, midlines
 from drivers.strip.rod.engine import Rod
-from drivers.strip.rod.lumping import lattice, nature
+from drivers.strip.rod.lumping import lattice, lump
 from drivers.strip.rod.static import settle
 from drivers.types import Array
 from policies.path import Path, circular, triangular
@@ -67,7 +67,7 @@ def test_cantilever_hangs_along_the_heavy_elastica(length: float) -> None:
 
 def test_folded_height_is_that_of_theory() -> None:
     models = [paper_model(k) for k in (0.02, 0.05, 0.1, 0.2, 0.3)]
-    batch = laid_flat(models, 100)
+    batch = flat_batch(models, 100)
     batch.known[:, of.TOUCH_GAP] = -np.inf
     u = np.linspace(0.0, 1.0, 200)[1:]
     way = np.stack([0.6 - 0.45 * u, 0.3 * np.sin(np.pi * u), np.pi * u], axis=-1)
@@ -154,7 +154,7 @@ def _swing(order: int, dt: float) -> tuple[Array, Array]:
     push = 0.04 * np.sin(np.pi * np.clip(t / 0.4, 0.0, 1.0)) ** 2
     poses = hung + push[:, None] * np.array([1.0, 0.0, 0.0])
     shapes = rod.follow(poses[:, None], dt, every=1).shapes[:, 0]
-    rows, v = nature(model, segments)[1:-1], np.gradient(shapes, dt, axis=0)
+    rows, v = lump(model, segments)[1:-1], np.gradient(shapes, dt, axis=0)
     strain = _strains(shapes)
     energy = (
         rows[:, at.MASS] * (0.5 * (v**2).sum(axis=-1) + 9.81 * shapes[:, :, 1])

@@ -9,10 +9,10 @@ import pytest
 from drivers.strip.rod import compiled
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.band import eliminate, eliminate_fifth, substitute
-from drivers.strip.rod.batch import laid_flat
+from drivers.strip.rod.batch import flat_batch
 from drivers.strip.rod.bending import internal
 from drivers.strip.rod.layout import Block
-from drivers.strip.rod.lumping import lattice, nature
+from drivers.strip.rod.lumping import lattice, lump
 from drivers.strip.rod.newton import assemble, desk, residual
 from drivers.strip.rod.terms import air, predict_terms
 from drivers.types import Array
@@ -83,7 +83,7 @@ def _newton_step(block: Block) -> None:
 
 def _disturbed_block(segments: int, laws: Effects, rng: np.random.Generator) -> Block:
     """A crumpled strip, partly pressed into the desk, tensions as its stretch says."""
-    batch = laid_flat([paper_model(0.05, 3.0, laws)], segments)
+    batch = flat_batch([paper_model(0.05, 3.0, laws)], segments)
     state = batch.state[0]
     state[:, [at.X, at.Z]] += rng.normal(size=(segments + 3, 2)) * 1e-3
     state[::4, at.Z] = 1e-5
@@ -137,7 +137,7 @@ def test_lattice_grows_finer_towards_the_grip_alone() -> None:
 
 def test_lumps_add_up_to_the_strip() -> None:
     model = paper_model(0.1)
-    rows = nature(model, 60)[1:-1]
+    rows = lump(model, 60)[1:-1]
     mechanics = model.mechanics
     weight = 9.81 * mechanics.linear_density[0] * mechanics.length
     assert rows[:, at.MASS].sum() == pytest.approx(weight / 9.81)
@@ -150,7 +150,7 @@ def test_lumps_add_up_to_the_strip() -> None:
 def test_nulls_of_effects_leave_the_lumps_as_they_are() -> None:
     null = {"nonlinear_bending": {"cubic": 0.0}, "bending_hysteresis": {"yield_curvature": 0.0}}
     bare, nulled = paper_model(0.1), paper_model(0.1, effects=null)
-    np.testing.assert_array_equal(nature(bare, 60), nature(nulled, 60))
+    np.testing.assert_array_equal(lump(bare, 60), lump(nulled, 60))
 
 
 def test_code_is_kept_where_the_user_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

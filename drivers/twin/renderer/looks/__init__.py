@@ -1,4 +1,4 @@
-"""The registry of looks: every module of this folder is one look of the cell, its `LOOK`."""
+"""Registry of looks, the visual appearances of the cell: `LOOK` of each module in this folder."""
 
 import importlib
 import pkgutil
@@ -12,7 +12,7 @@ DEFAULT_LOOK = "green-mat"
 
 @cache
 def looks() -> Mapping[str, Look]:
-    """Looks by name, the plain one first."""
+    """All looks by name, the default look first."""
     modules = [name for _, name, _ in pkgutil.iter_modules(__path__) if name != "look"]
     found = [importlib.import_module(f"{__name__}.{name}").LOOK for name in modules]
     return {
@@ -21,7 +21,7 @@ def looks() -> Mapping[str, Look]:
 
 
 def check_look(name: str) -> str:
-    """`name` if there is such a look; a ValueError that lists all names otherwise."""
+    """Returns `name` if a look has it; raises ValueError with all names otherwise."""
     if name not in looks():
         raise ValueError(f"there is no look {name!r}; allowed: {', '.join(looks())}")
     return name

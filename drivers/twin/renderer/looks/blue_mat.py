@@ -1,4 +1,4 @@
-"""Look: a blue antistatic mat, which preflight asks for where a strip is grey."""
+"""Look: a blue antistatic mat, which preflight asks the operator to use for grey strips."""
 
 from drivers.twin.renderer.looks.look import Look
 

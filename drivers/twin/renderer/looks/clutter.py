@@ -1,6 +1,4 @@
-"""Look: a bench in use, with boxes, cables and edges of tools at different
-depths behind the strip.
-"""
+"""Look: a bench in use, with boxes, cables and tools at different depths behind the strip."""
 
 from drivers.twin.renderer.looks.look import Box, Cable, Look, Thing
 

@@ -47,7 +47,7 @@ class Lamp:
 
 @dataclass(frozen=True, slots=True)
 class Flicker:
-    """Light that falls by `depth` of its brightness twice a period of the `mains` [Hz].
+    """Flickering light: it dims by the share `depth` twice per period of the `mains` [Hz].
 
     A rolling shutter reads the image from top to bottom in `readout` [s].
     """
@@ -59,7 +59,7 @@ class Flicker:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """Colours that alternate with the strip's own, in parts of `pitch` [m].
+    """Printed pattern: colours that alternate with the strip's own every `pitch` [m].
 
     `across` alternates along the strip's length, `along` over its width, `checks` in both.
     `own` scales the brightness of the strip's own colour.
@@ -76,7 +76,7 @@ class Pattern:
         return not self.others and self.own == 1.0
 
     def colours(self, stated: Colour) -> Array:
-        """(k, 3) BGR of the strip, its own first."""
+        """BGR colours (k, 3) of the pattern, the strip's own first."""
         own = np.array(stated, dtype=np.float64) * self.own
         return np.array([own, *self.others], dtype=np.float64)[:, ::-1]
 
@@ -86,11 +86,10 @@ UNIFORM = Pattern()
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """One look: the sentence that it `says` to the operator, and how it differs from the plain
-    green cell.
+    """Visual appearance of the cell, as differences from the plain green cell.
 
-    `colours` are sRGB by key of the twin's surroundings; `things` are static objects around the
-    strip.
+    `says` describes it to the operator; `colours` are sRGB by key of the twin's surroundings;
+    `things` are static objects around the strip.
     """
 
     name: str
