@@ -1,4 +1,4 @@
-"""Layout of a run's samples: which readings are averaged into which."""
+"""Groups the readings of a fold into samples, by channel, zone of the strip, phase and time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,21 +12,23 @@ from cell.gap.subject.subject import Samples, Words
 from drivers.types import Array
 
 SAMPLE_TIME = 0.3  # s of one sample
-BRIEF = 0.05  # s of one of the force, in which a shake shows when it was reported
-TOUCH_TIME = 0.03  # s, noise of the time of a touch where nobody states it
+BRIEF = 0.05  # s of one sample of the force, short enough to show when a shake was reported
+TOUCH_TIME = 0.03  # s, noise of the time of a touch where the run states none
 # m of travel before which a strip just lifted shows more of its grip than of itself
 GRIP_TRAVEL = 0.15
 SNAP = 0.15  # s before the touch in which any model is off
 FEWEST_POINTS = 4  # points of a profile's sample
+# bounds of the numbers that form the key of a sample: time slots of a run, and phases
+SLOTS, PHASES = 100_000, 10
 EVENT = ("touch_time", "touch_x", "displacement")
 
 
 @dataclass(frozen=True, slots=True)
 class Floors:
-    """Errors of every model of a strip, root mean square of one sample: [m], [s], [N].
+    """Root mean square error of one sample that every model of a strip has: [m], [s], [N].
 
-    Of the `force`, rod and chain differ by a tenth of a millinewton; the coarse rod errs by more
-    where a gripper jerks.
+    Rod and chain differ by a tenth of a millinewton in `force`; the coarse rod errs by more where
+    a gripper jerks.
     """
 
     profile: float = 0.00025
@@ -38,7 +40,7 @@ class Floors:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Readings of one channel by sample: `order` (n,) sorts them, `edges` (k + 1,) parts them.
+    """Readings of one channel in k samples: sorted by `order` (n,), split at `edges` (k + 1,).
 
     Of each sample (k,): `phase`, `zone`, mean time `t` [s]; `sigma` is that of a reading.
     """
@@ -56,7 +58,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A run's samples: of profile, contact, force along x and z, then of the touch if any."""
+    """Samples of a run, in the order profile, contact, force along x and z, touch if any."""
 
     profile: Part
     contact: Part
@@ -65,26 +67,26 @@ class Layout:
 
 
 def layout(run: Measured, length: float, floors: Floors) -> Layout:
-    """Samples of `run`, a fold of a strip of `length` [m]."""
+    """Group the readings of `run`, a fold of a strip of `length` [m], into samples."""
     images, sigma = run.images, run.sigma
     profile = _part(
         run, images.stamps[images.image], zones(images.s, length), sigma.profile, FEWEST_POINTS
     )
-    apart = _is_buckled(run, length)
-    contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, apart)
+    buckled = _is_buckled(run, length)
+    contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, buckled)
     force = _force_part(run, length, 0), _force_part(run, length, 1)
     columns = [
         *_columns(profile, "profile", floors.profile, by_zone=True),
         *_columns(contact, "contact_x", floors.contact_x),
         *_columns(force[0], "force", floors.force),
         *_columns(force[1], "force", floors.force),
-        *_touch_column(run, floors),
+        *_touch_columns(run, floors),
     ]
     return Layout(profile, contact, force, _samples(columns))
 
 
 def _force_part(run: Measured, length: float, axis: int) -> Part:
-    """Part of the force along one axis; none where the run states no noise for it."""
+    """Samples of the force along one axis; none where the run states no noise for it."""
     reported = run.force_t if run.has_force else np.empty(0)
     unknown = np.isnan(run.force[: len(reported), axis])
     grasped = zones(np.full(len(reported), length), length)
@@ -108,13 +110,16 @@ def _part(
     left_out: NDArray[np.bool_] | None = None,
     span: float = SAMPLE_TIME,
 ) -> Part:
-    """Readings at `t` (n,) in `zone` (n,) grouped by zone, phase and time; the masked left out."""
+    """Group readings at `t` (n,) [s] into samples by `zone` (n,), phase and slots of `span` [s].
+
+    Readings of the mask `left_out`, and samples of less than `fewest` readings, are left out.
+    """
     phase = phases(run, t)
     labels = list(dict.fromkeys(phase))
-    numbers = np.array([labels.index(word) for word in phase], dtype=np.int64)
-    place = np.array([ZONES.index(word) for word in zone], dtype=np.int64)
+    phase_number = np.array([labels.index(word) for word in phase], dtype=np.int64)
+    zone_number = np.array([ZONES.index(word) for word in zone], dtype=np.int64)
     slot = np.floor(t / span).astype(np.int64)
-    key = (place * 100_000 + slot) * 10 + numbers
+    key = (zone_number * SLOTS + slot) * PHASES + phase_number
     masked = np.zeros(len(t), dtype=bool) if left_out is None else left_out
     used = np.flatnonzero(_is_compared(run, t) & ~masked)
     order = used[np.argsort(key[used], kind="stable")]
@@ -139,7 +144,7 @@ def _is_compared(run: Measured, t: Array) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """Readings of one series, sample by sample."""
+    """Samples of one time series; arrays have one entry per sample."""
 
     channel: str
     quantity: str
@@ -152,29 +157,30 @@ class _Column:
 
 
 def _columns(part: Part, channel: str, floor: float, *, by_zone: bool = False) -> list[_Column]:
-    """The series of `part`: one, or one a zone."""
+    """Time series of the samples of `part`: one for all, or one for each zone."""
     noise = part.sigma / np.sqrt(np.maximum(np.diff(part.edges), 1))
-    found = []
-    for rows in [part.zone == z for z in ZONES] if by_zone else [np.ones(len(part), dtype=bool)]:
-        place = part.phase[rows], part.zone[rows], part.t[rows], noise[rows]
-        found.append(_Column(channel, channel, *place, part.sigma, floor))
-    return found
+    series = [part.zone == z for z in ZONES] if by_zone else [np.ones(len(part), dtype=bool)]
+    return [
+        _Column(channel, channel, part.phase[rows], part.zone[rows], part.t[rows], noise[rows],
+                part.sigma, floor)
+        for rows in series
+    ]  # fmt: skip
 
 
-def _touch_column(run: Measured, floors: Floors) -> list[_Column]:
-    """The touch as a series: its time, mean distance from both edges, and displacement.
+def _touch_columns(run: Measured, floors: Floors) -> list[_Column]:
+    """Three series of the touch: its time, mean distance from both edges, and displacement.
 
-    l1 and l2 are measured alike, so that their difference and their mean err independently.
+    There are none without a touch. l1 and l2 are measured alike, so that their difference and
+    their mean err independently.
     """
     if run.touch is None:
         return []
     place = np.array(["touch"]), np.array(["middle"]), np.array([run.touch.time])
-    gap = run.sigma.displacement
-    time = run.sigma.touch_time or TOUCH_TIME
+    displacement = run.sigma.displacement
     sizes = (
-        (time, floors.touch_time),
-        (gap / 2, floors.displacement / 2),
-        (gap, floors.displacement),
+        (run.sigma.touch_time or TOUCH_TIME, floors.touch_time),
+        (displacement / 2, floors.displacement / 2),
+        (displacement, floors.displacement),
     )
     return [
         _Column("layer_touch", quantity, *place, np.array([sigma]), sigma, floor)
@@ -183,7 +189,7 @@ def _touch_column(run: Measured, floors: Floors) -> list[_Column]:
 
 
 def _samples(columns: Sequence[_Column]) -> Samples:
-    """Samples of the series `columns`, one after the other."""
+    """Concatenate the time series `columns` into the samples of a run."""
     sizes = [len(c.t) for c in columns]
 
     def words(name: str) -> Words:
