@@ -182,7 +182,7 @@ class Simulation:
         ]
 
     def _condense(self, motion: StripMotion) -> SimulatedMotion:
-        """Keep what is compared; the strip lies flat in a motion that ends before its first shape."""
+        """Reduce a motion to what is compared; without any shape, the strip lies flat."""
         arc = lattice(1.0, self.grain.segments)
         shapes = motion.shapes.astype(np.float32, copy=False)
         if not len(shapes):
