@@ -17,9 +17,8 @@ from drivers.errors import ConfigurationError
 UNITS = {"mass": "kg", "com": "m", "inertia": "kg m^2", "damping": "N m s", "armature": "kg m^2",
          "stiffness": "N m/rad", "gain": "1"}  # fmt: skip
 SMALLEST = 1e-9  # size of a number, in SI, to which a spread in percent refers at least
-WIDEST = 5.0  # times the start value, the upper bound of a number other than a centre of mass
-FARTHEST = 20.0  # times the spread above the start, the least upper bound of such a number
-NARROWEST = 0.2  # of the start value, the lower bound of a number that cannot vanish
+# bounds of a number: times its start value, spreads above it; times the start if it cannot vanish
+HIGHEST, FARTHEST, LOWEST = 5.0, 20.0, 0.2
 STEP = 1e-3  # of the spread, of finite differences
 PARALLEL = 1e-9  # by which the cosine of axes that count as parallel may be below 1
 
@@ -99,8 +98,8 @@ def _base_parameter(
     if spec.field == "com":
         key, low, high = f"com_{axis}", -np.inf, np.inf
     else:
-        key, high = spec.field, max(WIDEST * start, start + FARTHEST * width)
-        low = NARROWEST * start if spec.field in ("mass", "inertia", "gain") else 0.0
+        key, high = spec.field, max(HIGHEST * start, start + FARTHEST * width)
+        low = LOWEST * start if spec.field in ("mass", "inertia", "gain") else 0.0
     parameter = Parameter(
         f"{key}_{name}", UNITS[spec.field], start, low, high, step=STEP * width, spread=width
     )

@@ -28,9 +28,9 @@ class Content:
 class Case:
     """One simulation of a run with an edited model.
 
-    `edit` changes the model's fields, `readings` are errors of sensors and commands, `paths` are
-    effects with values (k,) whose torques depend on the motion so far, `start` is positions and
-    rates (joints,). Cases with equal `motion` move alike; their readings may differ.
+    `edit` changes the model's fields, `readings` are errors of sensors and commands, `paths` hold
+    effects whose torques depend on the motion so far, `start` positions and rates (joints,). Cases
+    of equal `motion` move alike; their readings may differ.
     """
 
     content: Content

@@ -153,19 +153,9 @@ def _advance(  # type: ignore[no-untyped-def]
 
 @entry
 def integrate(  # type: ignore[no-untyped-def]
-    law,
-    lever: Array,
-    moment: Array,
-    gravity: Array,
-    length: Array,
-    damping: Array,
-    user: Array,
-    drag: Array,
-    compliance: Array,
-    initial: Array,
-    step: float,
-    steps: int,
-) -> Array:
+    law, lever: Array, moment: Array, gravity: Array, length: Array, damping: Array, user: Array,
+    drag: Array, compliance: Array, initial: Array, step: float, steps: int,
+) -> Array:  # fmt: skip
     """States (B, steps + 1, 2, n) of B chains from `initial` (B, 2, n), by RK4 with `step` [s].
 
     Of each chain: `lever` (n, n), `moment`, `length`, `damping` (n,), numbers `user` (n, slots) of

@@ -77,9 +77,8 @@ class Forward:
             found |= self._predict_together(cases, groups[begin : begin + TOGETHER])
         return [found.get(i) for i in range(len(cases))]
 
-    def _predict_together(
-        self, cases: Sequence[Case], groups: Sequence[Sequence[int]]
-    ) -> dict[int, Array]:
+    def _predict_together(self, cases: Sequence[Case],
+                          groups: Sequence[Sequence[int]]) -> dict[int, Array]:  # fmt: skip
         """Signals (signals, k) by number of case, for `groups` of cases that move alike."""
         simulated, control, batch = self._simulate([cases[i] for i, *_ in groups])
         tame = np.abs(simulated).max(axis=(1, 2, 3)) < POSITION_LIMIT
@@ -179,10 +178,7 @@ class Forward:
 
     def _torque(self, joint: int, batch: Batch, row: int, q: Array, v: Array, control: Array,
                 t: Array) -> Array:  # fmt: skip
-        """Motor torque (k,) [N m] of a joint at times t (k,) [s], in simulation `row` of a batch.
-
-        It is computed from states, for MuJoCo records that of an integrator's inner stage.
-        """
+        """Motor torque (k,) of a joint from states; MuJoCo records that of an inner stage."""
         actuator = self._mechanism.joints[joint].actuator
 
         def field(name: str) -> Array:

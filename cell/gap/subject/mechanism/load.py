@@ -107,8 +107,8 @@ def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
 def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
     """Read the mechanism at `path` and its measured runs; ConfigurationError for broken input."""
     file, xml, model = open_file(path)
-    hinge = mujoco.mjtJoint.mjJNT_HINGE
-    hinges = [model.joint(i).name for i in range(model.njnt) if model.jnt_type[i] == hinge]
+    is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+    hinges = [model.joint(i).name for i in range(model.njnt) if is_hinge[i]]
     recordings = sorted((read_recording(f, file, hinges) for f in folders), key=lambda r: r.index)
     for r in recordings:
         _check_load(r, model)
@@ -204,8 +204,8 @@ def _mechanism(file: MechanismFile, xml: str, model: Any, recordings: Sequence[R
     rates = np.array([j.rate for j in joints])
     prescribed = file.mode == "prescribed"
     smooth = SMOOTHED * rates if prescribed else np.full(len(joints), SMOOTH)
-    head = [[len(joints), j.qpos, j.dof, s] for j, s in zip(joints, smooth, strict=True)]
-    model.jnt_user[:, :HEAD] = head
+    model.jnt_user[:, :HEAD] = [[len(joints), j.qpos, j.dof, rate]
+                                for j, rate in zip(joints, smooth, strict=True)]  # fmt: skip
     torque = tuple((s.name, s.joint) for s in signals if s.kind == "torque")
     measured_at = [s.name for s in signals if s.kind == "position"]
     encoders = tuple(j.name for j in joints) if prescribed else tuple(measured_at)
@@ -232,13 +232,10 @@ def _measured_joints(file: MechanismFile, model: Any, recordings: Sequence[Recor
     measured = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
     measured |= {n: n for n, kind in file.inputs.items() if kind == "position"}
     rates = {j: _rms_rates(recordings, c) for j, c in measured.items() if j is not None}
-    driven = {model.joint(s.joint).name: _rms(recordings, s.name)
-              for s in signals if s.kind == "torque"}  # fmt: skip
+    squares = {s: np.mean([np.nanmean(r.columns[s.name] ** 2) for r in recordings])
+               for s in signals if s.kind == "torque"}  # fmt: skip
+    driven = {model.joint(s.joint).name: float(np.sqrt(mean)) for s, mean in squares.items()}
     return joints_of(model, rates, driven)
-
-
-def _rms(recordings: Sequence[Recording], column: str) -> float:
-    return float(np.sqrt(np.mean([np.nanmean(r.columns[column] ** 2) for r in recordings])))
 
 
 def _rms_rates(recordings: Sequence[Recording], column: str) -> tuple[float, float]:

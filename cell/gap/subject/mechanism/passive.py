@@ -65,7 +65,7 @@ class Torques:
         self._functions: dict[frozenset[str], Any] = {}
 
     def along(self, q: Array, v: Array, load: Array, user: Array) -> Array:
-        """Torques (m, joints) of all laws along a motion (m, joints), values `user` (joints, slots)."""
+        """Torques (m, joints) of all laws along a motion (m, joints) for `user` (joints, slots)."""
         found = np.zeros_like(q)
         for j, p in enumerate(user):
             for law, at, keys in self._laws.values():

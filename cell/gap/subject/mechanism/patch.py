@@ -175,7 +175,7 @@ def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
 
 
 def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
-    """Write the step, the integrator, contacts switched off, and changed gravity and density."""
+    """Write step and integrator, contacts that are off, and changed gravity and density."""
     option = root.find("option")
     if option is None:
         option = ET.SubElement(root, "option")

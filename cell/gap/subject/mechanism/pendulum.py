@@ -33,7 +33,7 @@ from drivers.types import Array, frozen
 
 SWING_STEP = 0.08  # rad of the fastest small swing in one step
 SPARSEST = 0.8  # rad of the fastest small swing between two readings
-STATED_RATE = 0.1  # rad/s up to which stated rates are not compared with those of angles
+SLOWEST_CHECKED = 0.1  # rad/s of a swing below which stated rates are not checked
 PLANNED_STEP = 0.02  # s between readings of a planned run, at most
 PLANNED_SWING = 0.05  # rad of the fastest small swing between them, at most
 SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.005))
@@ -195,7 +195,7 @@ def recording(
 
 def _check_rates(slope: Array, rates: Array, path: Path) -> None:
     """Refuse stated rates (n, m) [rad/s] unlike the measured angles' `slope` (n, m) [rad/s]."""
-    if float(np.quantile(np.abs(slope), 0.99)) < STATED_RATE:
+    if float(np.quantile(np.abs(slope), 0.99)) < SLOWEST_CHECKED:
         return
     ratio = float((rates * slope).sum() / (slope * slope).sum())
     if not 0.5 < ratio < 2.0:
@@ -213,15 +213,14 @@ def plans(opened: Opened) -> list[tuple[str, str, Recording]]:
     n, fast = len(opened.mechanism.joints), opened.mechanism.joints[0].rate
     span = float(np.median([r.t[-1] for r in opened.recordings])) if opened.recordings else 5.0
     sigma = float(np.median([r.sigma or 1e-3 for r in opened.recordings] or [1e-3]))
-    together, last = np.ones(n), np.eye(n)[-1]
+    equal, last = np.ones(n), np.eye(n)[-1]
     releases = [  # name, instruction, angles from hanging [rad], duration [s]
-        ("small swing", "let all links go together 6 degrees from hanging", 0.1 * together, span),
-        ("medium swing", "let all links go together 30 degrees from hanging", 0.5 * together, span),
-        ("large swing", "let all links go together 80 degrees from hanging", 1.4 * together, span),
-        ("long small swing", "the same from 6 degrees, three times as long", 0.1 * together,
-         3 * span),
-        ("hang still", "let it hang still and read the angles", 0.0 * together, span),
-    ]  # fmt: skip
+        ("small swing", "let all links go together 6 degrees from hanging", 0.1 * equal, span),
+        ("medium swing", "let all links go together 30 degrees from hanging", 0.5 * equal, span),
+        ("large swing", "let all links go together 80 degrees from hanging", 1.4 * equal, span),
+        ("long small swing", "the same from 6 degrees, three times as long", 0.1 * equal, 3 * span),
+        ("hang still", "let it hang still and read the angles", 0.0 * equal, span),
+    ]
     if n > 1:
         releases.append(("last link alone", "hold the others straight, lift the last link "
                          "60 degrees, let go", last, span))  # fmt: skip

@@ -14,10 +14,9 @@ Damping = Annotated[float, Unit("N m s"), Field(ge=0.0, le=1e6)]
 
 
 class Link(Settings):
-    """Link of a pendulum, with its mass, geometry and damping.
+    """Link of a pendulum: mass [kg], length to the next joint [m], com from its joint [m].
 
-    Mass [kg], length to the next joint [m], com from its joint [m], inertia about the centre of
-    mass [kg m^2], viscous damping of its joint [N m s].
+    Inertia [kg m^2] is about the centre of mass, damping [N m s] is viscous, of the link's joint.
     """
 
     mass: Mass
@@ -48,10 +47,7 @@ class PendulumFile(Settings):
         return self
 
     def xml(self) -> str:
-        """MJCF text of the chain, hanging at zero; bodies and joints are called 1, 2, and so on.
-
-        A site marks the end of the last link, where its length is stated.
-        """
+        """MJCF text of the chain, hanging at zero; its bodies and joints are called 1, 2, 3, ..."""
         opened, above = "", 0.0
         for i, link in enumerate(self.links, start=1):
             moments = " ".join([repr(link.inertia)] * 3)

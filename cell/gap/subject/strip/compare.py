@@ -39,34 +39,26 @@ class Comparison:
             lost = np.full(len(self.layout.samples), np.nan)
             return Residuals(lost, lost.copy())
         channels = [
-            average(self._profile_residuals(model, shown), self.layout.profile),
+            self._profile_averages(model, shown),
             self._contact_averages(model, shown),
-            *(
-                average(self._force_residuals(model, shown, axis), self.layout.force[axis])
-                for axis in (0, 1)
-            ),
+            *(self._force_averages(model, shown, axis) for axis in (0, 1)),
             self._touch_residuals(model, shown),
         ]
         mean, square = (np.concatenate(rows) for rows in zip(*channels, strict=True))
         return Residuals(mean, square)
 
-    def _profile_residuals(self, model: StripModel, shown: SimulatedMotion) -> Array:
-        """Signed distances (n,) [m] of measured points from the midline, in order of samples."""
+    def _profile_averages(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
+        """Mean and mean square (k,) of signed distances of measured points from the midline."""
         images, order = self.run.images, self.layout.profile.order
         found = np.empty(len(order))
         if len(order):
             time = np.asarray(shown_time(model.observation, images.stamps))
             points = true_points(model, images.points[order])
             signed_distances(
-                np.ascontiguousarray(points),
-                images.image[order],
-                images.s[order],
-                (time - shown.begin) / SHAPE_PERIOD,
-                shown.shapes,
-                shown.arc * self.length,
-                found,
-            )
-        return found
+                np.ascontiguousarray(points), images.image[order], images.s[order],
+                (time - shown.begin) / SHAPE_PERIOD, shown.shapes, shown.arc * self.length, found,
+            )  # fmt: skip
+        return average(found, self.layout.profile)
 
     def _contact_averages(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
         """Mean and mean square (k,) of contact residuals, NaN where the contacts are different."""
@@ -78,14 +70,16 @@ class Comparison:
         near = np.abs(mean) < CONTACT_LIMIT * self.bending_length
         return np.where(near, mean, np.nan), np.where(near, square, np.nan)
 
-    def _force_residuals(self, model: StripModel, shown: SimulatedMotion, axis: int) -> Array:
-        """Residuals (n,) [N] of the force along one axis, in order of samples."""
-        order = self.layout.force[axis].order
-        if not len(order):
-            return np.empty(0)
-        t = self.run.force_t[order]
+    def _force_averages(
+        self, model: StripModel, shown: SimulatedMotion, axis: int
+    ) -> tuple[Array, Array]:
+        """Mean and mean square (k,) of residuals of the force along one axis."""
+        part = self.layout.force[axis]
+        if not len(part):
+            return np.empty(0), np.empty(0)
+        t = self.run.force_t[part.order]
         simulated = reported_force(model.observation, t, shown.t, shown.force)
-        return np.asarray((self.run.force[order] - simulated)[:, axis])
+        return average(np.asarray((self.run.force[part.order] - simulated)[:, axis]), part)
 
     def _touch_residuals(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
         """Residuals of the touch's values and their squares (3,), NaN where none is simulated.

@@ -53,20 +53,11 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Ima
         places.append(s[chosen])
         stamps.append(stamp)
         last_stamp = stamp
-    if not points:
-        return no_images()
-    counts = [len(p) for p in points]
+    counts = np.array([len(p) for p in points], dtype=np.int64)
     return Images(
-        frozen(stamps),
-        frozen(np.concatenate(points)),
-        np.repeat(np.arange(len(points)), counts),
-        frozen(np.concatenate(places)),
-    )
-
-
-def no_images() -> Images:
-    """Images of a run that has none: all arrays are empty."""
-    return Images(frozen([]), frozen(np.empty((0, 2))), np.empty(0, dtype=np.int64), frozen([]))
+        frozen(stamps), frozen(np.concatenate([np.empty((0, 2)), *points])),
+        np.repeat(np.arange(len(points)), counts), frozen(np.concatenate([[], *places])),
+    )  # fmt: skip
 
 
 def believable(curve: Array, sigma: float) -> NDArray[np.bool_]:

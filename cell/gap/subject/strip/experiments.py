@@ -72,19 +72,14 @@ def _measure(fold: Fold, sigma: Sigma, index: int) -> Measured:
 def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
     """Images of simulated `shapes` (m, nodes, 2): their midline from the desk contact on."""
     s = np.arange(0.0, arc[-1], POINT_SPACING)
-    points, image, places = [], [], []
-    for k, shape in enumerate(shapes):
+    points, places = [], []
+    for shape in shapes:
         curve = np.stack([np.interp(s, arc, shape[:, c]) for c in range(2)], axis=1)
         lifted = s >= s[np.argmax(curve[:, 1] > height)]
         points.append(curve[lifted])
         places.append(s[lifted])
-        image.append(np.full(int(lifted.sum()), k))
-    return Images(
-        stamps,
-        frozen(np.concatenate(points)),
-        np.concatenate(image),
-        frozen(np.concatenate(places)),
-    )
+    image = np.repeat(np.arange(len(shapes)), [len(each) for each in points])
+    return Images(stamps, frozen(np.concatenate(points)), image, frozen(np.concatenate(places)))
 
 
 def instruction(run: MeasuredRun) -> str:

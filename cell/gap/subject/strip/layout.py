@@ -1,7 +1,8 @@
 """Groups the readings of a fold into samples, by channel, zone of the strip, phase and time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,7 @@ TOUCH_TIME = 0.03  # s, noise of the time of a touch where the run states none
 GRIP_TRAVEL = 0.15
 SNAP = 0.15  # s before the touch in which any model is off
 FEWEST_POINTS = 4  # points of a profile's sample
-# bounds of the numbers that form the key of a sample: time slots of a run, and phases
-SLOTS, PHASES = 100_000, 10
+SLOTS, PHASES = 100_000, 10  # at most in a run: slots of time, and names of phases
 EVENT = ("touch_time", "touch_x", "displacement")
 
 
@@ -102,14 +102,9 @@ def _is_buckled(run: Measured, length: float) -> NDArray[np.bool_]:
 
 
 def _part(
-    run: Measured,
-    t: Array,
-    zone: Words,
-    sigma: float,
-    fewest: int,
-    left_out: NDArray[np.bool_] | None = None,
-    span: float = SAMPLE_TIME,
-) -> Part:
+    run: Measured, t: Array, zone: Words, sigma: float, fewest: int,
+    left_out: NDArray[np.bool_] | None = None, span: float = SAMPLE_TIME,
+) -> Part:  # fmt: skip
     """Group readings at `t` (n,) [s] into samples by `zone` (n,), phase and slots of `span` [s].
 
     Readings of the mask `left_out`, and samples of less than `fewest` readings, are left out.
@@ -125,14 +120,12 @@ def _part(
     order = used[np.argsort(key[used], kind="stable")]
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     rows = [order[a : a + n] for a, n in zip(first, count, strict=True) if n >= fewest]
+    first_rows = [row[0] for row in rows]
     return Part(
-        order=np.concatenate(rows) if rows else np.empty(0, dtype=np.int64),
-        edges=np.cumsum([0, *(len(row) for row in rows)]),
-        phase=phase[[row[0] for row in rows]],
-        zone=zone[[row[0] for row in rows]],
-        t=np.array([t[row].mean() for row in rows]),
-        sigma=sigma,
-    )
+        np.concatenate(rows) if rows else np.empty(0, dtype=np.int64),
+        np.cumsum([0, *map(len, rows)]),
+        phase[first_rows], zone[first_rows], np.array([t[row].mean() for row in rows]), sigma,
+    )  # fmt: skip
 
 
 def _is_compared(run: Measured, t: Array) -> NDArray[np.bool_]:
@@ -144,7 +137,7 @@ def _is_compared(run: Measured, t: Array) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """Samples of one time series; arrays have one entry per sample."""
+    """Samples of one time series, in the fields of `Samples`; arrays have one entry per sample."""
 
     channel: str
     quantity: str
@@ -177,11 +170,9 @@ def _touch_columns(run: Measured, floors: Floors) -> list[_Column]:
         return []
     place = np.array(["touch"]), np.array(["middle"]), np.array([run.touch.time])
     displacement = run.sigma.displacement
-    sizes = (
-        (run.sigma.touch_time or TOUCH_TIME, floors.touch_time),
-        (displacement / 2, floors.displacement / 2),
-        (displacement, floors.displacement),
-    )
+    sizes = ((run.sigma.touch_time or TOUCH_TIME, floors.touch_time),
+             (displacement / 2, floors.displacement / 2),
+             (displacement, floors.displacement))  # fmt: skip
     return [
         _Column("layer_touch", quantity, *place, np.array([sigma]), sigma, floor)
         for quantity, (sigma, floor) in zip(EVENT, sizes, strict=True)
@@ -190,26 +181,9 @@ def _touch_columns(run: Measured, floors: Floors) -> list[_Column]:
 
 def _samples(columns: Sequence[_Column]) -> Samples:
     """Concatenate the time series `columns` into the samples of a run."""
-    sizes = [len(c.t) for c in columns]
 
-    def words(name: str) -> Words:
-        return np.concatenate(
-            [np.full(n, getattr(c, name)) for c, n in zip(columns, sizes, strict=True)]
-        )
+    def joined(name: str) -> Any:
+        return np.concatenate([np.broadcast_to(getattr(c, name), len(c.t)) for c in columns])
 
-    def numbers(name: str) -> Array:
-        return np.concatenate(
-            [np.broadcast_to(getattr(c, name), n) for c, n in zip(columns, sizes, strict=True)]
-        )
-
-    return Samples(
-        channel=words("channel"),
-        phase=np.concatenate([c.phase for c in columns]),
-        zone=np.concatenate([c.zone for c in columns]),
-        quantity=words("quantity"),
-        t=numbers("t"),
-        noise=numbers("noise"),
-        reading=numbers("reading"),
-        floor=numbers("floor"),
-        series=np.repeat(np.arange(len(columns)), sizes),
-    )
+    series = np.repeat(np.arange(len(columns)), [len(c.t) for c in columns])
+    return Samples(**{field.name: joined(field.name) for field in fields(_Column)}, series=series)

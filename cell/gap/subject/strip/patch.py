@@ -11,11 +11,9 @@ DIGITS = 6  # significant digits of a fitted number
 
 
 def patch_file(
-    strip: StripFile,
-    base: Mapping[str, float],
-    effects: Mapping[str, Mapping[str, float]],
+    strip: StripFile, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]],
     source: str,
-) -> tuple[dict[str, object], dict[str, object] | None]:
+) -> tuple[dict[str, object], dict[str, object] | None]:  # fmt: skip
     """Content of the strip file with refitted values and named effects, and the cell's effects."""
     content: dict[str, Any] = strip.model_dump(mode="json", by_alias=True)
     notes = list(content.pop("provenance"))

@@ -33,25 +33,22 @@ def check_plausible(folder: Path, run: Run) -> None:
 def _check_noise(origin: Path, run: Run) -> None:
     sigma = run.header.sigma
     for key in ("contact_x", "profile", "gripper", "displacement"):
-        value = getattr(sigma, key)
-        if key not in sigma.model_fields_set:  # it was not measured
-            continue
-        if value > WORST_SIGMA:
-            raise ConfigurationError(
-                f"{origin}: sigma.{key}: is {value:g} m, at most {WORST_SIGMA:g} m "
-                "is believable; give it in m"
-            )
-        if value < BEST_SIGMA:
-            raise ConfigurationError(
-                f"{origin}: sigma.{key}: is {value:g} m, at least {BEST_SIGMA:g} m "
-                "is believable; give it in m, as repeated readings scatter"
-            )
-    touch_time = sigma.touch_time
-    if touch_time is not None and not BEST_TIME <= touch_time <= WORST_TIME:
-        limit = f"at most {WORST_TIME:g}" if touch_time > WORST_TIME else f"at least {BEST_TIME:g}"
+        if key in sigma.model_fields_set:  # it was measured
+            value = getattr(sigma, key)
+            hint = ", as repeated readings scatter" if value < BEST_SIGMA else ""
+            _check_sigma(f"{origin}: sigma.{key}", value, BEST_SIGMA, WORST_SIGMA, "m", hint)
+    if sigma.touch_time is not None:
+        place = f"{origin}: sigma.touch_time"
+        _check_sigma(place, sigma.touch_time, BEST_TIME, WORST_TIME, "s")
+
+
+def _check_sigma(
+    place: str, value: float, best: float, worst: float, unit: str, hint: str = ""
+) -> None:
+    if not best <= value <= worst:
+        limit = f"at most {worst:g}" if value > worst else f"at least {best:g}"
         raise ConfigurationError(
-            f"{origin}: sigma.touch_time: is {touch_time:g} s, {limit} s is "
-            "believable; give it in s"
+            f"{place}: is {value:g} {unit}, {limit} {unit} is believable; give it in {unit}{hint}"
         )
 
 

@@ -59,13 +59,9 @@ class Fold:
 
 
 def prepare(
-    runs: Sequence[MeasuredRun],
-    strip: StripFile,
-    floors: Floors,
-    coarse: Simulation,
-    jobs: int,
+    runs: Sequence[MeasuredRun], strip: StripFile, floors: Floors, coarse: Simulation, jobs: int,
     scatter: Sequence[RunEffect] = RUN_EFFECTS,
-) -> list[Run]:
+) -> list[Run]:  # fmt: skip
     """Convert measured folds to runs for the engine; folds that yield no sample are left out.
 
     `scatter` are the quantities that may differ from run to run.
@@ -95,12 +91,9 @@ class Linearisation:
 
 
 def linearise_folds(
-    folds: Sequence[Fold],
-    drives: Sequence[Job],
-    coarse: Simulation,
-    jobs: int,
+    folds: Sequence[Fold], drives: Sequence[Job], coarse: Simulation, jobs: int,
     scatter: Sequence[RunEffect],
-) -> list[Linearisation]:
+) -> list[Linearisation]:  # fmt: skip
     """Linearise the residuals of each of `folds` about its simulation in `drives`."""
     perturbed = [f.drive(HashedModel.of(e.apply(job.model, e.step)))
                  for f, job in zip(folds, drives, strict=True) for e in scatter]  # fmt: skip
@@ -151,10 +144,9 @@ def _engine_run(
 ) -> Run:
     """Run for the engine, linearised about the stated strip, with unknowns `local`."""
     samples = fold.comparison.layout.samples
-    samples = replace(samples, floor=np.hypot(samples.floor, TRUSTED * about.finer))
-    content = replace(fold, finer=about.finer, slopes=about.slopes)
-    common = _common_errors(run.measured, samples, about)
-    return Run(run.name, run.condition, samples, local, content, fold.index, common)
+    samples = replace(samples, floor=np.zeros(len(samples)))  # raised to those of its layout
+    bare = Run(run.name, run.condition, samples, local, fold, fold.index)
+    return relinearise(bare, fold, about)
 
 
 def _common_errors(run: Measured, samples: Samples, about: Linearisation) -> dict[str, Array]:
@@ -174,8 +166,8 @@ def relinearise(run: Run, fold: Fold, about: Linearisation) -> Run:
 
     A strip with less damping than stated keeps swinging, where grids differ.
     """
-    bare = fold.comparison.layout.samples.floor
-    floor = np.maximum(run.samples.floor, np.hypot(bare, TRUSTED * about.finer))
+    stated = fold.comparison.layout.samples.floor
+    floor = np.maximum(run.samples.floor, np.hypot(stated, TRUSTED * about.finer))
     samples = replace(run.samples, floor=floor)
     content = replace(fold, finer=about.finer, slopes=about.slopes)
     common = _common_errors(fold.comparison.run, samples, about)

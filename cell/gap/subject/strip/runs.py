@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.subject.run_folders import RunFolder
-from cell.gap.subject.strip.curves import Images, images_of, no_images
+from cell.gap.subject.strip.curves import Images, images_of
 from cell.gap.subject.strip.gripper import smooth_path
 from cell.gap.subject.strip.plausible import check_plausible
 from cell.gap.subject.strip.repeats import duplicate_folds
@@ -188,29 +188,22 @@ def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> Measu
     reported = np.isfinite(force).any(axis=1)
     grip = np.stack([np.interp(run.profile.t, ticks.t, poses[:, c]) for c in range(2)], axis=1)
     return Measured(
-        t=t,
-        poses=smooth,
-        travel=frozen(arc_lengths(smooth[:, :2])),
-        hanging=header.start == "hanging",
-        index=header.index or 0,
-        contact_height=header.contact_height,
-        sigma=header.sigma,
-        contact_t=frozen(stamp[seen]),
-        contact_x=frozen(ticks.contact_x[seen]),
+        t=t, poses=smooth, travel=frozen(arc_lengths(smooth[:, :2])),
+        hanging=header.start == "hanging", index=header.index or 0,
+        contact_height=header.contact_height, sigma=header.sigma,
+        contact_t=frozen(stamp[seen]), contact_x=frozen(ticks.contact_x[seen]),
         images=images_of(run.profile, grip, strip.length, header.sigma.profile),
-        force_t=frozen(ticks.t[reported]),
-        force=frozen(force[reported]),
-        touch=touch,
-        end=float(ticks.t[-1]) if touch is None else touch.time,
-        seen=header.by_cell,
-    )
+        force_t=frozen(ticks.t[reported]), force=frozen(force[reported]), touch=touch,
+        end=float(ticks.t[-1]) if touch is None else touch.time, seen=header.by_cell,
+    )  # fmt: skip
 
 
 def _empty_measurement(run: Recorded) -> Measured:
-    none = frozen([])
+    none, pairs = frozen([]), np.empty((0, 2))
     return Measured(
         none, np.empty((0, 3)), none, False, run.header.index or 0, run.header.contact_height,
-        run.header.sigma, none, none, no_images(), none, np.empty((0, 2)), None, 0.0,
+        run.header.sigma, none, none, Images(none, pairs, np.empty(0, dtype=np.int64), none), none,
+        pairs, None, 0.0,
     )  # fmt: skip
 
 

@@ -10,12 +10,7 @@ from cell.gap.subject.strip.runs import Measured
 from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
 from drivers.strip.curve import signed_distances
 from drivers.strip.model import StripModel
-from drivers.strip.observation import (
-    seen_contact,
-    seen_points,
-    shown_time,
-    true_points,
-)
+from drivers.strip.observation import seen_contact, seen_points, shown_time, true_points
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
@@ -52,14 +47,12 @@ def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, lengt
     shapes = _interpolate_shapes(_shape_indices(run, model, shown)[images], shown)
     compared, distance = _distances(fold, model, shown, length)
     return Scene(
-        signals=(
-            Signal(CONTACT_SIGNAL, contact_t, 1e3 * contact),
-            Signal(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance),
-        ),
+        signals=(Signal(CONTACT_SIGNAL, contact_t, 1e3 * contact),
+                 Signal(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance)),
         curve=Curve(run.images.stamps[images], tuple(seen_points(model, shapes))),
         tracks={"contact": _desk_track(contact_t, contact)},
         events=_touch_event(simulated_touch(run, model, shown)),
-    )
+    )  # fmt: skip
 
 
 def _images_before_end(run: Measured) -> Index:

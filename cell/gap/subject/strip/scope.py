@@ -50,11 +50,8 @@ def scope(
     """
     fresh = [e for e in registry().values() if e.name not in {*strip.effects, *without}]
     return Scope(
-        base=(
-            *_base(strip),
-            *(_density_parameter(strip) if has_force else ()),
-            *_accepted_parameters(strip),
-        ),
+        base=(*_base(strip), *(_density_parameter(strip) if has_force else ()),
+              *_accepted_parameters(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if can_simulate(e, strip)),
         terms=candidates(),
         left=LEFT,
@@ -67,7 +64,7 @@ def scope(
             "touch_time": Quantity("touch_ms", 1e3, "ms", 2 * floors.touch_time),
             "force": Quantity("", 1e3, "mN", 2 * floors.force),
         },
-    )
+    )  # fmt: skip
 
 
 def can_simulate(effect: Effect, strip: StripFile) -> bool:
@@ -117,18 +114,13 @@ def _accepted_parameters(strip: StripFile) -> list[Parameter]:
 
 def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
     """Candidate for a library effect on `strip`, which is lifted off from `lifted` [m] on."""
+    shape = tuple(_shape_parameter(p, strip) for p in effect.parameters if p.role == "shape")
     return Candidate(
-        name=effect.name,
-        sentence=effect.sentence,
-        of=effect.of,
+        effect.name, effect.sentence, effect.of,
         parameters=tuple(_parameters(effect, strip, coarse(effect))),
-        probes=_probes(effect, strip, lifted),
-        revealed_by=effect.revealed_by,
-        model_error=UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR,
-        shape_parameters=tuple(
-            _shape_parameter(p, strip) for p in effect.parameters if p.role == "shape"
-        ),
-    )
+        probes=_probes(effect, strip, lifted), revealed_by=effect.revealed_by,
+        model_error=UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR, shape_parameters=shape,
+    )  # fmt: skip
 
 
 def coarse(effect: Effect) -> list[Number]:

@@ -171,11 +171,9 @@ class Simulation:
 
     def _simulate_together(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
         rod = Rod(self.grain.segments, strict=False, tolerance=self.grain.tolerance)
-        models, ways = [d.model for d in drives], [d.way for d in drives]
-        every = max(1, round(SHAPE_PERIOD / self.grain.dt))
-        motions = simulate_all(
-            rod, models, ways, dt=self.grain.dt, every=every, precision=np.float32
-        )
+        models, ways, dt = [d.model for d in drives], [d.way for d in drives], self.grain.dt
+        every = max(1, round(SHAPE_PERIOD / dt))
+        motions = simulate_all(rod, models, ways, dt=dt, every=every, precision=np.float32)
         return [
             None if failed else self._condense(motion)
             for motion, failed in zip(motions, rod.failed, strict=True)

@@ -27,7 +27,6 @@ from cell.gap.subject.strip.simulation import (
     SELDOM,
     HashedModel,
     Job,
-    SimulatedMotion,
     Simulation,
 )
 from cell.gap.subject.subject import Experiment, Parameter, Request, Residuals, Run, Scope
@@ -62,14 +61,10 @@ class Strip:
     """
 
     def __init__(
-        self,
-        strip: StripFile,
-        runs: Sequence[MeasuredRun],
-        jobs: int = 1,
-        floors: Floors | None = None,
-        without: Sequence[str] = (),
+        self, strip: StripFile, runs: Sequence[MeasuredRun], jobs: int = 1,
+        floors: Floors | None = None, without: Sequence[str] = (),
         scatter: Sequence[RunEffect] = RUN_EFFECTS,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.file = strip
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
@@ -116,10 +111,7 @@ class Strip:
         ]
 
     def _compare(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
-        """Residuals of each look, from the cache or from a new simulation.
-
-        Residuals are small and cached; motions are large and not kept.
-        """
+        """Residuals of each look, from a cache or a new simulation; its motion is not kept."""
         found = {}
         for look, (fold, _) in asked.items():
             comparison, residuals = self._known.get(look, (None, None))
@@ -135,21 +127,16 @@ class Strip:
 
         Looks at one motion stay together, in the order in which they are asked.
         """
-        first: dict[bytes, int] = {}
-        for i, look in enumerate(asked):
-            first.setdefault(look.motion, i)
-
-        def place(look: Look) -> tuple[bool, float, int]:
-            _, drive = asked[look]
-            return look.rough, drive.way.duration, first[look.motion]
-
+        first = {look.motion: i for i, look in reversed(list(enumerate(asked)))}
+        order = sorted(asked, key=lambda k: (k.rough, asked[k][1].way.duration, first[k.motion]))
         found: dict[Look, Residuals] = {}
         with ThreadPoolExecutor(self._jobs) as pool:
-            for rough, group in groupby(sorted(asked, key=place), key=lambda look: look.rough):
+            for rough, group in groupby(order, key=lambda look: look.rough):
                 simulation, looks = self._rough if rough else self._simulation, iter(group)
                 while portion := list(islice(looks, PORTION)):
                     folds, drives = zip(*(asked[look] for look in portion), strict=True)
-                    residuals = pool.map(_residuals, folds, drives, simulation(drives))
+                    residuals = pool.map(lambda fold, drive, motion: fold.comparison(
+                        drive.model, motion), folds, drives, simulation(drives))  # fmt: skip
                     found.update(zip(portion, residuals, strict=True))
         return found
 
@@ -180,10 +167,8 @@ class Strip:
         runs = planned_runs(self.file, self._measured[0].measured.sigma, next_index(self._measured))
         ready = prepare(runs, self.file, self._floors, self._simulation, self._jobs)
         asked = {run.name: run for run in runs}
-        return [
-            Experiment(run.name, instruction(asked[run.name]), minutes(asked[run.name]), run)
-            for run in ready
-        ]
+        return [Experiment(run.name, instruction(asked[run.name]), minutes(asked[run.name]), run)
+                for run in ready]  # fmt: skip
 
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
@@ -213,12 +198,9 @@ class Strip:
 
 
 def _describe(
-    strip: StripFile,
-    parameters: Sequence[Parameter],
-    base: Values,
-    effects: tuple[tuple[str, Values], ...],
-    index: int,
-) -> HashedModel:
+    strip: StripFile, parameters: Sequence[Parameter], base: Values,
+    effects: tuple[tuple[str, Values], ...], index: int,
+) -> HashedModel:  # fmt: skip
     """Model of `strip` in run `index`, at values `base` of `parameters`, with added `effects`."""
     numbers: dict[str, float] = {}
     accepted = {name: dict(values) for name, values in strip.effects.items()}
@@ -235,11 +217,6 @@ def _describe(
     model = describe(fitted, present, index)
     amounts = {name: values[0] for name, values in effects}  # of law terms; others are ignored
     return HashedModel.of(with_law(model, amounts))
-
-
-def _residuals(fold: Fold, drive: Job, shown: SimulatedMotion | None) -> Residuals:
-    """Residuals of a simulated motion against the run of `fold`."""
-    return fold.comparison(drive.model, shown)
 
 
 def _lift_off_position(runs: Sequence[MeasuredRun]) -> float:

@@ -78,11 +78,9 @@ class Fold:
 
 
 def rod_folds(
-    models: Sequence[StripModel],
-    ways: Sequence[GripperPath],
-    segments: int = 200,
+    models: Sequence[StripModel], ways: Sequence[GripperPath], segments: int = 200,
     dt: float = 0.0025,
-) -> list[Fold]:
+) -> list[Fold]:  # fmt: skip
     """Simulate folds with the rod engine, each of `models` along its own path of `ways`."""
     every = max(1, round(SHAPE_INTERVAL / dt))
     motions = simulate_all(Rod(segments), models, ways, dt=dt, every=every)
