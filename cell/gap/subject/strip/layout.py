@@ -182,8 +182,8 @@ def _touch_columns(run: Measured, floors: Floors) -> list[_Column]:
 def _samples(columns: Sequence[_Column]) -> Samples:
     """Concatenate the time series `columns` into the samples of a run."""
 
-    def joined(name: str) -> Any:
+    def column(name: str) -> Any:
         return np.concatenate([np.broadcast_to(getattr(c, name), len(c.t)) for c in columns])
 
     series = np.repeat(np.arange(len(columns)), [len(c.t) for c in columns])
-    return Samples(**{field.name: joined(field.name) for field in fields(_Column)}, series=series)
+    return Samples(**{field.name: column(field.name) for field in fields(_Column)}, series=series)
