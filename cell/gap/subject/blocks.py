@@ -1,16 +1,17 @@
-"""Samples of a run: blocks of readings near in time, averaged."""
+"""Groups readings near in time into blocks, and averages each block to one sample."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.types import Array
 
-PER_BLOCK = 16  # readings used of a sample at most
+PER_BLOCK = 16  # readings used of a block at most
 
 
 def blocks(t: Array, width: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Edges (b + 1,) of samples of `width` [s] of t (n,) [s], and readings (k,) at most
-    PER_BLOCK.
+    """Split readings at times t (n,) [s] into b blocks of `width` [s], thinned to PER_BLOCK each.
+
+    Returns the edges (b + 1,) of the blocks among the kept readings, and the indices (k,) of those.
     """
     starts = np.flatnonzero(np.diff(np.floor(t / width))) + 1
     chosen = [inside if len(inside) <= PER_BLOCK

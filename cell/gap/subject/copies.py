@@ -8,7 +8,7 @@ from drivers.errors import ConfigurationError
 
 
 def counted_once(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Mapping[str, str]]:
-    """The first run of each measurement, and the names of its copies -> its name.
+    """Distinct runs, and a mapping from the name of each copy to the name of its original.
 
     Noise makes no two runs alike in every number, however well they repeat. Raises
     ConfigurationError where a single run is left.
@@ -32,11 +32,12 @@ def note(copy: str, first: str) -> str:
 
 
 def _digest(run: RunFolder) -> bytes:
-    """Hash of every number that was measured, whatever the files are encoded like.
+    """Hash of all measured numbers of a run, however its files encode them.
 
-    A run of nothing, or whose tables cannot be read, is like no other; who reads it next says so.
+    For a run that is empty or cannot be read, its path: no other run equals it, and the error is
+    reported where the run is read.
     """
-    h, rows = hashlib.sha256(), 0
+    digest, rows = hashlib.sha256(), 0
     for name in TABLES:
         path = run.path / name
         if not path.is_file():
@@ -46,6 +47,6 @@ def _digest(run: RunFolder) -> bytes:
         except ConfigurationError:
             return str(run.path).encode()
         for key, values in sorted(columns.items()):
-            h.update(f"{name} {key} {len(values)}".encode() + values.tobytes())
+            digest.update(f"{name} {key} {len(values)}".encode() + values.tobytes())
             rows += len(values)
-    return h.digest() if rows else str(run.path).encode()
+    return digest.digest() if rows else str(run.path).encode()

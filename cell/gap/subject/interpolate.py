@@ -6,8 +6,10 @@ from drivers.types import Array
 
 
 def interpolate(states: Array, t: Array, step: float) -> tuple[Array, Array]:
-    """Positions and rates (..., joints, k) at times `t` (k,) [s] of states (..., steps + 1, 2,
-    joints): positions by cubic Hermite interpolation, rates linearly.
+    """Positions and rates (..., joints, k) at times `t` (k,) [s] between steps of `step` [s].
+
+    `states` (..., steps + 1, 2, joints) are interpolated by cubic Hermite polynomials in position,
+    linearly in rate.
     """
     k = np.minimum((t / step).astype(np.int64), states.shape[-3] - 2)
     u = (t / step - k)[:, None]

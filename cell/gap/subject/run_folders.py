@@ -1,4 +1,4 @@
-"""Finds run folders, and checks what every subject's tables share."""
+"""Finds run folders, and reads and checks headers and tables in the form all subjects share."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ JOINT_TABLE = JOINTS  # of a robot, tick by tick
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """A folder with a measured run, and its name, unique among them."""
+    """Folder of a measured run, with a name that is unique among the runs found together."""
 
     path: Path
     name: str
 
 
 def find_runs(paths: Sequence[Path]) -> tuple[RunFolder, ...]:
-    """The runs among `paths`, each a run folder or a folder of run folders, in order of path.
+    """Run folders at `paths`, each path being a run folder or a folder that holds run folders.
 
     Raises ConfigurationError for fewer than two, for a folder without runs, and for measurements
     that lie beside no run.yaml.
@@ -37,7 +37,7 @@ def find_runs(paths: Sequence[Path]) -> tuple[RunFolder, ...]:
 
 
 def _unique(paths: Sequence[Path]) -> list[Path]:
-    """Distinct run folders at or in `paths`, two at least; ConfigurationError otherwise."""
+    """Distinct run folders at or in `paths`; ConfigurationError for fewer than two."""
     found: list[Path] = []
     for path in paths:
         if (path / HEADER_FILE).is_file():
@@ -64,7 +64,7 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
 
 
 def _check_heads(folders: Sequence[Path]) -> None:
-    """Refuse runs whose header does not state their origin."""
+    """Refuse folders that hold a run's table but no header file."""
     for folder in sorted(folders):
         tables = [name for name in TABLES if (folder / name).is_file()]
         if tables and not (folder / HEADER_FILE).is_file():
@@ -75,7 +75,7 @@ def _check_heads(folders: Sequence[Path]) -> None:
 
 
 def _names(folders: Sequence[Path]) -> list[str]:
-    """Folder names, with their parent's name where they would be equal; all of them UTF-8."""
+    """Unique names of run folders, in UTF-8: all with a parent's name if two would be equal."""
     short = [_utf8(f.name) for f in folders]
     if len(set(short)) == len(short):
         return short
@@ -95,7 +95,7 @@ def _utf8(name: str) -> str:
 
 
 def check_schema(head: Mapping[str, Any], path: Path) -> None:
-    """Refuse the header of a run, read from `path`, without a schema or with a newer one."""
+    """Refuse a run's header, read from `path`, that states no schema or a newer one."""
     schema = head.get("schema")
     if schema is None:
         raise ConfigurationError(
@@ -108,7 +108,7 @@ def check_schema(head: Mapping[str, Any], path: Path) -> None:
 
 
 def index_of(head: Mapping[str, Any], path: Path) -> int:
-    """The index in the header of a run, or 0; ConfigurationError for an invalid one."""
+    """Index that a run's header states, or 0; ConfigurationError for an invalid one."""
     index = head.get("index", 0)
     if isinstance(index, bool) or not isinstance(index, int) or index < 0:
         raise ConfigurationError(f"{path}: index: is {index!r}; allowed: 0, 1, 2, ...")
@@ -116,9 +116,9 @@ def index_of(head: Mapping[str, Any], path: Path) -> int:
 
 
 def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None:
-    """Refuse runs that claim one place in the order in which they were taken.
+    """Refuse two runs that state the same index, their place in the order of measurement.
 
-    Equal throughout, as single folds write it, an index claims nothing.
+    An index that is equal in all runs, as single folds write it, states no order and is allowed.
     """
     first: dict[int, Path] = {}
     same = len({index for index in stated if index is not None}) == 1
@@ -134,7 +134,7 @@ def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None
 
 
 def read_table(path: Path) -> dict[str, Array]:
-    """Columns (n,) of a parquet file as floats; ConfigurationError for a missing or broken one."""
+    """Numeric columns (n,) of a Parquet file; ConfigurationError for a missing or broken file."""
     table = read_parquet(
         path, "is missing; add it", "is not a whole Parquet file; write it again", newer=""
     )
@@ -148,9 +148,9 @@ def read_table(path: Path) -> dict[str, Array]:
 
 
 def column(table: dict[str, Array], name: str, path: Path, *, gaps: bool = False) -> Array:
-    """A required column (n,) of a table, finite throughout unless `gaps` are allowed.
+    """Required column `name` (n,) of a table, finite throughout unless `gaps` are allowed.
 
-    Raises ConfigurationError where it is not.
+    Raises ConfigurationError where the column is missing or holds a value that is not finite.
     """
     if name not in table:
         raise ConfigurationError(f"{path}: {name}: this column is missing (or not numbers); add it")
@@ -164,7 +164,7 @@ def column(table: dict[str, Array], name: str, path: Path, *, gaps: bool = False
 
 
 def check_time(t: Array, path: Path, least: int) -> None:
-    """Refuse a time column (n,) that is too short or does not increase."""
+    """Refuse times `t` (n,) [s] of fewer than `least` rows, or that do not increase."""
     if len(t) < least:
         raise ConfigurationError(f"{path}: t: has {len(t)} rows; at least {least} are needed")
     back = np.diff(t) <= 0.0

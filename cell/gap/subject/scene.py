@@ -1,4 +1,4 @@
-"""Drawings of a measured or simulated run: its curve, points and signals."""
+"""Data for drawing a measured or simulated run: its curve, points and signals."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A curve that moves: at each of the times `t` (m,) [s] its points (k, 2), x and z [m]."""
+    """Moving curve: for each of the times `t` (m,) [s], its `points` (k, 2) in x and z [m]."""
 
     t: Array
     points: tuple[Array, ...]
@@ -18,7 +18,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A point that moves: at the times `t` (m,) [s] it is at `places` (m, 2), x and z [m]."""
+    """Moving point: its positions `places` (m, 2) in x and z [m] at the times `t` (m,) [s]."""
 
     t: Array
     places: Array
@@ -26,7 +26,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A drawn number over time, at `t` (m,) [s]; signals of one title share a plot."""
+    """Time series to plot: `values` (m,) at times `t` (m,) [s]; equal titles share a plot."""
 
     title: str
     t: Array
@@ -35,7 +35,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Drawing of a run, measured or simulated; `tracks` by name, `events` [s, words]."""
+    """Drawing of a measured or simulated run; `tracks` by name, `events` as (time [s], label)."""
 
     signals: tuple[Signal, ...]
     curve: Curve | None = None
@@ -45,7 +45,7 @@ class Scene:
 
 @runtime_checkable
 class Draws(Protocol):
-    """A subject that can draw its runs."""
+    """A subject that can draw its measured and simulated runs."""
 
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured run."""

@@ -14,12 +14,12 @@ Words = NDArray[np.str_]
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number of a model: where to start, its bounds, the step of its secants.
+    """Unknown number of a model: start value, bounds, and step of its finite differences.
 
     `start` is the stated value, for an effect its null. `spread` is the standard deviation of
     what was known before (infinite: nothing). `inverse` parameters are shown as reciprocals,
-    so that a null at infinity is a zero here. `shape` parameters say where or how an effect is,
-    not how much of it there is: a probe keeps its own whatever its amount. `random` unknowns of
+    so that a null at infinity is a zero here. `shape` parameters say where or how an effect acts,
+    not how strongly: a probe keeps its shape whatever its amount. `random` unknowns of
     a run are drawn anew in each run; their `spread` is estimated from the runs; `common` ones
     are expected to differ in any laboratory, unless the runs refute it. `tolerated` is the range
     that the file states for a value of the base; None where it states a `spread` alone.
@@ -39,7 +39,7 @@ class Parameter:
     tolerated: tuple[float, float] | None = None
 
     def stated_value(self, value: float) -> float:
-        """`value` in the form that files state."""
+        """`value` as files state it: the reciprocal for an `inverse` parameter."""
         if not self.inverse:
             return value
         return 1.0 / value if value else float("inf")
@@ -47,7 +47,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """An effect that the model may lack, with its parameters and starts for the engine.
+    """Effect that the model may lack, with its parameters and the values at which it is screened.
 
     `probes` are groups of whole parameter vectors at which it is screened, small to large; the
     members of a group may be mixed (one parameter each), groups may not (another place). Bounds
@@ -67,17 +67,17 @@ class Candidate:
     shape_parameters: tuple[Parameter, ...] = ()
 
     def with_shape(self) -> "Candidate":
-        """The candidate with its shape parameters free."""
+        """Copy of the candidate whose shape parameters are fitted along with the others."""
         whole = self.parameters + self.shape_parameters
         return replace(self, parameters=whole, shape_parameters=())
 
     def complete(self, values: Array) -> Array:
-        """`values` (k,) of its first parameters, with the starts of the others."""
+        """Full parameter vector (n,): `values` (k,) of the first, start values of the others."""
         return np.concatenate([values, self.null[len(values) :]])
 
     @property
     def null(self) -> Array:
-        """Values (k,) at which the effect vanishes."""
+        """Parameter values (k,) at which the effect vanishes."""
         return np.array([p.start for p in self.parameters])
 
 
@@ -87,8 +87,8 @@ class Samples:
 
     Words (n,): `channel`, `phase`, `zone`, and `quantity`, by which gaps are shown. Numbers
     (n,): time `t` [s], one-sigma `noise` of the sample, `reading` of a single reading in it, and
-    `floor`, what no model of this subject gets right, all in SI. `series` (n,) numbers the time
-    series that a sample belongs to.
+    `floor`, the error that every model of this subject has, all in SI. `series` (n,) numbers the
+    time series that a sample belongs to.
     """
 
     channel: Words
@@ -107,7 +107,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One measured (or planned) run; `local` are its own unknowns, such as its initial state.
+    """Measured or planned run: samples, and `local` unknowns of its own such as its initial state.
 
     `condition` is shared by repeats, `index` counts in the order in which runs were taken;
     `content` belongs to the subject. `common` are errors of measuring that are alike in all runs:
@@ -125,9 +125,9 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One simulation: a run, base parameters, parameters by effect, and the run's own unknowns.
+    """Inputs of a simulation: run, base parameters, parameters by effect, and the run's unknowns.
 
-    A `rough` one serves to be held against other rough ones: a subject may simulate it faster.
+    A `rough` one is compared with other rough ones only: a subject may simulate it faster.
     """
 
     run: Run
@@ -139,7 +139,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Residuals:
-    """Measured minus simulated per sample (n,), NaN where the model has nothing to compare.
+    """Measured minus simulated mean of each sample (n,), NaN where the simulation has none.
 
     `square` (n,) is the mean square within the sample where it averages several readings.
     """
@@ -166,7 +166,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """A run that could be made next: its instruction, its cost, and the predicted run."""
+    """Run that could be made next: instruction for the operator, duration [min], prediction."""
 
     name: str
     instruction: str
@@ -185,12 +185,13 @@ class Scattering:
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """What a subject offers: base parameters, candidate effects, quantities by name.
+    """Fit problem of a subject: base parameters, candidate effects, and quantities by name.
 
     `terms` are never causes: they describe what stays unexplained. `scatter` names the random
     unknowns of runs. `left` is the share of the excess gap that several effects named together
-    may leave: more, and they only imitate a cause outside the library. Where spreads of the base
-    are `believed`, a base that fits by values far beyond them is doubted as one that leaves a gap.
+    may leave: if they leave more, they only imitate a cause outside the library. Where spreads of
+    the base are `believed`, a base that fits by values far beyond them is doubted as one that
+    leaves a gap.
     """
 
     base: tuple[Parameter, ...]
@@ -203,11 +204,11 @@ class Scope:
 
 
 class Subject(Protocol):
-    """The measured thing: its runs, its library, its simulation, its files."""
+    """Measured strip or mechanism: its runs, library of effects, simulation and files."""
 
     @property
     def name(self) -> str:
-        """Name of the strip or pendulum."""
+        """Name of the strip or mechanism."""
 
     @property
     def runs(self) -> Sequence[Run]:
@@ -215,17 +216,17 @@ class Subject(Protocol):
 
     @property
     def notes(self) -> Sequence[str]:
-        """Remarks for the operator on the runs: which died, and which parts were used."""
+        """Remarks for the operator on the runs: which ended early, and which parts were used."""
 
     @property
     def scope(self) -> Scope:
-        """Base parameters, candidates, quantities and terms."""
+        """Base parameters, candidate effects, quantities and descriptive terms."""
 
     def simulate(self, requests: Sequence[Request]) -> Sequence[Residuals]:
         """Residuals of many simulations, each independent of the others in the call."""
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """The runs of `requests`, corrected for coarse simulation, with floors for it."""
+        """Runs of `requests`, corrected for coarse simulation, with floors for what may remain."""
 
     def experiments(self) -> Sequence[Experiment]:
         """Possible next runs, to be rated by how well they separate explanations."""
@@ -233,12 +234,12 @@ class Subject(Protocol):
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """The file after acceptance, and the cell's effects where some belong to the cell."""
+        """Patched content of the subject's file, and of the cell's where effects belong to it."""
 
 
 @runtime_checkable
 class HasConsequences(Protocol):
-    """A subject whose effects have consequences for the operator."""
+    """A subject that can state what named effects mean for the operator."""
 
     def consequences(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
@@ -248,9 +249,9 @@ class HasConsequences(Protocol):
 
 @runtime_checkable
 class EditsModel(Protocol):
-    """A subject whose acceptance writes a model of its own beside the file."""
+    """A subject that writes an edited model beside its file when a verdict is accepted."""
 
     def model_text(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
     ) -> str | None:
-        """Text of the model after acceptance, where the patch names one as `model`."""
+        """Text of the edited model that the patched file names as `model`; None without one."""

@@ -75,7 +75,7 @@ def bench(good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
     def forbidden(*_: object) -> None:
         pytest.fail("bad input was simulated")
 
-    monkeypatch.setattr(Simulation, "_together", forbidden)
+    monkeypatch.setattr(Simulation, "_simulate_together", forbidden)
     monkeypatch.setattr(MechanismSubject, "simulate", forbidden)
     return Bench(Path(shutil.copytree(good, tmp_path / "bench")))
 

@@ -1,1 +1,1 @@
-"""Any model that MuJoCo can simulate, as a subject of the gap workflow."""
+"""Mechanisms as subjects of the gap workflow: any model that MuJoCo can simulate."""

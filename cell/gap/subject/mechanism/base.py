@@ -1,4 +1,4 @@
-"""Base parameters of a mechanism's fit: its uncertain numbers."""
+"""Base parameters of a mechanism's fit: the model's numbers that its file lists as uncertain."""
 
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -16,14 +16,18 @@ from drivers.errors import ConfigurationError
 
 UNITS = {"mass": "kg", "com": "m", "inertia": "kg m^2", "damping": "N m s", "armature": "kg m^2",
          "stiffness": "N m/rad", "gain": "1"}  # fmt: skip
-ENOUGH = 1e-9  # of its spread: the smallest number that counts as stated
+SMALLEST = 1e-9  # size of a number, in SI, to which a spread in percent refers at least
+# bounds of a number: times its start value, spreads above it; times the start if it cannot vanish
+HIGHEST, FARTHEST, LOWEST = 5.0, 20.0, 0.2
+STEP = 1e-3  # of the spread, of finite differences
+PARALLEL = 1e-9  # by which the cosine of axes that count as parallel may be below 1
 
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """A base parameter, how it is put into a model, and its spread from run to run (or None).
+    """Base parameter of a fit, with the setter `put` that writes its value into a model's fields.
 
-    `field` and `owner` name it in the file.
+    `field` and `owner` name it in the file; `by_run` is its spread from run to run, if any.
     """
 
     parameter: Parameter
@@ -34,9 +38,9 @@ class Base:
 
 
 def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Base, ...]:
-    """Base parameters that `uncertain` lists; ConfigurationError for unknown names."""
-    found = [b for i, u in enumerate(file.uncertain)
-             for b in _expand(u, mechanism, f"{origin}: uncertain.{i}")]  # fmt: skip
+    """Base parameters that the file lists as `uncertain`; ConfigurationError for unknown names."""
+    found = [b for i, spec in enumerate(file.uncertain)
+             for b in _expand(spec, mechanism, f"{origin}: uncertain.{i}")]  # fmt: skip
     names = [b.parameter.name for b in found]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
@@ -45,7 +49,7 @@ def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Bas
 
 
 def stated_fields(base: Sequence[Base], mechanism: Mechanism) -> Collection[str]:
-    """Fields of which the `base` holds all joints, all actuators, or the last body."""
+    """Fields that `base` fits for every owner: all joints, all actuators, or the last body."""
     last = mechanism.model.body(int(np.max(mechanism.model.jnt_bodyid))).name
     owners = {"com": {last}, "armature": {j.name for j in mechanism.joints},
               "gain": set(mechanism.actuators)}  # fmt: skip
@@ -54,7 +58,7 @@ def stated_fields(base: Sequence[Base], mechanism: Mechanism) -> Collection[str]
 
 
 def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[Base]:
-    """Base parameters of one entry of `uncertain`, for each owner that `*` stands for."""
+    """Base parameters of one entry of `uncertain`, one or more for each owner that `*` matches."""
     model = mechanism.model
     kind = "body" if spec.body else "joint" if spec.joint else "actuator"
     names: Sequence[str]
@@ -74,48 +78,50 @@ def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[
 
 
 def _free_axes(model: Any, body: int) -> Iterator[str]:
-    """Axes of a body along which its centre of mass matters: not along parallel hinges."""
+    """Axes of a body along which its centre of mass matters: those not parallel to all hinges."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     own = data.xmat[body].reshape(3, 3)
     hinges = bool((model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).all())
     for k, axis in enumerate("xyz"):
         along = np.abs(data.xaxis @ own[:, k])
-        if not (hinges and bool((along > 1.0 - 1e-9).all())):
+        if not (hinges and bool((along > 1.0 - PARALLEL).all())):
             yield axis
 
 
 def _base_parameter(
     spec: UncertainSpec, mechanism: Mechanism, number: int, name: str, axis: str
 ) -> Base:
-    """Base parameter of one field of one owner, with its bounds."""
+    """Base parameter for one field of one owner, with its bounds; `axis` is that of a com."""
     start, put, size = _access(spec.field, mechanism, number, axis)
     width = _spread_width(spec.spread, size)
-    free = spec.field == "com"
-    low = -np.inf if free else (0.2 * start if spec.field in ("mass", "inertia", "gain") else 0.0)
-    high = np.inf if free else max(5.0 * start, start + 20.0 * width)
-    key = f"com_{axis}" if free else spec.field
+    if spec.field == "com":
+        key, low, high = f"com_{axis}", -np.inf, np.inf
+    else:
+        key, high = spec.field, max(HIGHEST * start, start + FARTHEST * width)
+        low = LOWEST * start if spec.field in ("mass", "inertia", "gain") else 0.0
     parameter = Parameter(
-        f"{key}_{name}", UNITS[spec.field], start, low, high, step=1e-3 * width, spread=width
+        f"{key}_{name}", UNITS[spec.field], start, low, high, step=STEP * width, spread=width
     )
     by_run = None if spec.by_run is None else _spread_width(spec.by_run, size)
     return Base(parameter, put, spec.field, name, by_run)
 
 
 def _spread_width(spread: float | str, size: float) -> float:
+    """Absolute spread: as stated, or the stated percentage of `size`."""
     if not isinstance(spread, str):
         return float(spread)
-    return float(re.sub("%", "", spread)) / 100.0 * max(abs(size), ENOUGH)
+    return float(re.sub("%", "", spread)) / 100.0 * max(abs(size), SMALLEST)
 
 
 def _access(
     field: str, mechanism: Mechanism, i: int, axis: str
 ) -> tuple[float, Callable[[Fields, float], None], float]:
-    """Start value of a field, its setter, and the size to which a share refers."""
+    """Start value, setter and typical size, to which percentages refer, of owner `i`'s `field`."""
     model: Any = mechanism.model
     if field == "mass":
         start = float(model.body_mass[i])
-        return start, lambda f, v: _mass(f, i, v), start
+        return start, lambda f, v: _set_mass(f, i, v), start
     if field == "com":
         k, place = "xyz".index(axis), model.body_ipos[i]
         size = float(np.linalg.norm(place))
@@ -139,8 +145,8 @@ def _set_value(array: Any, i: int, value: float) -> None:
     array[i] = value
 
 
-def _mass(fields: Fields, i: int, value: float) -> None:
-    """Set a mass, and scale its inertia with it."""
+def _set_mass(fields: Fields, i: int, value: float) -> None:
+    """Set a body's mass [kg], and scale its inertia in proportion."""
     _scale(fields["body_inertia"][i], value / float(fields["body_mass"][i]))
     fields["body_mass"][i] = value
 

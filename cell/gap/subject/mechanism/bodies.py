@@ -1,4 +1,4 @@
-"""Edits mass properties of bodies."""
+"""Edits the mass properties of bodies in a model."""
 
 import mujoco
 import numpy as np
@@ -9,7 +9,7 @@ from drivers.types import Array
 
 
 def tip(mechanism: Mechanism, body: int) -> Array:
-    """Position (3,) [m] of a body's farthest site in its frame, else twice its centre of mass."""
+    """Position (3,) [m] in a body's frame of its end: farthest site or twice the centre of mass."""
     model = mechanism.model
     places = [model.site_pos[i] for i in range(model.nsite) if model.site_bodyid[i] == body]
     places.append(2.0 * model.body_ipos[body])
@@ -18,20 +18,20 @@ def tip(mechanism: Mechanism, body: int) -> Array:
 
 def add_point(fields: Fields, body: int, mass: float, place: Array) -> None:
     """Add a point `mass` [kg] at `place` (3,) of the body's frame [m] to its mass and inertia."""
-    had, com = float(fields["body_mass"][body]), np.array(fields["body_ipos"][body])
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, np.array(fields["body_iquat"][body]))
-    axes = turn.reshape(3, 3)
-    whole = axes @ np.diag(fields["body_inertia"][body]) @ axes.T
-    apart = np.asarray(place) - com
-    reduced = had * mass / (had + mass)
-    whole += reduced * (apart @ apart * np.eye(3) - np.outer(apart, apart))
-    values, vectors = np.linalg.eigh(whole)
-    if np.linalg.det(vectors) < 0.0:
+    stated, com = float(fields["body_mass"][body]), np.array(fields["body_ipos"][body])
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, np.array(fields["body_iquat"][body]))
+    axes = rotation.reshape(3, 3)
+    inertia = axes @ np.diag(fields["body_inertia"][body]) @ axes.T
+    offset = np.asarray(place) - com
+    reduced = stated * mass / (stated + mass)  # parallel axes, about the common centre of mass
+    inertia += reduced * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    values, vectors = np.linalg.eigh(inertia)
+    if np.linalg.det(vectors) < 0.0:  # a quaternion holds right-handed axes only
         vectors[:, 0] *= -1.0
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, vectors.ravel())
-    fields["body_mass"][body] = had + mass
-    fields["body_ipos"][body] = com + apart * mass / (had + mass)
+    fields["body_mass"][body] = stated + mass
+    fields["body_ipos"][body] = com + offset * mass / (stated + mass)
     fields["body_iquat"][body] = quat
     fields["body_inertia"][body] = values

@@ -1,4 +1,4 @@
-"""One simulation of a run: edited numbers of the model, readings, and the start."""
+"""Inputs of one simulation of a run: edits of the model, errors of readings, and the start."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,10 +10,12 @@ from cell.gap.subject.mechanism.effect import Effect, Fields, Readings
 from cell.gap.subject.mechanism.runs import Cut
 from drivers.types import Array
 
+OPTION = "opt."  # prefix of the names of fields that are options of a model
+
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """Data of a run: its readings, its stated `load`, and its `motion` or its `commands`."""
+    """Content of a run for simulation: readings, stated `load`, given `motion` or `commands`."""
 
     cut: Cut
     load: Mapping[str, Any] | None = None
@@ -24,9 +26,11 @@ class Content:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A run with edited model: `edit` changes fields, `readings` lie between world and record,
-    `paths` are torques of the motion so far; `start` are positions and rates. Cases of one `motion`
-    move alike, and may be read otherwise.
+    """One simulation of a run with an edited model.
+
+    `edit` changes the model's fields, `readings` are errors of sensors and commands, `paths` hold
+    effects whose torques depend on the motion so far, `start` positions and rates (joints,). Cases
+    of equal `motion` move alike; their readings may differ.
     """
 
     content: Content
@@ -38,7 +42,7 @@ class Case:
 
 
 class ModelFields:
-    """Fields of one model, edited in place; numbers of its options are put back by `finish`."""
+    """Fields of one model, edited in place; `finish` writes edited scalar options back."""
 
     def __init__(self, model: Any) -> None:
         self.model = model
@@ -46,22 +50,22 @@ class ModelFields:
 
     def __getitem__(self, name: str) -> Array:
         """Array of the field called `name`, to be edited in place."""
-        if not name.startswith("opt."):
+        if not name.startswith(OPTION):
             found: Array = getattr(self.model, name)
             return found
-        value = getattr(self.model.opt, name[4:])
+        value = getattr(self.model.opt, name.removeprefix(OPTION))
         if isinstance(value, np.ndarray):
             return value
         return self._numbers.setdefault(name, np.array(float(value)))
 
     def finish(self) -> None:
-        """Put edited numbers of the options into the model."""
+        """Write edited scalar options into the model."""
         for name, value in self._numbers.items():
-            setattr(self.model.opt, name[4:], float(value))
+            setattr(self.model.opt, name.removeprefix(OPTION), float(value))
 
 
 class BatchFields:
-    """Fields of simulation `i` of a batch; a field is expanded where it is first edited."""
+    """Fields of simulation `i` of a batch; the first edit of a field copies it per simulation."""
 
     def __init__(self, expand: Callable[[str], Array], i: int) -> None:
         self._expand, self._i = expand, i

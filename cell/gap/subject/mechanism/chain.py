@@ -1,4 +1,4 @@
-"""Simulation of planar chains of hinges that nothing drives, by their own equations.
+"""Simulates planar chains of hinges without drives by their own equations of motion.
 
 Links lie below one another in x and z, each with its centre of mass on its line.
 """
@@ -29,7 +29,7 @@ and inertia); each with the chain as its first axis.
 
 
 def fields_of(model: Any, count: int) -> ChainFields:
-    """Fields of a model, for `count` equal chains."""
+    """Fields of `count` equal chains, each with the chain as first axis, from a compiled model."""
     stated = {name: getattr(model, name) for name in OF_MODEL} | {"opt.gravity": model.opt.gravity}
     fields = {name: np.repeat(value[None], count, axis=0) for name, value in stated.items()}
     end = -model.site_pos[0, 2] if model.nsite else np.nan
@@ -38,10 +38,11 @@ def fields_of(model: Any, count: int) -> ChainFields:
 
 def levers(fields: ChainFields) -> tuple[Array, Array, Array]:
     """Levers (B, n, n) [kg m^2], moments (B, n) [kg m] and lengths (B, n) [m] of the links."""
+    # body 0 is the world, and body 1 hangs at the pivot; links point down, about y they turn
     mass, com = fields["body_mass"][:, 1:], -fields["body_ipos"][:, 1:, 2]
     inertia = fields["body_inertia"][:, 1:, 1]
-    rod = np.minimum(2.0 * com, com + np.sqrt(3.0 * inertia / mass))[:, -1]
-    end = np.where(np.isnan(fields[END]), rod, fields[END])
+    rod_end = np.minimum(2.0 * com, com + np.sqrt(3.0 * inertia / mass))[:, -1]
+    end = np.where(np.isnan(fields[END]), rod_end, fields[END])
     length = np.column_stack([-fields["body_pos"][:, 2:, 2], end])
     count, n = mass.shape
     lever, moment = np.zeros((count, n, n)), np.zeros((count, n))
@@ -64,7 +65,7 @@ def fastest(model: Any) -> float:
 
 
 class PlanarChain(Forward):
-    """Predicts the angles of planar chains by their own equations, each to the bit as if alone."""
+    """Predicts the angles of planar chains by their equations of motion, whatever runs beside."""
 
     def __init__(self, opened: Opened, jobs: int, laws: frozenset[str]) -> None:
         super().__init__(opened, jobs, laws)
@@ -73,7 +74,7 @@ class PlanarChain(Forward):
             self._simulate([])
 
     def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, Any]:
-        """States (n, steps + 1, 2, joints) of these cases; no commands, no models."""
+        """States (n, steps + 1, 2, joints) of n cases, empty commands, and no models."""
         fields = fields_of(self._mechanism.model, len(cases))
         for i, case in enumerate(cases):
             case.edit(BatchFields(fields.__getitem__, i))
@@ -82,20 +83,20 @@ class PlanarChain(Forward):
         steps = int(np.ceil(span / self._mechanism.step)) + 1
         with ThreadPoolExecutor(self._jobs) as pool:
             edges = np.linspace(0, len(cases), self._jobs + 1).astype(int)
-            parts = [slice(*pair) for pair in pairwise(edges)]
-            some = [{name: values[part] for name, values in fields.items()} for part in parts]
-            found = pool.map(self._swing, some, [start[part] for part in parts], repeat(steps))
+            parts = [slice(*pair) for pair in pairwise(edges)]  # one for each thread
+            shares = [{name: values[part] for name, values in fields.items()} for part in parts]
+            found = pool.map(self._swing, shares, [start[part] for part in parts], repeat(steps))
             states = np.concatenate(list(found))
         return states, np.zeros((len(cases), steps, 0)), None
 
     def _swing(self, own: ChainFields, start: Array, steps: int) -> Array:
         """States (k, steps + 1, 2, n) of the joints of k chains from `start` (k, 2, n)."""
         lever, moment, length = levers(own)
-        absolute = np.cumsum(start, axis=2)
+        absolute = np.cumsum(start, axis=2)  # the kernel's angles are from upright, no joint's
         absolute[:, 0] += np.pi
         states = integrate(
             torques().function(self._laws), lever, moment,
-            np.ascontiguousarray(own["opt.gravity"][:, ::2]), length, own["dof_damping"],
+            np.ascontiguousarray(own["opt.gravity"][:, [0, 2]]), length, own["dof_damping"],
             own["jnt_user"], own[DRAG], own[COMPLIANCE], absolute, self._mechanism.step, steps,
         )  # fmt: skip
         states[:, :, 0] -= np.pi

@@ -1,4 +1,4 @@
-"""Compiled integration of planar chains of hinged links, one chain after another.
+"""Compiled integration of the motion of planar chains of hinged links, chain after chain.
 
 Absolute angles theta_i from upright, z up, x = sum l_j sin theta_j. Lagrange's equations:
 
@@ -71,7 +71,7 @@ def _solve(a: Array, x: Array) -> None:
 
 @kernel
 def _rigid(chain: tuple, y: Array, push: float, out: Array) -> None:  # type: ignore[type-arg]
-    """Write the rate of a state (2, n) into `out`; `push` [m/s^2] accelerates the pivot in x."""
+    """Write the rate of state `y` (2, n) to `out`, with the pivot accelerated by `push` [m/s^2]."""
     law, lever, moment, gravity, length, damping, user, drag, (s, c, inertia) = chain
     n = len(moment)
     force = out[1]
@@ -92,6 +92,7 @@ def _rigid(chain: tuple, y: Array, push: float, out: Array) -> None:  # type: ig
 
 @kernel
 def _pull(moment: Array, y: Array, rate: Array) -> float:
+    """Horizontal pull X'' [N] of a chain in state `y` (2, n) with `rate` (2, n), at its pivot."""
     pull = 0.0
     for i in range(len(moment)):
         pull += moment[i] * (np.cos(y[0, i]) * rate[1, i] - np.sin(y[0, i]) * y[1, i] ** 2)
@@ -100,7 +101,7 @@ def _pull(moment: Array, y: Array, rate: Array) -> float:
 
 @kernel
 def _pivot(chain: tuple, compliance: float, y: Array) -> float:  # type: ignore[type-arg]
-    """Acceleration of a compliant pivot: to first order it follows the pull at once.
+    """Acceleration [m/s^2] of a compliant pivot, which to first order follows the pull at once.
 
     u = -C X'' with X = sum b_i sin theta_i, so that its acceleration is -C (X'')'' along the
     rigid motion, differenced over +-PIVOT_SPAN by midpoint steps.
@@ -131,8 +132,10 @@ def _advance_state(y: Array, h: float, rate: Array, out: Array) -> None:
 def _advance(  # type: ignore[no-untyped-def]
     chain, y: Array, h: float, push: float, rise: float, k: Array, out: Array
 ) -> None:
-    """One step of RK4 from `y` to `out`; the pivot's acceleration goes on rising as it did in the
-    last step. `k` (5, 2, n) is room for the rates and a state.
+    """Advance the state `y` (2, n) by one RK4 step of `h` [s] into `out`.
+
+    The pivot's acceleration `push` [m/s^2] goes on to `rise` as in the last step. `k` (5, 2, n) is
+    working memory for four rates and a state.
     """
     half, end = push + 0.5 * rise, push + rise
     _rigid(chain, y, push, k[0])
@@ -150,20 +153,10 @@ def _advance(  # type: ignore[no-untyped-def]
 
 @entry
 def integrate(  # type: ignore[no-untyped-def]
-    law,
-    lever: Array,
-    moment: Array,
-    gravity: Array,
-    length: Array,
-    damping: Array,
-    user: Array,
-    drag: Array,
-    compliance: Array,
-    initial: Array,
-    step: float,
-    steps: int,
-) -> Array:
-    """States (B, steps + 1, 2, n) from `initial` (B, 2, n), by RK4 with steps of `step` [s].
+    law, lever: Array, moment: Array, gravity: Array, length: Array, damping: Array, user: Array,
+    drag: Array, compliance: Array, initial: Array, step: float, steps: int,
+) -> Array:  # fmt: skip
+    """States (B, steps + 1, 2, n) of B chains from `initial` (B, 2, n), by RK4 with `step` [s].
 
     Of each chain: `lever` (n, n), `moment`, `length`, `damping` (n,), numbers `user` (n, slots) of
     the compiled `law` of its joints, `gravity` (2,) in x and z, `drag` [kg/m^2] normal to the links

@@ -12,11 +12,13 @@ from drivers.types import Array
 
 Of = Literal["model", "rig"]
 MODES = ("forward", "prescribed", "planar")
+SIZES_PER_SPREAD = 25.0  # typical sizes of a parameter in its prior spread
+STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 
 class Fields(Protocol):
-    """Fields of a model by MuJoCo's names (`dof_damping`, `opt.gravity`), each to be edited."""
+    """Arrays of a model by MuJoCo's names (`dof_damping`, `opt.gravity`), to be edited in place."""
 
     def __getitem__(self, name: str) -> Array:
         """Array of the field called `name`, to be edited in place."""
@@ -40,16 +42,17 @@ class Readings:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """An effect in the library of mechanisms; every hook does nothing at the parameters' starts.
+    """Effect in the library of mechanisms: its parameters, and the hooks by which it acts.
 
-    `parameters` lists all values of one key, joint by joint, then the next key; `shape` are shapes
-    of the law. `law` is a compiled torque `(q, v, load, p, at) -> N m` of one joint with its own
-    values from `p[at]` on, `keys` of them, on a joint that smooths signs over `p[3]`; `edit`
-    changes fields of the model, and stands for the law in a simulation where it is `native`;
-    `path` is a torque (m, joints) that depends on the motion so far; `read` changes what lies
-    between world and record. An MJCF can say what `edit` does. `holds` is the largest torque by
-    which a law holds a joint that stands, of the law's arguments. `error_of` is a field of the base
-    that it is an error of: where the file says how well that is known, it is no effect.
+    No hook changes anything at the parameters' start values. `parameters` lists all values of one
+    key, joint by joint, then the next key; `shape` are shapes of the law. `law` is a compiled
+    torque `(q, v, load, p, at) -> N m` of one joint with its own values from `p[at]` on, `keys` of
+    them, on a joint that smooths signs over `p[3]`; `edit` changes fields of the model, and stands
+    for the law in a simulation where it is `native`; `path` is a torque (m, joints) that depends on
+    the motion so far; `read` changes what lies between world and record. An MJCF can say what
+    `edit` does. `holds` is the largest torque by which a law holds a joint that stands, of the
+    law's arguments. `error_of` is a field of the base that the effect is an error of: where the
+    file says how well that field is known, the effect is no candidate.
     """
 
     name: str
@@ -71,70 +74,73 @@ class Effect:
     holds: Callable[..., Array] | None = None
 
     def applies(self, mechanism: Mechanism) -> bool:
-        """Whether this mechanism, simulated this way, can have the effect."""
+        """Whether the effect is possible in this mechanism and its mode of simulation."""
         return mechanism.mode in self.modes and bool(self.parameters(mechanism))
 
     def edits(self, mechanism: Mechanism) -> bool:
-        """Whether the effect is nothing but edits of the model's fields here."""
+        """Whether edits of the model's fields express the whole effect in this mechanism."""
         if self.edit is None or self.read is not None:
             return False
         return self.law is None or (mechanism.mode == "forward" and self.native(mechanism))
 
     def candidate(self, mechanism: Mechanism) -> Candidate:
-        """The effect as a candidate, probed one parameter at a time, small to large."""
-        own = self.parameters(mechanism)
-        width = np.array([p.spread / 25.0 for p in own])
+        """Candidate for the engine, screened one parameter at a time from small to large."""
+        parameters = self.parameters(mechanism)
+        null = _null(parameters)
+        sizes = [p.spread / SIZES_PER_SPREAD for p in parameters]
+        amounts = [i for i, p in enumerate(parameters) if not p.shape]
         groups = tuple(
-            tuple(
-                tuple(map(float, _null(own) + (np.arange(len(own)) == i) * width * factor))
-                for i in range(len(own))
-                if not own[i].shape
-            )
-            for factor in self.probes
+            tuple(_probe(null, i, sizes[i] * factor) for i in amounts) for factor in self.probes
         )
-        shape = self.shape(mechanism)
         of = "strip" if mechanism.mode == "planar" else self.of  # as verdicts on pendulums state it
-        return Candidate(self.name, self.sentence, of, own, groups, self.revealed_by,
-                         shape_parameters=shape)  # fmt: skip
+        return Candidate(self.name, self.sentence, of, parameters, groups, self.revealed_by,
+                         shape_parameters=self.shape(mechanism))  # fmt: skip
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
         """The effect's parameters, followed by those of its shape."""
         return (*self.parameters(mechanism), *self.shape(mechanism))
 
     def table(self, mechanism: Mechanism, values: Array) -> Array:
-        """`values` as (keys, joints), what was not given at its start."""
-        whole = np.concatenate([values, _null(self.with_shape(mechanism)[len(values) :])])
-        return whole.reshape(-1, len(mechanism.joints))
+        """Table (keys, joints) of the first `values` (k,), with the start values of the others."""
+        missing = _null(self.with_shape(mechanism)[len(values) :])
+        return np.concatenate([values, missing]).reshape(-1, len(mechanism.joints))
 
 
 def _null(parameters: Sequence[Parameter]) -> Array:
     return np.array([p.start for p in parameters])
 
 
+def _probe(null: Array, i: int, amount: float) -> tuple[float, ...]:
+    """Parameter values with `amount` added to number `i` of `null` (k,)."""
+    return tuple(float(start + amount) if k == i else float(start) for k, start in enumerate(null))
+
+
 def per_joint(
     mechanism: Mechanism, key: str, unit: str, size: Array, *, signed: bool = False,
     shape: bool = False, high: float = 250.0,
 ) -> tuple[Parameter, ...]:  # fmt: skip
-    """A parameter a joint, `key_JOINT`, of typical `size` (joints,); of slides in N and m."""
+    """One parameter `key_JOINT` per joint, of typical `size` (joints,); of slides in N and m."""
     found = []
     for joint, s in zip(mechanism.joints, size, strict=True):
         low = -high * s if signed else 0.0
-        shown = unit if joint.hinge else unit.replace("N m", "N").replace("rad", "m")
-        found.append(Parameter(f"{key}_{joint.name}", shown, 0.0, low, high * s, step=s / 1000.0,
-                               spread=25.0 * s, shape=shape))  # fmt: skip
+        own_unit = unit if joint.hinge else unit.replace("N m", "N").replace("rad", "m")
+        found.append(Parameter(f"{key}_{joint.name}", own_unit, 0.0, low, high * s,
+                               step=s / STEPS_PER_SIZE, spread=SIZES_PER_SPREAD * s,
+                               shape=shape))  # fmt: skip
     return tuple(found)
 
 
 def single(
     key: str, unit: str, size: float, *, signed: bool = False, high: float = 250.0,
 ) -> tuple[Parameter, ...]:  # fmt: skip
-    """One parameter for the whole mechanism."""
+    """One parameter of typical `size` for the whole mechanism."""
     low = -high * size if signed else 0.0
-    return (Parameter(key, unit, 0.0, low, high * size, step=size / 1000.0, spread=25.0 * size),)
+    step, spread = size / STEPS_PER_SIZE, SIZES_PER_SPREAD * size
+    return (Parameter(key, unit, 0.0, low, high * size, step=step, spread=spread),)
 
 
 def per_encoder(mechanism: Mechanism, key: str, unit: str, spread: float) -> tuple[Parameter, ...]:
-    """One parameter an encoder, `key_ENCODER`, for an error of its readings."""
+    """One parameter `key_ENCODER` per encoder, for an error of its readings."""
     return tuple(
         Parameter(f"{key}_{name}", unit, 0.0, -0.2, 0.2, step=1e-5, spread=spread)
         for name in mechanism.encoders
@@ -142,7 +148,7 @@ def per_encoder(mechanism: Mechanism, key: str, unit: str, spread: float) -> tup
 
 
 def put_by_encoder(key: str) -> Callable[[Mechanism, Array, Readings], None]:
-    """A setter that writes the values of encoders into the readings under `key`."""
+    """Hook that writes one value per encoder into the field `key` of the readings' errors."""
 
     def read(mechanism: Mechanism, values: Array, readings: Readings) -> None:
         getattr(readings, key).update(zip(mechanism.encoders, map(float, values), strict=True))
@@ -151,18 +157,18 @@ def put_by_encoder(key: str) -> Callable[[Mechanism, Array, Readings], None]:
 
 
 def driven_joints(mechanism: Mechanism) -> list[Joint]:
-    """The joints that motors drive."""
+    """Joints of the mechanism that a motor drives."""
     return [j for j in mechanism.joints if j.actuator >= 0]
 
 
 def has_gears(mechanism: Mechanism) -> bool:
-    """Whether each driven joint can be split into motor and link, or is rigid."""
+    """Whether the mechanism can be simulated with elasticity or play between motors and links."""
     one_each = int(mechanism.model.body_jntnum.max()) == 1
     return mechanism.mode == "prescribed" or bool(mechanism.actuators and one_each)
 
 
 def add_to(field: str) -> Callable[[Mechanism, Array, Fields], None]:
-    """An edit that adds the first value of each joint to a `field` of its degree of freedom."""
+    """Hook that adds each joint's first value to the model's `field` at its degree of freedom."""
 
     def edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
         for joint, value in zip(mechanism.joints, values, strict=False):
@@ -180,7 +186,7 @@ def scale_gain(fields: Fields, actuator: int, factor: float) -> None:
 
 
 def readings_of(known: Sequence[tuple[Effect, Array]], mechanism: Mechanism) -> Readings:
-    """Errors of sensors and commands by effects with their values (parameters,)."""
+    """Errors of sensors and commands that `known` effects make with their values (k,)."""
     readings = Readings()
     for effect, values in known:
         if effect.read is not None:

@@ -14,9 +14,10 @@ OWNERS = {"body": ("mass", "com", "inertia"), "joint": ("damping", "armature", "
 
 
 class SignalSpec(Settings):
-    """What a column measures, and its one-sigma noise [SI], or that repeats show the noise.
+    """Signal in a column of the runs: what it measures, and its standard deviation `sigma` in SI.
 
-    `tracking` is a measured position minus the commanded one.
+    `sigma: repeats` takes it from repeated runs. `tracking` is a measured position minus the
+    commanded one.
     """
 
     joint: str | None = None
@@ -43,7 +44,7 @@ class SignalSpec(Settings):
 
 
 class StartSpec(Settings):
-    """Where a simulation begins: as measured, at a number, or after settling for some seconds."""
+    """Initial state of a simulation: as measured, as stated, or after settling for `settle` [s]."""
 
     position: float | Literal["measured"] = "measured"
     velocity: float | Literal["measured"] = "measured"
@@ -52,7 +53,7 @@ class StartSpec(Settings):
 
 
 class UncertainSpec(Settings):
-    """A number of the model that is known to a share (`2%`) or an absolute width."""
+    """Number of the model to be fitted, and its prior spread as a share (`2%`) or absolute."""
 
     body: str | None = None
     joint: str | None = None
@@ -71,12 +72,12 @@ class UncertainSpec(Settings):
 
     @property
     def owner(self) -> str:
-        """Name of the body, joint or actuator; `*` is each."""
+        """Name of the body, joint or actuator; `*` stands for each of them."""
         return self.body or self.joint or self.actuator or "*"
 
 
 class MechanismFile(Settings):
-    """A mechanism as its owner states it; see the contract of mechanisms."""
+    """Content of a mechanism file, as its contract describes: model, signals, uncertain numbers."""
 
     schema_: Literal[1] = Field(1, alias="schema")
     kind: Literal["mechanism"]

@@ -1,4 +1,4 @@
-"""Effects of the cell's own arm on the path of its gripper, and the cell file's keys for them."""
+"""Computes how effects of the cell's own arm move its gripper, and patches cell.yaml for them."""
 
 from collections.abc import Mapping
 
@@ -16,7 +16,7 @@ FIELDS = {"payload": "fci.tool", "control_delay": "twin.arm.robot_delay"}  # of 
 
 
 def shift(opened: Opened, q: Array, predicted: tuple[Array, Array], readings: Readings) -> Array:
-    """Distance (k,) [m] by which the tip stands elsewhere for measured joints `q` (k, 7) [rad].
+    """Distances (k,) [m] by which an effect moves the tip at measured joints `q` (k, 7) [rad].
 
     `predicted` are torques (7, k) [N m] and tracking (7, k) [rad] with an effect less those
     without; torques that the robot does not expect push its joints out by its STIFFNESS.
@@ -25,12 +25,12 @@ def shift(opened: Opened, q: Array, predicted: tuple[Array, Array], readings: Re
     names = [joint.name for joint in opened.mechanism.joints]
     bias = np.array([readings.bias.get(name, 0.0) for name in names])
     scale = 1.0 + np.array([readings.scale.get(name, 0.0) for name in names])
-    other = (q - bias) / scale - torque.T / STIFFNESS + tracking.T
-    return np.asarray(np.linalg.norm(_tips(opened, q) - _tips(opened, other), axis=1))
+    true = (q - bias) / scale - torque.T / STIFFNESS + tracking.T
+    return np.asarray(np.linalg.norm(_tips(opened, q) - _tips(opened, true), axis=1))
 
 
 def _tips(opened: Opened, q: Array) -> Array:
-    """Positions (k, 3) [m] of the tip for joints (k, 7) [rad]."""
+    """Positions (k, 3) [m] of the tip for joint angles `q` (k, 7) [rad]."""
     model = opened.mechanism.model
     data, number = mujoco.MjData(model), model.site("tip").id
     found = np.empty((len(q), 3))
@@ -55,7 +55,7 @@ def sentences(name: str, shifts: Array) -> list[str]:
 def cell_patch(
     opened: Opened, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
 ) -> dict[str, object] | None:
-    """Patch of cell.yaml for the accepted effects: the tool with its load, the arm's delay."""
+    """Patch of cell.yaml for accepted effects, the tool's load and the arm's delay; else None."""
     found: dict[str, object] = {}
     delay = effects.get("control_delay", {}).get("time", base.get("control_delay.time"))
     if delay is not None:
@@ -67,8 +67,9 @@ def cell_patch(
 
 def _tool(opened: Opened, mass: float) -> dict[str, object]:
     """Mass [kg] and centre of mass [m in the flange] of the hand with a load at the tip."""
-    m = opened.mechanism
-    hand, last = m.model.body("hand").id, m.model.body("link7").id
-    had, centre = float(m.model.body_mass[hand]), np.array(m.model.body_ipos[hand])
-    both = (had * centre + mass * tip(m, last)) / (had + mass) - m.model.site("flange").pos
-    return {"mass": round(had + mass, 4), "centre": [round(float(x), 5) for x in both]}
+    model = opened.mechanism.model
+    hand, last = model.body("hand").id, model.body("link7").id
+    hand_mass, centre = float(model.body_mass[hand]), np.array(model.body_ipos[hand])
+    moment = hand_mass * centre + mass * tip(opened.mechanism, last)
+    both = moment / (hand_mass + mass) - model.site("flange").pos
+    return {"mass": round(hand_mass + mass, 4), "centre": [round(float(x), 5) for x in both]}

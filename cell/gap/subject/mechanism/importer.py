@@ -1,4 +1,4 @@
-"""Writes tables of other programs as runs of a mechanism, by a mapping of their columns."""
+"""Converts tables of other programs to runs of a mechanism, by a mapping of their columns."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,7 +19,7 @@ from drivers.types import Array
 
 
 class ColumnSpec(Settings):
-    """A column of a table: its name there, and value = factor * column + offset."""
+    """Source of a value: a `column` of the table, of which value = factor * column + offset."""
 
     column: str
     factor: float = 1.0
@@ -27,7 +27,7 @@ class ColumnSpec(Settings):
 
 
 class ColumnMap(Settings):
-    """A mapping file: which column is the time, and which is each signal or input."""
+    """Content of a mapping file: the source of the time, and of each signal or input by name."""
 
     schema_: int = Field(1, alias="schema")
     t: ColumnSpec
@@ -64,7 +64,7 @@ def _columns(table: Path) -> dict[str, Array]:
 
 
 def write_run(out: Path, columns: Mapping[str, Array], head: Mapping[str, Any]) -> None:
-    """Write columns (m,) and the head of a run into the folder `out`."""
+    """Write a run folder `out` with columns (m,) by name and the header `head`."""
     out.mkdir(parents=True, exist_ok=True)
     pq.write_table(
         pa.table({n: np.asarray(v) for n, v in columns.items()}), out / "signals.parquet"

@@ -1,4 +1,4 @@
-"""Library of a mechanism: candidates, terms, and the check of effects that its file accepts."""
+"""Library of effects of a mechanism: candidates, terms, and checks of accepted effects."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
@@ -18,33 +18,34 @@ Accepted = Mapping[str, Mapping[str, float]]
 def candidates(
     mechanism: Mechanism, accepted: Accepted, stated: Collection[str] = ()
 ) -> tuple[Candidate, ...]:
-    """Effects that this mechanism can have, not yet accepted nor covered by `stated` fields."""
+    """Candidate effects of a mechanism, without accepted ones and errors of `stated` fields."""
     return tuple(e.candidate(mechanism) for name, e in registry().items()
                  if name not in accepted and e.error_of not in stated
                  and e.applies(mechanism))  # fmt: skip
 
 
 def describing_terms(mechanism: Mechanism) -> tuple[Candidate, ...]:
-    """Generic terms that describe an unexplained rest."""
+    """Generic terms that describe what no effect explains in a mechanism's residuals."""
     return tuple(t.candidate(mechanism) for t in TERMS if t.applies(mechanism))
 
 
 def effect_of(name: str) -> Effect:
-    """The effect or term of this name."""
+    """Effect or descriptive term called `name`."""
     found = registry().get(name)
     return found if found is not None else next(t for t in TERMS if t.name == name)
 
 
 def accepted_parameters(mechanism: Mechanism, accepted: Accepted) -> Iterator[Parameter]:
-    """Base parameters `effect.parameter` of accepted effects, shapes as stated."""
+    """Base parameters `effect.parameter` by which accepted effects are refitted."""
     for name, values in accepted.items():
         for p in effect_of(name).with_shape(mechanism):
-            value = _inside(p, values.get(p.name))
+            value = _engine_value(p, values.get(p.name))
             yield Parameter(f"{name}.{p.name}", p.unit, value, p.low, p.high, step=p.step,
                             spread=p.spread, inverse=p.inverse, shape=p.shape)  # fmt: skip
 
 
-def _inside(p: Parameter, value: float | None) -> float:
+def _engine_value(p: Parameter, value: float | None) -> float:
+    """Engine's value of a parameter for the stated one; its start if none is stated."""
     if value is None:
         return p.start
     return 1.0 / value if p.inverse else float(value)
@@ -61,15 +62,15 @@ def check_effects(accepted: Accepted, mechanism: Mechanism, origin: str) -> None
         parameters = {p.name: p for p in known[name].with_shape(mechanism)}
         needed = [p.name for p in known[name].parameters(mechanism)]
         missing = [k for k in needed if k not in values]
-        strange = [k for k in values if k not in parameters]
-        if missing or strange:
+        unknown = [k for k in values if k not in parameters]
+        if missing or unknown:
             raise ConfigurationError(
                 f"{origin}: effects.{name}: needs {', '.join(needed)}; may have "
                 f"{', '.join(k for k in parameters if k not in needed) or 'no other'}"
             )
         for key, value in values.items():
             p = parameters[key]
-            if not p.low <= _inside(p, value) <= p.high:
+            if not p.low <= _engine_value(p, value) <= p.high:
                 raise ConfigurationError(
                     f"{origin}: effects.{name}.{key}: {value:g} is out of range; "
                     f"allowed: {p.low:g} to {p.high:g} {p.unit}"
@@ -77,7 +78,7 @@ def check_effects(accepted: Accepted, mechanism: Mechanism, origin: str) -> None
 
 
 def group_by_effect(names: Sequence[str], values: Array) -> dict[str, Array]:
-    """Values (k,) of parameters `effect.parameter` by effect, in their order."""
+    """Split `values` (k,) of parameters called `effect.parameter` into one array per effect."""
     found: dict[str, list[float]] = {}
     for name, value in zip(names, values, strict=True):
         found.setdefault(name.split(".")[0], []).append(float(value))
@@ -85,5 +86,5 @@ def group_by_effect(names: Sequence[str], values: Array) -> dict[str, Array]:
 
 
 def ordered_values(effect: Effect, mechanism: Mechanism, values: Mapping[str, float]) -> Array:
-    """Values (k,) of an effect's parameters in its own order, at their start if not given."""
-    return np.array([_inside(p, values.get(p.name)) for p in effect.with_shape(mechanism)])
+    """Engine's values (k,) of an effect's parameters in their order, start values if not given."""
+    return np.array([_engine_value(p, values.get(p.name)) for p in effect.with_shape(mechanism)])

@@ -1,4 +1,4 @@
-"""Opens a mechanism's file, model and runs, and checks them together."""
+"""Reads a mechanism's file, model and runs, and checks them against one another."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ from cell.gap.subject.mechanism.file import MechanismFile, SignalSpec
 from cell.gap.subject.mechanism.library import check_effects
 from cell.gap.subject.mechanism.model import (
     LIGHT,
+    Joint,
     Mechanism,
     check_joints,
     compile_model,
@@ -21,6 +22,7 @@ from cell.gap.subject.mechanism.model import (
     number_of,
     read_xml,
 )
+from cell.gap.subject.mechanism.passive import HEAD
 from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from cell.gap.subject.mechanism.runs import Recording, Signal, pace, read_recording, repeat_noise
 from cell.gap.subject.run_folders import HEADER_FILE, RunFolder, check_indices
@@ -29,18 +31,19 @@ from drivers.settings import load, read_yaml
 from drivers.types import Array
 
 SMOOTH = 0.02  # rad/s over which compiled dry friction changes sign in a simulation
-SMOOTHED = 0.02  # the same along measured motion, of its typical rate
-FLOOR = 0.02  # of a torque's spread: what rigid bodies get wrong
-FORWARD_FLOOR = 5e-5  # rad or m, of integration
-LIMITLESS = 1e12
+SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
+FLOOR = 0.02  # of a torque's standard deviation: modelling error of rigid bodies
+FORWARD_FLOOR = 5e-5  # rad or m, error of integration
+LIMITLESS = 1e12  # N m or N, force range of an actuator that states none
+RATE_READINGS = 300  # of a recording, from which typical rates are taken
 
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """Everything that a subject is made of; `pace` [rad/s] is how fast its signals change.
+    """Mechanism with its file, base parameters, recordings and signals, read and checked.
 
-    `mix` (signals, joints) makes compared positions of the joints'. `pendulum` is the file, where
-    one described the mechanism.
+    `pace` [rad/s] is how fast the signals change. `mix` (signals, joints) turns positions of the
+    joints into compared ones. `pendulum` is the file where one described the mechanism.
     """
 
     file: MechanismFile
@@ -55,7 +58,7 @@ class Opened:
 
 
 def open_file(path: Path) -> tuple[MechanismFile, str, Any]:
-    """The file at `path` with the text and the compiled model that it names.
+    """Read the mechanism file at `path`; returns it with its model's XML and compiled form.
 
     Raises ConfigurationError for anything broken in them.
     """
@@ -102,9 +105,10 @@ def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
 
 
 def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
-    """The mechanism at `path` with its measured runs; ConfigurationError for anything broken."""
+    """Read the mechanism at `path` and its measured runs; ConfigurationError for broken input."""
     file, xml, model = open_file(path)
-    hinges = [model.joint(i).name for i in range(model.njnt) if model.jnt_type[i] == 3]
+    is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+    hinges = [model.joint(i).name for i in range(model.njnt) if is_hinge[i]]
     recordings = sorted((read_recording(f, file, hinges) for f in folders), key=lambda r: r.index)
     for r in recordings:
         _check_load(r, model)
@@ -113,13 +117,13 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
     in_order = sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
     signals = tuple(_signal(n, s, model, recordings, str(path))
                     for n, s in in_order if not _is_given_motion(s, file))  # fmt: skip
-    columns = [n for n, k in file.inputs.items() if k == "position"]
-    columns += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
+    moving = [n for n, kind in file.inputs.items() if kind == "position"]
+    moving += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
     mechanism = _mechanism(file, xml, model, recordings, signals)
     check_effects(file.effects, mechanism, str(path))
     mix = np.array([_joint_weights(s, file.signals[s.name], model) for s in signals])
     return Opened(file, path, mechanism, base_of(file, mechanism, str(path)), tuple(recordings),
-                  signals, pace(recordings, columns), mix)  # fmt: skip
+                  signals, pace(recordings, moving), mix)  # fmt: skip
 
 
 def _check_load(recording: Recording, model: Any) -> None:
@@ -135,13 +139,13 @@ def _check_load(recording: Recording, model: Any) -> None:
 
 
 def _is_given_motion(spec: SignalSpec, file: MechanismFile) -> bool:
-    """Whether a signal is part of the given motion, and is not compared."""
+    """Whether a signal is part of the prescribed motion, and thus is not compared."""
     return file.mode == "prescribed" and spec.is_ not in ("torque", "tracking")
 
 
 def _signal(name: str, spec: SignalSpec, model: Any,
             recordings: Sequence[Recording], origin: str) -> Signal:  # fmt: skip
-    """The compared signal of a column: kind, noise, zone, and the joint or sensor it reads."""
+    """Compared signal of the column `name`, with the number of the joint or sensor it reads."""
     sigma = repeat_noise(recordings, name, origin) if spec.sigma == "repeats" else spec.sigma
     kind = spec.is_ or ("site" if spec.site else "sensor")
     if spec.sensor is not None and _sum_of_joints(model, spec.sensor).any():
@@ -164,12 +168,12 @@ def _signal(name: str, spec: SignalSpec, model: Any,
 
 
 def zone_of(joint: int, count: int) -> str:
-    """Zone of a joint among `count` in a chain: its position from base to end."""
+    """Zone of joint number `joint` among `count` in a chain: `fixed`, `middle` or `grasped`."""
     return "fixed" if joint == 0 else "grasped" if joint == count - 1 else "middle"
 
 
 def _joint_weights(signal: Signal, spec: SignalSpec, model: Any) -> Array:
-    """Weights (joints,) of the joint positions whose sum the signal is, if it is one."""
+    """Weights (joints,) of joint positions or rates in a signal that sums them; zeros otherwise."""
     if spec.sensor is not None:
         return _sum_of_joints(model, spec.sensor)
     row = np.zeros(model.njnt)
@@ -179,7 +183,7 @@ def _joint_weights(signal: Signal, spec: SignalSpec, model: Any) -> Array:
 
 
 def _sum_of_joints(model: Any, name: str) -> Array:
-    """Weights (joints,) with which a sensor adds joint positions; zeros for any other."""
+    """Weights (joints,) with which a sensor sums joint positions; zeros for any other sensor."""
     row, sensor = np.zeros(model.njnt), model.sensor(name)
     kind, number = int(sensor.type[0]), int(sensor.objid[0])
     if kind == int(mujoco.mjtSensor.mjSENS_JOINTPOS):
@@ -194,26 +198,14 @@ def _sum_of_joints(model: Any, name: str) -> Array:
 
 def _mechanism(file: MechanismFile, xml: str, model: Any, recordings: Sequence[Recording],
                signals: Sequence[Signal]) -> Mechanism:  # fmt: skip
-    """The mechanism of a compiled model, its solver options set and its joints measured."""
-    free = model.actuator_forcelimited == 0
-    model.actuator_forcerange[free] = (-LIMITLESS, LIMITLESS)
-    model.actuator_forcelimited[:] = 1
-    if model.npair == 0:
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    # a chain is one island, which is not worth a search at each stage of each step
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
-    measured = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
-    measured |= {n: n for n, kind in file.inputs.items() if kind == "position"}
-    rms = {j: _rates(recordings, c) for j, c in measured.items() if j is not None}
-    driven = {model.joint(s.joint).name: float(np.sqrt(np.mean(
-        [np.nanmean(r.columns[s.name] ** 2) for r in recordings])))
-        for s in signals if s.kind == "torque"}  # fmt: skip
-    joints = joints_of(model, rms, driven)
+    """Mechanism of a compiled model, its solver options set, its joints' sizes from the runs."""
+    _set_options(model)
+    joints = _measured_joints(file, model, recordings, signals)
     rates = np.array([j.rate for j in joints])
     prescribed = file.mode == "prescribed"
     smooth = SMOOTHED * rates if prescribed else np.full(len(joints), SMOOTH)
-    head = [[len(joints), j.qpos, j.dof, s] for j, s in zip(joints, smooth, strict=True)]
-    model.jnt_user[:, :4] = head
+    model.jnt_user[:, :HEAD] = [[len(joints), j.qpos, j.dof, rate]
+                                for j, rate in zip(joints, smooth, strict=True)]  # fmt: skip
     torque = tuple((s.name, s.joint) for s in signals if s.kind == "torque")
     measured_at = [s.name for s in signals if s.kind == "position"]
     encoders = tuple(j.name for j in joints) if prescribed else tuple(measured_at)
@@ -223,14 +215,37 @@ def _mechanism(file: MechanismFile, xml: str, model: Any, recordings: Sequence[R
                      tuple((s.name, s.joint) for s in signals if s.kind == "tracking"))  # fmt: skip
 
 
-def _rates(recordings: Sequence[Recording], column: str) -> tuple[float, float]:
-    """Spread of rate and acceleration of a measured position."""
+def _set_options(model: Any) -> None:
+    """Give all actuators a force range, and switch off contacts without pairs, and islands."""
+    free = model.actuator_forcelimited == 0
+    model.actuator_forcerange[free] = (-LIMITLESS, LIMITLESS)
+    model.actuator_forcelimited[:] = 1
+    if model.npair == 0:
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    # a chain is one island, which is not worth a search at each stage of each step
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+
+
+def _measured_joints(file: MechanismFile, model: Any, recordings: Sequence[Recording],
+                     signals: Sequence[Signal]) -> tuple[Joint, ...]:  # fmt: skip
+    """Joints of a model, with typical rates and torques as measured in the recordings."""
+    measured = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
+    measured |= {n: n for n, kind in file.inputs.items() if kind == "position"}
+    rates = {j: _rms_rates(recordings, c) for j, c in measured.items() if j is not None}
+    squares = {s: np.mean([np.nanmean(r.columns[s.name] ** 2) for r in recordings])
+               for s in signals if s.kind == "torque"}  # fmt: skip
+    driven = {model.joint(s.joint).name: float(np.sqrt(mean)) for s, mean in squares.items()}
+    return joints_of(model, rates, driven)
+
+
+def _rms_rates(recordings: Sequence[Recording], column: str) -> tuple[float, float]:
+    """Rms rate and rms acceleration of a measured position, over all recordings."""
     rates, accelerations = [], []
     for r in recordings:
         x, t = r.columns[column], r.t
-        some = np.isfinite(x)
-        every = max(1, int(some.sum()) // 300)
-        x, t = x[some][::every], t[some][::every]
+        known = np.isfinite(x)
+        every = max(1, int(known.sum()) // RATE_READINGS)
+        x, t = x[known][::every], t[known][::every]
         v = np.gradient(x, t)
         rates.append(np.mean(v**2))
         accelerations.append(np.mean(np.gradient(v, t) ** 2))

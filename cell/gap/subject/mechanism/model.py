@@ -1,4 +1,4 @@
-"""A MuJoCo model, read without foreign code, and its joints with typical sizes."""
+"""Reads MuJoCo models without foreign code, and finds typical sizes of their joints."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
@@ -16,11 +16,13 @@ from drivers.types import Array
 ASSETS = ("file", "meshdir", "texturedir", "assetdir", "filename")
 LIGHT = 1e-3  # kg m^2 below which MuJoCo's own dry friction is too weak
 POSES = 24  # at which weights and inertias are taken
+LEAST_TORQUE = 1e-9  # N m, typical torque of a joint that neither weight nor motion loads
+LEAST_WEIGHT = 1e-12  # N m, weight by which a joint without gravity would swing
 
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A hinge or a slide: addresses, and its typical torque [N m], rate [rad/s], inertia [kg m^2].
+    """Hinge or slide of a model, with typical torque [N m], rate [rad/s] and inertia [kg m^2].
 
     `actuator` is the number of the motor that drives it, -1 where none does.
     """
@@ -37,12 +39,12 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """A compiled model (`xml` is its text) with its joints, to be simulated in a `mode`: `forward`,
-    `prescribed`, or `planar`, a chain of hinges that swings by its own equations.
+    """Compiled model with its joints and signals, and the `mode` in which it is simulated.
 
-    Compared `torques` and `trackings` are named with the number of their joint; where there are
-    trackings, positions are those of links, and motors follow commands. `native` says that
-    MuJoCo's own dry friction is used, not the compiled one.
+    `xml` is the model's text. `mode` is `forward`, `prescribed`, or `planar`, a chain of hinges
+    that swings by its own equations. Compared `torques` and `trackings` are named with the number
+    of their joint; where there are trackings, positions are those of links, and motors follow
+    commands. `native` says that MuJoCo's own dry friction is used, not the compiled one.
     """
 
     name: str
@@ -59,22 +61,22 @@ class Mechanism:
 
     @property
     def torque(self) -> Array:
-        """Typical torque of each joint (joints,) [N m]."""
+        """Typical torque [N m] of each joint (joints,)."""
         return np.array([j.torque for j in self.joints])
 
     @property
     def rate(self) -> Array:
-        """Typical rate of each joint (joints,) [rad/s]."""
+        """Typical rate [rad/s] of each joint (joints,)."""
         return np.array([j.rate for j in self.joints])
 
     @property
     def inertia(self) -> Array:
-        """Inertia that each joint moves (joints,) [kg m^2]."""
+        """Inertia [kg m^2] that each joint moves (joints,)."""
         return np.array([j.inertia for j in self.joints])
 
 
 def read_xml(path: Path, folder: Path) -> str:
-    """Text of the MJCF or URDF at `path`, self-contained and without foreign code.
+    """Read the text of the MJCF or URDF at `path`, self-contained and without foreign code.
 
     Raises ConfigurationError for text that is no XML, plugins, and files outside `folder`.
     """
@@ -114,10 +116,9 @@ def _check_inside(path: Path, place: str, folder: Path) -> None:
 def compile_model(
     xml: str, origin: str, slots: int, step: float, *, folder: Path | None = None
 ) -> Any:
-    """The MjModel of `xml` with room for compiled torques; contacts are off unless pairs ask for
-    them.
+    """Compile `xml` to an MjModel with `slots` user numbers per joint and steps of `step` [s].
 
-    Geoms that have a mass keep it; joints have `slots` user numbers. Raises ConfigurationError.
+    RK4 replaces the Euler integrator. Raises ConfigurationError for a model that does not load.
     """
     assets = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()} if folder else {}
     try:
@@ -151,18 +152,18 @@ def check_joints(model: Any, origin: str) -> None:
 
 def joints_of(model: Any, rms: dict[str, tuple[float, float]], driven: dict[str, float]
               ) -> tuple[Joint, ...]:  # fmt: skip
-    """The joints of a model, with their typical torques, rates and inertias.
+    """Joints of a model, with their typical torques, rates and inertias.
 
     `rms` holds measured rates and accelerations by joint, `driven` measured torques; where nothing
-    was measured, gravity and inertia in poses drawn at random say what is typical.
+    was measured, gravity and inertia in poses drawn at random are typical.
     """
-    weight, inertia = _weights(model)
+    weight, inertia = _typical_loads(model)
     found = []
     for i in range(model.njnt):
         name, dof = model.joint(i).name, int(model.jnt_dofadr[i])
-        rate, fast = rms.get(name, (0.0, 0.0))
-        torque = driven.get(name) or max(weight[dof], inertia[dof] * fast, 1e-9)
-        swing = float(np.sqrt(max(weight[dof], 1e-12) / inertia[dof]))
+        rate, acceleration = rms.get(name, (0.0, 0.0))
+        torque = driven.get(name) or max(weight[dof], inertia[dof] * acceleration, LEAST_TORQUE)
+        swing = float(np.sqrt(max(weight[dof], LEAST_WEIGHT) / inertia[dof]))
         found.append(Joint(name, bool(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE),
                            int(model.jnt_qposadr[i]), dof, _driver(model, i), float(torque),
                            float(rate or swing), float(inertia[dof])))  # fmt: skip
@@ -170,13 +171,14 @@ def joints_of(model: Any, rms: dict[str, tuple[float, float]], driven: dict[str,
 
 
 def _driver(model: Any, joint: int) -> int:
+    """Number of the first actuator on a joint, -1 where there is none."""
     on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     hits = np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))
     return int(hits[0]) if len(hits) else -1
 
 
-def _weights(model: Any) -> tuple[Array, Array]:
-    """Largest torque of gravity and mean inertia of each degree of freedom, over random poses."""
+def _typical_loads(model: Any) -> tuple[Array, Array]:
+    """Largest torque of gravity and mean inertia (nv,) by degree of freedom, in random poses."""
     rng, data = np.random.default_rng(0), mujoco.MjData(model)
     weight, inertia = np.zeros(model.nv), np.zeros(model.nv)
     full = np.zeros((model.nv, model.nv))

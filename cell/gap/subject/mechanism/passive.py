@@ -20,6 +20,8 @@ from numba import types
 from drivers.types import Array
 
 HEAD = 4  # first user numbers of a joint: count of joints, its qpos and dof, its smoothing rate
+MOST_JOINTS = 1 << 12  # length of the view of an array of joints whose length is not known
+STRUCT_WORDS = 1 << 17  # pointers of a MuJoCo struct that are searched
 LAW = types.float64(*3 * [types.float64], types.float64[::1])
 _LOCK = threading.Lock()
 TINY_MODEL = (
@@ -28,18 +30,18 @@ TINY_MODEL = (
 
 
 def chain_laws(laws: Sequence[tuple[Callable[..., Array], int]]) -> Any:
-    """One compiled `(q, v, load, p) -> torque` of all `laws`, each with its first place in `p`."""
+    """Compile `laws`, each with its first place in `p`, to one `(q, v, load, p) -> torque`."""
     if not laws:
         return numba.njit(_zero_torque)
     law, at = laws[0]
-    rest = chain_laws(laws[1:])
+    others = chain_laws(laws[1:])
     own = numba.njit(error_model="numpy")(law)
 
     def both(q, v, load, p):  # type: ignore[no-untyped-def]
         torque = 0.0
         if p[at] != 0.0:
             torque = own(q, v, load, p, at)
-        return torque + rest(q, v, load, p)
+        return torque + others(q, v, load, p)
 
     return numba.njit(error_model="numpy")(both)
 
@@ -63,7 +65,7 @@ class Torques:
         self._functions: dict[frozenset[str], Any] = {}
 
     def along(self, q: Array, v: Array, load: Array, user: Array) -> Array:
-        """Torques (m, joints) along a motion (m, joints), parameters `user` (joints, slots)."""
+        """Torques (m, joints) of all laws along a motion (m, joints) for `user` (joints, slots)."""
         found = np.zeros_like(q)
         for j, p in enumerate(user):
             for law, at, keys in self._laws.values():
@@ -72,7 +74,7 @@ class Torques:
         return found
 
     def function(self, names: frozenset[str]) -> Any:
-        """Function `(q, v, load, p) -> torque` of the laws `names`, to be compiled."""
+        """Compiled function `(q, v, load, p) -> torque` that sums the laws `names`."""
         if names not in self._functions:
             law = self._chain(names).py_func
             self._functions[names] = numba.cfunc(LAW, error_model="numpy")(law)
@@ -83,7 +85,7 @@ class Torques:
 
     @contextmanager
     def install(self, names: frozenset[str]) -> Iterator[None]:
-        """Have MuJoCo add the torques `names` within the block, one block at a time."""
+        """Context in which MuJoCo adds the torques of the laws `names`; others wait for its end."""
         with _LOCK:
             if names not in self._callbacks:
                 law = self._chain(names)
@@ -98,26 +100,26 @@ class Torques:
 
 def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: int,
               slots: int) -> Any:  # fmt: skip
-    """MuJoCo's passive-force hook, compiled: adds the `law` of every joint."""
+    """Compiled passive-force hook of MuJoCo that adds the torque `law` of every joint."""
     pointers = types.CPointer(types.CPointer(types.float64))
 
     @numba.cfunc(types.void(pointers, pointers), error_model="numpy")
     def add(model, data):  # type: ignore[no-untyped-def]
-        user = numba.carray(model[user_at], (1 << 12, slots))
+        user = numba.carray(model[user_at], (MOST_JOINTS, slots))
         for j in range(int(user[0, 0])):
             p = user[j]
             dof = int(p[2])
             q, v = data[qpos_at][int(p[1])], data[qvel_at][dof]
             torque = law(q, v, 0.0, p)
             if torque != 0.0:
-                numba.carray(data[passive_at], (1 << 12,))[dof] += torque
+                numba.carray(data[passive_at], (MOST_JOINTS,))[dof] += torque
 
     return add
 
 
 @contextmanager
 def without_clock() -> Iterator[None]:
-    """Within the block, replace the clock that MuJoCo reads a dozen times a step."""
+    """Context in which a constant replaces the clock that MuJoCo reads a dozen times a step."""
     mujoco.set_mjcb_time(_zero().ctypes)
     try:
         yield
@@ -140,12 +142,13 @@ def _offsets() -> tuple[int, int, int, int]:
     spec.nuser_jnt = 1
     model = spec.compile()
     data = mujoco.MjData(model)
-    return (_place(model, model.jnt_user), _place(data, data.qpos), _place(data, data.qvel),
-            _place(data, data.qfrc_passive))  # fmt: skip
+    return (_offset(model, model.jnt_user), _offset(data, data.qpos), _offset(data, data.qvel),
+            _offset(data, data.qfrc_passive))  # fmt: skip
 
 
-def _place(struct: Any, array: Array) -> int:
-    for at in range(1 << 17):
+def _offset(struct: Any, array: Array) -> int:
+    """Offset [pointers] in a MuJoCo struct of the pointer to `array` (n,)."""
+    for at in range(STRUCT_WORDS):
         if ctypes.c_uint64.from_address(struct._address + 8 * at).value == array.ctypes.data:
             return at
     raise RuntimeError("this MuJoCo keeps its arrays where they were not found")

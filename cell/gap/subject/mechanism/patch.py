@@ -1,4 +1,4 @@
-"""Writes an accepted mechanism: an MJCF with all that MJCF can express, its file with the rest."""
+"""Writes an accepted mechanism: effects that MJCF can express to its model, others to its file."""
 
 import copy
 import math
@@ -22,7 +22,7 @@ KEPT_OF_ACTUATOR = ("name", "class", "group", "joint", "jointinparent", "tendon"
 
 
 def accepted_name(opened: Opened) -> str:
-    """Name of the MJCF that an acceptance writes beside the model."""
+    """File name of the MJCF that is written beside the model on acceptance."""
     return f"{opened.file.name}-accepted.xml"
 
 
@@ -57,13 +57,14 @@ def patch_pendulum(
     for name, value in base.items():
         if "." in name:
             effect, key = name.split(".")
-            place, of = f"effects.{name}", known[effect]
+            place, owner = f"effects.{name}", known[effect]
         else:
             key, number = name.rsplit("_", 1)
-            place, of = f"links.{int(number) - 1}.{key}", content["links"][int(number) - 1]
-        if key in of:
-            notes.append({"key": place, "source": source, "note": f"was {of[key]:.9g}"})
-        of[key] = value
+            link = int(number) - 1
+            place, owner = f"links.{link}.{key}", content["links"][link]
+        if key in owner:
+            notes.append({"key": place, "source": source, "note": f"was {owner[key]:.9g}"})
+        owner[key] = value
     for name, values in effects.items():
         notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
         known[name] = _named_values(name, opened.mechanism, values)
@@ -71,13 +72,13 @@ def patch_pendulum(
 
 
 def _named_values(name: str, mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
-    """Values by the effect's own names; a law's single number is given as `amount`."""
+    """Values by name of the effect's parameter; a law's single value may come as `amount`."""
     (first, *_) = effect_of(name).parameters(mechanism)
     return {first.name if key == "amount" else key: value for key, value in values.items()}
 
 
 def accepted_xml(opened: Opened, base: Mapping[str, float], effects: Accepted) -> str:
-    """MJCF of the model with the refitted base and the effects that its fields can express."""
+    """MJCF text of the model with the refitted base and the effects that its fields can express."""
     m = opened.mechanism
     edited = copy.copy(m.model)
     fields = ModelFields(edited)
@@ -111,6 +112,7 @@ def _text(values: Sequence[float] | Array) -> str:
 
 
 def _has_changed(mechanism: Mechanism, edited: Any, i: int, names: Sequence[str]) -> bool:
+    """Whether row `i` of any of the fields `names` differs between the model and the edited one."""
     return any(not np.array_equal(getattr(edited, n)[i], getattr(mechanism.model, n)[i])
                for n in names)  # fmt: skip
 
@@ -173,6 +175,7 @@ def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
 
 
 def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
+    """Write step and integrator, contacts that are off, and changed gravity and density."""
     option = root.find("option")
     if option is None:
         option = ET.SubElement(root, "option")
@@ -190,6 +193,7 @@ def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
 
 
 def _write_pairs(root: ET.Element, m: Mechanism, edited: Any) -> None:
+    """Write changed friction of contact pairs."""
     for i, element in enumerate(root.findall("contact/pair")):
         if _has_changed(m, edited, i, ("pair_friction",)):
             element.set("friction", _text(edited.pair_friction[i]))

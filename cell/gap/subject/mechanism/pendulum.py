@@ -1,4 +1,4 @@
-"""Reads a pendulum's file and its measured swings as a planar chain of hinges."""
+"""Reads a pendulum's file and its measured swings as a mechanism, a planar chain of hinges."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,9 +32,12 @@ from drivers.settings import load, read_yaml
 from drivers.types import Array, frozen
 
 SWING_STEP = 0.08  # rad of the fastest small swing in one step
-SPARSEST = 0.8  # rad of it between two readings
+SPARSEST = 0.8  # rad of the fastest small swing between two readings
+SLOWEST_CHECKED = 0.1  # rad/s of a swing below which stated rates are not checked
+PLANNED_STEP = 0.02  # s between readings of a planned run, at most
+PLANNED_SWING = 0.05  # rad of the fastest small swing between them, at most
 SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.005))
-"""Relative spread of what was weighed and measured."""
+"""Name, unit and relative prior spread of what was weighed and measured of a link."""
 
 
 def load_pendulum(path: Path) -> PendulumFile:
@@ -48,7 +51,7 @@ def load_pendulum(path: Path) -> PendulumFile:
 
 
 def open_swings(path: Path, folders: Sequence[RunFolder]) -> Opened:
-    """The pendulum at `path` with its measured swings; ConfigurationError for anything broken."""
+    """Read the pendulum at `path` and its measured swings; ConfigurationError for broken input."""
     pendulum = load_pendulum(path)
     heads = [_read_head(folder.path / HEADER_FILE, pendulum) for folder in folders]
     mechanism = mechanism_of(pendulum, str(path))
@@ -63,7 +66,7 @@ def open_swings(path: Path, folders: Sequence[RunFolder]) -> Opened:
 def open_recordings(
     path: Path, pendulum: PendulumFile, mechanism: Mechanism, found: Sequence[Recording]
 ) -> Opened:
-    """A pendulum with its recordings, as a mechanism."""
+    """Mechanism of a pendulum with its recordings, base parameters and signals."""
     names, n = [j.name for j in mechanism.joints], len(mechanism.joints)
     signals = [Signal(name, "position", 0.0, zone_of(i, n), i, FORWARD_FLOOR, "angle")
                for i, name in enumerate(names)]  # fmt: skip
@@ -78,7 +81,7 @@ def open_recordings(
 
 
 def mechanism_of(pendulum: PendulumFile, origin: str) -> Mechanism:
-    """The pendulum's chain, hanging at zero; typical torques are those of its level weight."""
+    """Planar mechanism of a pendulum, hanging at zero; typical torques are those of level links."""
     xml = pendulum.xml()
     model = compile_model(xml, origin, torques().slots, 0.01)
     model.jnt_user[:, 3] = SMOOTH
@@ -93,13 +96,14 @@ def mechanism_of(pendulum: PendulumFile, origin: str) -> Mechanism:
 
 
 def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
-    """Base parameters: each link's damping, centre of mass, inertia; length of all but the last."""
+    """Base parameters: damping, centre of mass and inertia of links, length of all but the last."""
     found = []
     for i, (link, joint) in enumerate(zip(pendulum.links, mechanism.joints, strict=True)):
         most = joint.torque / joint.rate  # its links would hardly swing
         parameter = Parameter(f"damping_{i + 1}", "N m s", link.damping, 0.0, most,
                               step=1e-5 * most, spread=0.1 * most)  # fmt: skip
-        found.append(_field_access(parameter, "dof_damping", (i,), 1.0))
+        found.append(_base_in_field(parameter, "dof_damping", (i,), 1.0))
+    # field, its first row, place in a row, sign; links point down, body 0 is the world
     places = {"com": ("body_ipos", 1, 2, -1.0), "inertia": ("body_inertia", 1, slice(None), 1.0),
               "length": ("body_pos", 2, 2, -1.0)}  # fmt: skip
     for key, unit, spread in SPREADS:
@@ -108,12 +112,12 @@ def _base(pendulum: PendulumFile, mechanism: Mechanism) -> list[Base]:
             v = float(getattr(link, key))
             parameter = Parameter(f"{key}_{i + 1}", unit, v, 0.2 * v, 5.0 * v,
                                   step=1e-3 * spread * v, spread=spread * v)  # fmt: skip
-            found.append(_field_access(parameter, field, (i + first, at), sign))
+            found.append(_base_in_field(parameter, field, (i + first, at), sign))
     return found
 
 
-def _field_access(parameter: Parameter, field: str, at: tuple[Any, ...], sign: float) -> Base:
-    """Access to a number of the model that stands `at` a place of a field."""
+def _base_in_field(parameter: Parameter, field: str, at: tuple[Any, ...], sign: float) -> Base:
+    """Base parameter whose value, times `sign`, stands at the place `at` of the model's `field`."""
 
     def put(fields: Fields, value: float) -> None:
         fields[field][at] = sign * value
@@ -122,7 +126,7 @@ def _field_access(parameter: Parameter, field: str, at: tuple[Any, ...], sign: f
 
 
 def _read_head(path: Path, pendulum: PendulumFile) -> dict[str, Any]:
-    """The head of a run; raises ConfigurationError, in one line, for anything broken in it."""
+    """Read the header of a swing; raises ConfigurationError, in one line, for a broken one."""
     head = read_yaml(path)
     check_schema(head, path)
     name = head.get("pendulum")
@@ -150,7 +154,7 @@ def _read_head(path: Path, pendulum: PendulumFile) -> dict[str, Any]:
 
 
 def _read_swing(folder: RunFolder, head: dict[str, Any], n: int, fast: float) -> Recording:
-    """The swing in a folder, angles from hanging; raises ConfigurationError for a broken one."""
+    """Read the swing in `folder` of `n` links; raises ConfigurationError for a broken one."""
     path = folder.path / "angles.parquet"
     table = read_table(path)
     t = column(table, "t", path)
@@ -181,16 +185,17 @@ def recording(
     name: str, condition: str, t: Array, angles: Array, sigma: float, rates: Array | None = None,
     index: int = 0,
 ) -> Recording:  # fmt: skip
-    """A recording of angles from upright (n, m) [rad], noise `sigma`, start `rates` (n,)
-    [rad/s].
+    """Recording, from hanging, of `angles` (n, m) [rad] from upright at times `t` (m,) [s].
+
+    `sigma` [rad] is the noise, `rates` (n,) [rad/s] are those at the start if stated.
     """
     columns = {str(i): frozen(a - np.pi) for i, a in enumerate(angles, start=1)}
     return Recording(name, condition, index, frozen(t - t[0]), columns, None, sigma, rates)
 
 
 def _check_rates(slope: Array, rates: Array, path: Path) -> None:
-    """Refuse stated rates (n, m) that are none of the angles', of `slope` (n, m)."""
-    if float(np.quantile(np.abs(slope), 0.99)) < 0.1:
+    """Refuse stated rates (n, m) [rad/s] unlike the measured angles' `slope` (n, m) [rad/s]."""
+    if float(np.quantile(np.abs(slope), 0.99)) < SLOWEST_CHECKED:
         return
     ratio = float((rates * slope).sum() / (slope * slope).sum())
     if not 0.5 < ratio < 2.0:
@@ -201,27 +206,27 @@ def _check_rates(slope: Array, rates: Array, path: Path) -> None:
 
 
 def plans(opened: Opened) -> list[tuple[str, str, Recording]]:
-    """Releases from rest that could be measured next: name, instruction, and the angles as planned.
+    """Planned releases from rest: name, instruction, and recording of the angles at the start.
 
-    Each is as long as the measured runs unless it says otherwise.
+    Each is as long as the measured runs unless its instruction says otherwise.
     """
     n, fast = len(opened.mechanism.joints), opened.mechanism.joints[0].rate
     span = float(np.median([r.t[-1] for r in opened.recordings])) if opened.recordings else 5.0
     sigma = float(np.median([r.sigma or 1e-3 for r in opened.recordings] or [1e-3]))
-    whole, last = np.ones(n), np.eye(n)[-1]
-    rows = [
-        ("small swing", "let all links go together 6 degrees from hanging", 0.1 * whole, span),
-        ("medium swing", "let all links go together 30 degrees from hanging", 0.5 * whole, span),
-        ("large swing", "let all links go together 80 degrees from hanging", 1.4 * whole, span),
-        ("long small swing", "the same from 6 degrees, three times as long", 0.1 * whole, 3 * span),
-        ("hang still", "let it hang still and read the angles", 0.0 * whole, span),
+    equal, last = np.ones(n), np.eye(n)[-1]
+    releases = [  # name, instruction, angles from hanging [rad], duration [s]
+        ("small swing", "let all links go together 6 degrees from hanging", 0.1 * equal, span),
+        ("medium swing", "let all links go together 30 degrees from hanging", 0.5 * equal, span),
+        ("large swing", "let all links go together 80 degrees from hanging", 1.4 * equal, span),
+        ("long small swing", "the same from 6 degrees, three times as long", 0.1 * equal, 3 * span),
+        ("hang still", "let it hang still and read the angles", 0.0 * equal, span),
     ]
     if n > 1:
-        rows.append(("last link alone", "hold the others straight, lift the last link "
-                     "60 degrees, let go", last, span))  # fmt: skip
+        releases.append(("last link alone", "hold the others straight, lift the last link "
+                         "60 degrees, let go", last, span))  # fmt: skip
     found = []
-    for name, instruction, lift, lasting in rows:
-        t = np.arange(0.0, lasting, min(0.02, 0.05 / fast))
+    for name, instruction, lift, duration in releases:
+        t = np.arange(0.0, duration, min(PLANNED_STEP, PLANNED_SWING / fast))
         angles = np.repeat((np.pi + lift)[:, None], len(t), axis=1)
         found.append((name, instruction, recording(name, name, t, angles, sigma, np.zeros(n))))
     return found

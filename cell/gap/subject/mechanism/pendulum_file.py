@@ -1,4 +1,4 @@
-"""Pendulum files: a chain of hinged links as its maker states it."""
+"""Pendulum files: properties of a chain of hinged links as its maker states them."""
 
 from typing import Annotated, Literal, Self
 
@@ -14,8 +14,9 @@ Damping = Annotated[float, Unit("N m s"), Field(ge=0.0, le=1e6)]
 
 
 class Link(Settings):
-    """One link of a pendulum: mass [kg], length to the next joint [m], com from its joint [m],
-    inertia about the centre of mass [kg m^2], viscous damping of its joint [N m s].
+    """Link of a pendulum: mass [kg], length to the next joint [m], com from its joint [m].
+
+    Inertia [kg m^2] is about the centre of mass, damping [N m s] is viscous, of the link's joint.
     """
 
     mass: Mass
@@ -26,7 +27,7 @@ class Link(Settings):
 
 
 class PendulumFile(Settings):
-    """A planar pendulum of one link or more; see the pendulum contract."""
+    """Content of a pendulum file, as its contract describes: gravity [m/s^2], links, effects."""
 
     schema_: Literal[1] = Field(1, alias="schema")
     kind: Literal["pendulum"]
@@ -46,7 +47,7 @@ class PendulumFile(Settings):
         return self
 
     def xml(self) -> str:
-        """MJCF of the chain, hanging at zero; bodies and joints are 1, 2, ..., a site the end."""
+        """MJCF text of the chain, hanging at zero; its bodies and joints are called 1, 2, 3, ..."""
         opened, above = "", 0.0
         for i, link in enumerate(self.links, start=1):
             moments = " ".join([repr(link.inertia)] * 3)

@@ -1,7 +1,8 @@
-"""Measured runs of a mechanism: read, checked, and averaged into the samples that are compared."""
+"""Reads and checks measured runs of a mechanism, and averages them into samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,10 @@ ROWS = 5_000_000  # of a table; more is a mistake, or must be thinned
 MOST_READINGS = 4000  # readings of a run that are used
 JUMP = 50.0  # median steps in one: the clock jumped
 FAST, FAR = 200.0, 100.0  # rad/s and rad that no joint of an arm reaches
+SMALLEST_NOISE = 1e-12  # in SI, of repeats that agree in every digit
+SLOWEST_PACE, FASTEST_PACE = 0.5, 200.0  # rad/s
+PACE_READINGS = 400  # means of a column, from which its pace is taken
+STILL = 0.05  # of the rms speed, below which a motion holds
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +56,10 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A compared column: the quantity by which gaps are shown, noise, place in the chain (`zone`),
-    and the joint whose encoder or motor it belongs to (-1: none). Signals of one `group` are shown
-    as one.
+    """Compared column of a run: its `kind` of quantity, noise `sigma`, and place in the chain.
+
+    `zone` is the place, `joint` the number of the joint whose encoder or motor reads the signal, or
+    of the coordinate of a site or sensor (-1: none). Signals of one `group` are shown as one.
     """
 
     name: str
@@ -77,7 +83,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Readings of a run: times `t` (k,) [s], `values` (signals, k), `edges` (b + 1,) of samples."""
+    """Used readings of a run: `t` (k,) [s], `values` (signals, k), `edges` (b + 1,) of samples."""
 
     t: Array
     values: Array
@@ -85,20 +91,47 @@ class Cut:
 
 
 def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]) -> Recording:
-    """The recording in a run folder; raises ConfigurationError, in one line, for a broken one."""
+    """Read the recording in a run folder; ConfigurationError, in one line, for a broken one."""
     path = folder.path / HEADER_FILE
     head = read_yaml(path)
     _check_head(head, path, file)
     index = index_of(head, path)
-    path = folder.path / "signals.parquet"
+    table = _signal_table(folder.path, file, hinges)
+    # slices of one recording are no repeats of each other: they stay together as one condition
+    condition = str(head.get("origin", head.get("condition", folder.name)))
+    columns = {name: frozen(values) for name, values in table.items() if name != "t"}
+    load = head.get("load")
+    if load is not None and not isinstance(load, dict):
+        raise ConfigurationError(f"{path}: load: is {load!r}; give body, mass, com")
+    t = frozen(table["t"] - table["t"][0])
+    return Recording(folder.name, condition, index, t, columns, load)
+
+
+def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> dict[str, Array]:
+    """Columns (m,) of a run by name, checked: `t`, and all signals and inputs of the file."""
+    path = folder / "signals.parquet"
     if file.cell and not path.is_file():
-        path = folder.path / JOINT_TABLE
+        path = folder / JOINT_TABLE
         table = arm_columns(path)
     else:
         table = read_table(path)
     if "t" not in table:
         raise ConfigurationError(f"{path}: t: this column is missing (or not numbers); add it")
-    t = table["t"]
+    _check_clock(table["t"], path)
+    for name in (*file.signals, *file.inputs):
+        if name not in table:
+            raise ConfigurationError(f"{path}: {name}: this column is missing; add it")
+        if not np.isfinite(table[name]).any():
+            raise ConfigurationError(f"{path}: {name}: holds no number; leave the run out")
+    angles = [n for n in file.inputs if file.inputs[n] == "position" and n in hinges]
+    angles += [n for n, s in file.signals.items() if s.is_ == "position" and s.joint in hinges]
+    for name in angles:
+        check_angle(table["t"], table[name], path, name)
+    return table
+
+
+def _check_clock(t: Array, path: Path) -> None:
+    """Refuse times `t` (m,) [s] that are too many or too few, do not increase, or jump."""
     if len(t) > ROWS:
         raise ConfigurationError(f"{path}: has {len(t)} rows, at most {ROWS} are read; thin them")
     check_time(t, path, least=20)
@@ -109,29 +142,13 @@ def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
             f"{path}: t: jumps by {steps.max():g} s at row {row} (steps of {np.median(steps):g} s);"
             " the clock was set or rows are lost: cut the run there"
         )
-    for name in (*file.signals, *file.inputs):
-        if name not in table:
-            raise ConfigurationError(f"{path}: {name}: this column is missing; add it")
-        if not np.isfinite(table[name]).any():
-            raise ConfigurationError(f"{path}: {name}: holds no number; leave the run out")
-    angles = [n for n in file.inputs if file.inputs[n] == "position" and n in hinges]
-    angles += [n for n, s in file.signals.items() if s.is_ == "position" and s.joint in hinges]
-    for name in angles:
-        check_angle(t, table[name], path, name)
-    # slices of one recording are no repeats of each other: they stay together as one condition
-    condition = str(head.get("origin", head.get("condition", folder.name)))
-    kept = {n: frozen(v) for n, v in table.items() if n != "t"}
-    load = head.get("load")
-    if load is not None and not isinstance(load, dict):
-        raise ConfigurationError(
-            f"{folder.path / HEADER_FILE}: load: is {load!r}; give body, mass, com"
-        )
-    return Recording(folder.name, condition, index, frozen(t - t[0]), kept, load)
 
 
 def arm_columns(path: Path) -> dict[str, Array]:
-    """Columns (m,) of a robot's joints as a mechanism's: `joint1` [rad], `torque1` [N m],
-    `tracking1` [rad], and so on. Raises ConfigurationError for a table that lacks one.
+    """Read a table of a robot's joints as columns (m,) of a mechanism.
+
+    They are `joint1` [rad], `torque1` [N m], `tracking1` [rad], and so on. Raises
+    ConfigurationError for a table that lacks one.
     """
     if not path.is_file():
         raise ConfigurationError(
@@ -157,14 +174,14 @@ def _check_head(head: Mapping[str, Any], path: Path, file: MechanismFile) -> Non
 
 
 def check_angle(t: Array, values: Array, path: Path, name: str) -> None:
-    """Refuse angles (m,) that are in degrees, or at times (m,) that are not in seconds."""
-    some = np.isfinite(values)
-    x = values[some]
+    """Refuse angles (m,) that seem to be in degrees, or at times `t` (m,) not in seconds."""
+    known = np.isfinite(values)
+    x = values[known]
     if np.abs(x).max() > FAR:
         raise ConfigurationError(
             f"{path}: {name}: reaches {np.abs(x).max():.0f}; angles are in rad (degrees / 57.3)"
         )
-    speed = float(np.quantile(np.abs(np.gradient(x, t[some])), 0.9))
+    speed = float(np.quantile(np.abs(np.gradient(x, t[known])), 0.9))
     if speed > FAST:
         raise ConfigurationError(
             f"{path}: {name}: changes by {speed:.0f} rad/s; angles are in rad, t is in s"
@@ -173,46 +190,47 @@ def check_angle(t: Array, values: Array, path: Path, name: str) -> None:
 
 def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
     """One-sigma noise of a column from repeats of a condition; ConfigurationError without any."""
-    squares = []
-    for i, a in enumerate(found):
-        for b in found[i + 1 :]:
-            if a.condition == b.condition:
-                other = np.interp(a.t, b.t, b.columns[column])
-                squares.append(np.nanmean((a.columns[column] - other)[a.t <= b.t[-1]] ** 2) / 2.0)
-    if not squares:
+    variances = []
+    for a, b in combinations(found, 2):
+        if a.condition == b.condition:
+            other = np.interp(a.t, b.t, b.columns[column])
+            difference = (a.columns[column] - other)[a.t <= b.t[-1]]
+            variances.append(np.nanmean(difference**2) / 2.0)  # of two equal errors
+    if not variances:
         raise ConfigurationError(
             f"{origin}: signals.{column}.sigma: repeats: no two runs share a condition; state it"
         )
-    return float(max(np.sqrt(np.mean(squares)), 1e-12))
+    return float(max(np.sqrt(np.mean(variances)), SMALLEST_NOISE))
 
 
 def pace(found: Sequence[Recording], columns: Sequence[str]) -> float:
-    """Typical angular frequency [rad/s] of the fastest of the columns: rms rate over rms value."""
-    fast = []
+    """Typical angular frequency [rad/s] of the fastest column: spread of its rate over its own."""
+    frequencies = []
     for name in columns:
-        pairs = [_rms(r.t, r.columns[name]) for r in found]
-        value, rate = np.sqrt(np.mean(np.square(pairs), axis=0))
-        fast.append(rate / value if value > 0.0 else 0.0)
-    return float(np.clip(max(fast, default=1.0), 0.5, 200.0))
+        spreads = [_spreads(r.t, r.columns[name]) for r in found]
+        value, rate = np.sqrt(np.mean(np.square(spreads), axis=0))
+        frequencies.append(rate / value if value > 0.0 else 0.0)
+    return float(np.clip(max(frequencies, default=1.0), SLOWEST_PACE, FASTEST_PACE))
 
 
-def _rms(t: Array, x: Array) -> tuple[float, float]:
-    """Spread of a column and of its rate, noise damped by a moving mean."""
-    some = np.isfinite(x)
-    t, x = t[some], x[some]
-    width = max(1, len(x) // 400)
-    tm = t[: len(t) // width * width].reshape(-1, width).mean(axis=1)
-    xm = x[: len(x) // width * width].reshape(-1, width).mean(axis=1)
-    return float(xm.std()), float(np.gradient(xm, tm).std()) if len(xm) > 2 else 0.0
+def _spreads(t: Array, x: Array) -> tuple[float, float]:
+    """Standard deviations of a column x (m,) over t (m,) [s] and of its rate, of block means."""
+    known = np.isfinite(x)
+    t, x = t[known], x[known]
+    width = max(1, len(x) // PACE_READINGS)
+    whole = len(x) // width * width
+    times = t[:whole].reshape(-1, width).mean(axis=1)
+    means = x[:whole].reshape(-1, width).mean(axis=1)
+    return float(means.std()), float(np.gradient(means, times).std()) if len(means) > 2 else 0.0
 
 
 def width_of(recording: Recording, least: float) -> float:
-    """Width of the samples of a run [s]: `least`, or more where it has too many readings."""
+    """Width [s] of the samples of a run: `least`, or more where it has too many readings."""
     return max(least, float(recording.t[-1]) * PER_BLOCK / MOST_READINGS)
 
 
 def cut(recording: Recording, columns: Sequence[str], width: float) -> Cut:
-    """Average readings into samples of `width` [s]; those with an absent column are left out."""
+    """Cut a run into samples of `width` [s], without readings in which a column is absent."""
     whole = np.array([recording.columns[c] for c in columns])
     good = np.flatnonzero(np.isfinite(whole).all(axis=0))
     edges, inside = blocks(recording.t[good], width)
@@ -220,18 +238,18 @@ def cut(recording: Recording, columns: Sequence[str], width: float) -> Cut:
 
 
 def phases(speed: Array) -> Words:
-    """Phase of each sample (b,) of a motion of this signed `speed` (b,)."""
-    still = np.abs(speed) < 0.05 * np.sqrt(np.mean(speed**2) + 1e-300)
+    """Phase (b,) of each sample by its signed `speed` (b,): `carry`, `return` or `hold`."""
+    still = np.abs(speed) < STILL * np.sqrt(np.mean(speed**2) + 1e-300)
     return np.where(still, "hold", np.where(speed > 0.0, "carry", "return"))
 
 
 def falls(height: Array, edges: NDArray[np.int64]) -> Words:
-    """Phase of each sample (b,): `fall` where a motion loses `height` (k,) in it, else `return`."""
+    """Phase (b,) of each sample: `fall` where `height` (k,) decreases over it, else `return`."""
     return np.where(height[edges[1:] - 1] < height[edges[:-1]], "fall", "return")
 
 
 def samples(signals: Sequence[Signal], made: Cut, phase: Words) -> Samples:
-    """Samples of all signals, signal by signal; `phase` (b,) is the motion's phase in each."""
+    """Samples of all `signals` of a cut run, signal by signal, with phases `phase` (b,)."""
     k, n = len(made.edges) - 1, len(signals)
     counts = np.diff(made.edges)
     channel = np.repeat(np.array([s.channel for s in signals]), k)
@@ -240,13 +258,9 @@ def samples(signals: Sequence[Signal], made: Cut, phase: Words) -> Samples:
     # the error of a torque is ripple, supply and constants, which a mean does not make smaller
     readings = np.where([[s.kind == "torque"] for s in signals], 1.0, np.sqrt(counts))
     return Samples(
-        channel=channel,
-        phase=np.tile(phase, n),
-        zone=np.repeat(np.array([s.zone for s in signals]), k),
-        quantity=channel,
-        t=np.tile(middle, n),
-        noise=(sigma[:, None] / readings).ravel(),
-        reading=np.repeat(sigma, k),
-        floor=np.repeat(np.array([s.floor for s in signals]), k),
+        channel=channel, phase=np.tile(phase, n),
+        zone=np.repeat(np.array([s.zone for s in signals]), k), quantity=channel,
+        t=np.tile(middle, n), noise=(sigma[:, None] / readings).ravel(),
+        reading=np.repeat(sigma, k), floor=np.repeat(np.array([s.floor for s in signals]), k),
         series=np.repeat(np.arange(n), k),
-    )
+    )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The state in which a run begins: as it was measured, or as the file states it."""
+"""Finds the initial state of a run, as measured or as its mechanism's file states it."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ LEAST = 8  # readings of which the rate at the start is taken
 
 
 def start_of(opened: Opened, recording: Recording) -> tuple[Array, Array]:
-    """Positions and rates (joints,) at the start of the run."""
+    """Positions [rad or m] and rates (joints,) of the joints at the start of a recording."""
     spec, n = opened.file.start, len(opened.mechanism.joints)
     at = [k for k, s in enumerate(opened.signals) if s.kind == "position"]
     inverse = np.linalg.pinv(opened.mix[at]) if at else np.zeros((n, 0))
@@ -19,9 +19,9 @@ def start_of(opened: Opened, recording: Recording) -> tuple[Array, Array]:
     places, slopes = [], []
     for k in at:
         x = recording.columns[opened.signals[k].name][:near]
-        some = np.isfinite(x)
-        fitted = np.polynomial.Polynomial.fit(recording.t[:near][some], x[some], 3)
-        places.append(float(x[some][0]))
+        known = np.isfinite(x)
+        fitted = np.polynomial.Polynomial.fit(recording.t[:near][known], x[known], 3)
+        places.append(float(x[known][0]))
         slopes.append(float(fitted.deriv()(0.0)))
     rates = slopes if recording.rates is None else recording.rates
     q = inverse @ places if spec.position == "measured" else np.full(n, spec.position)
@@ -30,7 +30,7 @@ def start_of(opened: Opened, recording: Recording) -> tuple[Array, Array]:
 
 
 def initial_state(opened: Opened, start: tuple[Array, Array]) -> tuple[Parameter, ...]:
-    """Unknowns of a run from positions and rates (joints,); none where stated as exact."""
+    """Unknown positions and rates (joints,) about a `start`; none if it is exact or settles."""
     spec, pace = opened.file.start, opened.pace
     if spec.spread == 0.0 or spec.settle:
         return ()

@@ -1,10 +1,11 @@
-"""A mechanism as a subject of the gap workflow."""
+"""Mechanism as a subject of the gap workflow: measured runs compared with simulated ones."""
 
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,31 +47,26 @@ from cell.gap.subject.subject import (
     Samples,
     Scattering,
     Scope,
+    Words,
 )
 from drivers.errors import ConfigurationError
 from drivers.settings import read_yaml
 from drivers.types import Array
 
 BLOCK = 0.4  # rad of the fastest signal in one sample
-# of positions [rad, m] and rates; of torques a share of their spread, for those of geared drives
-# follow from current or duty, whose constants, ripple and supply are known to some 10 to 20 %
-TOLERANCE = {
-    "position": 1e-3,
-    "velocity": 1e-2,
-    "torque": 0.2,
-    "tracking": 1e-4,
-    "site": 1e-3,
-    "sensor": 0.0,
-}
+# rms gap that is tolerated, of positions [rad, m] and rates; of torques a share of their spread: in
+# geared drives they follow from current or duty, with constants, ripple and supply known to 10-20 %
+TOLERANCE = {"position": 1e-3, "velocity": 1e-2, "torque": 0.2, "tracking": 1e-4, "site": 1e-3,
+             "sensor": 0.0}  # fmt: skip
 KEYS = {"position": ("mrad", 1e3), "tracking": ("mrad", 1e3), "velocity": ("mrads", 1e3),
         "torque": ("Nm", 1.0), "site": ("mm", 1e3), "sensor": ("si", 1.0)}  # fmt: skip
-UNITS = {"Nm": "N m", "mrads": "mrad/s"}  # of keys that write them without space or slash
+UNITS = {"Nm": "N m", "mrads": "mrad/s"}  # of keys, which write them without space or slash
 SET_UP = 1.0  # minutes to set a pendulum up and let it go
-THIRD = 1.0 / 3.0  # of its noise, by which half the step may move a signal
+THIRD = 1.0 / 3.0  # of its noise, by which halving the time step may move a signal
 
 
 class MechanismSubject:
-    """Measured runs of one mechanism, simulated by MuJoCo."""
+    """Measured runs of one mechanism, and their simulation by MuJoCo or as a planar chain."""
 
     def __init__(self, opened: Opened, jobs: int = 1, without: Sequence[str] = ()) -> None:
         self.opened, self.name = opened, opened.file.name
@@ -103,7 +99,7 @@ class MechanismSubject:
         return frozenset(e.name for e in known if e.law is not None and not e.edits(m))
 
     def _scope_without(self, without: Sequence[str]) -> Scope:
-        """Base, candidates and quantities, effects `without` left out."""
+        """Fit problem of the mechanism, without the candidates named in `without`."""
         accepted, m = self.opened.file.effects, self._mechanism
         base = [b.parameter for b in self.opened.base]
         base += list(accepted_parameters(m, accepted))
@@ -132,37 +128,22 @@ class MechanismSubject:
         return Quantity(f"{channel}_{key}", factor, UNITS.get(key, key), tolerance)
 
     def _run(self, recording: Recording) -> Run:
-        """The run for the engine: samples, phases, and its own unknowns."""
-        o, m = self.opened, self._mechanism
-        names, width = [s.name for s in o.signals], width_of(recording, BLOCK / o.pace)
-        made = cut(recording, names, width)
-        local: tuple[Parameter, ...] = ()
-        if m.mode == "prescribed":
-            joints = [j.name for j in m.joints]
-            motion = motion_of(recording, joints, names, self._cutoff, width)
-            filtered = motion.below_cutoff(motion.torques, made.t)
-            good = np.all([np.interp(made.t, motion.t, k) == 1.0 for k in motion.known], axis=0)
-            made = _keep_readings(replace(made, values=filtered), good)
-            speed = np.interp(made.t, motion.t, motion.v @ (1.0 / m.rate))
-            content = Content(made, recording.load, motion=motion)
+        """Run for the engine: samples with their phases, and the run's own unknowns."""
+        o = self.opened
+        width = width_of(recording, BLOCK / o.pace)
+        made = cut(recording, [s.name for s in o.signals], width)
+        if self._mechanism.mode == "prescribed":
+            content = self._with_motion(recording, made, width)
         else:
-            commands = commands_of(recording, tuple(o.file.inputs), m.actuators, o.file.hold)
-            start = start_of(o, recording)
-            content = Content(made, recording.load, commands=commands, start=start)
-            local = initial_state(o, start)
-            speed = np.gradient(made.values[0], made.t)
-        if m.mode == "planar":
-            phase = falls(-m.torque @ np.cos(made.values), made.edges)
-        else:
-            phase = phases(average(speed[None], made.edges)[0])
+            content = self._with_commands(recording, made)
         signals = o.signals
         if recording.sigma is not None:
             signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
-        known = samples(signals, made, phase)
+        known = samples(signals, content.cut, self._phases(content))
         if isinstance(self._engine, Prescribed):
-            known = _with_motion_noise(
-                known, self._engine.encoder_error(content.motion, made.t), made
-            )
+            error = self._engine.encoder_error(content.motion, content.cut.t)
+            known = _with_motion_noise(known, error, content.cut)
+        local = () if content.start is None else initial_state(o, content.start)
         local += tuple(
             Parameter(name, o.base[i].parameter.unit, 0.0, -np.inf, np.inf,
                       step=o.base[i].parameter.step, spread=o.base[i].by_run or 0.0, random=True,
@@ -170,8 +151,36 @@ class MechanismSubject:
         )  # fmt: skip
         return Run(recording.name, recording.condition, known, local, content, recording.index)
 
+    def _with_motion(self, recording: Recording, made: Cut, width: float) -> Content:
+        """Content of a run with prescribed motion: filtered torques, without those near gaps."""
+        joints, signals = self._mechanism.joints, self.opened.signals
+        motion = motion_of(recording, [j.name for j in joints], [s.name for s in signals],
+                           self._cutoff, width)  # fmt: skip
+        filtered = motion.below_cutoff(motion.torques, made.t)
+        good = np.all([np.interp(made.t, motion.t, k) == 1.0 for k in motion.known], axis=0)
+        made = _keep_readings(replace(made, values=filtered), good)
+        return Content(made, recording.load, motion=motion)
+
+    def _with_commands(self, recording: Recording, made: Cut) -> Content:
+        """Content of a run that is simulated forward: its commands, and its start."""
+        file = self.opened.file
+        commands = commands_of(recording, tuple(file.inputs), self._mechanism.actuators, file.hold)
+        start = start_of(self.opened, recording)
+        return Content(made, recording.load, commands=commands, start=start)
+
+    def _phases(self, content: Content) -> Words:
+        """Phase (b,) of each sample, by the height of a chain or by the speed of the motion."""
+        m, made, motion = self._mechanism, content.cut, content.motion
+        if m.mode == "planar":
+            return falls(-m.torque @ np.cos(made.values), made.edges)
+        if motion is None:
+            speed = np.gradient(made.values[0], made.t)
+        else:
+            speed = np.interp(made.t, motion.t, motion.v @ (1.0 / m.rate))
+        return phases(average(speed[None], made.edges)[0])
+
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
-        """Measured minus simulated signals; what is lost in simulation is NaN, and no error."""
+        """Residuals of `requests`, measured minus simulated; NaN where a simulation is lost."""
         found = self._engine.predict([self._case(r) for r in requests])
         residuals = []
         for request, predicted in zip(requests, found, strict=True):
@@ -181,39 +190,49 @@ class MechanismSubject:
         return residuals
 
     def _case(self, request: Request) -> Case:
-        """The simulation for a request."""
-        o, content = self.opened, _content_of(request.run)
-        joints, count = len(self._mechanism.joints), len(o.base)
+        """Simulation that a request asks for."""
+        content, count = _content_of(request.run), len(self.opened.base)
         names = [p.name for p in self.scope.base[count:]]
         effects = {**group_by_effect(names, request.base[count:]), **request.effects}
-        values = np.array(request.base[:count])
+        known = [(effect_of(name), values) for name, values in effects.items()]
         own = dict(zip((p.name for p in request.run.local), request.local, strict=True))
+        base = np.array(request.base[:count])
         for i, name in self._by_run:  # the engine leaves some of them out
-            values[i] += own.get(name, 0.0)
-        start = content.start or (np.zeros(joints), np.zeros(joints))
-        if content.start is not None and "angle_" + self._mechanism.joints[0].name in own:
-            start = (request.local[:joints], request.local[joints : 2 * joints])
-        known = [(effect_of(name), v) for name, v in effects.items()]
+            base[i] += own.get(name, 0.0)
+        start = self._start(request, own)
         readings = readings_of(known, self._mechanism)
-        paths = [(e, v) for e, v in known if e.path is not None]
-        load = content.load
-
-        def edit(fields: Fields) -> None:
-            for b, value in zip(o.base, values, strict=True):
-                b.put(fields, float(value))
-            if load is not None:
-                body = self._mechanism.model.body(str(load["body"])).id
-                add_point(fields, body, float(load["mass"]), np.array(load.get("com", [0, 0, 0])))
-            for effect, v in known:
-                self._apply_effect(effect, v, fields)
-
+        paths = [(effect, values) for effect, values in known if effect.path is not None]
+        edit = partial(self._edit, content.load, base, known)
+        # all that a motion depends on; errors of reading it come later
         moving = [(e.name, v.tobytes()) for e, v in known if e.read is None and v.any()]
         numbers = [x if x is None else x.tobytes()
-                   for x in (values, *start, readings.elastic, readings.gap)]  # fmt: skip
+                   for x in (base, *start, readings.elastic, readings.gap)]  # fmt: skip
         motion = (request.run.name, readings.command, *moving, *numbers)
         return Case(content, edit, readings, paths, start, motion)
 
+    def _start(self, request: Request, own: Mapping[str, float]) -> tuple[Array, Array]:
+        """Start positions and rates (joints,): unknowns of the run, as measured, or zeros."""
+        joints, start = self._mechanism.joints, _content_of(request.run).start
+        n = len(joints)
+        if start is None:
+            return np.zeros(n), np.zeros(n)
+        if f"angle_{joints[0].name}" in own:  # then `initial_state` made the first unknowns
+            return request.local[:n], request.local[n : 2 * n]
+        return start
+
+    def _edit(self, load: Mapping[str, Any] | None, base: Array,
+              effects: Sequence[tuple[Effect, Array]], fields: Fields) -> None:  # fmt: skip
+        """Put values (k,) of the base, the run's load and effects into the fields of a model."""
+        for b, value in zip(self.opened.base, base, strict=True):
+            b.put(fields, float(value))
+        if load is not None:
+            body = self._mechanism.model.body(str(load["body"])).id
+            add_point(fields, body, float(load["mass"]), np.array(load.get("com", [0, 0, 0])))
+        for effect, values in effects:
+            self._apply_effect(effect, values, fields)
+
     def _apply_effect(self, effect: Effect, values: Array, fields: Fields) -> None:
+        """Edit the fields by an effect, or write the values (k,) of its compiled law to them."""
         m = self._mechanism
         if effect.edit is not None and (effect.law is None or effect.edits(m)):
             effect.edit(m, values, fields)
@@ -222,7 +241,7 @@ class MechanismSubject:
             fields["jnt_user"][: table.shape[1], at : at + len(table)] = table.T
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """The runs unchanged: time steps were checked when the subject was opened."""
+        """Runs of `requests` as they are: the time step was checked when the subject was opened."""
         return [request.run for request in requests]
 
     def experiments(self) -> Sequence[Experiment]:
@@ -233,33 +252,31 @@ class MechanismSubject:
                 for name, instruction, planned in plans(self.opened)]  # fmt: skip
 
     def draw_measured(self, run: Run) -> Scene:
-        """Drawing of the measured signals."""
+        """Drawing of the measured signals of a run."""
         made = _content_of(run).cut
         rows = zip(self.opened.signals, made.values, strict=True)
         return Scene(tuple(Drawn(s.label, made.t, row) for s, row in rows))
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
-        """Drawing of the simulated signals, and of the measured ones' excess over them."""
-        found: list[Scene | None] = []
-        for request, rows in zip(requests, self._engine.predict([self._case(r) for r in requests]),
-                                 strict=True):  # fmt: skip
-            made = _content_of(request.run).cut
-            if rows is None:
-                found.append(None)
-                continue
-            both = []
-            for s, now, seen in zip(self.opened.signals, rows, made.values, strict=True):
-                q = self.scope.quantities[s.channel]
-                both.append(Drawn(s.label, made.t, now))
-                both.append(Drawn(f"{s.label}, measured - simulated [{q.unit}]", made.t,
-                                  q.factor * (seen - now)))  # fmt: skip
-            found.append(Scene(tuple(both)))
-        return found
+        """Drawings of simulated signals and residuals; None where a simulation is lost."""
+        predicted = self._engine.predict([self._case(r) for r in requests])
+        return [None if rows is None else self._scene(_content_of(request.run).cut, rows)
+                for request, rows in zip(requests, predicted, strict=True)]  # fmt: skip
+
+    def _scene(self, made: Cut, predicted: Array) -> Scene:
+        """Drawing of `predicted` signals (signals, k), and of the residuals to measured ones."""
+        drawn = []
+        for signal, row, measured in zip(self.opened.signals, predicted, made.values, strict=True):
+            quantity = self.scope.quantities[signal.channel]
+            title = f"{signal.label}, measured - simulated [{quantity.unit}]"
+            drawn.append(Drawn(signal.label, made.t, row))
+            drawn.append(Drawn(title, made.t, quantity.factor * (measured - row)))
+        return Scene(tuple(drawn))
 
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """The file with refitted base and named effects; see `patch`."""
+        """Content of the file with refitted base and named effects, and the patch of the cell's."""
         if self.opened.pendulum is not None:
             return patch_pendulum(self.opened, self.opened.pendulum, base, effects, source), None
         of_cell = cell_patch(self.opened, base, effects) if self.opened.file.cell else None
@@ -279,37 +296,38 @@ class MechanismSubject:
         return words
 
     def _shift(self, run: Run, name: str, values: Array, base: Mapping[str, float]) -> Array:
-        """Distance (k,) [m] by which an effect alone moves the gripper, along a run."""
+        """Distances (k,) [m] by which the effect `name` alone moves the gripper along a run."""
         about = np.array([base.get(p.name, p.start) for p in self.scope.base])
         own = np.array([p.start for p in run.local])
         cases = [self._case(Request(run, about, e, own)) for e in ({name: values}, {})]
-        having, lacking = self._engine.predict(cases)
+        with_effect, without = self._engine.predict(cases)
         content = _content_of(run)
-        if having is None or lacking is None:
+        if with_effect is None or without is None:
             return np.zeros(0)
         q = np.array([np.interp(content.cut.t, content.motion.t, x) for x in content.motion.q.T])
-        changed = having - lacking
+        changed = with_effect - without
         readings = readings_of([(effect_of(name), values)], self._mechanism)
-        return shift(self.opened, q.T, (changed[:7], changed[7:]), readings)
+        n = len(self._mechanism.torques)  # trackings follow torques
+        return shift(self.opened, q.T, (changed[:n], changed[n:]), readings)
 
     def model_text(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
     ) -> str | None:
-        """Text of the MJCF after acceptance, to lie beside the model; a pendulum has none."""
+        """MJCF text of the accepted model, to lie beside the stated one; None for a pendulum."""
         if self.opened.pendulum is not None:
             return None
         return accepted_xml(self.opened, base, effects)
 
 
 def _keep_readings(made: Cut, good: NDArray[np.bool_]) -> Cut:
-    """The samples with only those readings that are `good` (k,); empty ones are left out."""
+    """Cut with only those readings that are `good` (k,), and without samples that become empty."""
     block = np.repeat(np.arange(len(made.edges) - 1), np.diff(made.edges))[good]
     edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
     return replace(made, t=made.t[good], values=made.values[:, good], edges=edges)
 
 
 def _with_motion_noise(known: Samples, error: Array, made: Cut) -> Samples:
-    """Samples whose torque noise includes the motion's, `error` (torques, k)."""
+    """Samples whose torque noise includes that by the measured motion, `error` (torques, k)."""
     _, squares = average(error, made.edges)  # torques come first
     more = np.sqrt(np.concatenate([squares, np.zeros(len(known) - len(squares))]))
     return replace(known, noise=np.hypot(known.noise, more), reading=np.hypot(known.reading, more))
@@ -322,7 +340,7 @@ def _content_of(run: Run) -> Content:
 def open_mechanism(
     path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
 ) -> MechanismSubject:
-    """The mechanism of a file with its measured runs, checked; effects `without` are withheld.
+    """Read a mechanism's file and measured runs, and check them; effects `without` are withheld.
 
     Raises ConfigurationError for bad input, and where the stated model itself cannot be simulated.
     """
@@ -334,15 +352,15 @@ def open_mechanism(
 
 
 def check_simulates(subject: MechanismSubject, origin: str) -> None:
-    """Refuse a model that explodes, or whose motion depends on the step of its integrator.
+    """Refuse a model whose simulation diverges, or depends on the step of its integrator.
 
     Raises ConfigurationError.
     """
     run, scope = subject.runs[0], subject.scope
     own = np.array([p.start for p in run.local])
     asked = [Request(run, np.array([p.start for p in scope.base]), {}, own)]
-    (found,) = subject.simulate(asked)
-    if not np.isfinite(found.mean).all():
+    (residuals,) = subject.simulate(asked)
+    if not np.isfinite(residuals.mean).all():
         raise ConfigurationError(
             f"{origin}: model: run {run.name} cannot be simulated, its motion explodes; "
             "make step smaller, or mend masses, inertias and gains"
@@ -353,9 +371,9 @@ def check_simulates(subject: MechanismSubject, origin: str) -> None:
     model = copy.copy(m.model)
     model.opt.timestep = 0.5 * m.step
     finer = replace(m, step=0.5 * m.step, model=model)
-    one = replace(subject.opened, mechanism=finer, recordings=subject.opened.recordings[:1])
-    (other,) = MechanismSubject(one).simulate(asked)
-    change = float(np.nanmax(np.abs(found.mean - other.mean) / run.samples.reading))
+    first = replace(subject.opened, mechanism=finer, recordings=subject.opened.recordings[:1])
+    (finer_residuals,) = MechanismSubject(first).simulate(asked)
+    change = float(np.nanmax(np.abs(residuals.mean - finer_residuals.mean) / run.samples.reading))
     if change > THIRD:
         raise ConfigurationError(
             f"{origin}: step: half of it moves run {run.name} by {change:.2g} of its noise, at "

@@ -1,4 +1,4 @@
-"""Simulated mechanisms with one hidden cause, made by another integrator at a fifth of the step.
+"""Makes runs of simulated mechanisms with one hidden cause, by another integrator and step.
 
 Chains of motors on hinges, or a pendulum on a cart; damping and the last mass differ from run to
 run. Torques are read with noise; what is measured is written as runs beside the mechanism's file.
@@ -17,16 +17,23 @@ from drivers.files import replace_file
 from drivers.types import Array
 from drivers.yaml_edit import dump_text
 
-RUNS, SPAN, STEP, EVERY = 8, 4.0, 4e-4, 10  # ... s, s, steps a reading
+RUNS, SPAN, STEP, EVERY = 8, 4.0, 4e-4, 10  # number, s, s, steps per reading
+LINK, CENTRE = 0.3, 0.15  # m, length of a link and distance of its centre of mass from its joint
+TAPER = 0.7  # mass of a link over that of the one before
 ANGLE, TORQUE = 3e-4, 0.02  # rad, share of a joint's weight: one sigma of a reading
 STIFF = 3e4  # 1/rad: gain of a servo that follows its command to 0.02 mrad, of the weight it bears
+SERVO = 12.0  # 1/rad: gain of other servos, of the weight they bear
+# causes at size one: s, rad under a joint's weight; shares of weight, constant, last mass; rad
+DELAY, TWIST = 0.006, 0.02
+BIAS, CONSTANT_ERROR, LOAD_SHARE, ENCODER_BIAS = 0.06, 0.15, 0.15, 0.05
 Columns = dict[str, Array]
 
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """A mechanism of `joints`, on a `cart` where it has one; `weight` (joints,) [N m or N] is
-    gravity's typical demand on each, and its motor's gain is `gain` times that.
+    """Chain of links on motorised `joints`, the first of which may be the slide of a `cart`.
+
+    `weight` (joints,) [N m or N] is gravity's typical load; a motor's gain is `gain` times that.
     """
 
     joints: int
@@ -35,24 +42,24 @@ class Chain:
     weight: Array
 
     @classmethod
-    def of(cls, joints: int, *, cart: bool, gain: float = 12.0) -> "Chain":
-        """Chain of equal links of 0.3 m, each lighter than the one before."""
-        masses = 1.0 * 0.7 ** np.arange(joints)
-        places = 0.3 * np.arange(joints) + 0.15
-        bears = [9.81 * float(masses[i:] @ (places[i:] - 0.3 * i)) for i in range(joints)]
+    def of(cls, joints: int, *, cart: bool, gain: float = SERVO) -> "Chain":
+        """Chain of links of equal length, each lighter than the one before, and its weights."""
+        masses = 1.0 * TAPER ** np.arange(joints)
+        places = LINK * np.arange(joints) + CENTRE
+        weight = [9.81 * float(masses[i:] @ (places[i:] - LINK * i)) for i in range(joints)]
         if cart:
-            bears[0] = 9.81 * float(masses.sum())
-        return cls(joints, cart, gain, np.array(bears))
+            weight[0] = 9.81 * float(masses.sum())
+        return cls(joints, cart, gain, np.array(weight))
 
     def xml(self) -> str:
-        """MJCF of the chain, as its owner states it."""
+        """MJCF text of the chain without the hidden cause, as its owner would state it."""
         bodies, motors = "", ""
         for i in range(self.joints):
             slide = self.cart and i == 0
             axis = "1 0 0" if slide or i % 2 else "0 1 0"
             if self.cart and i == 1:
                 axis = "0 1 0"
-            mass, weight = 0.7**i, self.weight[i]
+            mass, weight = TAPER**i, self.weight[i]
             place = "" if i == 0 or (self.cart and i == 1) else ' pos="0 0 -0.3"'
             bodies += (
                 f'<body name="link{i + 1}"{place}><joint name="j{i + 1}" axis="{axis}" '
@@ -69,7 +76,7 @@ class Chain:
         )
 
     def file(self, *, tracking: bool) -> dict[str, Any]:
-        """Content of the chain's mechanism file; `tracking` where motors follow their commands."""
+        """Content of the chain's mechanism file, with signals of tracking if `tracking`."""
         names = range(1, self.joints + 1)
         signals: dict[str, Any] = {
             f"t{i}": {"actuator": f"a{i}", "is": "torque",
@@ -92,17 +99,19 @@ Reading = Callable[[Columns, Chain, float, np.random.Generator], None]
 
 
 def _payload(m: Any, _c: Chain, s: float) -> None:
-    last, more = m.nbody - 1, 0.15 * s * float(m.body_mass[m.nbody - 1])
-    whole = float(m.body_mass[last]) + more
-    m.body_ipos[last, 2] -= 0.15 * more / whole
-    m.body_inertia[last, :2] += 0.15**2 * more * float(m.body_mass[last]) / whole
+    """Hidden payload: a point mass at the end of the last link, CENTRE beyond its centre."""
+    last, mass = m.nbody - 1, float(m.body_mass[m.nbody - 1])
+    payload = LOAD_SHARE * s * mass
+    whole = mass + payload
+    m.body_ipos[last, 2] -= CENTRE * payload / whole
+    m.body_inertia[last, :2] += CENTRE**2 * payload * mass / whole
     m.body_mass[last] = whole
 
 
 def _bend_link(m: Any, _c: Chain, s: float) -> None:
     """Foreign cause: a link that is bent and twisted, so that the last joint's axis is skewed.
 
-    Across the axis: a bend about it is what an encoder reads that is off.
+    It is bent across the axis: a bend about the axis would look like an encoder's bias.
     """
     turn = np.zeros(4)
     x, y, _ = m.jnt_axis[-1]
@@ -111,22 +120,22 @@ def _bend_link(m: Any, _c: Chain, s: float) -> None:
 
 
 def _constant(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
-    """Foreign cause: motor constants that are larger than stated, known to 10 to 20 %."""
+    """Hidden error of motor constants, larger than stated, which are known to 10 to 20 %."""
     for i in range(c.joints):
-        columns[f"t{i + 1}"] /= 1.0 + 0.15 * s
+        columns[f"t{i + 1}"] /= 1.0 + CONSTANT_ERROR * s
 
 
 def _torque_bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
     for i in range(c.joints):
-        columns[f"t{i + 1}"] += (-1) ** i * 0.06 * s * c.weight[i]
+        columns[f"t{i + 1}"] += (-1) ** i * BIAS * s * c.weight[i]
 
 
 def _encoder_bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
-    columns[f"j{c.joints}"] += 0.05 * s
+    columns[f"j{c.joints}"] += ENCODER_BIAS * s
 
 
 def _bolt(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
-    """Foreign cause: a loose bolt, a gap that opens where the load exceeds what still holds it."""
+    """Foreign cause: a loose bolt, a gap of the last joint that opens where its load is large."""
     load = columns[f"t{c.joints}"] / c.weight[-1]
     columns[f"j{c.joints}"] += 0.06 * s * np.sign(load) * (np.abs(load) > 0.25)
 
@@ -147,7 +156,7 @@ def _supply(columns: Columns, c: Chain, s: float, rng: np.random.Generator) -> N
 
 
 EDITS: Mapping[str, Edit] = {"payload": _payload, "bent_link": _bend_link}
-FIELDS = {  # of MuJoCo, parameter of the library, and how much of a joint's weight at size one
+FIELDS = {  # MuJoCo's field, the library's parameter, and share of a joint's weight at size one
     "dry_friction": ("dof_frictionloss", "torque", 0.06),
     "quadratic_damping": ("dof_dampingpoly", "coefficient", 0.03),
     "cable_spring": ("jnt_stiffness", "stiffness", 0.15),
@@ -162,41 +171,34 @@ OUTSIDE = ("loose_bolt", "catching_cable", "wandering_supply", "bent_link")
 
 
 def amounts(hidden: str, joints: int, size: float, *, cart: bool = False) -> dict[str, float]:
-    """Values of `hidden` by `size` in the library's parameters; none for foreign causes."""
+    """True values of the library's parameters for `hidden` at `size`; none for foreign causes."""
     weight = Chain.of(joints, cart=cart).weight
     names = [f"j{i + 1}" for i in range(joints)]
     each = {name: (key, share * weight) for name, (_, key, share) in FIELDS.items()}
-    each |= {"joint_elasticity": ("compliance", 0.02 / weight),
-             "torque_bias": ("torque", -0.06 * (-1.0) ** np.arange(joints) * weight),
-             "torque_constant": ("error", 0.15 * np.ones(joints))}  # fmt: skip
+    each |= {"joint_elasticity": ("compliance", TWIST / weight),
+             "torque_bias": ("torque", -BIAS * (-1.0) ** np.arange(joints) * weight),
+             "torque_constant": ("error", CONSTANT_ERROR * np.ones(joints))}  # fmt: skip
     if hidden in each:
         key, values = each[hidden]
         return {f"{key}_{n}": size * float(v) for n, v in zip(names, values, strict=True)}
-    single = {"payload": ("mass", 0.15 * 0.7 ** (joints - 1)), "control_delay": ("time", 0.006),
-              "encoder_bias": (f"bias_{names[-1]}", 0.05)}  # fmt: skip
+    single = {"payload": ("mass", LOAD_SHARE * TAPER ** (joints - 1)),
+              "control_delay": ("time", DELAY),
+              "encoder_bias": (f"bias_{names[-1]}", ENCODER_BIAS)}  # fmt: skip
     return {key: size * value for name, (key, value) in single.items() if name == hidden}
 
 
 def make_runs(
     folder: Path, hidden: str, joints: int, size: float, seed: int, *, cart: bool = False
 ) -> Path:
-    """Write runs with `hidden` by `size` into `folder`/runs; returns the mechanism's file."""
+    """Write runs with the cause `hidden` to `folder`/runs; returns the mechanism's file."""
     rng, tracked = np.random.default_rng(seed), hidden in TRACKED
-    chain = Chain.of(joints, cart=cart, gain=STIFF if tracked else 12.0)
+    chain = Chain.of(joints, cart=cart, gain=STIFF if tracked else SERVO)
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(folder / "chain.xml", chain.xml().encode())
     file = folder / "chain.yaml"
     replace_file(file, dump_text(chain.file(tracking=tracked)).encode())
     for k in range(RUNS):
-        model = mujoco.MjModel.from_xml_string(chain.xml())
-        model.opt.timestep = STEP
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        if hidden in FIELDS:
-            field, _, share = FIELDS[hidden]
-            getattr(model, field).reshape(joints, -1)[:, 0] += share * size * chain.weight
-        if hidden in EDITS:
-            EDITS[hidden](model, chain, size)
+        model = _model_with(hidden, chain, size)
         model.dof_damping[:] *= 1.0 + 0.02 * rng.standard_normal(joints)
         columns = _simulate_motion(model, chain, hidden, size, float(rng.uniform(0.5, 1.5)), rng)
         if hidden in READINGS:
@@ -210,34 +212,47 @@ def make_runs(
     return file
 
 
+def _model_with(hidden: str, chain: Chain, size: float) -> Any:
+    """Compiled model of a chain with the cause `hidden`, where that is in the model."""
+    model = mujoco.MjModel.from_xml_string(chain.xml())
+    model.opt.timestep = STEP
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    if hidden in FIELDS:
+        field, _, share = FIELDS[hidden]
+        getattr(model, field).reshape(chain.joints, -1)[:, 0] += share * size * chain.weight
+    if hidden in EDITS:
+        EDITS[hidden](model, chain, size)
+    return model
+
+
 def _simulate_motion(
     model: Any, chain: Chain, hidden: str, size: float, pace: float, rng: np.random.Generator
 ) -> Columns:
-    """Columns (m,) of a motion there and back: joints, torques, and commands `c1` on.
+    """Columns (m,) of a motion there and back: time `t`, joints `j1`, torques `t1`, commands `c1`.
 
-    A delayed command comes late; behind a gear that twists, the link swings on a spring, its motor
-    at the command.
+    Behind an elastic gear, the link swings on a spring, with its motor at the command.
     """
     data, rows, n = mujoco.MjData(model), list[Array](), chain.joints
-    late = 0.006 * size if hidden == "control_delay" else 0.0
+    delay = DELAY * size if hidden == "control_delay" else 0.0
     if hidden == "joint_elasticity":  # the servo's gain is the gear's stiffness: the link springs
-        soft = chain.weight / (0.02 * size)
-        model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1] = soft, -soft
+        stiffness = chain.weight / (TWIST * size)
+        model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1] = stiffness, -stiffness
     rates = pace * (1.5 + 0.6 * rng.random((2, n)))
     phases = rng.uniform(0.0, 6.3, (2, n))
     reach = 0.5 * 0.85 ** np.arange(n)
 
-    def target(t: float) -> Array:
-        begin = min(max(t, 0.0) / 0.5, 1.0)
+    def command(t: float) -> Array:
+        begin = min(max(t, 0.0) / 0.5, 1.0)  # 0 to 1 smoothly, in half a second
         swing = np.sin(rates[0] * t + phases[0]) + 0.5 * np.sin(1.7 * rates[1] * t + phases[1])
         return np.asarray(reach * begin**3 * (10 - 15 * begin + 6 * begin**2) * swing)
 
     for k in range(round(SPAN / STEP)):
-        data.ctrl[:] = target(data.time - late)
+        data.ctrl[:] = command(data.time - delay)
         if k % EVERY == 0:
             mujoco.mj_forward(model, data)
             force = data.actuator_force.copy()
-            rows.append(np.concatenate([[data.time], data.qpos, force, target(data.time)]))
+            rows.append(np.concatenate([[data.time], data.qpos, force, command(data.time)]))
         mujoco.mj_step(model, data)
     columns = np.array(rows).T
     names = ["t", *(f"{key}{i + 1}" for key in "jtc" for i in range(n))]

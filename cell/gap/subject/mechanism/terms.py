@@ -1,11 +1,10 @@
-"""Generic torques that describe the unexplained rest of a mechanism, and are never named."""
+"""Generic joint torques that describe unexplained residuals and are never named as causes."""
 
 from collections.abc import Callable
 from typing import Any
 
 from cell.gap.subject.mechanism.effect import MODES, Effect, per_joint
 from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 
@@ -31,10 +30,10 @@ def _load_dry(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 def _term(name: str, sentence: str, law: Callable[..., Array],
           size: Callable[[Mechanism], Array], modes: tuple[str, ...]) -> Effect:  # fmt: skip
-    def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-        return per_joint(mechanism, "torque", "N m", 0.01 * size(mechanism), signed=True)
+    """Term of one parameter per joint, of a hundredth of `size` in typical torque."""
 
-    return Effect(f"term_{name}", sentence, "model", "a description", parameters, "",
+    return Effect(f"term_{name}", sentence, "model", "a description",
+                  lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True), "",
                   keys=1, law=law, modes=modes)  # fmt: skip
 
 

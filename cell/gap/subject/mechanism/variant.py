@@ -1,4 +1,4 @@
-"""A mechanism with elastic gears or play: each driven joint split into motor and link."""
+"""Builds models with elastic gears or play: each joint is split into motor and link."""
 
 import copy
 import xml.etree.ElementTree as ET
@@ -14,14 +14,15 @@ from drivers.types import Array
 FLEX = "__flex"
 SHARE = 1e-3  # of a joint's inertia that its motor has where the model states none
 DAMPED = 0.02  # of critical damping, in the gear
-STIFFEST = 1e6  # N m/rad of a gear that does not twist
+STIFFEST = 1e6  # N m/rad per kg m^2 of a joint's inertia, of a gear that does not twist
+LEAST_COMPLIANCE = 1e-12  # rad/(N m), against division by zero
 BODY = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
 DOF = ("dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss")
 ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
 
 
 class Variant:
-    """The split model, compiled once; `motor` (joints,) are the places of the motors' states."""
+    """Model of a mechanism with each joint split; `motor` (joints,) are indices of motor states."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
@@ -37,7 +38,7 @@ class Variant:
         self.motor: Array = self._model.jnt_dofadr[self._joint]
 
     def model(self, case: Case, *, rigid: bool) -> Any:
-        """The model of a case: split, or its rigid twin with the same integrator."""
+        """Model of a case, split, or its `rigid` twin with the same integrator."""
         edited = copy.copy(self._mechanism.model)
         fields = ModelFields(edited)
         case.edit(fields)
@@ -53,42 +54,43 @@ class Variant:
             getattr(found, name)[self.motor] = getattr(edited, name)
         for name in ACTUATOR:
             getattr(found, name)[:] = getattr(edited, name)
-        self._gears(found, edited, case)
+        self._set_gears(found, edited, case)
         mujoco.mj_setConst(found, mujoco.MjData(found))
         return found
 
-    def _gears(self, found: Any, edited: Any, case: Case) -> None:
-        """Put stiffness, play and the compiled torques' numbers into the split joints."""
+    def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
+        """Write stiffness, play and values of compiled torques to the split joints of `found`."""
         inertia = self._mechanism.inertia
         dof = self._model.jnt_dofadr[self._flex]
-        soft, gap = case.readings.elastic, case.readings.gap
-        compliance = np.zeros(len(inertia)) if soft is None else soft
-        stiff = np.minimum(1.0 / np.maximum(compliance, 1e-12), STIFFEST * inertia)
+        elastic, gap = case.readings.elastic, case.readings.gap
+        compliance = np.zeros(len(inertia)) if elastic is None else elastic
+        stiffness = np.minimum(1.0 / np.maximum(compliance, LEAST_COMPLIANCE), STIFFEST * inertia)
         found.jnt_stiffness[self._joint] = edited.jnt_stiffness
         found.qpos_spring[self.motor] = edited.qpos_spring
-        small = np.maximum(found.dof_armature[self.motor], SHARE * inertia)
-        found.dof_armature[self.motor] = small
+        motor_inertia = np.maximum(found.dof_armature[self.motor], SHARE * inertia)
+        found.dof_armature[self.motor] = motor_inertia
         if gap is not None and np.any(gap):
-            free = gap > 0.0
-            stiff = np.where(free, 0.0, stiff)
-            found.jnt_range[self._flex] = 0.5 * np.outer(gap, (-1.0, 1.0)) * free[:, None]
-            found.jnt_limited[self._flex] = free
-        found.jnt_stiffness[self._flex] = stiff
-        found.dof_damping[dof] = 2.0 * DAMPED * np.sqrt(np.maximum(stiff, 1.0) * small)
+            has_play = gap > 0.0
+            stiffness = np.where(has_play, 0.0, stiffness)
+            found.jnt_range[self._flex] = 0.5 * np.outer(gap, (-1.0, 1.0)) * has_play[:, None]
+            found.jnt_limited[self._flex] = has_play
+        found.jnt_stiffness[self._flex] = stiffness
+        found.dof_damping[dof] = 2.0 * DAMPED * np.sqrt(np.maximum(stiffness, 1.0) * motor_inertia)
         found.jnt_user[:] = 0.0
         found.jnt_user[self._joint] = edited.jnt_user
+        # what `passive.HEAD` describes, for the split joints
         found.jnt_user[:, 0] = found.njnt
         found.jnt_user[:, 1], found.jnt_user[:, 2] = found.jnt_qposadr, found.jnt_dofadr
         found.jnt_user[:, 3] = float(np.mean(edited.jnt_user[:, 3]))
 
 
 def _body_names(model: Any) -> list[str]:
-    """Names of all bodies by number; one that has none is called by its number."""
+    """Names of all bodies in order; a body without a name is called by its number."""
     return [model.body(i).name or f"body{FLEX}_{i}" for i in range(model.nbody)]
 
 
 def _split(mechanism: Mechanism) -> str:
-    """Text of the model with a flexible joint beside each joint."""
+    """MJCF text of the model with a flexible joint between each joint and its body."""
     spec = mujoco.MjSpec.from_string(mechanism.xml)
     root = ET.fromstring(spec.to_xml())  # noqa: S314  our own text
     bodies = list(root.iter("body"))

@@ -1,1 +1,1 @@
-"""The strip as a subject of the gap workflow: measured folds against the rod."""
+"""Strip as a subject of the gap workflow: measured folds compared with the rod model."""

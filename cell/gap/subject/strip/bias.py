@@ -1,4 +1,4 @@
-"""Common errors of all runs that a camera recorded: of perception and of the model."""
+"""Systematic errors that all runs recorded by a camera share: of perception and of the model."""
 
 from functools import cache
 from pathlib import Path
@@ -17,10 +17,10 @@ PATH_HALVES = ("before", "past")
 
 
 class Bias(Settings):
-    """One sigma [m, s] of the mean error of half a run. Written by `cell study perception`.
+    """Standard deviations [m, s] of perception's mean error over half a run, by quantity.
 
-    `edge` is by how much the near edge is seen too far out, which moves the whole profile; of the
-    others each errs by itself, the profile beside that.
+    Written by `cell study perception`. `edge` is how far out the near edge is seen, which moves
+    the whole profile; the other errors are independent, that of the profile adds to it.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")
@@ -36,7 +36,7 @@ class Bias(Settings):
 
 
 class ModelError(Settings):
-    """One sigma of a fitted `damping` between engines (share), by `cell study damping`."""
+    """Standard deviation of fitted `damping` between engines, as a share (`cell study damping`)."""
 
     schema_: Literal[1] = Field(1, alias="schema")
     damping: float
@@ -47,13 +47,13 @@ class ModelError(Settings):
 
 @cache
 def bias() -> Bias:
-    """The errors of this version's perception."""
+    """Standard deviations of the systematic errors of this version's perception."""
     return load(BIAS_FILE, Bias)
 
 
 @cache
 def model_error() -> ModelError:
-    """Error of this version's strip model."""
+    """Standard deviation of the error of this version's strip model."""
     return load(DAMPING_FILE, ModelError)
 
 
@@ -63,26 +63,26 @@ def half(x: float, length: float) -> str:
 
 
 def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
-    """Residuals (n,) [m, s] that one sigma of each error makes, by name; `halves` (n,) says of
-    each sample whether the gripper is before or past the middle.
+    """Residuals (n,) [m, s] that one standard deviation of each systematic error makes, by name.
 
-    What is lifted shows its near edge on the other side once the gripper is past the middle.
+    `halves` (n,) is `before` or `past`, as the gripper is before or past the middle: past it, a
+    lifted strip shows its near edge on the other side.
     """
     sizes, profile = bias(), samples.quantity == "profile"
     found = {"near edge": frozen(sizes.edge * profile * np.where(halves == "past", 1.0, -1.0))}
     for quantity in ("profile", "contact_x", "touch_time", "touch_x", "displacement"):
-        of = samples.quantity == quantity
-        parts = _error_groups(quantity, samples, halves)
-        for part in dict.fromkeys(map(str, parts[of])):
-            here = of & (parts == part)
-            found[f"{quantity} {part}".strip()] = frozen(
-                getattr(sizes, quantity) * here.astype(np.float64)
+        measured = samples.quantity == quantity
+        groups = _error_groups(quantity, samples, halves)
+        for group in dict.fromkeys(map(str, groups[measured])):
+            members = measured & (groups == group)
+            found[f"{quantity} {group}".strip()] = frozen(
+                getattr(sizes, quantity) * members.astype(np.float64)
             )
     return found
 
 
 def _error_groups(quantity: str, samples: Samples, halves: Words) -> Words:
-    """Groups (n,) of samples with one common error: profile by zone and half, contact, touch."""
+    """Label (n,) of each sample's error group: by zone and half, by half, or one group for all."""
     if quantity == "profile":
         return np.array([f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)])
     return halves if quantity == "contact_x" else np.full(len(halves), "")

@@ -21,12 +21,12 @@ from drivers.strip.observation import (
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
-CONTACT_LIMIT = 1.0  # bending lengths between contacts beyond which the strip lies down elsewhere
+CONTACT_LIMIT = 1.0  # bending lengths between contacts that are still one and the same
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Compares a run's samples with simulations; `length` and stated `bending_length` in [m]."""
+    """Compares a run with simulations; the strip's `length` and stated `bending_length` in [m]."""
 
     run: Measured
     layout: Layout
@@ -34,77 +34,85 @@ class Comparison:
     bending_length: float
 
     def __call__(self, model: StripModel, shown: SimulatedMotion | None) -> Residuals:
-        """Residuals of the motion `shown`, as `model` measures it; NaN without a motion."""
+        """Residuals of the run against the simulated motion `shown`; NaN where it is None."""
         if shown is None:
             lost = np.full(len(self.layout.samples), np.nan)
             return Residuals(lost, lost.copy())
         channels = [
-            average(self._profile(model, shown), self.layout.profile),
-            self._same_contact(*average(self._contact(model, shown), self.layout.contact)),
-            *(average(self._force(model, shown, axis), self.layout.force[axis]) for axis in (0, 1)),
-            self._touch(model, shown),
+            self._profile_averages(model, shown),
+            self._contact_averages(model, shown),
+            *(self._force_averages(model, shown, axis) for axis in (0, 1)),
+            self._touch_residuals(model, shown),
         ]
         mean, square = (np.concatenate(rows) for rows in zip(*channels, strict=True))
         return Residuals(mean, square)
 
-    def _profile(self, model: StripModel, shown: SimulatedMotion) -> Array:
-        """Signed distances (n,) of the compared points, in the order of the samples."""
+    def _profile_averages(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
+        """Mean and mean square (k,) of signed distances of measured points from the midline."""
         images, order = self.run.images, self.layout.profile.order
         found = np.empty(len(order))
         if len(order):
             time = np.asarray(shown_time(model.observation, images.stamps))
             points = true_points(model, images.points[order])
             signed_distances(
-                np.ascontiguousarray(points),
-                images.image[order],
-                images.s[order],
-                (time - shown.begin) / SHAPE_PERIOD,
-                shown.shapes,
-                shown.arc * self.length,
-                found,
-            )
-        return found
+                np.ascontiguousarray(points), images.image[order], images.s[order],
+                (time - shown.begin) / SHAPE_PERIOD, shown.shapes, shown.arc * self.length, found,
+            )  # fmt: skip
+        return average(found, self.layout.profile)
 
-    def _contact(self, model: StripModel, shown: SimulatedMotion) -> Array:
+    def _contact_averages(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
+        """Mean and mean square (k,) of contact residuals, NaN where the contacts are different."""
         order = self.layout.contact.order
         time = shown_time(model.observation, self.run.contact_t[order])
         simulated = np.interp(time, shown.t, shown.contact_x)
-        return np.asarray(self.run.contact_x[order] - seen_contact(model.observation, simulated))
+        residuals = self.run.contact_x[order] - seen_contact(model.observation, simulated)
+        mean, square = average(np.asarray(residuals), self.layout.contact)
+        near = np.abs(mean) < CONTACT_LIMIT * self.bending_length
+        return np.where(near, mean, np.nan), np.where(near, square, np.nan)
 
-    def _same_contact(self, mean: Array, square: Array) -> tuple[Array, Array]:
-        """Mask of samples with measured and simulated contact at the same place."""
-        here = np.abs(mean) < CONTACT_LIMIT * self.bending_length
-        return np.where(here, mean, np.nan), np.where(here, square, np.nan)
-
-    def _force(self, model: StripModel, shown: SimulatedMotion, axis: int) -> Array:
-        order = self.layout.force[axis].order
-        if not len(order):
-            return np.empty(0)
-        t = self.run.force_t[order]
+    def _force_averages(
+        self, model: StripModel, shown: SimulatedMotion, axis: int
+    ) -> tuple[Array, Array]:
+        """Mean and mean square (k,) of residuals of the force along one axis."""
+        part = self.layout.force[axis]
+        if not len(part):
+            return np.empty(0), np.empty(0)
+        t = self.run.force_t[part.order]
         simulated = reported_force(model.observation, t, shown.t, shown.force)
-        return np.asarray((self.run.force[order] - simulated)[:, axis])
+        return average(np.asarray((self.run.force[part.order] - simulated)[:, axis]), part)
 
-    def _touch(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
-        """Time, mean distance to both edges, displacement (3,), if the run has a touch."""
+    def _touch_residuals(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
+        """Residuals of the touch's values and their squares (3,), NaN where none is simulated.
+
+        Both are empty (0,) where the run measured no touch.
+        """
         if self.run.touch is None:
             return np.empty(0), np.empty(0)
-        if shown.touch is None:
+        simulated = simulated_touch(self.run, model, shown)
+        if simulated is None:
             return np.full(3, np.nan), np.full(3, np.nan)
-        grip = np.array([np.interp(shown.touch.time, shown.t, c) for c in shown.poses.T])
-        stamp = seen_time(model.observation, shown.touch.time)
-        reported = np.array([np.interp(stamp, self.run.t, c) for c in self.run.poses.T])
-        seen = seen_touch(model, shown.touch, grip, reported)
-        mean = _touch_values(self.run.touch) - _touch_values(seen)
+        mean = _touch_values(self.run.touch) - _touch_values(simulated)
         return mean, mean**2
 
 
+def simulated_touch(run: Measured, model: StripModel, shown: SimulatedMotion) -> Touch | None:
+    """The simulated touch as the images of `run` would show it; None where there is none."""
+    if shown.touch is None:
+        return None
+    grip = np.array([np.interp(shown.touch.time, shown.t, c) for c in shown.poses.T])
+    stamp = seen_time(model.observation, shown.touch.time)
+    reported = np.array([np.interp(stamp, run.t, c) for c in run.poses.T])
+    return seen_touch(model, shown.touch, grip, reported)
+
+
 def _touch_values(touch: Touch) -> Array:
-    middle = 0.5 * (touch.to_grasped + touch.to_fixed)
-    return np.array([touch.time, middle, touch.displacement])
+    """Time [s], mean distance [m] to both edges, and displacement [m] of a touch, (3,)."""
+    distance = 0.5 * (touch.to_grasped + touch.to_fixed)
+    return np.array([touch.time, distance, touch.displacement])
 
 
 def average(values: Array, part: Part) -> tuple[Array, Array]:
-    """Mean and mean square (k,) of each sample's readings, outliers clipped."""
+    """Mean and mean square (k,) of each sample's readings `values` (n,), outliers clipped."""
     mean, square = np.empty(len(part)), np.empty(len(part))
     if len(part):
         group_means(np.ascontiguousarray(values), part.edges, part.sigma, mean, square)

@@ -1,4 +1,4 @@
-"""Images of the visible midline as unlabelled points, outliers removed, thinned."""
+"""Reduces images of the visible midline to points: thinned, without outliers."""
 
 from dataclasses import dataclass
 
@@ -9,18 +9,20 @@ from numpy.typing import NDArray
 from cell.record.columns import Profile
 from drivers.types import Array, frozen
 
-IMAGE_INTERVAL = 0.045  # s between images that are compared: nearer ones say the same again
+IMAGE_INTERVAL = 0.045  # s between images that are compared: nearer ones add no information
 CURVE_POINTS = 40  # of one image that are compared
-MEDIAN_WINDOW = 7  # points of the running median from which wild ones stand out
-# standard deviations from it, and the distance between points, that make one wild
+MEDIAN_WINDOW = 7  # points of the running median
+# standard deviations from the median, beyond the points' spacing, that make a point an outlier
 OUTLIER_SIGMAS = 6.0
 FEWEST_POINTS = 5  # points of an image that is used
 
 
 @dataclass(frozen=True, slots=True)
 class Images:
-    """`stamps` (m,) [s]; `points` (n, 2) [m] of all images, `image` (n,) which one each is of;
-    `s` (n,) [m] about how far along the strip it lies, counted back from the gripper.
+    """Midline points of m images with times `stamps` (m,) [s], one image after another.
+
+    Of each of the n points: `points` (n, 2) in x and z [m], `image` (n,) its image's index, `s`
+    (n,) [m] its approximate arc length from the fixed edge, counted back from the gripper.
     """
 
     stamps: Array
@@ -29,17 +31,18 @@ class Images:
     s: Array
 
 
-def images_of(
-    profile: Profile, grip: Array, length: float, sigma: float, *, empty: bool = False
-) -> Images:
-    """The images of `profile`; `grip` (n, 2) [m] is where the gripper was at each of its points."""
+def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Images:
+    """Images of `profile` that are compared, of a strip of `length` [m] with noise `sigma` [m].
+
+    `grip` (n, 2) [m] is the gripper's position at each of the profile's points.
+    """
     stamps: list[float] = []
     points: list[Array] = []
     places: list[Array] = []
-    at, last = 0, -np.inf
-    for stamp, curve in [] if empty else profile.curves():
-        gripper, at = grip[at], at + len(curve)
-        if stamp < last + IMAGE_INTERVAL:
+    row, last_stamp = 0, -np.inf
+    for stamp, curve in profile.curves():
+        gripper, row = grip[row], row + len(curve)
+        if stamp < last_stamp + IMAGE_INTERVAL:
             continue
         kept = curve[believable(curve, sigma)]
         if len(kept) < FEWEST_POINTS:
@@ -49,18 +52,16 @@ def images_of(
         points.append(kept[chosen])
         places.append(s[chosen])
         stamps.append(stamp)
-        last = stamp
+        last_stamp = stamp
     counts = np.array([len(p) for p in points], dtype=np.int64)
     return Images(
-        frozen(stamps),
-        frozen(np.concatenate(points) if points else np.empty((0, 2))),
-        np.repeat(np.arange(len(points)), counts),
-        frozen(np.concatenate(places) if places else []),
-    )
+        frozen(stamps), frozen(np.concatenate([np.empty((0, 2)), *points])),
+        np.repeat(np.arange(len(points)), counts), frozen(np.concatenate([[], *places])),
+    )  # fmt: skip
 
 
 def believable(curve: Array, sigma: float) -> NDArray[np.bool_]:
-    """Which points (n,) of a curve (n, 2) lie near the running median of their neighbours."""
+    """Mask (n,) of points of a curve (n, 2) [m] that lie near the running median: no outliers."""
     if len(curve) <= MEDIAN_WINDOW:
         return np.ones(len(curve), dtype=bool)
     off = np.hypot(*(curve - running_median(curve)).T)
@@ -69,7 +70,7 @@ def believable(curve: Array, sigma: float) -> NDArray[np.bool_]:
 
 
 def running_median(curve: Array) -> Array:
-    """Medians (n, 2) over a window of MEDIAN_WINDOW points, extrapolated linearly at both ends."""
+    """Running median (n, 2) of a curve over MEDIAN_WINDOW points, extended linearly at the ends."""
     half = MEDIAN_WINDOW // 2
     inner = np.median(sliding_window_view(curve, MEDIAN_WINDOW, axis=0), axis=-1)
     reach = min(half, len(inner) - 1)
@@ -80,6 +81,6 @@ def running_median(curve: Array) -> Array:
 
 
 def _to_grip(curve: Array, gripper: Array) -> Array:
-    """Arc lengths [m] from each point of the curve (n, 2) to the gripper (n,)."""
+    """Arc lengths (n,) [m] from each point of a curve (n, 2) to the gripper's position (2,)."""
     steps = np.hypot(*np.diff(np.concatenate([curve, gripper[None]]), axis=0).T)
     return np.asarray(np.cumsum(steps[::-1])[::-1])

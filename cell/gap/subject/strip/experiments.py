@@ -1,4 +1,4 @@
-"""Folds that could be measured next: the standard motions, simulated for the stated strip."""
+"""Plans folds that could be measured next: standard motions, simulated for the stated strip."""
 
 from collections.abc import Sequence
 
@@ -26,7 +26,7 @@ SEGMENTS, STEP = 100, 0.005  # of the rod: a plan need not be finer
 
 
 def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
-    """Noise-free measurement of each standard motion, as run number `index`."""
+    """Simulated, noise-free run of `strip` for each standard motion, all with number `index`."""
     ways = [way_of(standard.of(strip.length)) for standard in STANDARD.values()]
     return [
         MeasuredRun(name, MOTION + name, measured, ())
@@ -37,13 +37,13 @@ def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun
 def measured_along(
     ways: Sequence[GripperPath], strip: StripFile, sigma: Sigma, index: int
 ) -> list[Measured]:
-    """Noise-free measurement of `strip` along each of `ways`, as run number `index`."""
+    """Simulated, noise-free measurements of `strip` along each of the gripper paths `ways`."""
     folds = rod_folds([describe(strip, index=index)] * len(ways), ways, SEGMENTS, STEP)
     return [_measure(fold, sigma, index) for fold in folds]
 
 
 def minutes(run: MeasuredRun) -> float:
-    """Minutes that a run takes in a laboratory."""
+    """Duration [min] of a run in a laboratory, with laying the strip flat before it."""
     return SET_UP + run.measured.end / 60.0
 
 
@@ -52,14 +52,14 @@ def _measure(fold: Fold, sigma: Sigma, index: int) -> Measured:
     way, touch = fold.way, fold.motion.touch
     end = float(way.t[-1]) if touch is None else touch.time
     travel = arc_lengths(way.poses[:, :2])
-    height = fold.model.observation.contact_height
-    chosen = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGE_PERIOD))
-    chosen = np.unique(np.minimum(chosen, len(fold.shape_t) - 1))
+    observation = fold.model.observation
+    height = observation.contact_height
+    following = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGE_PERIOD))
+    chosen = np.unique(np.minimum(following, len(fold.shape_t) - 1))
     shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
-    seen = fold.model.observation
     force_t = way.t[way.t <= end] if sigma.force is not None else np.empty(0)
     motion_force = mean_force(fold.motion.t, fold.motion.grip_force)
-    force = reported_force(seen, force_t, fold.motion.t, motion_force)
+    force = reported_force(observation, force_t, fold.motion.t, motion_force)
     return Measured(
         t=way.t, poses=way.poses, travel=frozen(travel), hanging=False, index=index,
         contact_height=height, sigma=sigma, contact_t=stamps,
@@ -70,29 +70,24 @@ def _measure(fold: Fold, sigma: Sigma, index: int) -> Measured:
 
 
 def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
-    """Midline points of simulated `shapes` from where the strip leaves the desk."""
+    """Images of simulated `shapes` (m, nodes, 2): their midline from the desk contact on."""
     s = np.arange(0.0, arc[-1], POINT_SPACING)
-    points, image, places = [], [], []
-    for k, shape in enumerate(shapes):
+    points, places = [], []
+    for shape in shapes:
         curve = np.stack([np.interp(s, arc, shape[:, c]) for c in range(2)], axis=1)
         lifted = s >= s[np.argmax(curve[:, 1] > height)]
         points.append(curve[lifted])
         places.append(s[lifted])
-        image.append(np.full(int(lifted.sum()), k))
-    return Images(
-        stamps,
-        frozen(np.concatenate(points)),
-        np.concatenate(image),
-        frozen(np.concatenate(places)),
-    )
+    image = np.repeat(np.arange(len(shapes)), [len(each) for each in points])
+    return Images(stamps, frozen(np.concatenate(points)), image, frozen(np.concatenate(places)))
 
 
 def instruction(run: MeasuredRun) -> str:
-    """Instruction for making the run, and what it reveals."""
+    """Instruction for the operator to make a planned run, with what the run reveals."""
     standard = STANDARD[run.name]
     return f"fold once more with --policy {run.condition}; it shows {standard.reveals}"
 
 
 def next_index(runs: Sequence[MeasuredRun]) -> int:
-    """Index of the next run."""
+    """Number of the run after the measured `runs`."""
     return 1 + max(run.measured.index for run in runs)

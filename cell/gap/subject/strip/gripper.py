@@ -1,4 +1,4 @@
-"""The measured gripper path resampled at even times and smoothed, to drive the model."""
+"""Resamples a measured gripper path at even times and smooths it, to drive the model."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -12,7 +12,7 @@ QUIET_NOISE = 5e-5  # m of noise up to which the narrow parabola serves
 
 
 def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
-    """Times (k,) [s] and poses (k, 3) of the path measured at `t` (m,) with noise `sigma` [m].
+    """Times (k,) [s] and smooth poses (k, 3) of a path measured at `t` (m,) with noise `sigma` [m].
 
     A parabola through the points near each moment (Savitzky and Golay 1964); the more noise, the
     more points. A servo's limited jerk bends a path too little for the narrow one to blunt it.
@@ -27,8 +27,9 @@ def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
 
 
 def _parabolic_smoothing(values: Array, half: int) -> Array:
-    """Values (k, c) smoothed by a local parabola through `half` neighbours on each side, the first
-    and the last one also at the ends (Savitzky-Golay; scipy.signal takes a second to import).
+    """Smooth columns (k, c) by local parabolas through `half` neighbours a side (Savitzky-Golay).
+
+    The first and last parabolas serve the ends, too. Importing scipy.signal would take a second.
     """
     powers = np.vander(np.arange(-half, half + 1.0), 3, increasing=True)
     through = np.linalg.pinv(powers)

@@ -1,7 +1,8 @@
-"""Layout of a run's samples: which readings are averaged into which."""
+"""Groups the readings of a fold into samples, by channel, zone of the strip, phase and time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,21 +13,22 @@ from cell.gap.subject.subject import Samples, Words
 from drivers.types import Array
 
 SAMPLE_TIME = 0.3  # s of one sample
-BRIEF = 0.05  # s of one of the force, in which a shake shows when it was reported
-TOUCH_TIME = 0.03  # s, noise of the time of a touch where nobody states it
+BRIEF = 0.05  # s of one sample of the force, short enough to show when a shake was reported
+TOUCH_TIME = 0.03  # s, noise of the time of a touch where the run states none
 # m of travel before which a strip just lifted shows more of its grip than of itself
 GRIP_TRAVEL = 0.15
 SNAP = 0.15  # s before the touch in which any model is off
 FEWEST_POINTS = 4  # points of a profile's sample
+SLOTS, PHASES = 100_000, 10  # at most in a run: slots of time, and names of phases
 EVENT = ("touch_time", "touch_x", "displacement")
 
 
 @dataclass(frozen=True, slots=True)
 class Floors:
-    """Errors of every model of a strip, root mean square of one sample: [m], [s], [N].
+    """Root mean square error of one sample that every model of a strip has: [m], [s], [N].
 
-    Of the `force`, rod and chain differ by a tenth of a millinewton; the coarse rod errs by more
-    where a gripper jerks.
+    Rod and chain differ by a tenth of a millinewton in `force`; the coarse rod errs by more where
+    a gripper jerks.
     """
 
     profile: float = 0.00025
@@ -38,7 +40,7 @@ class Floors:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Readings of one channel by sample: `order` (n,) sorts them, `edges` (k + 1,) parts them.
+    """Readings of one channel in k samples: sorted by `order` (n,), split at `edges` (k + 1,).
 
     Of each sample (k,): `phase`, `zone`, mean time `t` [s]; `sigma` is that of a reading.
     """
@@ -56,7 +58,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A run's samples: of profile, contact, force along x and z, then of the touch if any."""
+    """Samples of a run, in the order profile, contact, force along x and z, touch if any."""
 
     profile: Part
     contact: Part
@@ -65,26 +67,26 @@ class Layout:
 
 
 def layout(run: Measured, length: float, floors: Floors) -> Layout:
-    """Samples of `run`, a fold of a strip of `length` [m]."""
+    """Group the readings of `run`, a fold of a strip of `length` [m], into samples."""
     images, sigma = run.images, run.sigma
     profile = _part(
         run, images.stamps[images.image], zones(images.s, length), sigma.profile, FEWEST_POINTS
     )
-    apart = _is_buckled(run, length)
-    contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, apart)
+    buckled = _is_buckled(run, length)
+    contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, buckled)
     force = _force_part(run, length, 0), _force_part(run, length, 1)
     columns = [
         *_columns(profile, "profile", floors.profile, by_zone=True),
         *_columns(contact, "contact_x", floors.contact_x),
         *_columns(force[0], "force", floors.force),
         *_columns(force[1], "force", floors.force),
-        *_touch_column(run, floors),
+        *_touch_columns(run, floors),
     ]
     return Layout(profile, contact, force, _samples(columns))
 
 
 def _force_part(run: Measured, length: float, axis: int) -> Part:
-    """Part of the force along one axis; none where the run states no noise for it."""
+    """Samples of the force along one axis; none where the run states no noise for it."""
     reported = run.force_t if run.has_force else np.empty(0)
     unknown = np.isnan(run.force[: len(reported), axis])
     grasped = zones(np.full(len(reported), length), length)
@@ -100,34 +102,30 @@ def _is_buckled(run: Measured, length: float) -> NDArray[np.bool_]:
 
 
 def _part(
-    run: Measured,
-    t: Array,
-    zone: Words,
-    sigma: float,
-    fewest: int,
-    left_out: NDArray[np.bool_] | None = None,
-    span: float = SAMPLE_TIME,
-) -> Part:
-    """Readings at `t` (n,) in `zone` (n,) grouped by zone, phase and time; the masked left out."""
+    run: Measured, t: Array, zone: Words, sigma: float, fewest: int,
+    left_out: NDArray[np.bool_] | None = None, span: float = SAMPLE_TIME,
+) -> Part:  # fmt: skip
+    """Group readings at `t` (n,) [s] into samples by `zone` (n,), phase and slots of `span` [s].
+
+    Readings of the mask `left_out`, and samples of less than `fewest` readings, are left out.
+    """
     phase = phases(run, t)
     labels = list(dict.fromkeys(phase))
-    numbers = np.array([labels.index(word) for word in phase], dtype=np.int64)
-    place = np.array([ZONES.index(word) for word in zone], dtype=np.int64)
+    phase_number = np.array([labels.index(word) for word in phase], dtype=np.int64)
+    zone_number = np.array([ZONES.index(word) for word in zone], dtype=np.int64)
     slot = np.floor(t / span).astype(np.int64)
-    key = (place * 100_000 + slot) * 10 + numbers
+    key = (zone_number * SLOTS + slot) * PHASES + phase_number
     masked = np.zeros(len(t), dtype=bool) if left_out is None else left_out
     used = np.flatnonzero(_is_compared(run, t) & ~masked)
     order = used[np.argsort(key[used], kind="stable")]
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     rows = [order[a : a + n] for a, n in zip(first, count, strict=True) if n >= fewest]
+    first_rows = [row[0] for row in rows]
     return Part(
-        order=np.concatenate(rows) if rows else np.empty(0, dtype=np.int64),
-        edges=np.cumsum([0, *(len(row) for row in rows)]),
-        phase=phase[[row[0] for row in rows]],
-        zone=zone[[row[0] for row in rows]],
-        t=np.array([t[row].mean() for row in rows]),
-        sigma=sigma,
-    )
+        np.concatenate(rows) if rows else np.empty(0, dtype=np.int64),
+        np.cumsum([0, *map(len, rows)]),
+        phase[first_rows], zone[first_rows], np.array([t[row].mean() for row in rows]), sigma,
+    )  # fmt: skip
 
 
 def _is_compared(run: Measured, t: Array) -> NDArray[np.bool_]:
@@ -139,7 +137,7 @@ def _is_compared(run: Measured, t: Array) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """Readings of one series, sample by sample."""
+    """Samples of one time series, in the fields of `Samples`; arrays have one entry per sample."""
 
     channel: str
     quantity: str
@@ -152,30 +150,29 @@ class _Column:
 
 
 def _columns(part: Part, channel: str, floor: float, *, by_zone: bool = False) -> list[_Column]:
-    """The series of `part`: one, or one a zone."""
+    """Time series of the samples of `part`: one for all, or one for each zone."""
     noise = part.sigma / np.sqrt(np.maximum(np.diff(part.edges), 1))
-    found = []
-    for rows in [part.zone == z for z in ZONES] if by_zone else [np.ones(len(part), dtype=bool)]:
-        place = part.phase[rows], part.zone[rows], part.t[rows], noise[rows]
-        found.append(_Column(channel, channel, *place, part.sigma, floor))
-    return found
+    series = [part.zone == z for z in ZONES] if by_zone else [np.ones(len(part), dtype=bool)]
+    return [
+        _Column(channel, channel, part.phase[rows], part.zone[rows], part.t[rows], noise[rows],
+                part.sigma, floor)
+        for rows in series
+    ]  # fmt: skip
 
 
-def _touch_column(run: Measured, floors: Floors) -> list[_Column]:
-    """The touch as a series: its time, mean distance from both edges, and displacement.
+def _touch_columns(run: Measured, floors: Floors) -> list[_Column]:
+    """Three series of the touch: its time, mean distance from both edges, and displacement.
 
-    l1 and l2 are measured alike, so that their difference and their mean err independently.
+    There are none without a touch. l1 and l2 are measured alike, so that their difference and
+    their mean err independently.
     """
     if run.touch is None:
         return []
     place = np.array(["touch"]), np.array(["middle"]), np.array([run.touch.time])
-    gap = run.sigma.displacement
-    time = run.sigma.touch_time or TOUCH_TIME
-    sizes = (
-        (time, floors.touch_time),
-        (gap / 2, floors.displacement / 2),
-        (gap, floors.displacement),
-    )
+    displacement = run.sigma.displacement
+    sizes = ((run.sigma.touch_time or TOUCH_TIME, floors.touch_time),
+             (displacement / 2, floors.displacement / 2),
+             (displacement, floors.displacement))  # fmt: skip
     return [
         _Column("layer_touch", quantity, *place, np.array([sigma]), sigma, floor)
         for quantity, (sigma, floor) in zip(EVENT, sizes, strict=True)
@@ -183,27 +180,10 @@ def _touch_column(run: Measured, floors: Floors) -> list[_Column]:
 
 
 def _samples(columns: Sequence[_Column]) -> Samples:
-    """Samples of the series `columns`, one after the other."""
-    sizes = [len(c.t) for c in columns]
+    """Concatenate the time series `columns` into the samples of a run."""
 
-    def words(name: str) -> Words:
-        return np.concatenate(
-            [np.full(n, getattr(c, name)) for c, n in zip(columns, sizes, strict=True)]
-        )
+    def column(name: str) -> Any:
+        return np.concatenate([np.broadcast_to(getattr(c, name), len(c.t)) for c in columns])
 
-    def numbers(name: str) -> Array:
-        return np.concatenate(
-            [np.broadcast_to(getattr(c, name), n) for c, n in zip(columns, sizes, strict=True)]
-        )
-
-    return Samples(
-        channel=words("channel"),
-        phase=np.concatenate([c.phase for c in columns]),
-        zone=np.concatenate([c.zone for c in columns]),
-        quantity=words("quantity"),
-        t=numbers("t"),
-        noise=numbers("noise"),
-        reading=numbers("reading"),
-        floor=numbers("floor"),
-        series=np.repeat(np.arange(len(columns)), sizes),
-    )
+    series = np.repeat(np.arange(len(columns)), [len(c.t) for c in columns])
+    return Samples(**{field.name: column(field.name) for field in fields(_Column)}, series=series)

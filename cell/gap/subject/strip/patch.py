@@ -1,4 +1,4 @@
-"""Content of the strip file, and the cell's effects, after acceptance."""
+"""Patches the strip file, and the cell's effects, when a verdict is accepted."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,12 +11,10 @@ DIGITS = 6  # significant digits of a fitted number
 
 
 def patch_file(
-    strip: StripFile,
-    base: Mapping[str, float],
-    effects: Mapping[str, Mapping[str, float]],
+    strip: StripFile, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]],
     source: str,
-) -> tuple[dict[str, object], dict[str, object] | None]:
-    """The strip file with refitted values and named effects, and the cell's named effects."""
+) -> tuple[dict[str, object], dict[str, object] | None]:  # fmt: skip
+    """Content of the strip file with refitted values and named effects, and the cell's effects."""
     content: dict[str, Any] = strip.model_dump(mode="json", by_alias=True)
     notes = list(content.pop("provenance"))
     known = {name: dict(values) for name, values in content["effects"].items()}

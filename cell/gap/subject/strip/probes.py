@@ -4,14 +4,14 @@ import numpy as np
 
 from drivers.strip.file import StripFile
 
-PLACE_SPACING = 0.9  # bending lengths between the places at which an effect of one place is tried
+PLACE_SPACING = 0.9  # bending lengths between the places at which a local effect is screened
 
 
 def places(strip: StripFile, lifted: float) -> tuple[float, ...]:
-    """Positions [m] along the strip to screen, from `lifted` [m] on, where it leaves the desk.
+    """Positions [m] along the strip at which to screen, from its lift-off at `lifted` [m] on.
 
-    A bend shows an effect of one place while it passes, so that probes farther apart than about
-    a bending length miss what lies between them.
+    A bend shows a local effect while it passes, so that probes farther apart than about a bending
+    length miss what lies between them.
     """
     begin = max(0.0, lifted - PLACE_SPACING * strip.bending_length)
     count = max(2, round((strip.length - begin) / (PLACE_SPACING * strip.bending_length)))

@@ -1,4 +1,4 @@
-"""Detects repeated folds of the twin: one command is one specimen, one seed is one fold."""
+"""Detects duplicate folds of the digital twin, made with equal seeds and settings."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -8,14 +8,16 @@ from cell.gap.subject.run_folders import check_indices
 from cell.record.header import Header
 
 
-def sort_out(folders: Sequence[Path], headers: Sequence[Header | None]) -> Mapping[Path, Path]:
-    """The repeated folders of a fold of the twin, each with the first of the same.
+def duplicate_folds(
+    folders: Sequence[Path], headers: Sequence[Header | None]
+) -> Mapping[Path, Path]:
+    """Map each folder with a duplicate fold of the twin to the first folder with that fold.
 
-    The twin gives the same fold for the same seed: it says nothing new, and counted twice it
-    would say it too surely. `cell fold --repeat` and `cell gap plan` number the folds of one
-    specimen from 0, with seeds that grow as the index does; several such batches are several
-    specimens. Elsewhere ConfigurationError for two runs of one index. A header is None where
-    the run is not used.
+    The twin gives the same fold for the same seed: counted twice, it would narrow confidence
+    intervals without new information. `cell fold --repeat` and `cell gap plan` number the folds of
+    one specimen from 0, with seeds that grow as the index does; several such batches are several
+    specimens. Raises ConfigurationError for two runs of one index in a batch. A header is None
+    where the run is not used.
     """
     first: dict[str, Path] = {}
     same: dict[Path, Path] = {}
@@ -41,7 +43,7 @@ def _on_twin(header: Header) -> bool:
 
 
 def _fold_key(header: Header) -> str | None:
-    """Text of all that determines a fold of the twin; None for any other run."""
+    """Text of all that determines a fold of the twin; None for a run from elsewhere."""
     if not _on_twin(header):
         return None
     keys = {"seed", "index", "plant_sha256", "condition", "strip_file", "config", "versions"}

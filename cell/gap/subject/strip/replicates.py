@@ -16,9 +16,9 @@ SAME_START = 1e-3  # s between the beginnings of two paths
 
 
 def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
-    """For each fold's path, by digest, the fold whose simulated path approximates it.
+    """Map each fold's path, by digest, to the fold that is simulated in its place.
 
-    What an effect changes in one of them it changes in all, to far less than a rough step errs.
+    An effect changes replicates alike, up to far less than the error of a rough time step.
     """
     leaders: list[Fold] = []
     found = {}

@@ -11,7 +11,7 @@ from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.curves import Images, images_of
 from cell.gap.subject.strip.gripper import smooth_path
 from cell.gap.subject.strip.plausible import check_plausible
-from cell.gap.subject.strip.repeats import sort_out
+from cell.gap.subject.strip.repeats import duplicate_folds
 from cell.record.files import RUN, is_under_way
 from cell.record.header import Header, Result, Sigma
 from cell.record.outcomes import NOT_FOLDED
@@ -27,9 +27,15 @@ from policies.path import lift_pitch
 
 TOUCHED = NOT_FOLDED | {"layer_touch"}  # the touch is a measurement, whatever came after it
 LEAST = 30  # rows of a usable run
+FEWEST_RUNS = 2  # that can be fitted and checked
 LONGEST_PERIOD = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
 START_TOLERANCE = 0.03  # m from where a run must start
+HANGING_TOLERANCE = 0.3  # rad of pitch from upright at a hanging start
 IMAGE_TIME_MARGIN = 1.0  # s, no image is so long before the first or after the last row
+TOUCH_TIME_MARGIN = 1.0  # s after the last row in which a touch may still be stated
+LONGEST_LAYER = 1.2  # of the strip's length, beyond which l1 or l2 is in another unit
+TOUCH_ROUNDING = 1e-3  # m by which displacement and l1 - l2 may differ as they are rounded
+DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +45,7 @@ class Measured:
     `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it. `contact_t`,
     `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the gripper along x and z, NaN
     where it was not measured. `end` [s] is where comparison ends: the touch, or the last row.
-    `seen` says that a cell measured it through its images, whose errors are known.
+    `seen` says that a cell measured the fold through its camera, whose errors are known.
     """
 
     t: Array
@@ -66,7 +72,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredRun:
-    """A fold with its `name`, `condition`, and `notes` on it for the operator."""
+    """Measured fold with its `name`, its `condition`, and `notes` on it for the operator."""
 
     name: str
     condition: str
@@ -87,34 +93,39 @@ class MeasuredRun:
 
 
 def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRun]:
-    """The runs in `folders`, in the order in which they were taken; some may not be `usable`.
+    """Read the runs in `folders`, sorted as they were taken; some may not be `usable`.
 
-    Raises ConfigurationError, in one line, for whatever cannot be trusted.
+    Raises ConfigurationError, in one line, for input that is broken or too little.
     """
     heads, read = [], []
     for folder in folders:
         header, run = _read(folder.path, folder.name, strip)
         heads.append(header if run.usable else None)
         read.append(run)
-    same = sort_out([folder.path for folder in folders], heads)
-    known = {folder.path: folder.name for folder in folders}
-    read = [
-        _leave_out(run, known[same[folder.path]]) if folder.path in same else run
+    originals = duplicate_folds([folder.path for folder in folders], heads)
+    names = {folder.path: folder.name for folder in folders}
+    runs = [
+        _leave_out(run, names[originals[folder.path]]) if folder.path in originals else run
         for folder, run in zip(folders, read, strict=True)
     ]
-    usable = sum(run.usable for run in read)
-    if usable < 2:
+    _check_enough(runs, folders[0].path.parent)
+    return sorted(runs, key=lambda run: (run.measured.index, run.name))
+
+
+def _check_enough(runs: Sequence[MeasuredRun], origin: Path) -> None:
+    """Refuse fewer than FEWEST_RUNS runs that are usable, or that show the strip."""
+    usable = sum(run.usable for run in runs)
+    if usable < FEWEST_RUNS:
         raise ConfigurationError(
-            f"{folders[0].path.parent}: {usable} of {len(read)} runs can be used; at least two are "
+            f"{origin}: {usable} of {len(runs)} runs can be used; at least two are "
             "needed, better ten"
         )
-    if sum(run.shows_strip for run in read) < 2:
+    if sum(run.shows_strip for run in runs) < FEWEST_RUNS:
         raise ConfigurationError(
-            f"{folders[0].path.parent}: the gripper's path alone says nothing of the strip; fold "
+            f"{origin}: the gripper's path alone says nothing of the strip; fold "
             "until the layers touch (the motion `normal`) and note when and where (t_layer_touch, "
             "l1, l2), or add profile, contact or force; see runbooks/own-runs.md"
         )
-    return sorted(read, key=lambda run: (run.measured.index, run.name))
 
 
 def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
@@ -141,7 +152,7 @@ def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRu
 
 
 def _with_pitch(run: Recorded) -> Recorded:
-    """`run` with the pitch of its start where it has none: hanging, or growing from flat."""
+    """`run`, its pitch filled in where none was recorded: upright if hanging, else as in a lift."""
     ticks = run.ticks
     if not len(ticks.t) or np.isfinite(ticks.pitch).any():
         return run
@@ -167,7 +178,7 @@ def _check_kind(folder: Path) -> None:
 
 
 def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
-    """Arrays that the model is compared with, from a run's tables."""
+    """Reduce a run's tables to the arrays with which simulations are compared."""
     ticks, header = run.ticks, run.header
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)
@@ -177,30 +188,22 @@ def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> Measu
     reported = np.isfinite(force).any(axis=1)
     grip = np.stack([np.interp(run.profile.t, ticks.t, poses[:, c]) for c in range(2)], axis=1)
     return Measured(
-        t=t,
-        poses=smooth,
-        travel=frozen(arc_lengths(smooth[:, :2])),
-        hanging=header.start == "hanging",
-        index=header.index or 0,
-        contact_height=header.contact_height,
-        sigma=header.sigma,
-        contact_t=frozen(stamp[seen]),
-        contact_x=frozen(ticks.contact_x[seen]),
+        t=t, poses=smooth, travel=frozen(arc_lengths(smooth[:, :2])),
+        hanging=header.start == "hanging", index=header.index or 0,
+        contact_height=header.contact_height, sigma=header.sigma,
+        contact_t=frozen(stamp[seen]), contact_x=frozen(ticks.contact_x[seen]),
         images=images_of(run.profile, grip, strip.length, header.sigma.profile),
-        force_t=frozen(ticks.t[reported]),
-        force=frozen(force[reported]),
-        touch=touch,
-        end=float(ticks.t[-1]) if touch is None else touch.time,
-        seen=header.by_cell,
-    )
+        force_t=frozen(ticks.t[reported]), force=frozen(force[reported]), touch=touch,
+        end=float(ticks.t[-1]) if touch is None else touch.time, seen=header.by_cell,
+    )  # fmt: skip
 
 
 def _empty_measurement(run: Recorded) -> Measured:
-    none = frozen([])
-    images = images_of(run.profile, np.empty((0, 2)), 1.0, 1.0, empty=True)
+    none, pairs = frozen([]), np.empty((0, 2))
     return Measured(
         none, np.empty((0, 3)), none, False, run.header.index or 0, run.header.contact_height,
-        run.header.sigma, none, none, images, none, np.empty((0, 2)), None, 0.0,
+        run.header.sigma, none, none, Images(none, pairs, np.empty(0, dtype=np.int64), none), none,
+        pairs, None, 0.0,
     )  # fmt: skip
 
 
@@ -241,7 +244,7 @@ def _check_ticks(folder: Path, run: Recorded) -> None:
 
 
 def _check_within(stamps: Array, t: Array, origin: str) -> None:
-    """Refuse stamps (k,) of another time than the rows' `t` (m,)."""
+    """Refuse stamps (k,) [s] far outside the span of the rows' times `t` (m,) [s]."""
     off = np.flatnonzero((stamps < t[0] - IMAGE_TIME_MARGIN) | (stamps > t[-1] + IMAGE_TIME_MARGIN))
     if len(off):
         raise ConfigurationError(
@@ -261,7 +264,8 @@ def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
     origin = folder / "ticks.parquet"
     x, z, pitch = (float(c[0]) for c in (run.ticks.x, run.ticks.z, run.ticks.pitch))
     if run.header.start == "hanging":
-        if np.hypot(x, z) > strip.length + START_TOLERANCE or abs(pitch - np.pi / 2) > 0.3:
+        hangs = abs(pitch - np.pi / 2) <= HANGING_TOLERANCE
+        if np.hypot(x, z) > strip.length + START_TOLERANCE or not hangs:
             raise ConfigurationError(
                 f"{origin}: x: a hanging start at x {x:.3f}, z {z:.3f} m, pitch {pitch:.2f} rad is "
                 f"out of reach of a strip of {strip.length:g} m or does not hang"
@@ -274,25 +278,27 @@ def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
 
 
 def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
-    """The measured layer_touch, checked for consistency with itself and the strip."""
+    """Measured layer_touch of a run, if any, checked for consistency with itself and the strip."""
     result = run.result
     if result is None or result.outcome not in TOUCHED:
         return None
     if None in (result.t_layer_touch, result.displacement, result.l1, result.l2):
         return None
     origin, length = folder / "result.yaml", strip.length
-    time, d, l1, l2 = _numbers(result)
+    time, displacement, l1, l2 = _touch_numbers(result)
     for key, value in (("l1", l1), ("l2", l2)):
-        if not 0.0 < value < 1.2 * length:
+        if not 0.0 < value < LONGEST_LAYER * length:
             raise ConfigurationError(
                 f"{origin}: {key}: is {value:g}, must lie within the strip's {length:g} m; "
                 "give it in m"
             )
-    if abs(d - (l1 - l2)) > 1e-3 + 5 * run.header.sigma.displacement:
+    allowed = TOUCH_ROUNDING + DISPLACEMENT_SIGMAS * run.header.sigma.displacement
+    if abs(displacement - (l1 - l2)) > allowed:
         raise ConfigurationError(
-            f"{origin}: displacement: is {d:g}, but l1 - l2 is {l1 - l2:g}; one of them is wrong"
+            f"{origin}: displacement: is {displacement:g}, but l1 - l2 is {l1 - l2:g}; one of them "
+            "is wrong"
         )
-    if len(run.ticks.t) and not run.ticks.t[0] < time <= run.ticks.t[-1] + 1.0:
+    if len(run.ticks.t) and not run.ticks.t[0] < time <= run.ticks.t[-1] + TOUCH_TIME_MARGIN:
         raise ConfigurationError(
             f"{origin}: t_layer_touch: is {time:g} s, the rows span {run.ticks.t[0]:g} to "
             f"{run.ticks.t[-1]:g} s; give it in s since the run's start"
@@ -300,6 +306,7 @@ def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
     return Touch(time, x=l2, to_grasped=l1, to_fixed=l2)
 
 
-def _numbers(result: Result) -> NDArray[np.float64]:
+def _touch_numbers(result: Result) -> NDArray[np.float64]:
+    """Time [s], displacement, l1 and l2 [m] of a stated touch, (4,)."""
     values = (result.t_layer_touch, result.displacement, result.l1, result.l2)
     return np.array([float(v or 0.0) for v in values])

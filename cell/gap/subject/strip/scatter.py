@@ -6,16 +6,16 @@ from cell.gap.subject.subject import Parameter
 from drivers.strip.model import StripModel
 from drivers.types import frozen
 
-FARTHEST = 8.0  # times its usual spread, what any run may have
+FARTHEST = 8.0  # times its usual spread, the bound of a quantity in any run
 
 
 @dataclass(frozen=True, slots=True)
 class RunEffect:
-    """A quantity that each run has anew: `usual` is the spread of an honest laboratory.
+    """Quantity that differs from run to run, with its `usual` standard deviation in a laboratory.
 
-    `step` is the change by which responses are measured. `place` is the part and field of the
-    model to which it adds, or by a share of which, where the unit is 1. `sentence` names it for a
-    technician, `remedy` is what makes it smaller.
+    `step` is the change of its finite differences. `place` is the part and field of the model to
+    which its value is added, as a share of the field where the unit is 1. `sentence` names it for
+    a technician, `remedy` is what makes it smaller.
     """
 
     name: str
@@ -29,13 +29,13 @@ class RunEffect:
 
     @property
     def parameter(self) -> Parameter:
-        """The unknown of one run, with its typical spread."""
+        """Unknown of one run for the engine, with the usual spread."""
         most = FARTHEST * self.usual
         spread = (0.0, -most, most, self.step, self.usual)
         return Parameter(self.name, self.unit, *spread, random=True, common=self.common)
 
     def apply(self, model: StripModel, value: float) -> StripModel:
-        """The model of a run with the quantity at `value`."""
+        """`model` with the quantity at `value` instead of zero."""
         part, _, field = self.place.partition(".")
         before = getattr(model, part)
         known = getattr(before, field)

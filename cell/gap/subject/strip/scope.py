@@ -20,15 +20,18 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.lumping import check
 
 TRIED_TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
-FARTHEST = 3.0  # times the largest probe: the spread of what is known of an effect before
-SHAPE_SPREAD = 0.5  # of its default: the spread of a number that shapes an effect
-UNKNOWN_SPREAD = 4.0  # of its start: the spread of such a number where there is no default
+FARTHEST = 3.0  # times the largest probe: prior spread of an effect's amount
+SHAPE_SPREAD = 0.5  # of its default: prior spread of a number that shapes an effect
+UNKNOWN_SPREAD = 4.0  # of its start: prior spread of such a number where there is no default
+PLACE_STEP = 0.002  # m, of finite differences over the place of an effect
+SHAPE_STEP = 0.02  # of its start: step of a number that shapes an effect
 LEFT = 0.1  # of a gap, that effects may leave together: a single wrong law leaves more
-UNTRUE = 0.2  # of a law of cloth, which is never quite that of another: of yarn friction 15 %
+UNTRUE = 0.2  # relative error of a law of cloth, which differs between fabrics: yarn friction 15 %
 SPECIMEN_SPREAD = 0.15  # of a bending length: how far the exam's specimens of one fabric lie apart
-PLACE_ERROR = 0.02  # of where something is: lengths, offsets, delays
-SECANT = 0.1  # of the smallest probe: the step of secants
-WEIGHED = 0.05  # of an areal density: the spread of what a laboratory's scale and ruler say
+PLACE_ERROR = 0.02  # relative error of lengths, offsets and delays
+SECANT = 0.1  # of the smallest probe: the step of finite differences
+WEIGHED = 0.05  # relative spread of an areal density by a laboratory's scale and ruler
+SHORTEST_RETARDATION = 0.005  # s, about which the fit of an undamped strip starts
 
 
 def scope(
@@ -39,19 +42,16 @@ def scope(
     *,
     has_force: bool = False,
 ) -> Scope:
-    """Base parameters, candidates and quantities of `strip`; its own effects belong to the base.
+    """Fit problem of `strip`: base parameters, with its file's effects, candidates, quantities.
 
-    The strip is lifted off the desk from `lifted` [m] on; what lies before does not move.
+    The strip is lifted off the desk from `lifted` [m] on; its part before does not move.
     Effects `without` are withheld from the candidates. Where force is measured (`has_force`), it
     weighs the strip.
     """
     fresh = [e for e in registry().values() if e.name not in {*strip.effects, *without}]
     return Scope(
-        base=(
-            *_base(strip),
-            *(_density_parameter(strip) if has_force else ()),
-            *_accepted_parameters(strip),
-        ),
+        base=(*_base(strip), *(_density_parameter(strip) if has_force else ()),
+              *_accepted_parameters(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if can_simulate(e, strip)),
         terms=candidates(),
         left=LEFT,
@@ -64,11 +64,11 @@ def scope(
             "touch_time": Quantity("touch_ms", 1e3, "ms", 2 * floors.touch_time),
             "force": Quantity("", 1e3, "mN", 2 * floors.force),
         },
-    )
+    )  # fmt: skip
 
 
 def can_simulate(effect: Effect, strip: StripFile) -> bool:
-    """Whether the rod can represent the effect."""
+    """Whether the rod engine can represent the effect on this strip."""
     vector = _probes(effect, strip, 0.0)[0][0]
     try:
         check([describe(strip, {effect.name: file_values(effect, vector) or {}})])
@@ -78,19 +78,19 @@ def can_simulate(effect: Effect, strip: StripFile) -> bool:
 
 
 def _base(strip: StripFile) -> list[Parameter]:
-    """Base parameters bending length and retardation time, known within a factor."""
-    c, b = strip.bending_length, max(strip.retardation_time, 0.005)
+    """Base parameters of every strip: bending length and retardation time."""
+    c, tau = strip.bending_length, max(strip.retardation_time, SHORTEST_RETARDATION)
     near = ((1 - SPECIMEN_SPREAD) * c, (1 + SPECIMEN_SPREAD) * c)
     return [
         Parameter("bending_length", "m", c, max(0.002, c / 3), min(0.2, 3 * c), step=0.003 * c,
                   spread=0.5 * c, tolerated=strip.spread.get("bending_length", near)),
-        Parameter("retardation_time", "s", b, 0.1 * b, min(10.0, 30 * b), step=0.02 * b,
-                  spread=2 * b, tolerated=strip.spread.get("retardation_time")),
+        Parameter("retardation_time", "s", tau, 0.1 * tau, min(10.0, 30 * tau), step=0.02 * tau,
+                  spread=2 * tau, tolerated=strip.spread.get("retardation_time")),
     ]  # fmt: skip
 
 
 def _density_parameter(strip: StripFile) -> list[Parameter]:
-    """Base parameter areal density, which moves only force and air drag at one bending length."""
+    """Base parameter areal density: at one bending length it changes only force and air drag."""
     m = strip.areal_density
     return [
         Parameter("areal_density", "kg/m^2", m, m / 3, 3 * m, step=0.02 * m, spread=WEIGHED * m,
@@ -99,7 +99,7 @@ def _density_parameter(strip: StripFile) -> list[Parameter]:
 
 
 def _accepted_parameters(strip: StripFile) -> list[Parameter]:
-    """Parameters of the effects in the strip file: known, and refitted with the base."""
+    """Base parameters for the effects in the strip file, which are refitted with the base."""
     found = []
     for name, values in strip.effects.items():
         effect = registry()[name]
@@ -113,32 +113,27 @@ def _accepted_parameters(strip: StripFile) -> list[Parameter]:
 
 
 def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
-    """The effect as a candidate of the engine."""
+    """Candidate for a library effect on `strip`, which is lifted off from `lifted` [m] on."""
+    shape = tuple(_shape_parameter(p, strip) for p in effect.parameters if p.role == "shape")
     return Candidate(
-        name=effect.name,
-        sentence=effect.sentence,
-        of=effect.of,
+        effect.name, effect.sentence, effect.of,
         parameters=tuple(_parameters(effect, strip, coarse(effect))),
-        probes=_probes(effect, strip, lifted),
-        revealed_by=effect.revealed_by,
-        model_error=UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR,
-        shape_parameters=tuple(
-            _shape_parameter(p, strip) for p in effect.parameters if p.role == "shape"
-        ),
-    )
+        probes=_probes(effect, strip, lifted), revealed_by=effect.revealed_by,
+        model_error=UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR, shape_parameters=shape,
+    )  # fmt: skip
 
 
 def coarse(effect: Effect) -> list[Number]:
-    """Parameters of the effect, without the finer ones of its shape."""
+    """Parameters of the effect but those of role `shape`, which refine its law."""
     return [p for p in effect.parameters if p.role != "shape"]
 
 
 def _parameters(effect: Effect, strip: StripFile, numbers: Sequence[Number]) -> list[Parameter]:
-    tried = [_to_engine(effect.parameters[0], v) for v in effect.sizes(strip)]
-    null = _null(effect.parameters[0])
-    least, most = (pick(abs(v - null) for v in tried) for pick in (min, max))
+    """Engine parameters for `numbers` of the effect, scaled by the sizes of its probes."""
+    switch = effect.parameters[0]
+    sizes = [abs(_to_engine(switch, size) - _null(switch)) for size in effect.sizes(strip)]
     return [
-        _amount_parameter(p, SECANT * least, FARTHEST * most)
+        _amount_parameter(p, SECANT * min(sizes), FARTHEST * max(sizes))
         if is_amount(effect, p)
         else _shape_parameter(p, strip)
         for p in numbers
@@ -146,7 +141,7 @@ def _parameters(effect: Effect, strip: StripFile, numbers: Sequence[Number]) -> 
 
 
 def _amount_parameter(p: Number, step: float, spread: float) -> Parameter:
-    """Parameter for the amount of an effect; for one that vanishes at infinity, its reciprocal."""
+    """Engine parameter for an effect's amount: the reciprocal if its null is at infinity."""
     if p.null is None:
         return Parameter(
             p.name, p.unit, 0.0, 0.0, 1.0 / p.low, step=step, spread=spread, inverse=True
@@ -156,59 +151,60 @@ def _amount_parameter(p: Number, step: float, spread: float) -> Parameter:
 
 
 def _shape_parameter(p: Number, strip: StripFile) -> Parameter:
-    """Parameter for the place or shape of an effect."""
+    """Engine parameter for a place, time or shape of an effect."""
     if p.role == "place":
         low, high = max(p.low, 0.0), min(p.high, strip.length)
         middle = 0.5 * (low + high)
         return Parameter(
-            p.name, p.unit, middle, low, high, step=0.002, spread=high - low, shape=True
+            p.name, p.unit, middle, low, high, step=PLACE_STEP, spread=high - low, shape=True
         )
     if p.role == "shape":
         guess = p.guess or 0.0
         start, step, spread = p.default or 0.0, SECANT * guess, FARTHEST * guess
         return Parameter(p.name, p.unit, start, p.low, p.high, step=step, spread=spread, shape=True)
     start = p.default if p.default is not None else float(np.sqrt(p.low * p.high))
-    step, spread = 0.02 * start, (SHAPE_SPREAD if p.default is not None else UNKNOWN_SPREAD) * start
+    spread = (SHAPE_SPREAD if p.default is not None else UNKNOWN_SPREAD) * start
+    step = SHAPE_STEP * start
     return Parameter(p.name, p.unit, start, p.low, p.high, step=step, spread=spread, shape=True)
 
 
 def _probes(
     effect: Effect, strip: StripFile, lifted: float
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
-    """Groups of vectors to screen, a group for each size and shape, a vector for each amount."""
+    """Groups of parameter vectors to screen: a group per size and shape, a vector per amount."""
     switch, numbers = effect.parameters[0], coarse(effect)
     start = [p.start for p in _parameters(effect, strip, numbers)]
     amounts = [i for i, p in enumerate(numbers) if is_amount(effect, p)]
     spots = places(strip, lifted)
     tried = [_screened_values(p, v, spots) for p, v in zip(numbers, start, strict=True)]
-    shapes = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
+    others = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
     groups = []
-    for size, shape in product(_without_mirrored(effect.sizes(strip)), product(*shapes)):
-        inside = _to_engine(switch, size)
-        group = [[*shape[:i], inside, *shape[i + 1 :]] for i in amounts]
-        groups.append(tuple(tuple(map(float, vector)) for vector in group))
+    for size, vector in product(_without_mirrored(effect.sizes(strip)), product(*others)):
+        amount = _to_engine(switch, size)
+        group = [[*vector[:i], amount, *vector[i + 1 :]] for i in amounts]
+        groups.append(tuple(tuple(map(float, probe)) for probe in group))
     return tuple(groups)
 
 
 def _without_mirrored(sizes: Sequence[float]) -> list[float]:
-    """Sizes without those whose mirror image comes before: each is screened with both signs."""
+    """`sizes` without those whose negative comes before: each is screened with both signs."""
     return [size for i, size in enumerate(sizes) if -size not in sizes[:i]]
 
 
 def _screened_values(p: Number, start: float, spots: tuple[float, ...]) -> tuple[float, ...]:
-    """Values of a parameter at which an effect is screened."""
+    """Values of a parameter other than an amount at which an effect is screened."""
     if p.role == "place":
         return spots
     return TRIED_TIMES if p.role == "time" else (start,)
 
 
 def is_amount(effect: Effect, p: Number) -> bool:
-    """Whether the parameter is an amount of the effect: its switch, or another one with a null."""
+    """Whether the parameter is an amount of the effect: its first, or another one with a null."""
     return p is effect.parameters[0] or p.null is not None
 
 
 def _to_engine(switch: Number, value: float) -> float:
-    """A file's value converted to the engine's."""
+    """Convert a file's value to the engine's: the reciprocal if the null is at infinity."""
     return value if switch.null is not None else 1.0 / value
 
 
@@ -217,9 +213,9 @@ def _null(p: Number) -> float:
 
 
 def file_values(effect: Effect, values: Sequence[float]) -> dict[str, float] | None:
-    """The effect's parameters as files state them; None where the effect is absent.
+    """Parameters of the effect as files state them, by name; None where the effect is absent.
 
-    Finer ones may be missing: they come last.
+    `values` may lack those of the shape, which come last.
     """
     found = dict(zip((p.name for p in effect.parameters), map(float, values), strict=False))
     switch = effect.parameters[0]

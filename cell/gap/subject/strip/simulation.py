@@ -1,4 +1,4 @@
-"""Simulates motions for many runs and models at once, each only once, with a cache."""
+"""Simulates motions of many runs and models at once, with a cache of the latest."""
 
 import hashlib
 import pickle
@@ -25,8 +25,8 @@ from drivers.types import Array
 SHAPE_PERIOD = 0.01  # s between the shapes that are kept
 AT_ONCE = 16  # motions in one call: all their shapes are in memory
 LANE_COUNT = 8  # motions that cost no more than one
-REMEMBERED = 96 * 2**20  # bytes of motions that are kept: few are asked for again, and soon
-SELDOM = 16 * 2**20  # the same, where hardly any is asked for twice
+REMEMBERED = 96 * 2**20  # bytes of the cache: few motions are asked for again, and soon
+SELDOM = 16 * 2**20  # bytes of the cache where hardly any motion is asked for twice
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Resolution:
 
 COARSE, FINE = Resolution(100, 0.005, 1e-4), Resolution(200, 0.0025, 1e-4)
 FINER = Resolution(200, 0.00125, 1e-4)
-"""For what the fine rod shows far otherwise than the coarse one."""
+"""For folds in which the fine rod differs much from the coarse one."""
 ROUGH = Resolution(100, 0.01, 1e-4)
 """For responses alone: half the cost, and a few percent off where nothing jumps."""
 
@@ -54,7 +54,7 @@ class HashedPath:
 
     @classmethod
     def of(cls, path: GripperPath) -> Self:
-        """`path` with a hash of its rows."""
+        """`path` with the hash of its rows and start."""
         h = hashlib.blake2b(bytes([path.hanging]), digest_size=16)
         for array in (path.t, path.poses):
             h.update(np.ascontiguousarray(array).data)
@@ -63,14 +63,14 @@ class HashedPath:
 
 @dataclass(frozen=True, slots=True)
 class HashedModel:
-    """A description with the `digest` of all but its observation, for its many jobs."""
+    """Model of strip and rig with the `digest` of all but its observation, for its many jobs."""
 
     model: StripModel
     digest: bytes
 
     @classmethod
     def of(cls, model: StripModel) -> Self:
-        """`model` with a hash of all but its observation."""
+        """`model` with the hash of all but its observation."""
         blind = replace(model, observation=Observation())
         digest = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16).digest()
         return cls(model, digest)
@@ -78,7 +78,7 @@ class HashedModel:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A description along a reported gripper path; equal `key`, equal true motion."""
+    """Simulation to run: a model along a reported gripper path; equal keys give equal motions."""
 
     model: StripModel
     way: GripperPath
@@ -86,7 +86,7 @@ class Job:
 
     @classmethod
     def of(cls, hashed: HashedModel, way: HashedPath, contact_height: float) -> Self:
-        """A job with the hash of what its true motion depends on; contact is at a height [m]."""
+        """Job with a key of all that its motion depends on; `contact_height` [m] ends contact."""
         seen = replace(hashed.model.observation, contact_height=contact_height)
         key = hashed.digest + way.digest + struct.pack("<d", contact_height)
         return cls(replace(hashed.model, observation=seen), way.path, key)
@@ -94,9 +94,11 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedMotion:
-    """True motion along a drive: at times `t` (k,) [s] `contact_x` (k,), `force` (k, 2) on the
-    gripper and `poses` (k, 3); `shapes` (m, nodes, 2), in single precision, from `begin` [s] on
-    every SHAPE_PERIOD seconds, nodes at the shares `arc` (nodes,) of the length; the touch, if any.
+    """True motion of gripper and strip that a job gives, and the touch, if any.
+
+    At times `t` (k,) [s]: `poses` (k, 3), `contact_x` (k,) [m] and `force` (k, 2) [N] on the
+    gripper. From `begin` [s] on every SHAPE_PERIOD: `shapes` (m, nodes, 2) [m] in single precision,
+    with nodes at the shares `arc` (nodes,) of the strip's length.
     """
 
     t: Array
@@ -110,7 +112,7 @@ class SimulatedMotion:
 
     @property
     def size(self) -> int:
-        """Memory use of the motion [bytes]."""
+        """Memory that the motion takes [bytes]."""
         return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
 
@@ -139,13 +141,13 @@ class Simulation:
         return [found[d.key] for d in drives]
 
     def _simulate_batches(self, wanted: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
-        """Simulate in batches of equal length, so that lanes end together, and of equal models.
+        """Simulate jobs by key in batches of similar duration and kind of model, by thread.
 
-        A lane that finds its shapes with effort makes the others of its vector wait.
+        Lanes of a vector then end together: one that takes more effort makes the others wait.
         """
         order = sorted(wanted, key=lambda k: -wanted[k].way.duration)
-        fair = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._jobs))
-        size = max(LANE_COUNT, min(AT_ONCE, fair))
+        share_of_thread = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._jobs))  # whole lanes
+        size = max(LANE_COUNT, min(AT_ONCE, share_of_thread))
         batches = [
             like[i : i + size]
             for like in _split_by_terms(order, wanted)
@@ -154,31 +156,31 @@ class Simulation:
         asked = [[wanted[k] for k in batch] for batch in batches]
         found: dict[bytes, SimulatedMotion | None] = {}
         with ThreadPoolExecutor(self._jobs) as pool:
-            for batch, shown in zip(batches, pool.map(self._batch, asked), strict=True):
+            for batch, shown in zip(batches, pool.map(self._simulate_batch, asked), strict=True):
                 found.update(zip(batch, shown, strict=True))
         return found
 
-    def _batch(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
+    def _simulate_batch(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
+        """Simulate a batch together, or one by one where a job of it fails; None for that one."""
         try:
-            return self._together(drives)
+            return self._simulate_together(drives)
         except (Fault, ValueError):  # a strip that cannot hang where its run begins
             if len(drives) == 1:
                 return [None]
-            return [shown for drive in drives for shown in self._batch([drive])]
+            return [shown for drive in drives for shown in self._simulate_batch([drive])]
 
-    def _together(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
+    def _simulate_together(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
         rod = Rod(self.grain.segments, strict=False, tolerance=self.grain.tolerance)
-        models, ways = [d.model for d in drives], [d.way for d in drives]
-        every = max(1, round(SHAPE_PERIOD / self.grain.dt))
-        motions = simulate_all(
-            rod, models, ways, dt=self.grain.dt, every=every, precision=np.float32
-        )
+        models, ways, dt = [d.model for d in drives], [d.way for d in drives], self.grain.dt
+        every = max(1, round(SHAPE_PERIOD / dt))
+        motions = simulate_all(rod, models, ways, dt=dt, every=every, precision=np.float32)
         return [
-            None if failed else self._thin_out(motion)
+            None if failed else self._condense(motion)
             for motion, failed in zip(motions, rod.failed, strict=True)
         ]
 
-    def _thin_out(self, motion: StripMotion) -> SimulatedMotion:
+    def _condense(self, motion: StripMotion) -> SimulatedMotion:
+        """Reduce a motion to what is compared; without any shape, the strip lies flat."""
         arc = lattice(1.0, self.grain.segments)
         shapes = motion.shapes.astype(np.float32, copy=False)
         if not len(shapes):
@@ -201,11 +203,12 @@ class Simulation:
 
 
 def _split_by_terms(order: Sequence[bytes], wanted: Mapping[bytes, Job]) -> list[list[bytes]]:
-    """Motions with and without the rod's further terms, in `order`; all together where either are
-    few.
+    """Split the keys of jobs, in `order`, by whether models need the rod's optional terms.
 
-    A batch in which one strip needs those terms computes them for every strip.
+    A batch in which one strip needs those terms computes them for every strip. There is no split
+    where either part would not fill a vector.
     """
-    rich = {key: needs_terms(wanted[key].model) for key in order}
-    parts = [[key for key in order if rich[key] is which] for which in (True, False)]
+    parts: list[list[bytes]] = [[], []]
+    for key in order:
+        parts[0 if needs_terms(wanted[key].model) else 1].append(key)
     return parts if min(map(len, parts)) >= LANE_COUNT else [list(order)]

@@ -1,11 +1,11 @@
-"""The strip as a subject of the gap workflow."""
+"""Strip as a subject of the gap workflow: measured folds compared with simulated ones."""
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache, partial
 from itertools import groupby, islice
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned_runs
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.patch import patch_file
-from cell.gap.subject.strip.prepare import Fold, correct, prepare, surroundings
+from cell.gap.subject.strip.prepare import Fold, linearise_folds, prepare, relinearise
 from cell.gap.subject.strip.replicates import replicates
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
@@ -27,7 +27,6 @@ from cell.gap.subject.strip.simulation import (
     SELDOM,
     HashedModel,
     Job,
-    SimulatedMotion,
     Simulation,
 )
 from cell.gap.subject.subject import Experiment, Parameter, Request, Residuals, Run, Scope
@@ -38,13 +37,21 @@ from drivers.strip.file import StripFile
 from drivers.strip.law import with_law
 from drivers.strip.model import Observation
 
-QUANTILE = 0.02
-DESCRIBED = 256  # descriptions that are kept
+QUANTILE = 0.02  # of the contacts of a run that may lie before its lift-off, as outliers
+DESCRIBED = 256  # models that are kept
 PORTION = 64  # motions that are held at once
 AGEING = frozenset({"ageing", "term_run"})
 """Effects and terms that depend on the number of the run: all others share one description."""
 Values = tuple[float, ...]
-Look = tuple[str, bytes, bool, Observation]  # run, motion, whether rough, how it is looked at
+
+
+class Look(NamedTuple):
+    """Key of residuals: run, key of its motion, whether that is rough, how it is observed."""
+
+    run: str
+    motion: bytes
+    rough: bool
+    observation: Observation
 
 
 class Strip:
@@ -54,14 +61,10 @@ class Strip:
     """
 
     def __init__(
-        self,
-        strip: StripFile,
-        runs: Sequence[MeasuredRun],
-        jobs: int = 1,
-        floors: Floors | None = None,
-        without: Sequence[str] = (),
+        self, strip: StripFile, runs: Sequence[MeasuredRun], jobs: int = 1,
+        floors: Floors | None = None, without: Sequence[str] = (),
         scatter: Sequence[RunEffect] = RUN_EFFECTS,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.file = strip
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
@@ -81,7 +84,7 @@ class Strip:
 
     @property
     def name(self) -> str:
-        """The strip's name."""
+        """Name of the strip."""
         return self.file.name
 
     @property
@@ -95,24 +98,20 @@ class Strip:
         return self._scope
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
-        """Residuals, measured minus simulated; each motion is simulated once."""
+        """Residuals of `requests`, measured minus simulated; each motion is simulated once."""
         folds, drives = self._drive(requests)
         looks = [
-            (request.run.name, drive.key, request.rough, drive.model.observation)
+            Look(request.run.name, drive.key, request.rough, drive.model.observation)
             for request, drive in zip(requests, drives, strict=True)
         ]
-        seen = self._compare(dict(zip(looks, zip(folds, drives, strict=True), strict=True)))
+        residuals = self._compare(dict(zip(looks, zip(folds, drives, strict=True), strict=True)))
         return [
-            fold.correct(seen[look], request.run, request.local)
+            fold.correct(residuals[look], request.run, request.local)
             for request, fold, look in zip(requests, folds, looks, strict=True)
         ]
 
     def _compare(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
-        """Residuals of each motion against its run, a portion at a time: motions are large and not
-        kept; residuals are small and cached.
-
-        Motions of one length together, in the order in which they are asked, as they are simulated.
-        """
+        """Residuals of each look, from a cache or a new simulation; its motion is not kept."""
         found = {}
         for look, (fold, _) in asked.items():
             comparison, residuals = self._known.get(look, (None, None))
@@ -124,26 +123,29 @@ class Strip:
         return found | compared
 
     def _compare_new(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
-        """Simulate and compare what is not cached, long motions and equal paths together."""
-        first = {look[1]: i for i, look in reversed(list(enumerate(asked)))}
-        order = sorted(asked, key=lambda k: (k[2], asked[k][1].way.duration, first[k[1]]))
-        seen: dict[Look, Residuals] = {}
+        """Simulate and compare looks, a portion of motions of similar duration at a time.
+
+        Looks at one motion stay together, in the order in which they are asked.
+        """
+        first = {look.motion: i for i, look in reversed(list(enumerate(asked)))}
+        order = sorted(asked, key=lambda k: (k.rough, asked[k][1].way.duration, first[k.motion]))
+        found: dict[Look, Residuals] = {}
         with ThreadPoolExecutor(self._jobs) as pool:
-            for rough, group in groupby(order, key=lambda look: look[2]):
-                simulated, looks = self._rough if rough else self._simulation, iter(group)
+            for rough, group in groupby(order, key=lambda look: look.rough):
+                simulation, looks = self._rough if rough else self._simulation, iter(group)
                 while portion := list(islice(looks, PORTION)):
                     folds, drives = zip(*(asked[look] for look in portion), strict=True)
-                    shown = simulated(drives)
-                    found = pool.map(_residuals, folds, drives, shown)
-                    seen.update(zip(portion, found, strict=True))
-        return seen
+                    residuals = pool.map(lambda fold, drive, motion: fold.comparison(
+                        drive.model, motion), folds, drives, simulation(drives))  # fmt: skip
+                    found.update(zip(portion, residuals, strict=True))
+        return found
 
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured fold."""
         return measured_scene(cast(Fold, run.content).comparison.run)
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
-        """Drawings of the simulated folds, beside their images."""
+        """Drawings of the simulated folds; None where the simulation gives no motion."""
         folds, drives = self._drive(requests)
         length = self.file.length
         return [
@@ -152,30 +154,30 @@ class Strip:
         ]
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """The runs with corrections from a finer rod at these values, and slopes there."""
+        """Runs linearised about the models of `requests`, with corrections from a finer rod."""
         folds, drives = self._drive(requests)
-        about = surroundings(folds, drives, self._simulation, self._jobs, self._scatter)
+        linearised = linearise_folds(folds, drives, self._simulation, self._jobs, self._scatter)
         return [
-            correct(request.run, fold, here)
-            for request, fold, here in zip(requests, folds, about, strict=True)
+            relinearise(request.run, fold, about)
+            for request, fold, about in zip(requests, folds, linearised, strict=True)
         ]
 
     def experiments(self) -> Sequence[Experiment]:
-        """The standard folds as planned runs, simulated for the stated strip."""
+        """Planned runs of the standard motions, simulated for the stated strip."""
         runs = planned_runs(self.file, self._measured[0].measured.sigma, next_index(self._measured))
         ready = prepare(runs, self.file, self._floors, self._simulation, self._jobs)
         asked = {run.name: run for run in runs}
-        return [
-            Experiment(r.name, instruction(asked[r.name]), minutes(asked[r.name]), r) for r in ready
-        ]
+        return [Experiment(run.name, instruction(asked[run.name]), minutes(asked[run.name]), run)
+                for run in ready]  # fmt: skip
 
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """The strip file with refitted base, named effects or laws, and the cell's effects."""
+        """Content of the strip file with refitted base and named effects, and of the cell's."""
         return patch_file(self.file, base, effects, source)
 
     def _drive(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
+        """Measured folds of `requests`, and the simulations to run for them."""
         folds = [cast(Fold, request.run.content) for request in requests]
         drives = [
             self._simulated_fold(r, f).drive(self._model(r, f))
@@ -184,10 +186,11 @@ class Strip:
         return folds, drives
 
     def _simulated_fold(self, request: Request, fold: Fold) -> Fold:
-        """The fold whose path is simulated: approximately, the first of its replicates."""
+        """Fold whose path is simulated: for a rough request, one that stands for all replicates."""
         return self._replicates.get(fold.way.digest, fold) if request.rough else fold
 
     def _model(self, request: Request, fold: Fold) -> HashedModel:
+        """Model of a request; the number of the run counts only where something ages."""
         effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
         ages = self._ages or not AGEING.isdisjoint(request.effects)
         index = fold.index if ages else 0
@@ -195,35 +198,29 @@ class Strip:
 
 
 def _describe(
-    strip: StripFile,
-    parameters: Sequence[Parameter],
-    base: Values,
-    effects: tuple[tuple[str, Values], ...],
-    index: int,
-) -> HashedModel:
-    """The strip with these values of its base `parameters` and these effects of the library."""
+    strip: StripFile, parameters: Sequence[Parameter], base: Values,
+    effects: tuple[tuple[str, Values], ...], index: int,
+) -> HashedModel:  # fmt: skip
+    """Model of `strip` in run `index`, at values `base` of `parameters`, with added `effects`."""
     numbers: dict[str, float] = {}
-    kept = {name: dict(values) for name, values in strip.effects.items()}
+    accepted = {name: dict(values) for name, values in strip.effects.items()}
     for p, value in zip(parameters, base, strict=True):
         if "." in p.name:
             effect, key = p.name.split(".")
-            kept[effect][key] = p.stated_value(value)
+            accepted[effect][key] = p.stated_value(value)
         else:
             numbers[p.name] = value
-    strip = strip.model_copy(update={**numbers, "effects": kept})
-    known = [(registry()[name], values) for name, values in effects if name in registry()]
-    added = {e.name: file_values(e, values) for e, values in known}
-    model = describe(strip, {k: v for k, v in added.items() if v is not None}, index)
-    return HashedModel.of(with_law(model, {name: values[0] for name, values in effects}))
-
-
-def _residuals(fold: Fold, drive: Job, shown: SimulatedMotion | None) -> Residuals:
-    """Residuals of a simulated motion against the run of `fold`."""
-    return fold.comparison(drive.model, shown)
+    fitted = strip.model_copy(update={**numbers, "effects": accepted})
+    stated = {name: file_values(registry()[name], values)
+              for name, values in effects if name in registry()}  # fmt: skip
+    present = {name: values for name, values in stated.items() if values is not None}
+    model = describe(fitted, present, index)
+    amounts = {name: values[0] for name, values in effects}  # of law terms; others are ignored
+    return HashedModel.of(with_law(model, amounts))
 
 
 def _lift_off_position(runs: Sequence[MeasuredRun]) -> float:
-    """Arc length [m] from which on the strip leaves the desk; 0 where no image shows it."""
+    """Arc length [m] beyond which the strip lifts off the desk; 0 where no image shows it."""
     seen = [run.measured.contact_x for run in runs if len(run.measured.contact_x)]
     return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)
 
@@ -231,7 +228,7 @@ def _lift_off_position(runs: Sequence[MeasuredRun]) -> float:
 def open_strip(
     path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
 ) -> Strip:
-    """The strip of a file with its measured runs, checked; effects `without` are no candidates.
+    """Read a strip's file and measured runs, and check them; effects `without` are no candidates.
 
     Raises ConfigurationError for a broken file or run, or an effect that the library lacks.
     """

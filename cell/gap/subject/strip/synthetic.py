@@ -31,13 +31,15 @@ from drivers.types import Array
 
 TIME_AFTER_TOUCH = 0.3  # s that a run goes on after its touch
 HIDDEN_LENGTH = 0.004  # m of the strip before the grip that the fingers hide
+SHAPE_INTERVAL = 0.005  # s between the shapes of a motion that are kept
 
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """Measurement errors of a cell: one-sigma noise [m, s], images at `rate` [Hz] with points
-    `spacing` [m] apart, shares of points that are `wild` (by up to `astray` [m]) and of images
-    `lost`; `force` [N] of an arm that reports it.
+    """Measurement errors of a cell: standard deviations of noise in [m], [s] and, if known, [N].
+
+    Images come at `rate` [Hz] with points `spacing` [m] apart. `wild` is the share of points that
+    are off by up to `astray` [m], `lost` that of images.
     """
 
     contact_x: float = 0.0015
@@ -53,7 +55,7 @@ class Instruments:
     force: float | None = None
 
     def sigma(self) -> dict[str, float]:
-        """Noise of the channels, as run.yaml states it."""
+        """Standard deviation of each channel's noise, by its key in run.yaml."""
         keys = ("contact_x", "profile", "gripper", "displacement", "touch_time")
         force = {} if self.force is None else {"force": self.force}
         return {key: getattr(self, key) for key in keys} | force
@@ -61,7 +63,7 @@ class Instruments:
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """A simulated fold: its reported `way`, the `model` of plant and rig, and the true motion.
+    """Simulated fold: the reported path `way`, the `model` of strip and rig, the true motion.
 
     `shape_t` (m,) [s] are the times of the motion's shapes, `arc` (nodes,) [m] their places.
     """
@@ -76,13 +78,11 @@ class Fold:
 
 
 def rod_folds(
-    models: Sequence[StripModel],
-    ways: Sequence[GripperPath],
-    segments: int = 200,
+    models: Sequence[StripModel], ways: Sequence[GripperPath], segments: int = 200,
     dt: float = 0.0025,
-) -> list[Fold]:
-    """Simulate folds in the rod, each of `models` along its own reported way."""
-    every = max(1, round(0.005 / dt))
+) -> list[Fold]:  # fmt: skip
+    """Simulate folds with the rod engine, each of `models` along its own path of `ways`."""
+    every = max(1, round(SHAPE_INTERVAL / dt))
     motions = simulate_all(Rod(segments), models, ways, dt=dt, every=every)
     return [
         Fold(way, model, motion, motion.t[every - 1 :: every][: len(motion.shapes)],
@@ -94,7 +94,7 @@ def rod_folds(
 def write_fold(
     folder: Path, strip: str, fold: Fold, by: Instruments, rng: np.random.Generator
 ) -> None:
-    """The four files of a measured run of `strip` in the new `folder`."""
+    """Write `fold` as a measured run of `strip`, with errors, into the new `folder`."""
     folder.mkdir(parents=True)
     touch = _touch(fold, by, rng)
     end = fold.way.t[-1] if touch is None else min(touch.time + TIME_AFTER_TOUCH, fold.way.t[-1])
@@ -134,17 +134,19 @@ def _touch(fold: Fold, by: Instruments, rng: np.random.Generator) -> Touch | Non
     stamp = seen_touch(fold.model, touch, grip, grip).time
     reported = np.array([np.interp(stamp, fold.way.t, c) for c in fold.way.poses.T])
     seen = seen_touch(fold.model, touch, grip, reported)
+    # equal errors of l1 and l2 whose difference, the displacement, has its stated noise
     l1, l2 = rng.normal([seen.to_grasped, seen.to_fixed], by.displacement / np.sqrt(2))
     return Touch(seen.time + rng.normal(0.0, by.touch_time), float(l2), float(l1), float(l2))
 
 
 def _shape(fold: Fold, stamp: float) -> Array:
-    """True midline (nodes, 2) that an image with `stamp` shows."""
+    """True midline (nodes, 2) [m] that an image with `stamp` [s] shows."""
     time, times = float(shown_time(fold.model.observation, stamp)), fold.shape_t
-    j = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
-    w = float(np.clip((time - times[j - 1]) / (times[j] - times[j - 1]), 0.0, 1.0))
+    after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
+    before = after - 1
+    share = float(np.clip((time - times[before]) / (times[after] - times[before]), 0.0, 1.0))
     shapes = fold.motion.shapes
-    return np.asarray((1 - w) * shapes[j - 1] + w * shapes[j])
+    return np.asarray((1 - share) * shapes[before] + share * shapes[after])
 
 
 def _curve(fold: Fold, stamp: float, by: Instruments, rng: np.random.Generator) -> Array:
@@ -166,24 +168,25 @@ def _curve(fold: Fold, stamp: float, by: Instruments, rng: np.random.Generator) 
 def _ticks(
     fold: Fold, end: float, stamps: Array, by: Instruments, rng: np.random.Generator
 ) -> pa.Table:
+    """Table of ticks up to `end` [s], with contacts at the `stamps` (k,) [s] of the images."""
     t = fold.way.t[fold.way.t <= end]
-    places = fold.way.poses[: len(t)]
-    seen = np.array([_contact(fold, stamp) for stamp in stamps])
-    seen = np.asarray(seen_contact(fold.model.observation, seen))
-    seen = seen + rng.normal(0.0, by.contact_x, len(stamps))
-    contact_x, contact_t = place_contacts(t, stamps, seen)
-    noisy = places[:, :2] + rng.normal(0.0, by.gripper, (len(t), 2))
-    columns = {"t": t, "x": noisy[:, 0], "z": noisy[:, 1], "pitch": places[:, 2]}
-    columns |= {"x_cmd": places[:, 0], "z_cmd": places[:, 1]}
+    poses = fold.way.poses[: len(t)]
+    true = np.array([_contact(fold, stamp) for stamp in stamps])
+    seen = np.asarray(seen_contact(fold.model.observation, true))
+    measured = seen + rng.normal(0.0, by.contact_x, len(stamps))
+    contact_x, contact_t = place_contacts(t, stamps, measured)
+    noisy = poses[:, :2] + rng.normal(0.0, by.gripper, (len(t), 2))
+    columns = {"t": t, "x": noisy[:, 0], "z": noisy[:, 1], "pitch": poses[:, 2]}
+    columns |= {"x_cmd": poses[:, 0], "z_cmd": poses[:, 1]}
     columns |= {} if by.force is None else _forces(fold, t, by.force, rng)
     return pa.table(columns | {"contact_x": contact_x, "contact_t": contact_t})
 
 
 def _forces(fold: Fold, t: Array, noise: float, rng: np.random.Generator) -> dict[str, Array]:
-    """Reported force at `t` (m,), with noise of its own: nothing else of a run changes with it."""
+    """Columns (m,) [N] of reported force at `t` (m,) [s], with noise from its own generator."""
     mean = mean_force(fold.motion.t, fold.motion.grip_force)
     force = reported_force(fold.model.observation, t, fold.motion.t, mean)
-    noisy = force + rng.spawn(1)[0].normal(0.0, noise, force.shape)
+    noisy = force + rng.spawn(1)[0].normal(0.0, noise, force.shape)  # leaves the run's draws alone
     return {"f_x": noisy[:, 0], "f_z": noisy[:, 1]}
 
 

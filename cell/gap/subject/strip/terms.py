@@ -1,16 +1,16 @@
-"""Generic laws of a strip as terms: they describe an unexplained rest, and are never named."""
+"""Generic law terms of a strip: they describe unexplained residuals and are never named causes."""
 
 import numpy as np
 
 from cell.gap.subject.subject import Candidate, Parameter
 from drivers.strip.law import LAW_TERMS, Term
 
-SECANT = 0.1  # of its size: the step of secants
-TRIED = (0.0, 0.5, 0.9)  # of the way from its size to the most, on a logarithmic scale
+SECANT = 0.1  # of a term's size: the step of finite differences
+TRIED = (0.0, 0.5, 0.9)  # probes between a term's size and its maximum, on a logarithmic scale
 
 
 def candidates() -> tuple[Candidate, ...]:
-    """Every law, with one amount each."""
+    """Candidates for all generic law terms, each with its amount as the only parameter."""
     return tuple(_candidate(term) for term in LAW_TERMS.values())
 
 

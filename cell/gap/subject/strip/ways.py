@@ -1,4 +1,4 @@
-"""The path that an arm makes of a planned motion: corners rounded, the pitch of a flat start."""
+"""Computes the path of an arm that follows a planned motion from a flat start, corners rounded."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ def way_of(motion: Motion) -> GripperPath:
     """Reported times (m,) [s] from 0 and poses (m, 3) of `motion`, from rest to rest."""
     t = np.arange(0.0, motion.duration + 2 * CORNER_TIME + DWELL_TIME, STEP)
     half = round(CORNER_TIME / STEP)
-    window = np.hanning(2 * half + 3)[1:-1]
+    window = np.hanning(2 * half + 3)[1:-1]  # without the zeros at its ends
     points = motion.at(np.clip(t - CORNER_TIME, 0.0, motion.duration))
     places = np.stack([_smooth(points[:, c], window / window.sum()) for c in range(2)], axis=1)
     travel = arc_lengths(places)

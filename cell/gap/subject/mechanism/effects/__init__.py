@@ -1,4 +1,4 @@
-"""The library: every module of this folder is one effect of a mechanism, its `EFFECT`."""
+"""Library of effects of mechanisms: each module of this folder defines one, its `EFFECT`."""
 
 import importlib
 import pkgutil

@@ -1,4 +1,4 @@
-"""Drag of still air on moving bodies, with the square of their speed."""
+"""Air drag: still air brakes moving bodies with the square of their speed."""
 
 from cell.gap.subject.mechanism.effect import MODES, Effect, Fields, single
 from cell.gap.subject.mechanism.model import Mechanism
@@ -9,7 +9,7 @@ AIR = 1.2  # kg/m^3
 
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """One parameter: a share of air's density, or a chain's force by length and speed squared."""
+    """One parameter: a share of air's density, or a chain's drag per length and squared speed."""
     if mechanism.mode == "planar":
         return single("coefficient", "kg/m^2", 0.01)
     return single("coefficient", "1", 0.02)

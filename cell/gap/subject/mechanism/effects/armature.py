@@ -1,4 +1,4 @@
-"""Rotor inertia of a drive, as its joint feels it behind the gear."""
+"""Rotor inertia: a drive adds the inertia of its rotor, geared up, to that of its joint."""
 
 from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint
 

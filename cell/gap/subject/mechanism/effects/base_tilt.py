@@ -1,4 +1,4 @@
-"""A base that stands tilted: gravity leans in its frame."""
+"""Base tilt: the base stands tilted, and gravity is rotated in its frame."""
 
 import numpy as np
 
@@ -6,16 +6,13 @@ from cell.gap.subject.mechanism.effect import Effect, Fields, single
 
 
 def lean(fields: Fields, x: float, y: float) -> None:
-    """Turn gravity by angles about x, then y [rad]."""
+    """Rotate the gravity of a model by `x` [rad] about x, then by `y` [rad] about y."""
     if x == 0.0 and y == 0.0:
         return
     gx, gy, gz = (float(g) for g in fields["opt.gravity"])
     gy, gz = gy * np.cos(x) - gz * np.sin(x), gy * np.sin(x) + gz * np.cos(x)
-    fields["opt.gravity"][:] = (
-        gx * np.cos(y) + gz * np.sin(y),
-        gy,
-        gz * np.cos(y) - gx * np.sin(y),
-    )
+    gx, gz = gx * np.cos(y) + gz * np.sin(y), gz * np.cos(y) - gx * np.sin(y)
+    fields["opt.gravity"][:] = gx, gy, gz
 
 
 EFFECT = Effect(

@@ -1,4 +1,4 @@
-"""Centre of mass of the last body, elsewhere than stated."""
+"""Centre-of-mass error: the last body's centre of mass is not where the model states it."""
 
 import numpy as np
 

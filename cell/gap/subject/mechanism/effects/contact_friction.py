@@ -1,15 +1,8 @@
-"""Friction of contacts, other than stated."""
+"""Contact friction: the friction coefficients of contact pairs are not those stated."""
 
 from cell.gap.subject.mechanism.effect import Effect, Fields, single
 from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.subject import Parameter
 from drivers.types import Array
-
-
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    if not mechanism.model.npair:
-        return ()
-    return single("coefficient", "1", 0.01, signed=True, high=50.0)
 
 
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
@@ -22,7 +15,9 @@ EFFECT = Effect(
     sentence="contacts rub more or less than stated",
     of="model",
     source="Coulomb; MJCF pair/friction",
-    parameters=_parameters,
+    parameters=lambda m: (
+        single("coefficient", "1", 0.01, signed=True, high=50.0) if m.model.npair else ()
+    ),
     edit=_edit,
     revealed_by="slide slowly along the contact",
     modes=("forward",),

@@ -1,4 +1,4 @@
-"""Commands that take effect later than they are stamped."""
+"""Command delay: commands take effect later than their time stamps state."""
 
 from cell.gap.subject.mechanism.effect import Effect, Readings, single
 from cell.gap.subject.mechanism.model import Mechanism

@@ -1,4 +1,4 @@
-"""Dry friction of joints: Coulomb, with Stribeck peak, asymmetry and load as its shape."""
+"""Dry friction of joints: Coulomb friction with Stribeck peak, asymmetry and load dependence."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ STRIBECK = 0.1  # of the typical rate, where a Stribeck peak begins
 
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Friction torques of the joints; where the load of a gear is known, also its share."""
+    """Friction torque of each joint, and its share per load where the load of gears is known."""
     torques = per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque)
     return torques + (_loads(mechanism) if mechanism.mode == "prescribed" else ())
 
@@ -24,7 +24,7 @@ def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Parameters of shape: load, asymmetry, Stribeck peak; none in a pendulum's file."""
+    """Shape of each joint's law: load, asymmetry, Stribeck peak; none for a pendulum."""
     if mechanism.mode == "planar":
         return ()
     ones = np.ones(len(mechanism.joints))
@@ -42,7 +42,7 @@ def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque [N m] of one joint, of floats or columns (m,); its parameters start at `p[at]`."""
+    """Friction torque [N m] of a joint, of floats or columns (m,); its values begin at `p[at]`."""
     size = p[at] + p[at + 1] * abs(load)
     if p[at + 3] != 0.0:
         size += p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
@@ -51,6 +51,7 @@ def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _largest(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Largest torque [N m] by which friction can hold a joint that stands."""
     return p[at] + p[at + 1] * abs(load) + p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
 
 

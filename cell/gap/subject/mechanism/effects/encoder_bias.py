@@ -1,4 +1,4 @@
-"""An encoder that reads a constant too much or too little."""
+"""Encoder bias: an encoder reads a constant too much or too little."""
 
 from cell.gap.subject.mechanism.effect import MODES, Effect, per_encoder, put_by_encoder
 

@@ -1,4 +1,4 @@
-"""An encoder that counts too many or too few steps a turn."""
+"""Encoder scale error: an encoder counts too many or too few steps per turn."""
 
 from cell.gap.subject.mechanism.effect import Effect, per_encoder, put_by_encoder
 

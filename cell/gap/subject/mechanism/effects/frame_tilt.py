@@ -1,4 +1,4 @@
-"""A frame that stands tilted in the plane of a swinging chain."""
+"""Frame tilt: the frame of a swinging chain stands tilted in the plane of motion."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A gear that twists: the link turns on from its motor like on a spring."""
+"""Joint elasticity: the gear between motor and link twists like a spring."""
 
 from cell.gap.subject.mechanism.effect import Effect, Readings, has_gears, per_joint
 from cell.gap.subject.mechanism.model import Mechanism

@@ -1,4 +1,4 @@
-"""A point mass that nobody stated, at the far end of the last body."""
+"""Unknown payload: the last body carries a point mass at its far end that the model lacks."""
 
 import numpy as np
 

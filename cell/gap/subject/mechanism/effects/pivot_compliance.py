@@ -1,4 +1,4 @@
-"""A pivot that gives way sideways under the pull of a swinging chain."""
+"""Pivot compliance: the pivot of a swinging chain gives way sideways under its pull."""
 
 from cell.gap.subject.mechanism.effect import Effect, Fields, single
 from cell.gap.subject.mechanism.model import Mechanism

@@ -1,4 +1,4 @@
-"""Friction that yields like a spring before it slides."""
+"""Presliding friction: a joint yields like a spring before it slides."""
 
 import numba
 import numpy as np
@@ -29,7 +29,7 @@ def _path(mechanism: Mechanism, values: Array, q: Array, v: Array) -> Array:
 
 @numba.njit  # type: ignore[untyped-decorator]
 def _yielding(q: Array, stiffness: Array, most: Array) -> Array:
-    """Torque (m, joints) of elastic, perfectly plastic elements along a motion (m, joints)."""
+    """Torques (m, joints) of elastic, perfectly plastic elements along a motion q (m, joints)."""
     out = np.zeros_like(q)
     for j in range(q.shape[1]):
         if stiffness[j] == 0.0:

@@ -1,20 +1,13 @@
-"""Damping of joints with the square of their rate."""
+"""Quadratic damping: a torque that grows with the square of its rate brakes each joint."""
 
 from typing import Any
 
 from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint
-from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    size = 0.01 * mechanism.torque / mechanism.rate**2
-    return per_joint(mechanism, "coefficient", "N m s^2", size)
-
-
 def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque [N m] of one joint, of floats or columns (m,); its parameters start at `p[at]`."""
+    """Damping torque [N m] of a joint, from floats or columns (m,); its values begin at `p[at]`."""
     return -p[at] * abs(v) * v
 
 
@@ -23,7 +16,7 @@ EFFECT = Effect(
     sentence="joints brake with the square of their rate",
     of="model",
     source="fluid damping at high Reynolds numbers; MJCF joint/damping",
-    parameters=_parameters,
+    parameters=lambda m: per_joint(m, "coefficient", "N m s^2", 0.01 * m.torque / m.rate**2),
     keys=1,
     law=law,
     edit=add_to("dof_dampingpoly"),

@@ -1,4 +1,4 @@
-"""A drive that gives no more than a largest torque."""
+"""Torque saturation: a drive gives no more than a largest torque."""
 
 from cell.gap.subject.mechanism.effect import Effect, Fields, driven_joints
 from cell.gap.subject.mechanism.model import Mechanism

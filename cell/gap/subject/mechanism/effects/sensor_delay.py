@@ -1,4 +1,4 @@
-"""Readings that are stamped later than the world was so."""
+"""Sensor delay: readings are stamped later than they were taken."""
 
 from cell.gap.subject.mechanism.effect import Effect, Readings, single
 from cell.gap.subject.mechanism.model import Mechanism

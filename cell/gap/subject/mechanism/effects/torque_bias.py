@@ -1,4 +1,4 @@
-"""A constant torque that a drive adds, or that its sensor reads."""
+"""Torque bias: a drive adds a constant torque, or its torque sensor has an offset."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from drivers.types import Array
 
 
 def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque [N m] of one joint, of floats or columns (m,); its parameters start at `p[at]`."""
+    """Constant torque [N m] of a joint, of floats or columns (m,); its values begin at `p[at]`."""
     return p[at] + 0.0 * q
 
 

@@ -1,14 +1,9 @@
-"""A motor that gives more or less torque for its current than stated."""
+"""Torque constant error: a motor gives more or less torque for its current than stated."""
 
 from cell.gap.subject.mechanism.effect import Effect, Fields, driven_joints, scale_gain
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
-
-
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    return tuple(Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, step=1e-5, spread=0.25)
-                 for j in driven_joints(mechanism))  # fmt: skip
 
 
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
@@ -21,7 +16,10 @@ EFFECT = Effect(
     sentence="motors give another torque for their current than stated",
     of="rig",
     source="torque = (1 + error) k i",
-    parameters=_parameters,
+    parameters=lambda m: tuple(
+        Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, step=1e-5, spread=0.25)
+        for j in driven_joints(m)
+    ),
     edit=_edit,
     revealed_by="a known weight on the tip",
     error_of="gain",

@@ -1,4 +1,4 @@
-"""Torque of a drive that ripples with the angle: cogging, gear mesh."""
+"""Torque ripple: cogging or gear mesh varies a drive's torque periodically with the angle."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque [N m] of one joint, of floats or columns (m,); its parameters start at `p[at]`."""
+    """Ripple torque [N m] of a joint, from floats or columns (m,); its values begin at `p[at]`."""
     return p[at] * np.sin(p[at + 1] * q + p[at + 2])
 
 

@@ -1,4 +1,4 @@
-"""Wires that pull the hinges of a swinging chain back to hanging straight."""
+"""Wire stiffness: wires pull the hinges of a swinging chain back to hanging straight."""
 
 from dataclasses import replace
 
