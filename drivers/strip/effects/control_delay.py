@@ -14,7 +14,7 @@ def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
 
 EFFECT = Effect(
     name="control_delay",
-    sentence="the arm reports its places later than it was there",
+    sentence="the arm reports its positions late",
     of="cell",
     stage=Stage.BOUNDARY,
     parameters=(Parameter("time", "s", low=-0.2, high=0.2),),

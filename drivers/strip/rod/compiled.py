@@ -40,7 +40,8 @@ def entry(function: F) -> F:
 
 def cache_folder(chosen: str) -> Path | None:
     """A writable folder under `chosen` (NUMBA_CACHE_DIR) or the user's cache; None without one."""
-    sources = sorted(Path(__file__).parent.glob("*.py"))
+    here = Path(__file__).parent
+    sources = (*sorted(here.glob("*.py")), here.parent / "shape.py")  # which holds a constant
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
     home = Path(chosen) if chosen else _user_cache() / "folding-cell"
     folder = home / f"rod-{digest}"
