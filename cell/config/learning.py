@@ -23,7 +23,7 @@ class LearningSettings(Settings):
     changed: float = Field(0.003, gt=0, le=0.02)  # of the cell after something moved
     repeat: float = Field(0.0003, gt=0, le=0.01)  # of a specimen's folds; 0.2 mm on the twin
     ruler: float = Field(0.0005, gt=0, le=0.01)  # of an edge offset read by eye
-    laid: float = Field(0.0006, gt=0, le=0.01)  # of laid edges as seen; rms of perception/laid.yaml
+    laid: float = Field(0.0006, gt=0, le=0.01)  # of laid edges as seen; laid.yaml has 0.44 mm
     off: float = Field(0.2, gt=0, lt=1)  # share of cells and specimens with something off
     usual: float = Field(0.0004, gt=0, le=0.01)  # of specimens in a right cell; critic's left_out
     misread: float = Field(0.00025, gt=0, le=0.01)  # of a specimen's touch as seen

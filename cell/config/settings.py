@@ -57,7 +57,7 @@ class SigmaSettings(Settings):
     gripper: Metres = Field(gt=0, le=0.1)
     displacement: Metres = Field(gt=0, le=0.1)
     touch_time: Seconds = Field(gt=0, le=1.0)
-    edge_offset: Metres = Field(0.00055, gt=0, le=0.1)  # rms of the lay before; cell/perception/laid.yaml has 0.44 mm
+    edge_offset: Metres = Field(0.00055, gt=0, le=0.1)  # rms by folds; laid.yaml has 0.44 mm
     force: float | None = Field(None, gt=0, le=10.0, exclude_if=lambda force: force is None)
 
 
