@@ -119,7 +119,10 @@ class LatencySteps:
         return centre is not None
 
     def verdict(self, lens: Lens, homography: Homography) -> LatencyVerdict:
-        """The verdict on the latency, with `lens` and the `homography` of the touched points."""
+        """Estimate the camera latency [s] from arm and images; `reasons` say why it is refused.
+
+        `homography` is that of the touched points.
+        """
         return latency_verdict(self.arm, self._seen, lens, homography, self._settings)
 
 

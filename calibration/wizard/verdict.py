@@ -5,7 +5,7 @@ from enum import StrEnum
 
 
 class Level(StrEnum):
-    """Grade of a line: good, fair, bad, or plain for none."""
+    """Grade of a line printed for the operator: good, fair, bad, or plain if it is not graded."""
 
     GOOD = "good"
     FAIR = "fair"

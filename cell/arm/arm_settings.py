@@ -22,7 +22,10 @@ def settings_of_run(
 
 
 def at_speed(settings: CellFile, speed: float | None) -> CellFile:
-    """The cell's settings with another path speed [m/s], within its limits."""
+    """Copy of the cell's settings with path speed `speed` [m/s]; unchanged if it is None.
+
+    Raises ConfigurationError for a speed outside its limits.
+    """
     if speed is None:
         return settings
     content = settings.fold.model_dump() | {"speed": speed}

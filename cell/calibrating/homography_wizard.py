@@ -239,7 +239,10 @@ def lens_of(folder: Path) -> Lens:
 
 
 def read_poses(path: Path) -> tuple[Pose, ...]:
-    """Read the poses of a poses.yaml; raises ConfigurationError for a broken file."""
+    """Read the pose of every touch (x, z, pitch) from a poses.yaml.
+
+    Raises ConfigurationError for a broken file.
+    """
     return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
 
 

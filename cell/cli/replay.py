@@ -12,8 +12,8 @@ from cell.cli.options import Json, busy, print_json
 def replay(
     run: Annotated[Path, typer.Argument(help="A run folder of the cell.")], as_json: Json = False
 ) -> None:
-    """Decide again from the stored images; the exit code is 1 when anything comes out otherwise."""
-    with busy("deciding again from the images"):
+    """Repeat a run's perception and decisions from its record; exit code 1 if a result differs."""
+    with busy("repeating perception and decisions from the record"):
         from cell.folding.replay import replay as decide_again
 
         result = decide_again(run)

@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import select
 import sys
 from contextlib import suppress
 from typing import Any, TextIO
@@ -20,12 +21,16 @@ class Outlet(io.FileIO):
     failure: OSError | None = None
 
     def write(self, content: Any) -> int:
-        """Pass bytes on to the system while it accepts them."""
+        """Write what the system accepts, drop the rest after an error; always claims every byte."""
         block = memoryview(content)
         rest = block.cast("B")
         while self.failure is None and rest.nbytes:
             try:
-                rest = rest[super().write(rest) or 0 :]
+                written = super().write(rest)
+                if written is None:  # the pipe would block: wait until its reader makes room
+                    select.select([], [self], [])
+                    continue
+                rest = rest[written:]
             except OSError as error:
                 self.failure = error
         return block.nbytes

@@ -35,7 +35,7 @@ from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
 from cell.gap.verdict.decide import in_doubt, kind
 from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
-from cell.gap.verdict.judge import chosen, judge, show
+from cell.gap.verdict.judge import chosen, judge, refit_held_out
 from cell.gap.verdict.offered_law import Names, offered_law
 
 Progress = Callable[[str, float], None]
@@ -74,7 +74,7 @@ def investigate(
     judged = judge(subject, choice, sets, simulate, whole, rng)
     progress("show on held-out runs", 0.9)
     unseen = with_spreads(evidence(test), fitted.scatter)
-    shown = show(subject, simulate, fitted.base, choice.accepted, unseen, rng)
+    shown = refit_held_out(subject, simulate, fitted.base, choice.accepted, unseen, rng)
     progress("advise", 0.95)
     is_gap = bool(choice.accepted.model.effects) or fitted.gap
     advised = advice(subject, screened, choice, judged, simulate) if is_gap else Advised()

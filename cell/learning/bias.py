@@ -63,21 +63,22 @@ class _Learner:
     def __init__(self, settings: LearningSettings) -> None:
         self._settings = settings
         self._rows: list[Row] = []
-        self._runs: list[str] = []  # that began an epoch, from the second on
-        self._epoch_folds: list[int] = []  # rows of the folds of this epoch
-        self.epoch: list[Experience] = []  # these folds themselves
-        self._before: tuple[float, Experience] | None = None  # surprise of the fold before
+        self._change_runs: list[str] = []  # names of the runs that began a new epoch
+        self._epoch_rows: list[int] = []  # indices into `_rows` of this epoch's folds
+        self.epoch: list[Experience] = []  # this epoch's folds, in the order of `_epoch_rows`
+        # the last fold and its surprise [sigmas]; None before the first and after a change
+        self._previous_fold: tuple[float, Experience] | None = None
 
     def learn(self, experience: Experience) -> None:
         """Add the next experience; two in a row that deviate to one side start a new epoch."""
         if experience.kind == "ruler":
             self._rows.append(((self._rig,), experience.rig, self._settings.ruler))
             return
-        surprise, before = self._surprise(experience), self._before
-        self._before = (surprise, experience)
+        surprise, before = self._surprise(experience), self._previous_fold
+        self._previous_fold = (surprise, experience)
         if before is not None and _shows_change(before[0], surprise):
             self._start_epoch(*before)
-            self._before = None
+            self._previous_fold = None
         elif abs(surprise) > OUTLIER_SIGMAS:
             return
         self._add(experience)
@@ -85,21 +86,21 @@ class _Learner:
     def _start_epoch(self, surprise: float, first: Experience) -> None:
         """Start an epoch with the fold `first`, which deviated by `surprise` [sigmas]."""
         if abs(surprise) <= OUTLIER_SIGMAS:
-            self._rows.pop(self._epoch_folds[-1])
-        self._runs.append(first.run)
-        self._epoch_folds, self.epoch = [], []
+            self._rows.pop(self._epoch_rows[-1])
+        self._change_runs.append(first.run)
+        self._epoch_rows, self.epoch = [], []
         self._add(first)
 
     def _surprise(self, experience: Experience) -> float:
         """Deviation of a fold from the bias so far, in sigmas; 0 for the first of an epoch."""
-        if not self._epoch_folds:
+        if not self._epoch_rows:
             return 0.0
         mean, variance = self._predict(self._unknowns_of(experience.strip, experience.specimen))
         sigma = np.hypot(np.sqrt(variance), self._settings.repeat)
         return float((experience.displacement - mean) / sigma)
 
     def _add(self, experience: Experience) -> None:
-        self._epoch_folds.append(len(self._rows))
+        self._epoch_rows.append(len(self._rows))
         self.epoch.append(experience)
         unknowns = self._unknowns_of(experience.strip, experience.specimen)
         self._rows.append((unknowns, experience.displacement, self._settings.repeat))
@@ -115,16 +116,20 @@ class _Learner:
             sigma=float(np.hypot(np.sqrt(variance), self._settings.repeat)),
             rig=rig,
             parts=(each[0], each[1], each[2]),
-            folds=len(self._epoch_folds),
-            since=self._runs[-1] if self._runs else None,
+            folds=len(self._epoch_rows),
+            since=self._change_runs[-1] if self._change_runs else None,
         )
 
     @property
     def _rig(self) -> Unknown:
-        return ("rig", len(self._runs))
+        return ("rig", len(self._change_runs))
 
     def _unknowns_of(self, strip: str, specimen: str) -> tuple[Unknown, ...]:
-        return ("cell", len(self._runs)), ("strip", strip), ("specimen", f"{strip}/{specimen}")
+        return (
+            ("cell", len(self._change_runs)),
+            ("strip", strip),
+            ("specimen", f"{strip}/{specimen}"),
+        )
 
     def _sigma(self, unknown: Unknown) -> float:
         level, member = unknown

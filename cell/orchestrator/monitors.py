@@ -144,6 +144,7 @@ def _camera_moved(snapshot: Snapshot, rules: Rules) -> str | None:
 def _check_speed(snapshot: Snapshot, rules: Rules) -> str | None:
     limits, moving = rules.limits, snapshot.arm.velocity
     allowed = limits.speed * limits.overspeed
+    # here and in `_tracking` `not a <= b` instead of `a > b`: NaN must stop the arm, too
     if not moving.speed <= allowed:
         return f"the gripper moves at {moving.speed:.3f} m/s, allowed {allowed:.3f} m/s"
     turning, most = abs(moving.pitch_rate), rules.motion.pitch.velocity * limits.overspeed

@@ -129,7 +129,10 @@ def lift(cell: FoldContext, record: Record, _begin: Snapshot) -> Phase:
 
 
 def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
-    """Decide on each new frame, command on each tick, until layer_touch is detected."""
+    """Decide on each new frame and command on each tick, until the layers touch.
+
+    Ends with PATH_DONE where the policy's path ends before a touch is seen.
+    """
     command = Drive(begin.velocity)
     while True:
         snapshot = yield command
@@ -144,6 +147,7 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
         _note_predicted(cell, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
+        # rad/s that takes out the error of pitch, by which the gripper no longer hangs upright
         upright = TURN_GAIN * (HANGING - snapshot.arm.pose.pitch)
         command = drive(decision, float(decision.pitch_rate[0]) + upright)
 

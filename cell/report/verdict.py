@@ -75,8 +75,8 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
     """Verdict on a fold: how the edges lie where that was measured, or else how the layers met."""
     edge = result.edge_offset
     sentences = [
-        *_edges_sentence(edge, truth.get("edge_offset")),
-        *_touch_sentence(run, result, d, truth),
+        *_edges_sentences(edge, truth.get("edge_offset")),
+        *_touch_sentences(run, result, d, truth),
     ]
     agreed = result.agreement
     if agreed is not None and not agreed.like_model and agreed.reason != result.reason:
@@ -107,27 +107,31 @@ def _fold_headline(result: Result) -> str:
     return f"Folded: the edges lie {millimetres(abs(result.edge_offset))} apart"
 
 
-def _edges_sentence(offset: float | None, true: object) -> list[str]:
-    """Sentence on how the laid edges lie, as measured and in truth."""
+def _edges_sentences(offset: float | None, true: object) -> list[str]:
+    """Sentences on how the laid edges lie, as measured and in truth."""
     if offset is None:
         return []
     where = "beyond" if offset > 0 else "before"
-    said = [f"Laid down, the upper edge lies {millimetres(abs(offset))} {where} the lower one."]
+    lie = f"the upper edge lies {millimetres(abs(offset))} {where} the lower one"
+    sentences = [f"Laid down, {lie}."]
     if isinstance(true, int | float):
-        said.append(_true_words(offset, true, "offset of the edges"))
-    return said
+        sentences.append(_true_words(offset, true, "offset of the edges"))
+    return sentences
 
 
-def _touch_sentence(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> list[str]:
-    """Sentence on how the layers met, as measured and in truth."""
-    at = "" if result.t_layer_touch is None else f" after {seconds(result.t_layer_touch)}"
+def _touch_sentences(
+    run: Run, result: Result, displacement: float, truth: Mapping[str, Any]
+) -> list[str]:
+    """Sentences on how the layers met, as measured and in truth."""
+    when = "" if result.t_layer_touch is None else f" after {seconds(result.t_layer_touch)}"
     accuracy = millimetres(run.header.sigma.displacement)
-    by = f"{millimetres(abs(d))} \N{PLUS-MINUS SIGN} {accuracy}"
-    said = [f"Where the layers first touched{at}, the upper one was {side(d)} by {by}."]
-    true = truth.get("displacement")
-    if isinstance(true, int | float):
-        said.append(_true_words(d, true, "displacement"))
-    return said
+    distance = f"{millimetres(abs(displacement))} \N{PLUS-MINUS SIGN} {accuracy}"
+    upper = f"the upper one was {side(displacement)} by {distance}"
+    sentences = [f"Where the layers first touched{when}, {upper}."]
+    true_displacement = truth.get("displacement")
+    if isinstance(true_displacement, int | float):
+        sentences.append(_true_words(displacement, true_displacement, "displacement"))
+    return sentences
 
 
 def _true_words(seen: float, true: float, what: str) -> str:

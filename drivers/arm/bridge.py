@@ -75,7 +75,7 @@ class Bridge:
         self.ticks = until
 
     def report(self) -> tuple[Report, bool]:
-        """The newest report of the loop, and whether the newest command is yet to be taken."""
+        """Newest report of the control loop, and whether it has yet to take the last command."""
         self.check()
         report = self._reports.read()
         return report, report.number != self._order.number

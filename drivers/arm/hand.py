@@ -14,7 +14,7 @@ from drivers.types import HandState
 
 SOURCE = "fci hand"
 CONNECT_TIMEOUT = 1.0  # s to connect
-STALE = 64  # datagrams read at most in one call
+MOST_DATAGRAMS = 64  # datagrams read at most in one call
 UNSTOPPED = 0.25  # s after which a stop that changed nothing is sent again
 MOST_STOPS = 3  # stops without effect, after which the hand is given up
 
@@ -163,10 +163,10 @@ class FciHand:
         return self._number
 
     def _receive(self) -> None:
-        """Read all replies and states that have arrived."""
+        """Read the replies and states that have arrived; repeat a stop that had no effect."""
         self._ready()
         tcp, udp = self._open_links()
-        for _ in range(STALE):
+        for _ in range(MOST_DATAGRAMS):
             packet = _next_datagram(udp)
             if packet is None:
                 break

@@ -73,7 +73,11 @@ class ArmPort:
         return None
 
     def publish(self, rate: float, is_nan: bool) -> None:
-        """Send the client the state of this tick, then the replies due in this tick."""
+        """Send the client the state of this tick, then the replies due in this tick.
+
+        `rate` is the fraction of commands that arrived in time; with `is_nan` the measured part of
+        the state is NaN, as from a broken sensor.
+        """
         robot, client = self._robot, self.client
         if client is None:
             robot.late.clear()

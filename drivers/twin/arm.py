@@ -38,7 +38,7 @@ class ExternalWrench:
         self._reading = (0.0, 0.0)
 
     def tick(self, force: tuple[float, float]) -> None:
-        """Measure the true `force` (f_x, f_z) [N] of this tick."""
+        """Update the reading from the true `force` (f_x, f_z) [N], with lag, offset and noise."""
         self._average += self._share * (np.array(force) - self._average)
         noise = self._noise * self._rng.standard_normal(2)
         x, z = (self._average + self._offset + noise).tolist()

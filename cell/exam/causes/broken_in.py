@@ -1,4 +1,4 @@
-"""Cause: a sudden loss of stiffness between two runs."""
+"""Hidden cause: a sudden loss of stiffness between two runs."""
 
 from dataclasses import replace
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Cause: a yarn of the strip that is caught on the desk."""
+"""Hidden cause: a yarn of the strip that is caught on the desk."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Cause: the camera's clock drifts from the arm's."""
+"""Hidden cause: the camera's clock drifts from the arm's."""
 
 from typing import ClassVar
 

@@ -1,4 +1,4 @@
-"""Cause: a strip that slides slowly out of the fingers."""
+"""Hidden cause: a strip that slides slowly out of the fingers."""
 
 from typing import ClassVar
 

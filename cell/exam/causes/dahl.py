@@ -1,4 +1,4 @@
-"""Cause: friction between yarns that sets in gradually, without a yield point."""
+"""Hidden cause: friction between yarns that sets in gradually, without a yield point."""
 
 from typing import ClassVar
 

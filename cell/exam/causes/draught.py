@@ -1,4 +1,4 @@
-"""Cause: a gusty wind over the desk."""
+"""Hidden cause: a gusty wind over the desk."""
 
 from typing import ClassVar
 

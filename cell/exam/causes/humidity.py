@@ -1,4 +1,4 @@
-"""Cause: air humidity that differs from run to run."""
+"""Hidden cause: air humidity that differs from run to run."""
 
 from dataclasses import replace
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Cause: a lens whose distortion changed after its calibration."""
+"""Hidden cause: a lens whose distortion changed after its calibration."""
 
 from typing import ClassVar
 

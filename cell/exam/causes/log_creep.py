@@ -1,4 +1,4 @@
-"""Cause: bending stiffness that decays with the logarithm of time."""
+"""Hidden cause: bending stiffness that decays with the logarithm of time."""
 
 from typing import ClassVar
 

@@ -1,4 +1,4 @@
-"""Cause: drag of still air that also acts along the strip and is not quite quadratic."""
+"""Hidden cause: drag of still air that also acts along the strip and is not quite quadratic."""
 
 from typing import ClassVar
 

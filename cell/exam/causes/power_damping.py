@@ -1,4 +1,4 @@
-"""Cause: damping that grows with a power of the rate of bending."""
+"""Hidden cause: damping that grows with a power of the rate of bending."""
 
 from typing import ClassVar
 

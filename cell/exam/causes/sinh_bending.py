@@ -1,4 +1,4 @@
-"""Cause: bending stiffness that rises or falls with curvature by a law other than a cubic."""
+"""Hidden cause: bending stiffness rising or falling with curvature by a law other than a cubic."""
 
 from typing import ClassVar
 

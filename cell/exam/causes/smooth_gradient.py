@@ -1,4 +1,4 @@
-"""Cause: stiffness that rises along the strip in an S-curve instead of a straight line."""
+"""Hidden cause: stiffness that rises along the strip in an S-curve instead of a straight line."""
 
 from dataclasses import replace
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Cause: a seam whose stiffness fades out smoothly at its edges."""
+"""Hidden cause: a seam whose stiffness fades out smoothly at its edges."""
 
 from dataclasses import replace
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Cause: internal damping that a specimen loses in its first runs."""
+"""Hidden cause: internal damping that a specimen loses in its first runs."""
 
 from dataclasses import replace
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Cause: electrostatic attraction between strip and desk."""
+"""Hidden cause: electrostatic attraction between strip and desk."""
 
 from typing import ClassVar
 

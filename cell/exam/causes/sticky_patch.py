@@ -1,4 +1,4 @@
-"""Cause: a sticky spot on the desk."""
+"""Hidden cause: a sticky spot on the desk."""
 
 from typing import ClassVar
 

@@ -1,4 +1,4 @@
-"""Cause: a vibration of the gripper that the arm does not measure."""
+"""Hidden cause: a vibration of the gripper that the arm does not measure."""
 
 from typing import ClassVar
 

@@ -30,7 +30,7 @@ LINKS, CHAIN_STEP, SHAPE_STRIDE = 200, 0.003, 2  # s; every second shape is kept
 TARE_STREAM = 78  # of the case's generators, of what tares left
 
 
-class Made(NamedTuple):
+class CaseMotion(NamedTuple):
     """One motion of a case: `name` and `condition` of its run, and the gripper's reported `way`."""
 
     name: str
@@ -53,19 +53,19 @@ def make_runs(case: Case, folder: Path) -> None:
     """Simulate the runs of `case` and write a folder for each, with four files that a fit reads."""
     rng = np.random.default_rng([case.seed, 1])
     plant = plant_of(case)
-    made = motions_of(case, plant.length)
-    bare = [describe(plant, case.effects, index) for index in range(len(made))]
+    motions = motions_of(case, plant.length)
+    bare = [describe(plant, case.effects, index) for index in range(len(motions))]
     models = [
         after_tare(RunScatter.draw(case.scatter, case.seed, i).in_rig(model), case, i)
         for i, model in enumerate(bare)
     ]
-    ways = [motion.way for motion in made]
+    ways = [motion.way for motion in motions]
     if case.engine == "chain":
         folds = _fold_on_chain(case, models, ways)
     else:
         folds = rod_folds(models, ways, SEGMENTS, ROD_STEP)
     by = replace(BY, force=case.force)
-    for index, (motion, bare_fold) in enumerate(zip(made, folds, strict=True)):
+    for index, (motion, bare_fold) in enumerate(zip(motions, folds, strict=True)):
         fold = replace(bare_fold, index=index, condition=motion.condition)
         write_fold(folder / f"{index:02d}-{motion.name}", case.strip, fold, by, rng)
 
@@ -79,13 +79,18 @@ def after_tare(model: StripModel, case: Case, index: int) -> StripModel:
     return replace(model, observation=replace(model.observation, force_x=x, force_z=z))
 
 
-def motions_of(case: Case, length: float) -> list[Made]:
-    """Motions of a case for a strip of `length` [m], in the order of its runs."""
+def motions_of(case: Case, length: float) -> list[CaseMotion]:
+    """Gripper motions of `case` over a strip of `length` [m], in the order of its runs."""
     names = MOTIONS * case.repeats
     if case.motions == "standard":
-        return [Made(name, MOTION + name, way_of(STANDARD[name].of(length))) for name in names]
+        return [_standard_motion(name, length) for name in names]
     ways = ways_by_hand(length, case.seed, len(names))
-    return [Made("by-hand", f"by-hand-{i}", way) for i, way in enumerate(ways, start=1)]
+    return [CaseMotion("by-hand", f"by-hand-{i}", way) for i, way in enumerate(ways, start=1)]
+
+
+def _standard_motion(name: str, length: float) -> CaseMotion:
+    """Standard motion `name` over a strip of `length` [m]."""
+    return CaseMotion(name, MOTION + name, way_of(STANDARD[name].of(length)))
 
 
 def _fold_on_chain(

@@ -92,7 +92,10 @@ class Confusion:
 
 
 def confusion(found: Iterable[tuple[str, str]]) -> Confusion:
-    """Confusion matrix of pairs (hidden, stated); names of rows are the first columns."""
+    """Count pairs (hidden cause, stated cause) into a confusion matrix.
+
+    Columns are first the stated ones of the rows, in their order, then all other stated names.
+    """
     counts = Counter(found)
     rows = tuple(sorted({hidden for hidden, _ in counts}))
     stated = {column for _, column in counts}

@@ -73,7 +73,10 @@ def clock(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Complaint]:
 
 
 def images(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Complaint]:
-    """Complaint about missing images, by the stamps (n,) [s] of all points in images."""
+    """Complain where images are missing, judged by gaps in the stamps `t` (n,) [s] of images.
+
+    A stamp may repeat: each point of a profile bears that of its image.
+    """
     stamps = np.unique(t)
     if len(stamps) < 3:
         return

@@ -137,14 +137,18 @@ def _gap(found: Findings) -> Gap:
 
 
 def _posterior(found: Findings) -> Probable:
-    """Posterior part of a verdict; the lead is that of the accepted model and its rivals."""
-    sets, after = found.posterior, found.shown.after
-    own = {found.accepted.model.names, *(r.model.model.names for r in found.judged.rivals)}
-    ahead = sets.ahead(lambda names: names in own)
+    """Posterior part of a verdict; `ahead` is the lead of the accepted model and its rivals."""
+    posterior, after = found.posterior, found.shown.after
+    rivals = (rival.model.model.names for rival in found.judged.rivals)
+    accepted_or_rival = {found.accepted.model.names, *rivals}
+    ahead = posterior.ahead(lambda names: names in accepted_or_rival)
+    # residuals are in units of noise and floor: what a true model leaves has about the scale 1
+    rms_left = float(np.sqrt(mean_square(clip_wild(after.residuals, scale=1.0))))
+    probable = posterior.models[: LISTED.sets]
     return Probable(
-        models=[ProbableSet(names=sorted(m.names), p=m.p) for m in sets.models[: LISTED.sets]],
-        inclusion=sets.inclusion,
-        left=float(np.sqrt(mean_square(clip_wild(after.residuals, 1.0)))),
+        models=[ProbableSet(names=sorted(m.names), p=m.p) for m in probable],
+        inclusion=posterior.inclusion,
+        left=rms_left,
         correlation=robust.correlation(after.evidence.runs, after.residuals),
         ahead=ahead if np.isfinite(ahead) else None,
     )

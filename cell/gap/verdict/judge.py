@@ -143,7 +143,7 @@ def _leftover(estimate: Estimate, noise: Array, allowed: Array) -> tuple[float, 
     return (others, name) if others >= ALPHA else (whole, None)
 
 
-def show(
+def refit_held_out(
     subject: Subject,
     simulate: Simulate,
     base: Validated,
@@ -151,14 +151,15 @@ def show(
     test: Evidence,
     rng: np.random.Generator,
 ) -> Shown:
-    """Fit base and accepted model to the held-out runs `test`, only their own unknowns free."""
+    """Refit base and accepted model to held-out runs `test`, with all shared parameters fixed."""
 
-    def corrected_for(fit: Estimate) -> Evidence:
+    def refine_for(fit: Estimate) -> Evidence:
         return refine(subject, fit.model, Point(fit.shared, test.start()), test)
 
-    known = corrected_for(base.estimate)
-    before = after = held_out_gap.unseen(simulate, base.estimate, known)
+    base_evidence = refine_for(base.estimate)
+    before = after = held_out_gap.unseen(simulate, base.estimate, base_evidence)
     if accepted.model.effects:
-        runs = corrected_for(accepted.estimate).runs
-        after = held_out_gap.unseen(simulate, accepted.estimate, Evidence(runs, known.scales))
+        # scales stay those of the base, so that both gaps are in the same units
+        evidence = Evidence(refine_for(accepted.estimate).runs, base_evidence.scales)
+        after = held_out_gap.unseen(simulate, accepted.estimate, evidence)
     return Shown(before, after, held_out_gap.shrink(before, after, rng))

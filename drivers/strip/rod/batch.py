@@ -1,4 +1,4 @@
-"""Memory of a batch of strips: creation, compaction when strips have ended, and read-out."""
+"""Memory of a batch of simulated strips: creation, compaction as strips finish, and read-out."""
 
 from collections.abc import Callable, Sequence
 from typing import TypeVar

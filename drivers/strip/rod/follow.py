@@ -47,7 +47,7 @@ class Batch(NamedTuple):
 
 @kernel
 def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
-    """Copy the midline of one lane into `x` and `z` (nodes,) [m]."""
+    """Copy the midline of the strip in lane `lane` of a block into `x` and `z` (nodes,) [m]."""
     for j in range(len(x)):
         x[j] = pick(state, j + 1, at.X, lane)
         z[j] = pick(state, j + 1, at.Z, lane)

@@ -73,7 +73,10 @@ def gap_over(x: Any, z: Any, j: int, k: int) -> Any:
 
 @kernel
 def layer_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
-    """Height [m] and fractional node index of the smallest closing layer gap; infinite if none."""
+    """Height [m] and fractional node index of a fold's narrowest layer gap; infinite if none.
+
+    Counts only local minima after the gap has exceeded `opening` [m].
+    """
     last = len(x) - 1
     best, place = math.inf, 0.0
     if last - tip < 3 or tip < 2:  # too few nodes on either side for a fold

@@ -3,11 +3,14 @@
 import os
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from cell.cli.options import busy
+from cell.cli.streams import Outlet
 
 CELL = [sys.executable, "-m", "cell"]
 FOLD = """
@@ -100,6 +103,27 @@ def test_what_is_printed_never_lands_in_a_file_that_was_opened_later(tmp_path) -
     (tmp_path / "it.py").write_text(script)
     assert clean(shell(f"{sys.executable} it.py >&- 2>&-", tmp_path))
     assert (tmp_path / "record").read_text() == ""
+
+
+def test_a_full_pipe_that_does_not_block_is_waited_for_at_rest() -> None:
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    content = bytes(range(256)) * 1024  # 256 KiB, more than a pipe holds
+
+    def read_late() -> bytes:
+        time.sleep(0.2)
+        with os.fdopen(reading, "rb") as pipe:
+            return pipe.read()
+
+    with ThreadPoolExecutor(1) as pool:
+        arrived = pool.submit(read_late)
+        begun, worked = time.monotonic(), time.process_time()
+        with Outlet(writing, "w") as outlet:
+            assert outlet.write(content) == len(content)
+            waited, worked = time.monotonic() - begun, time.process_time() - worked
+        assert arrived.result(timeout=60) == content
+    assert outlet.failure is None
+    assert worked < 0.03 * waited
 
 
 def test_long_work_is_announced_on_a_terminal_alone(monkeypatch, capsys) -> None:

@@ -245,7 +245,7 @@ class MechanismSubject:
         return [request.run for request in requests]
 
     def experiments(self) -> Sequence[Experiment]:
-        """Planned swings of a pendulum; none for another mechanism, which its owner plans."""
+        """Experiments for a pendulum: planned releases from rest; empty for any other mechanism."""
         if self.opened.pendulum is None:
             return ()
         return [Experiment(name, instruction, SET_UP + planned.t[-1] / 60.0, self._run(planned))

@@ -19,6 +19,8 @@ from drivers.yaml_edit import dump_text
 
 RUNS, SPAN, STEP, EVERY = 8, 4.0, 4e-4, 10  # number, s, s, steps per reading
 LINK, CENTRE = 0.3, 0.15  # m, length of a link and distance of its centre of mass from its joint
+JOINT_DAMPING, JOINT_ARMATURE = 0.05, 0.01  # s, s^2 (per m on a slide), of the weight it bears
+SIDE_INERTIA, AXIAL_INERTIA = 0.008, 0.001  # m^2: of a link across and along it, of its mass
 TAPER = 0.7  # mass of a link over that of the one before
 ANGLE, TORQUE = 3e-4, 0.02  # rad, share of a joint's weight: one sigma of a reading
 STIFF = 3e4  # 1/rad: gain of a servo that follows its command to 0.02 mrad, of the weight it bears
@@ -52,28 +54,42 @@ class Chain:
         return cls(joints, cart, gain, np.array(weight))
 
     def xml(self) -> str:
-        """MJCF text of the chain without the hidden cause, as its owner would state it."""
-        bodies, motors = "", ""
-        for i in range(self.joints):
-            slide = self.cart and i == 0
-            axis = "1 0 0" if slide or i % 2 else "0 1 0"
-            if self.cart and i == 1:
-                axis = "0 1 0"
-            mass, weight = TAPER**i, self.weight[i]
-            place = "" if i == 0 or (self.cart and i == 1) else ' pos="0 0 -0.3"'
-            bodies += (
-                f'<body name="link{i + 1}"{place}><joint name="j{i + 1}" axis="{axis}" '
-                f'type="{"slide" if slide else "hinge"}" damping="{0.05 * weight:.6g}" '
-                f'armature="{0.01 * weight:.6g}"/><inertial pos="0 0 -0.15" mass="{mass:.6g}" '
-                f'diaginertia="{0.008 * mass:.6g} {0.008 * mass:.6g} {0.001 * mass:.6g}"/>'
-                f'<site name="s{i + 1}" pos="0 0 -0.3"/>'
-            )
-            motors += f'<position name="a{i + 1}" joint="j{i + 1}" kp="{self.gain * weight:.6g}"/>'
+        """MJCF text of the chain as its owner knows it, without the hidden cause."""
+        bodies = "".join(self._body(i) for i in range(self.joints))
         ends = "</body>" * self.joints
+        motors = "".join(self._motor(i) for i in range(self.joints))
         return (
             '<mujoco model="chain"><compiler angle="radian"/><option integrator="RK4"/>'
             f"<worldbody>{bodies}{ends}</worldbody><actuator>{motors}</actuator></mujoco>\n"
         )
+
+    def _body(self, i: int) -> str:
+        """Link `i` with its joint in MJCF; the element stays open for the next link."""
+        kind = "slide" if self.cart and i == 0 else "hinge"
+        at_base = i == 0 or (self.cart and i == 1)  # a cart carries its first link on its joint
+        place = "" if at_base else f' pos="0 0 -{LINK}"'
+        mass, weight = TAPER**i, self.weight[i]
+        across, along = SIDE_INERTIA * mass, AXIAL_INERTIA * mass
+        return (
+            f'<body name="link{i + 1}"{place}><joint name="j{i + 1}" axis="{self._joint_axis(i)}" '
+            f'type="{kind}" damping="{JOINT_DAMPING * weight:.6g}" '
+            f'armature="{JOINT_ARMATURE * weight:.6g}"/>'
+            f'<inertial pos="0 0 -{CENTRE}" mass="{mass:.6g}" '
+            f'diaginertia="{across:.6g} {across:.6g} {along:.6g}"/>'
+            f'<site name="s{i + 1}" pos="0 0 -{LINK}"/>'
+        )
+
+    def _joint_axis(self, i: int) -> str:
+        """Axis of joint `i` in MJCF: y and x in turn, but a cart slides along x, under a y."""
+        along_x = i % 2 == 1
+        if self.cart and i < 2:
+            along_x = i == 0
+        return "1 0 0" if along_x else "0 1 0"
+
+    def _motor(self, i: int) -> str:
+        """Position servo of joint `i` in MJCF."""
+        gain = self.gain * self.weight[i]
+        return f'<position name="a{i + 1}" joint="j{i + 1}" kp="{gain:.6g}"/>'
 
     def file(self, *, tracking: bool) -> dict[str, Any]:
         """Content of the chain's mechanism file, with signals of tracking if `tracking`."""

@@ -53,7 +53,7 @@ def bias() -> Bias:
 
 @cache
 def model_error() -> ModelError:
-    """Standard deviation of the error of this version's strip model."""
+    """Load the relative standard deviation of fitted damping between simulation engines."""
     return load(DAMPING_FILE, ModelError)
 
 

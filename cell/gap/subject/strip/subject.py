@@ -65,21 +65,29 @@ class Strip:
         floors: Floors | None = None, without: Sequence[str] = (),
         scatter: Sequence[RunEffect] = RUN_EFFECTS,
     ) -> None:  # fmt: skip
-        self.file = strip
+        """Prepare the folds of `runs`, which simulates them; effects `without` are no candidates.
+
+        `scatter` are the quantities that may differ from run to run.
+        """
+        self.file, self._jobs = strip, jobs
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
+
         has_force = any(run.measured.has_force for run in self._measured)
-        scatter = (*scatter, *FORCE_EFFECTS) if has_force else scatter
         lifted = _lift_off_position(self._measured)
         self._scope = scope(strip, self._floors, lifted, without, has_force=has_force)
+        self._scatter = _scatter_of(scatter, has_force=has_force)
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
-        self._jobs, self._scatter = jobs, tuple(scatter)
+
         self._simulation = Simulation(COARSE, jobs)
-        self._rough = Simulation(ROUGH, jobs, SELDOM)
-        self._known: dict[Look, tuple[Comparison, Residuals]] = {}
-        self._described = lru_cache(DESCRIBED)(partial(_describe, strip, self._scope.base))
-        self._runs = prepare(self._measured, strip, self._floors, self._simulation, jobs, scatter)
+        self._rough_simulation = Simulation(ROUGH, jobs, SELDOM)
+        self._residual_cache: dict[Look, tuple[Comparison, Residuals]] = {}
+        self._model_cache = lru_cache(DESCRIBED)(partial(_describe, strip, self._scope.base))
+
+        self._runs = prepare(
+            self._measured, strip, self._floors, self._simulation, jobs, self._scatter
+        )
         self._replicates = replicates(self._runs)
 
     @property
@@ -114,12 +122,12 @@ class Strip:
         """Residuals of each look, from a cache or a new simulation; its motion is not kept."""
         found = {}
         for look, (fold, _) in asked.items():
-            comparison, residuals = self._known.get(look, (None, None))
+            comparison, residuals = self._residual_cache.get(look, (None, None))
             if residuals is not None and comparison is fold.comparison:
                 found[look] = residuals
         new = {look: each for look, each in asked.items() if look not in found}
         compared = self._compare_new(new)
-        self._known |= {look: (new[look][0].comparison, r) for look, r in compared.items()}
+        self._residual_cache |= {k: (new[k][0].comparison, r) for k, r in compared.items()}
         return found | compared
 
     def _compare_new(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
@@ -132,7 +140,8 @@ class Strip:
         found: dict[Look, Residuals] = {}
         with ThreadPoolExecutor(self._jobs) as pool:
             for rough, group in groupby(order, key=lambda look: look.rough):
-                simulation, looks = self._rough if rough else self._simulation, iter(group)
+                simulation = self._rough_simulation if rough else self._simulation
+                looks = iter(group)
                 while portion := list(islice(looks, PORTION)):
                     folds, drives = zip(*(asked[look] for look in portion), strict=True)
                     residuals = pool.map(lambda fold, drive, motion: fold.comparison(
@@ -194,7 +203,12 @@ class Strip:
         effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
         ages = self._ages or not AGEING.isdisjoint(request.effects)
         index = fold.index if ages else 0
-        return self._described(tuple(map(float, request.base)), effects, index)
+        return self._model_cache(tuple(map(float, request.base)), effects, index)
+
+
+def _scatter_of(scatter: Sequence[RunEffect], *, has_force: bool) -> tuple[RunEffect, ...]:
+    """Quantities that may differ from run to run: `scatter`, and those of a measured force."""
+    return (*scatter, *FORCE_EFFECTS) if has_force else tuple(scatter)
 
 
 def _describe(

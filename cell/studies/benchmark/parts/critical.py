@@ -45,7 +45,7 @@ class Critical:
         return MOTION_COST * len(self.heights) * self.stiffnesses * self.dampings / self.speed
 
     def measure(self) -> CriticalPoints:
-        """Move every strip at every height until its layers touch."""
+        """Find the gripper's x [m] at the layers' first touch, for every strip at every height."""
         u, v = np.linspace(0, 1, self.stiffnesses), np.linspace(0, 1, self.dampings)
         strips = [strip_at(a, b) for a, b in product(u, v)]
         found = [self._first_touch(height, strips).reshape(len(u), -1) for height in self.heights]
