@@ -14,7 +14,7 @@ from drivers.strip.rod.batch import compact, end_strips, fixed_edges, flat_batch
 from drivers.strip.rod.follow import follow
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.newton import TURN_TOLERANCE
-from drivers.strip.rod.static import fit_length, lift_path, settle
+from drivers.strip.rod.static import FINE_STEPS, fit_length, lift_path, settle
 from drivers.strip.rod.step import Pace
 from drivers.strip.shape import Touch
 from drivers.types import Array
@@ -72,7 +72,7 @@ class Rod:
         self._batch = flat_batch(models, self._segments)
         self._begin()
         if start is None and any(m.mechanics.length != m.stated_length for m in models):
-            fit_length(self._batch, models)
+            self._fit_length(models)
             self._begin()
         elif start is not None:
             settle(self._batch, lift_path(self._batch, np.asarray(start, dtype=np.float64)))
@@ -138,6 +138,15 @@ class Rod:
     def arc(self) -> Array:
         """Arc lengths (n, nodes) [m] of the nodes from the fixed edge, closer towards the grip."""
         return np.array(self._batch.arc)
+
+    def _fit_length(self, models: Sequence[StripModel]) -> None:
+        """Lay strips out to their stated lengths; where the solver fails, again in finer steps."""
+        try:
+            fit_length(self._batch, models)
+        except SimulationNotConverged:
+            self._batch = flat_batch(models, self._segments)
+            self._begin()
+            fit_length(self._batch, models, FINE_STEPS)
 
     def _begin(self) -> None:
         count = len(self._batch.arc)

@@ -16,6 +16,7 @@ from drivers.strip.rod.step import Pace
 from drivers.types import Array
 
 APPROACH_STEPS = 60  # steps from lying flat to where a strip hangs
+FINE_STEPS = 150  # of a strip that the solver lost in those
 APPROACH_HEIGHT = 0.7  # of the way in over what a slack strip allows
 PERIOD = 0.05  # s, Euler steps in which a strip comes to where it shall rest
 STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, those in which it comes to rest
@@ -33,18 +34,18 @@ def lift_path(batch: Batch, start: Array) -> Array:
     return np.asarray(path)
 
 
-def fit_length(batch: Batch, models: Sequence[StripModel]) -> None:
+def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH_STEPS) -> None:
     """Move the gripped edge of each strip that is too long or too short to x = `stated_length`.
 
-    A shorter strip is stretched evenly; a longer one lies at rest with its slack as a wave in front
-    of the grip, as after a grip that came in from above.
+    A shorter strip is stretched evenly; a longer one, laid in `steps`, lies at rest with its slack
+    as a wave in front of the grip, as after a grip that came in from above.
     """
     slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
     goal = batch.held - slack[:, None] * (1.0, 0.0, 0.0)
     _stretch(batch, goal[:, 0] / batch.held[:, 0], slack < 0)
     batch.held[slack < 0] = goal[slack < 0]
     if (slack > 0).any():
-        share = np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:, None]
+        share = np.linspace(0.0, 1.0, steps + 1)[1:, None]
         path = batch.held + share[:, :, None] * (goal - batch.held)
         reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
         path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))

@@ -9,10 +9,13 @@ import pytest
 from drivers.errors import SimulationNotConverged, SimulationNotFinite, Unsupported
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.engine import Stepper, simulate
+from drivers.strip.file import StripFile
 from drivers.strip.model import Boundary, StripModel
+from drivers.strip.rod.batch import flat_batch
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import KNOWN_FIELDS
 from drivers.strip.rod.motions import GripperPath, simulate_all
+from drivers.strip.rod.static import fit_length
 from policies.path import circular, triangular
 from tests.support.rod_cases import for_all, paper_grid, paper_model, steady
 
@@ -274,3 +277,24 @@ def test_motions_in_a_batch_are_those_of_one_at_a_time() -> None:
     assert motions[0].touch.time > 7.0
     assert len(motions[2].t) == 1600
     assert np.ptp(motions[2].shapes[:2, :, 1], axis=0).max() < 0.003
+
+
+def test_slack_strip_that_the_solver_loses_is_laid_in_finer_steps() -> None:
+    strip = StripFile(
+        name="slack", length=0.5313326547824334, width=0.05, areal_density=0.28239819853426223,
+        bending_length=0.022245515947660416, retardation_time=0.066790626961165,
+        thickness=0.0005094110801311423,
+        effects={
+            "bending_hysteresis": {
+                "yield_curvature": 2.9846415176219834, "stiffness_ratio": 11.37539506008758
+            },
+            "length_error": {"error": 0.0006367313215551434},
+        },
+    )  # fmt: skip
+    models = [describe(strip)]
+    with pytest.raises(SimulationNotConverged):
+        fit_length(flat_batch(models, 100), models)
+    rod = Rod(100)
+    rod.reset(models)
+    assert np.isfinite(rod.shapes()).all()
+    assert rod.arc()[0, -1] == pytest.approx(strip.length + 0.0006367313, abs=1e-6)
