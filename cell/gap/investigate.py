@@ -204,9 +204,12 @@ def _refit_singles(
     singles = screened.singles[: search.BUDGET.singles]
     fits = search.fit_scores(simulate, fits, singles, candidates)
     fits = fits.merge(search.other_sign(simulate, fits, singles))
-    if not is_exhausted(fits):
-        fits = fits.merge(search.shape_parameters(simulate, fits))
-    return fits
+    return _refine_laws(fits, simulate)
+
+
+def _refine_laws(fits: Fits, simulate: Simulate) -> Fits:
+    """Free the shape parameters of the best models, unless the best one leaves nothing."""
+    return fits if is_exhausted(fits) else fits.merge(search.shape_parameters(simulate, fits))
 
 
 def _refit_further(
@@ -219,7 +222,10 @@ def _refit_further(
 ) -> Fits:
     """Fit other single effects, then pairs and triples, while the best model leaves a gap."""
     base, candidates = fits.base.estimate, subject.scope.candidates
-    if len(fits.models) == 1 or is_exhausted(fits):
+    if len(fits.models) == 1:
+        return fits
+    fits = _refine_laws(fits, simulate)  # beside a revised base a law may leave more
+    if is_exhausted(fits):
         return fits
     unnamed = fitted.doubted and not choose(fits).accepted.model.effects
     if not unnamed and not _leaves_more(fits, anywhere=True):

@@ -17,8 +17,6 @@ from drivers.strip.file import GRAVITY
 from drivers.types import Array, frozen
 
 CELLS = 600
-EARLY_SHARE = 0.8  # of the stiffness of gradual friction, in the element that slides early
-LATE_SHARE = 0.6  # of its moment, that `gradual` 1 moves to the element that slides late
 CONTACT_HEIGHT = 0.001  # m above rest at which the lifted strip leaves the desk
 
 
@@ -29,11 +27,12 @@ class BendingLaw:
     A term whose amount is 0 is off. `cubic` [m^2] and `fifth`: M = EI kappa (1 + u + fifth u^2)
     with u = cubic kappa^2, level past the crest where a softening law (`cubic` below 0) would fall.
     `yield_curvature` [1/m]: friction moment over rigidity of an elasto-plastic element beside the
-    elastic one, whose stiffness before it slides is `stiffness_ratio` times EI; `gradual`, 0 to 1,
-    is how much earlier most of it slides than the rest (see `friction`). `quadratic_damping` [m
-    s^2] times EI |dkappa/dt| dkappa/dt adds to the moment. Of the rigidity the share `relaxing`
-    carries its moment only for about `relaxation_time` [s] (a Maxwell element, at rest when the
-    motion begins).
+    elastic one, whose stiffness before it slides is `stiffness_ratio` times EI; of both, the share
+    `gradual` belongs to an element without a yield point, dM/dkappa = K (1 - s M / M_c) with s the
+    sign of the curvature's rate (Dahl 1976, AIAA Journal 14(12), of exponent 1).
+    `quadratic_damping` [m s^2] times EI |dkappa/dt| dkappa/dt adds to the moment. Of the rigidity
+    the share `relaxing` carries its moment only for about `relaxation_time` [s] (a Maxwell element,
+    at rest when the motion begins).
     """
 
     cubic: float = 0.0
@@ -44,18 +43,6 @@ class BendingLaw:
     quadratic_damping: float = 0.0
     relaxing: float = 0.0
     relaxation_time: float = 1.0
-
-    @property
-    def friction(self) -> tuple[tuple[float, float], ...]:
-        """Shares (stiffness, moment) of each elasto-plastic friction element, in order of yielding.
-
-        One, or two that together begin as one does and end as it does: the sum bends over in
-        between, the later the more `gradual`.
-        """
-        if not self.gradual:
-            return ((1.0, 1.0),)
-        early = EARLY_SHARE - LATE_SHARE * self.gradual
-        return ((EARLY_SHARE, early), (1.0 - EARLY_SHARE, 1.0 - early))
 
     @property
     def crest(self) -> float:

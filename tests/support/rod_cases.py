@@ -59,7 +59,7 @@ def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:
     end = segments + 1
     batch.nature[:, :, at.DESK] = 0.0
     bending = [at.BEND, at.DAMP, at.SLIP, at.STICK]
-    rich = [at.QUADRATIC, at.BRANCH, at.LATE_SLIP, at.LATE_STICK]
+    rich = [at.QUADRATIC, at.BRANCH, at.GRADUAL_SLIP]
     for field in bending if batch.terms is None else [*bending, *rich]:
         batch.nature[:, end, field] = 0.0
     free = batch._replace(last=end)

@@ -1,4 +1,4 @@
-"""Bending hysteresis: dry friction between yarns as elasto-plastic elements in parallel."""
+"""Bending hysteresis: dry friction between yarns, with a yield point or setting in gradually."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -6,7 +6,7 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.friction import element
 from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
-from drivers.strip.rod.terms import lagging, sliding_late, stick_slip
+from drivers.strip.rod.terms import gradual_friction, lagging, stick_slip
 
 
 @kernel
@@ -69,8 +69,8 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
     value, slope = spring + damping * change + dry, slope + damping + dry_slope
     if block.terms is not None:
         more, steeper = lagging(block, r, change, rate)
-        late, late_slope = sliding_late(block, r, eps)
-        value, slope = value + more + late, slope + steeper + late_slope
+        soft, soft_slope = gradual_friction(block, r, eps)
+        value, slope = value + more + soft, slope + steeper + soft_slope
     return value, slope
 
 

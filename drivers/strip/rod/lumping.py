@@ -32,7 +32,7 @@ def lattice(length: float, segments: int) -> Array:
 def needs_terms(model: StripModel) -> bool:
     """Whether a strip model has effects that only the kernels of `terms` simulate."""
     mechanics, law, boundary = model.mechanics, model.mechanics.law, model.boundary
-    has_history = law.quadratic_damping != 0 or law.relaxing != 0 or len(law.friction) > 1
+    has_history = law.quadratic_damping != 0 or law.relaxing != 0 or law.gradual != 0
     can_slide = min(boundary.edge_friction, boundary.grip_force) < np.inf
     return has_history or can_slide or mechanics.drag.coefficient != 0
 
@@ -120,13 +120,11 @@ def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
 
 
 def _lump_friction(inner: Array, law: BendingLaw) -> None:
-    """Share the friction, lumped as one element, between two elements where the law has two."""
-    if len(law.friction) > 1:
-        (stick, slip), (late_stick, late_slip) = law.friction
-        inner[:, at.LATE_STICK] = late_stick * inner[:, at.STICK]
-        inner[:, at.LATE_SLIP] = late_slip * inner[:, at.SLIP]
-        inner[:, at.STICK] *= stick
-        inner[:, at.SLIP] *= slip
+    """Give the element without a yield point its share of the friction, lumped as one element."""
+    if law.gradual != 0 and law.yield_curvature != 0:
+        inner[:, at.GRADUAL_PACE] = inner[:, at.STICK] / inner[:, at.SLIP]
+        inner[:, at.GRADUAL_SLIP] = law.gradual * inner[:, at.SLIP]
+        inner[:, [at.STICK, at.SLIP]] *= 1.0 - law.gradual
 
 
 def check(models: Sequence[StripModel]) -> None:

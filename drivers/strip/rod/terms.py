@@ -7,7 +7,7 @@ from typing import Any
 
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import kernel
-from drivers.strip.rod.friction import element
+from drivers.strip.rod.friction import gradual_element
 from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
 
 HUGE = 1e300  # coefficients beyond are null at infinity
@@ -46,11 +46,11 @@ def lagging(block: Any, r: int, change: Any, rate: Any) -> Any:
 
 
 @kernel
-def sliding_late(block: Any, r: int, eps: Any) -> Any:
-    """Moment [N m] of the friction element at row `r` that slides late, and its tangent."""
-    stick, slip = load(block.nature, r, at.LATE_STICK), load(block.nature, r, at.LATE_SLIP)
+def gradual_friction(block: Any, r: int, eps: Any) -> Any:
+    """Moment [N m] of the friction element without a yield point at row `r`, and its tangent."""
+    slip, pace = load(block.nature, r, at.GRADUAL_SLIP), load(block.nature, r, at.GRADUAL_PACE)
     change = eps - load(block.state, r, at.EPS)
-    return element(stick, slip, change, load(block.state, r, at.LATE))
+    return gradual_element(slip, pace, change, load(block.state, r, at.GRADUAL))
 
 
 @kernel
@@ -149,13 +149,13 @@ def resist(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def remember(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
-    """Store the Maxwell strain and the late friction at row r after a step to strain `eps`."""
+    """Store the Maxwell strain and the gradual friction at row r after a step to strain `eps`."""
     q, _ = fade(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
     before, older = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
     store(block.state, r, at.MAXWELL1, choose(alive, before, older))
     store(block.state, r, at.MAXWELL, choose(alive, q, before))
-    late, _ = sliding_late(block, r, eps)
-    store(block.state, r, at.LATE, choose(alive, late, load(block.state, r, at.LATE)))
+    dry, _ = gradual_friction(block, r, eps)
+    store(block.state, r, at.GRADUAL, choose(alive, dry, load(block.state, r, at.GRADUAL)))
 
 
 @kernel

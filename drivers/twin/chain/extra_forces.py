@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from drivers.strip.model import StripModel
+from drivers.twin.chain.dahl import DahlFriction
 from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.lumps import Lumps
 from drivers.types import Array
@@ -104,7 +105,18 @@ class FifthOrder:
         return resistance(parts, law)
 
 
+class GradualFriction:
+    """Extra force of the yarns' friction that has no yield point."""
+
+    def begin(self, parts: Parts) -> ForceFunction:
+        """Attach the moment to the hinges of one chain; returns its function."""
+        stiffness, limit = parts.lumps.gradual
+        return resistance(parts, DahlFriction(limit, stiffness, exponent=1.0))
+
+
 def own_laws(model: StripModel) -> Sequence[ExtraForce]:
     """Extra forces that simulate terms of the strip's own bending law."""
     law = model.mechanics.law
-    return (FifthOrder(),) if law.cubic != 0 and law.fifth != 0 else ()
+    fifth = (FifthOrder(),) if law.cubic != 0 and law.fifth != 0 else ()
+    rubs = law.yield_curvature != 0 and law.gradual != 0
+    return (*fifth, GradualFriction()) if rubs else fifth

@@ -27,10 +27,10 @@ class Lumps:
     speed; `air` says what other speeds count. Of the hinges, all (n + 1,): `stiffness` [N
     m/rad], `damping` [N m s/rad], `quadratic` [N m s^2/rad^2], `rest` [rad], `cubic` [N
     m/rad^3], `fifth` [N m/rad^5]; of the element of friction beside them `presliding` [N m/rad]
-    and `slip` [rad], its deflection when it begins to slide, `friction` the shares of stiffness and
-    moment of the elements that it is made of; `fading` [N m/rad], what of the
-    stiffness relaxes within `fading_time` [s]. A hinge stands for `reach` (n + 1,) [m] of the
-    strip, between the middles of its two links; the first and the last one for half a link, so
+    and `slip` [rad], its deflection when it begins to slide; `gradual` [N m/rad] and [N m], the
+    presliding stiffness and the limit of friction without a yield point; `fading` [N m/rad], what
+    of the stiffness relaxes within `fading_time` [s]. A hinge stands for `reach` (n + 1,) [m] of
+    the strip, between the middles of its two links; the first and the last one for half a link, so
     that both clamps are of second order in the lengths `spans` (n,) [m] of the links.
     Of the links, `cling` [N] holds one to another that it touches, `along` [N/m] is the
     stiffness along itself, `held` the largest that a chain steps.
@@ -50,7 +50,7 @@ class Lumps:
     fifth: Array
     presliding: Array
     slip: Array
-    friction: tuple[tuple[float, float], ...]
+    gradual: tuple[Array, Array]
     fading: Array
     fading_time: float
     cling: Array
@@ -70,6 +70,8 @@ class Lumps:
         share = _share_of_strip(bare, model.boundary.grip_compliance)
         stiffness = bare * share * scale
         spring, growth = stiffness * (1.0 - law.relaxing), law.cubic * share**3 / reach**2
+        presliding = stiffness * law.stiffness_ratio
+        slip = reach * (law.yield_curvature / law.stiffness_ratio) / share
         weight = float(mass.sum()) * float(np.hypot(*model.boundary.gravity))
         return cls(
             spans=spans,
@@ -84,9 +86,9 @@ class Lumps:
             rest=strip.total(strip.rest_curvature, middles),
             cubic=spring * growth,
             fifth=spring * law.fifth * growth**2,
-            presliding=stiffness * law.stiffness_ratio,
-            slip=reach * (law.yield_curvature / law.stiffness_ratio) / share,
-            friction=law.friction,
+            presliding=(1.0 - law.gradual) * presliding,
+            slip=slip,
+            gradual=(law.gradual * presliding, law.gradual * presliding * slip),
             fading=stiffness * law.relaxing,
             fading_time=law.relaxation_time,
             cling=strip.adhesion * spans * scale,

@@ -122,16 +122,15 @@ def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: in
         damping=[lumps.damping_at(LONGEST_STEP)[node], lumps.quadratic[node], 0.0],
         springref=lumps.rest[node],
     )
-    if lumps.slip[node] > 0:
-        # A joint has one spring; tendons are the others, with friction.
-        for i, (stick, slip) in enumerate(lumps.friction):
-            yarns = spec.add_tendon(
-                name=f"yarns{node}" if i == 0 else f"yarns{node}.{i}",
-                stiffness=[stick * lumps.presliding[node], 0.0, 0.0],
-                springyield=slip / stick * lumps.slip[node],
-                springlength=[0.0, 0.0],
-            )
-            yarns.wrap_joint(name, 1.0)
+    if lumps.slip[node] > 0 and lumps.presliding[node] > 0:
+        # A joint has one spring; a tendon is the other, with friction.
+        yarns = spec.add_tendon(
+            name=f"yarns{node}",
+            stiffness=[lumps.presliding[node], 0.0, 0.0],
+            springyield=lumps.slip[node],
+            springlength=[0.0, 0.0],
+        )
+        yarns.wrap_joint(name, 1.0)
 
 
 def _add_mass(body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:

@@ -9,7 +9,6 @@ import pytest
 from cell.config.places import find_configs
 from cell.exam.causes import cause_of, causes
 from cell.exam.causes.cause import Cause
-from cell.exam.causes.dahl import Element
 from cell.exam.causes.log_creep import Fading
 from cell.exam.causes.sinh_bending import Excess
 from cell.exam.runs.specimen import Aged, Specimen
@@ -18,6 +17,7 @@ from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.model import Effects, StripModel
+from drivers.twin.chain.dahl import DahlFriction
 from drivers.twin.chain.engine import Chain
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.scene import Scene
@@ -101,7 +101,7 @@ def test_cause_changes_a_fold_like_the_effect_that_it_resembles(
 
 def test_friction_of_dahl_dissipates_over_a_cycle_and_stays_below_its_limit() -> None:
     limit, stiffness, wide = np.array([2.0]), np.array([50.0]), 0.5
-    element = Element(limit, stiffness, 1.5)
+    element = DahlFriction(limit, stiffness, 1.5)
     angles = wide * np.sin(np.linspace(0.0, 6 * np.pi, 3001))
     moments = np.array([element(np.array([a]), np.zeros(1), STEP)[0][0] for a in angles])
     last = 2000  # where the last cycle begins
@@ -113,7 +113,7 @@ def test_friction_of_dahl_dissipates_over_a_cycle_and_stays_below_its_limit() ->
 
 
 def test_friction_of_dahl_does_not_depend_on_how_a_turn_is_cut() -> None:
-    whole, cut = (Element(np.array([1.0]), np.array([30.0]), 1.5) for _ in range(2))
+    whole, cut = (DahlFriction(np.array([1.0]), np.array([30.0]), 1.5) for _ in range(2))
     for angle in np.linspace(0.0, 0.1, 51):
         moment = cut(np.array([angle]), np.zeros(1), STEP)[0]
     np.testing.assert_allclose(whole(np.array([0.1]), np.zeros(1), STEP)[0], moment, rtol=1e-9)

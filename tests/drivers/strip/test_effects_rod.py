@@ -13,9 +13,10 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import flat_batch
 from drivers.strip.rod.bending import friction
 from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.friction import gradual_element
 from drivers.strip.rod.layout import Block
 from drivers.strip.rod.motions import GripperPath, simulate_all
-from drivers.strip.rod.terms import air, lagging, resist, sliding_late
+from drivers.strip.rod.terms import air, gradual_friction, lagging, resist
 from drivers.types import Array
 from policies.experiments.standard import STANDARD
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
@@ -41,33 +42,48 @@ def _displacement(name: str, path: str = "triangular", **values: float) -> float
 
 
 @numba.njit(error_model="numpy")
-def _rubbed(block: Block, path: Array, out: Array) -> None:
+def _rubbed(block: Block, path: Array, out: Array, slopes: Array) -> None:
     for i in range(len(path)):
-        early, _ = friction(block, at.FIRST_FREE_NODE, path[i])
-        late, _ = sliding_late(block, at.FIRST_FREE_NODE, path[i])
+        sharp, _ = friction(block, at.FIRST_FREE_NODE, path[i])
+        soft, slopes[i] = gradual_friction(block, at.FIRST_FREE_NODE, path[i])
         block.state[at.FIRST_FREE_NODE, at.EPS] = path[i]
-        block.state[at.FIRST_FREE_NODE, at.FRICTION], block.state[at.FIRST_FREE_NODE, at.LATE] = (
-            early,
-            late,
-        )
-        out[i] = early + late
+        block.state[at.FIRST_FREE_NODE, at.FRICTION] = sharp
+        block.state[at.FIRST_FREE_NODE, at.GRADUAL] = soft
+        out[i] = sharp + soft
 
 
-def test_friction_sets_in_gradually_up_to_the_same_moment_and_keeps_a_part_on_the_way_back() -> (
-    None
-):
-    model = affected("bending_hysteresis", yield_curvature=10.0, stiffness_ratio=8.0, gradual=0.5)
-    block = _block(model)
-    law = model.mechanics.law
-    stiffness = block.nature[at.FIRST_FREE_NODE, at.BEND]
-    reach = block.nature[at.FIRST_FREE_NODE, at.SLIP] / (law.friction[0][1] * stiffness * 10.0)
-    yields = 10.0 / 8.0 * reach  # strain at which a single element would slide
-    path = yields * np.array([0.25, 1.0, 2.0, 4.0, 3.75, 0.0, -4.0])
-    moment = np.zeros(len(path))
-    _rubbed(block, path, moment)
-    whole = 10.0 * stiffness * reach
-    expected = [0.25, 0.5 + 0.2, 0.5 + 0.4, 1.0, 0.75, -0.5 - 0.3, -1.0]
-    np.testing.assert_allclose(moment / whole, expected, rtol=1e-9)
+def test_friction_sets_in_gradually_by_its_share_as_the_law_of_dahl_does() -> None:
+    gradual, limit, ratio = 0.5, 10.0, 8.0  # limit in 1/m
+    block = _block(affected("bending_hysteresis", yield_curvature=limit, stiffness_ratio=ratio,
+                            gradual=gradual))  # fmt: skip
+    row = block.nature[at.FIRST_FREE_NODE]
+    whole = row[at.SLIP] + row[at.GRADUAL_SLIP]
+    yields = row[at.SLIP] / row[at.STICK]  # strain at which a single element would slide
+    assert whole == pytest.approx(row[at.BEND] * limit / ratio * yields * ratio**2 / limit)
+    path = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(3.9, -4.0, 80)])
+    moment, slope = np.zeros((2, len(path)))
+    _rubbed(block, yields * path, moment, slope)
+    up, down = path[:41], path[40:]
+    peak = 1.0 - np.exp(-up[-1])
+    soft = np.concatenate([1.0 - np.exp(-up), (1.0 + peak) * np.exp(down - down[0])[1:] - 1.0])
+    sharp = np.concatenate([np.minimum(up, 1.0), np.maximum(down - 3.0, -1.0)[1:]])
+    expected = (1.0 - gradual) * sharp + gradual * soft
+    np.testing.assert_allclose(moment / whole, expected, atol=2e-4)
+
+
+@numba.njit(error_model="numpy")
+def _gradual(slip: float, pace: float, change: float, before: float) -> tuple[float, float]:
+    return gradual_element(slip, pace, change, before)
+
+
+def test_the_tangent_of_gradual_friction_is_the_slope_of_its_moment() -> None:
+    step = 1e-6
+    for before, change in [(0.0, 0.5), (0.6, -0.2), (-0.9, -2.0), (0.9, 0.0)]:
+        low, high = (_gradual(2.0, 30.0, change + d, before)[0] for d in (-step, step))
+        found = _gradual(2.0, 30.0, change, before)[1]
+        ahead = _gradual(2.0, 30.0, change + step, before)[0]
+        slope = (high - low) / (2 * step) if change else (ahead - before) / step
+        assert found == pytest.approx(slope, rel=1e-3)
 
 
 @numba.njit(error_model="numpy")
