@@ -9,6 +9,7 @@ import numpy as np
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.tasks import Simulate, run_all
+from cell.gap.selection.likelihood import clip_wild, mean_square
 from cell.gap.subject.subject import Quantity, Words
 from drivers.types import Array
 
@@ -89,6 +90,14 @@ def excess_of(estimate: Estimate) -> float:
 def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
     """Root mean square gap by displayed quantity, and the excess gap as `excess`."""
     return {**rms(estimate, quantities), "excess": excess_of(estimate)}
+
+
+def rms_left(estimate: Estimate) -> float:
+    """Root mean square residual in units of noise and floor, wild samples bounded.
+
+    What a true model leaves has about the scale 1, so that this is where samples count as wild.
+    """
+    return float(np.sqrt(mean_square(clip_wild(estimate.residuals, scale=1.0))))
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:

@@ -188,10 +188,8 @@ class Scope:
     """Fit problem of a subject: base parameters, candidate effects, and quantities by name.
 
     `terms` are never causes: they describe what stays unexplained. `scatter` names the random
-    unknowns of runs. `left` is the share of the excess gap that several effects named together
-    may leave: if they leave more, they only imitate a cause outside the library. Where spreads of
-    the base are `believed`, a base that fits by values far beyond them is doubted as one that
-    leaves a gap.
+    unknowns of runs. Where spreads of the base are `believed`, a base that fits by values far
+    beyond them is doubted as one that leaves a gap.
     """
 
     base: tuple[Parameter, ...]
@@ -199,7 +197,6 @@ class Scope:
     quantities: Mapping[str, Quantity]
     terms: tuple[Candidate, ...] = ()
     scatter: tuple[Scattering, ...] = ()
-    left: float = 0.5
     believed: bool = False
 
 

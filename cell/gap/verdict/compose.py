@@ -12,7 +12,7 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.uncertainty import covariance, degrees_of_freedom
-from cell.gap.selection.likelihood import clip_wild, family_wise, margin, mean_square
+from cell.gap.selection.likelihood import family_wise, margin
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.confidence import confidence
 from cell.gap.verdict.decide import describe_rest, kind
@@ -142,13 +142,11 @@ def _posterior(found: Findings) -> Probable:
     rivals = (rival.model.model.names for rival in found.judged.rivals)
     accepted_or_rival = {found.accepted.model.names, *rivals}
     ahead = posterior.ahead(lambda names: names in accepted_or_rival)
-    # residuals are in units of noise and floor: what a true model leaves has about the scale 1
-    rms_left = float(np.sqrt(mean_square(clip_wild(after.residuals, scale=1.0))))
     probable = posterior.models[: LISTED.sets]
     return Probable(
         models=[ProbableSet(names=sorted(m.names), p=m.p) for m in probable],
         inclusion=posterior.inclusion,
-        left=rms_left,
+        left=held_out_gap.rms_left(after),
         correlation=robust.correlation(after.evidence.runs, after.residuals),
         ahead=ahead if np.isfinite(ahead) else None,
     )

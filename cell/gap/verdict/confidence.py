@@ -63,9 +63,11 @@ class Weight(Settings):
 class Calibration(Settings):
     """Content of confidence.yaml: `intercept` and `weights` of the log-odds of a right verdict.
 
-    `source` names the verdicts that were used, `belongs_to` the place of the file.
+    `most_left` is the rms on held-out runs, in units of noise and floor, above which a verdict
+    stays open. `source` names the verdicts that were used, `belongs_to` the place of the file.
     """
 
+    most_left: float = Field(gt=0)
     intercept: float
     weights: dict[str, Weight]
     source: str = Field(min_length=1)

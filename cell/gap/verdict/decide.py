@@ -8,27 +8,25 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.selection.likelihood import ALPHA, clip_wild, margin, remaining_gap, share_removed
+from cell.gap.selection.likelihood import ALPHA, clip_wild, margin
 from cell.gap.subject.subject import Run
+from cell.gap.verdict.confidence import calibration
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind, Unexplained
 
 
 @dataclass(frozen=True, slots=True)
 class Bars:
-    """Thresholds of a verdict, as shares of the excess gap or in its units (of the noise).
+    """Thresholds of a verdict, as excess gaps (of the noise) or shares.
 
-    A named model has removed the share `most`, where more than noise is left, and `half` of a gap
-    on held-out runs that is `clear`, or leaves no more than the `law` of a true cause gets wrong; a
-    gap below `noise` is none. A model rests on one run that gives the share `one` of its gain.
-    Source: set by hand in sight of exams.
+    An excess gap on held-out runs below `noise` is none, one above `seen` is a gap by itself. A
+    model rests on one run that gives the share `one` of its gain; others confirm it where it closes
+    the share `half` of a gap. Source: set by hand in sight of exams.
     """
 
-    most: float = 0.6
-    clear: float = 1.0
-    half: float = 0.5
-    law: float = 1.0
     noise: float = 0.3
+    seen: float = 0.5
+    half: float = 0.5
     one: float = 0.9
 
 
@@ -37,15 +35,23 @@ BARS = Bars()
 
 def kind(found: Findings) -> Kind:
     """Kind of verdict that the findings support."""
-    judged = found.judged
     if not found.accepted.model.effects:
         return "unexplained" if gap_is_there(found) else "no_gap"
-    changes = judged.repeats.drifts or judged.repeats.differ or drifting(found)
-    if judged.leftover < ALPHA or changes or not _explains_most(found) or unseen_remains(found):
-        return "unexplained"
-    if is_proxy(found):
+    if changes(found) or leaves_too_much(found):
         return "unexplained"
     return "named" if found.sure else "ambiguous"
+
+
+def changes(found: Findings) -> bool:
+    """Whether what is there changes from run to run, so that no effect of one size describes it."""
+    judged = found.judged
+    unlike = judged.repeats.drifts or judged.repeats.differ or judged.leftover < ALPHA
+    return unlike or bool(drifting(found)) or not _others_confirm(found)
+
+
+def leaves_too_much(found: Findings) -> bool:
+    """Whether the accepted model leaves more on held-out runs than one with the true cause does."""
+    return held_out_gap.rms_left(found.shown.after) > calibration().most_left
 
 
 def gap_is_there(found: Findings) -> bool:
@@ -55,19 +61,7 @@ def gap_is_there(found: Findings) -> bool:
     """
     if not found.fitted.gap:
         return False
-    return any(place.p < ALPHA for place in found.fitted.places) or unseen_gap(found) > BARS.half
-
-
-def is_proxy(found: Findings) -> bool:
-    """Whether several accepted effects only imitate a cause: they leave a clear part of the gap.
-
-    One effect of a nearly true law may leave some of what it explains; of two, each would have to
-    take up what the other gets wrong, as they do for a cause that the library does not hold.
-    """
-    if len(found.accepted.model.effects) < 2:
-        return False
-    was, now = _gaps(found)
-    return now > BARS.noise and now > found.subject.scope.left * was
+    return any(place.p < ALPHA for place in found.fitted.places) or unseen_gap(found) > BARS.seen
 
 
 def in_doubt(found: Findings) -> bool:
@@ -77,53 +71,29 @@ def in_doubt(found: Findings) -> bool:
     """
     if len(found.accepted.model.effects) > 1 or found.judged.remains:
         return True
-    return _gaps(found)[1] > BARS.noise or lone_run(found) is not None
+    return _bounded_gap(found.shown.after) > BARS.noise or lone_run(found) is not None
 
 
 def unseen_gap(found: Findings) -> float:
     """Excess gap of the base on held-out runs, wild samples bounded."""
-    return _bounded_gap(found.shown.before, found.shown.before)
+    return _bounded_gap(found.shown.before)
 
 
-def _explains_most(found: Findings) -> bool:
-    """Whether the accepted model leaves only noise, or removes most of the excess gap.
-
-    As little as a law may get wrong may be left, too. Where a run is an outlier, the others alone
-    must confirm the model.
-    """
-    judged, by = found.judged, found.by
-    if not judged.remains:
-        return True
-    base = found.choice.fits.base
-    each = margin(found.accepted, base, by).each
-    others = [run.name != judged.outlying_run for run in base.estimate.evidence.runs]
-    gain = float(each[others].sum())
-    best, without = found.accepted, judged.outlying_run
-    gap = remaining_gap(best, by, without)
-    little = gap <= BARS.law or share_removed(best, base, by, without) > BARS.most
-    return gain > by.least and little
-
-
-def unseen_remains(found: Findings) -> bool:
-    """Whether held-out runs show a clear gap that the accepted model does not close.
-
-    That is, it neither halves it nor leaves as little as a law may get wrong.
-    """
-    before, after = _gaps(found)
-    return before > BARS.clear and after > max(BARS.half * before, BARS.law)
-
-
-def _gaps(found: Findings) -> tuple[float, float]:
-    """Excess gaps of base and accepted model on held-out runs, bounded at the latter's scale."""
-    after = found.shown.after
-    return _bounded_gap(found.shown.before, after), _bounded_gap(after, after)
-
-
-def _bounded_gap(estimate: Estimate, beside: Estimate) -> float:
-    """Excess gap of `estimate`, with wild samples bounded at the dispersion of `beside`."""
-    scale = robust.scale(np.concatenate(beside.residuals))
+def _bounded_gap(estimate: Estimate) -> float:
+    """Excess gap of `estimate`, with wild samples bounded at its own dispersion."""
+    scale = robust.scale(np.concatenate(estimate.residuals))
     clipped = tuple(clip_wild(estimate.residuals, scale))
     return held_out_gap.excess_of(replace(estimate, residuals=clipped))
+
+
+def _others_confirm(found: Findings) -> bool:
+    """Whether the accepted model gains in all runs but the outlying one, where there is one."""
+    outlying, base = found.judged.outlying_run, found.choice.fits.base
+    if outlying is None:
+        return True
+    each = margin(found.accepted, base, found.by).each
+    others = [run.name != outlying for run in base.estimate.evidence.runs]
+    return float(each[others].sum()) > found.by.least
 
 
 def drifting(found: Findings) -> list[str]:
@@ -148,7 +118,7 @@ def lone_run(found: Findings) -> Run | None:
     each = margin(accepted, base, by).each
     best = int(np.argmax(each))
     others = float(each.sum() - each[best])
-    is_confirmed = unseen_gap(found) > BARS.noise and not unseen_remains(found)
+    is_confirmed = unseen_gap(found) > BARS.noise and found.shown.shrink.value > BARS.half
     if is_confirmed or others > by.least or each[best] < BARS.one * each.sum():
         return None
     return base.estimate.evidence.runs[best]
@@ -192,8 +162,6 @@ def _reasons(found: Findings) -> Iterator[str]:
     if judged.repeats.differ:
         factor = max(judged.repeats.inflation.values())
         yield f"repeats of one condition differ by {factor:.1f} times the stated noise"
-    if found.accepted.model.effects and unseen_remains(found):
-        yield "the gap there is not even halved"
-    if is_proxy(found):
-        closed = 100 * found.shown.shrink.value
-        yield f"together they describe {closed:.0f} % of the gap, as no cause of theirs would"
+    if found.accepted.model.effects and leaves_too_much(found):
+        left, most = held_out_gap.rms_left(found.shown.after), calibration().most_left
+        yield f"that is {left:.2g} of noise and floor, where a true cause leaves at most {most:.2g}"

@@ -1,6 +1,8 @@
 """The calibration of the stated confidence, from verdicts held against the truth."""
 
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from cell.exam.studies.confidence import (
     Name,
     calibrate,
     fit_calibration,
+    fit_most_left,
     log_loss,
     names,
     reliable,
@@ -35,7 +38,7 @@ def drawn(count: int, seed: int = 0) -> list[Name]:
 
 
 def test_names_are_right_as_often_as_stated() -> None:
-    by = fit_calibration(drawn(2000), np.ones(2000), "drawn")
+    by = fit_calibration(drawn(2000), np.ones(2000), "drawn", 1.0)
     fresh = drawn(2000, seed=1)
     stated = [(by.probability(name.signs), name.right) for name in fresh]
     high = [right for p, right in stated if p > 0.8]
@@ -48,7 +51,7 @@ def test_names_are_right_as_often_as_stated() -> None:
 
 def test_no_sign_speaks_against_its_sense() -> None:
     contrary = [name._replace(right=name.signs.left > 1.0) for name in drawn(400)]
-    by = fit_calibration(contrary, np.ones(400), "drawn")
+    by = fit_calibration(contrary, np.ones(400), "drawn", 1.0)
     assert by.weights["left"].weight == 0.0
     assert all(by.weights[sign].weight * w.weight >= 0.0 for sign, w in SIGN_WEIGHTS.items())
 
@@ -94,9 +97,11 @@ def test_without_a_name_the_calibration_is_its_prior() -> None:
 
 
 def test_the_package_holds_the_calibration_of_its_source() -> None:
-    source = [LEDGERS / f"confidence-{seed}.jsonl" for seed in (7301, 7302)]
-    found = Calibration.model_validate(calibrate(verdicts_in(source)))
-    assert found.source.startswith("67 verdicts that name, 10 of them wrong")
+    names_of = re.findall(r"[a-z]+-\d+\.jsonl", calibration().source)
+    outcomes = verdicts_in([LEDGERS / name for name in names_of])
+    found = Calibration.model_validate(calibrate(outcomes))
+    assert found.source.startswith("132 verdicts that name, 12 of them wrong")
+    assert found.most_left == pytest.approx(calibration().most_left)
     assert found.intercept == pytest.approx(calibration().intercept, abs=1e-3)
     for sign, w in calibration().weights.items():
         assert found.weights[sign].weight == pytest.approx(w.weight, abs=1e-3)
@@ -108,3 +113,15 @@ def test_verdicts_of_exams_count_as_those_of_the_study_do() -> None:
     assert len(found) == len({name.case for name in found}) == 21
     assert (sum(name.right for name in found), without) == (20, 0.0)
     assert names(verdicts_in([LEDGERS / "images-9201.jsonl"])) == ([], 0.0)
+
+
+def test_all_but_one_in_a_hundred_right_verdicts_leave_less_than_what_keeps_one_open() -> None:
+    def outcome(number: int, left: float, **facts: Any) -> Outcome:
+        signs = {"ahead": 9.0, "left": left, "correlation": 0.0, "unseen": 2.0, "closed": 1.0}
+        values = {"signs": signs, "result": "right_strict", "without": []} | facts
+        return Outcome(Case(number, 0, {}), values)
+
+    right = [outcome(i, 0.5 + i / 200) for i in range(101)]
+    others = [outcome(200, 9.0, result="wrong_name"), outcome(201, 9.0, without=["seam"])]
+    assert fit_most_left([*right, *others]) == pytest.approx(0.995)
+    assert fit_most_left(others) == calibration().most_left

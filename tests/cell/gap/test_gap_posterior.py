@@ -116,7 +116,7 @@ def test_nothing_is_stated_beyond_what_was_calibrated() -> None:
         "ahead": Weight(weight=2.0, low=0.0, high=99.0, by_order=True),
         "left": Weight(weight=-1.0, low=1.0, high=3.0),
     }
-    by = Calibration(intercept=-1.0, weights=weights, source="by hand")
+    by = Calibration(most_left=1.0, intercept=-1.0, weights=weights, source="by hand")
     stated = [by.probability(Signs(n, 1.0, 0.0, 2.0, 1.0)) for n in (-3.0, 9.0, 99.0, 900.0)]
     assert stated[0] == pytest.approx(1.0 / (1.0 + np.e))
     assert stated[1] == pytest.approx(0.5)

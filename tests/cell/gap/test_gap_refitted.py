@@ -63,6 +63,7 @@ def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
     monkeypatch.setattr(investigate, "choose", lambda _fits: SimpleNamespace(accepted=accepted))
     monkeypatch.setattr(investigate, "is_exhausted", lambda _fits: False)
     monkeypatch.setattr(investigate, "_leaves_more", lambda _fits, **_: False)
+    monkeypatch.setattr(investigate.search, "shape_parameters", lambda *_: [])
     monkeypatch.setattr(investigate.search, "shortlist", shortlist)
     monkeypatch.setattr(investigate.search, "fit_scores", lambda _simulate, fits, *_: fits)
     fits: Any = SimpleNamespace(

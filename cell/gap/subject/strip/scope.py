@@ -25,7 +25,6 @@ SHAPE_SPREAD = 0.5  # of its default: prior spread of a number that shapes an ef
 UNKNOWN_SPREAD = 4.0  # of its start: prior spread of such a number where there is no default
 PLACE_STEP = 0.002  # m, of finite differences over the place of an effect
 SHAPE_STEP = 0.02  # of its start: step of a number that shapes an effect
-LEFT = 0.1  # of a gap, that effects may leave together: a single wrong law leaves more
 UNTRUE = 0.2  # relative error of a law of cloth, which differs between fabrics: yarn friction 15 %
 SPECIMEN_SPREAD = 0.15  # of a bending length: how far the exam's specimens of one fabric lie apart
 PLACE_ERROR = 0.02  # relative error of lengths, offsets and delays
@@ -54,7 +53,6 @@ def scope(
               *_accepted_parameters(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if can_simulate(e, strip)),
         terms=candidates(),
-        left=LEFT,
         scatter=tuple(Scattering(e.name, e.sentence, e.remedy) for e in KNOWN_EFFECTS),
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),
