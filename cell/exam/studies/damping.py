@@ -1,8 +1,9 @@
 """Study of the engines' difference in base parameters: the rod fitted to noise-free chain runs.
 
-Neither damps more: their shapes are 17 um apart, and a percent of damping moves a shape by 2 um. A
-rod on a harder desk and a chain of more links come closer. The gap workflow takes the root mean
-square over strips for the model's own error.
+Their shapes are 17 um apart, and a percent of damping moves a shape by 2 um. A rod on a harder desk
+and a chain of more links come closer. Every second case is led by hand, where the rod takes more of
+the difference for damping. The gap workflow takes the root mean square over cases for the model's
+own error.
 """
 
 from collections.abc import Sequence
@@ -15,16 +16,19 @@ import numpy as np
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.places import find_configs
+from cell.exam.runs.by_hand import ways_by_hand
 from cell.gap.fit import fit
 from cell.gap.subject.strip.synthetic import Fold, Instruments, write_fold
 from cell.gap.subject.strip.ways import way_of
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
+from drivers.strip.rod.motions import GripperPath
 from drivers.twin.chain.engine import Chain
 from policies.experiments.standard import STANDARD, standard_order
 from policies.registry import MOTION
 
 LINKS, STEP = 200, 0.004  # of the chain; s
+MOTIONS = ("standard", "by hand")
 
 
 class Quiet(np.random.Generator):
@@ -36,10 +40,10 @@ class Quiet(np.random.Generator):
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw the next strip of the cell, with another order of motions in each round."""
+    """Draw the next strip of the cell and its motions, which are others in each round."""
     strips = find_configs(None).strip_names()
-    order, strip = divmod(number, len(strips))
-    return {"strip": strips[strip], "order": order}
+    turn, strip = divmod(number // 2, len(strips))
+    return {"strip": strips[strip], "motions": MOTIONS[number % 2], "order": turn}
 
 
 def measure(case: Values) -> Values:
@@ -47,12 +51,11 @@ def measure(case: Values) -> Values:
     configs = find_configs(None)
     strip = configs.strip(case["strip"])
     with TemporaryDirectory() as place:
-        for index, motion in enumerate(standard_order(np.random.default_rng(case["order"]))):
-            way, chain = way_of(STANDARD[motion].of(strip.length)), Chain(LINKS)
-            model = describe(strip, index=index)
+        for index, (condition, way) in enumerate(_ways(case, strip.length)):
+            model, chain = describe(strip, index=index), Chain(LINKS)
             made = simulate(chain, model, way.t, way.poses, dt=STEP, shapes=True)
-            fold = Fold(way, model, made, made.t, chain.arc()[0], index, MOTION + motion)
-            folder = Path(place) / "runs" / f"{index:02d}-{motion}"
+            fold = Fold(way, model, made, made.t, chain.arc()[0], index, condition)
+            folder = Path(place) / "runs" / f"{index:02d}"
             write_fold(folder, strip.name, fold, Instruments(), Quiet(np.random.PCG64(1)))
         path = configs.strip_path(strip.name)
         base = fit([Path(place) / "runs"], path, Path(place) / "out").base
@@ -62,12 +65,22 @@ def measure(case: Values) -> Values:
     }
 
 
+def _ways(case: Values, length: float) -> list[tuple[str, GripperPath]]:
+    """Condition and gripper path of each motion of `case` over a strip of `length` [m]."""
+    names = standard_order(np.random.default_rng(case["order"]))
+    if case["motions"] == "standard":
+        return [(MOTION + name, way_of(STANDARD[name].of(length))) for name in names]
+    ways = ways_by_hand(length, case["order"], len(names))
+    return [(f"by-hand-{i}", way) for i, way in enumerate(ways, start=1)]
+
+
 def model_error(outcomes: Sequence[Outcome]) -> Values:
-    """Root mean square over strips of the engines' relative difference in damping."""
+    """Root mean square over cases of the engines' relative difference in damping."""
     found = [o.values["damping"] for o in outcomes]
-    names = ", ".join(dict.fromkeys(o.case.values["strip"] for o in outcomes))
+    names = list(dict.fromkeys(o.case.values["strip"] for o in outcomes))
+    source = f"root mean square over {len(found)} cases of {', '.join(names)};"
     return {"schema": 1, "damping": float(np.sqrt(np.mean(np.square(found)))),
-            "strips": len(found), "source": f"root mean square over {names};"}  # fmt: skip
+            "strips": len(names), "source": source}  # fmt: skip
 
 
 STUDY = Study(
@@ -75,13 +88,13 @@ STUDY = Study(
     question="By how much do rod and chain differ in bending length and damping?",
     draw=draw,
     measure=measure,
-    by=("strip",),
+    by=("motions",),
     quantities=(
         Quantity("damping", Statistic.RMS, "%", 100.0, label="damping rms"),
         Quantity("length", Statistic.RMS, "%", 100.0, label="bending length rms"),
     ),
     fits=(Fit("cell/gap/subject/strip/damping.yaml", model_error),),
-    usual=10,
+    usual=20,
     quick=0,
     seconds=45.0,
 )

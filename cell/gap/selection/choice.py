@@ -68,15 +68,13 @@ class Step:
 class Choice:
     """Outcome of the search: the accepted model (the base where none is), all fits, the steps.
 
-    `by` is the scale on which all of them were compared; `sets` the posterior, where it chose
-    instead of margins.
+    `by` is the scale on which all of them were compared.
     """
 
     accepted: Validated
     fits: Fits
     by: LikelihoodScale
     steps: tuple[Step, ...]
-    sets: Posterior | None = None
 
 
 def choose(fits: Fits, sets: Posterior | None = None) -> Choice:
@@ -98,17 +96,21 @@ def choose(fits: Fits, sets: Posterior | None = None) -> Choice:
 
 
 def by_evidence(choice: Choice, sets: Posterior) -> Choice:
-    """Accept the most probable set where margins accept none but it clearly leads the base.
+    """Accept no set less probable than the base, and the most probable one that clearly leads it.
 
-    A margin must exceed all that the model's error could imitate in the direction of an effect; the
-    posterior has that error in every direction, beside each set.
+    The latter where margins accept none: a margin must exceed all that the model's error could
+    imitate in the direction of an effect; the posterior has that error in every direction, beside
+    each set.
     """
     fits, best = choice.fits, choice.fits.of(sets.models[0].names)
-    if choice.accepted.model.effects or best is None or sets.lead(best.model.names) < MIN_GAIN:
+    if choice.accepted.model.effects:
+        probable = sets.lead(choice.accepted.model.names) > 0.0
+        return choice if probable else replace(choice, accepted=fits.base)
+    if best is None or sets.lead(best.model.names) < MIN_GAIN:
         return choice
     ahead = margin(best, fits.base, choice.by)
     step = Step(best, fits.base, ahead.gain, ahead.p, ahead.removed, accepted=True)
-    return replace(choice, accepted=best, steps=(*choice.steps, step), sets=sets)
+    return replace(choice, accepted=best, steps=(*choice.steps, step))
 
 
 def _is_earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale) -> bool:

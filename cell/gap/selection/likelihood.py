@@ -13,22 +13,7 @@ from drivers.types import Array
 
 MIN_GAIN = 4.0  # nats, 55 times as likely: "strong" (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
 ALPHA = 0.01  # probability of a false alarm, family-wise; customary
-
-
-@dataclass(frozen=True, slots=True)
-class ModelError:
-    """Errors of a right model that comparisons allow for, as shares. Source: set by hand.
-
-    The share `aligned` of the floor may lie wholly in the direction of one effect; responses are
-    true to 15 %, so that a rival must lie behind by the share `law`, its square, of what a model
-    gained.
-    """
-
-    aligned: float = 0.35
-    law: float = 0.02
-
-
-MODEL_ERROR = ModelError()
+ALIGNED = 0.35  # of the floor, that may lie wholly in the direction of one effect; set by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +32,6 @@ class LikelihoodScale:
     level: float = 1.0
     least: float = MIN_GAIN
 
-    def ahead(self, gained: float) -> float:
-        """Lead [nats] with which a model refutes another, having `gained` [nats] over the base.
-
-        A law that is nearly that of the measured thing is wrong by a share of what it explains:
-        of relative error e in its response, e^2.
-        """
-        return self.least + MODEL_ERROR.law * max(0.0, gained)
-
 
 def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
     """Scale of log-likelihoods from the model of `models` that fits best."""
@@ -66,9 +43,9 @@ def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
 
 
 def _false_gain(evidence: Evidence) -> float:
-    """Gain [nats] of an effect whose response is the share `aligned` of the floor everywhere."""
+    """Gain [nats] of an effect whose response is the share ALIGNED of the floor everywhere."""
     shares = [
-        np.sum((MODEL_ERROR.aligned * run.samples.floor / scale) ** 2)
+        np.sum((ALIGNED * run.samples.floor / scale) ** 2)
         for run, scale in zip(evidence.runs, evidence.scales, strict=True)
     ]
     return 0.5 * float(np.sum(shares))

@@ -3,25 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
+from cell.gap.selection.likelihood import ALPHA
 from cell.gap.selection.posterior import Posterior
 
-
-@dataclass(frozen=True, slots=True)
-class Distinction:
-    """Thresholds that separate an effect from its rivals. Source: set by hand.
-
-    Fitted predictions differ by `distance` [sigma], and the effect is rather there than not: its
-    probability of `inclusion` is at least this.
-    """
-
-    distance: float = 3.0
-    inclusion: float = 0.5
-
-
-DISTINCTION = Distinction()
+PRESENT = 0.5  # inclusion probability from which an effect is rather there than not
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,35 +21,18 @@ class Alternative:
     behind: float
 
 
-def rivals(
-    accepted: Validated, fits: Fits, by: LikelihoodScale, believed: Posterior | None = None
-) -> list[Alternative]:
-    """Models of as many effects as the accepted one that the runs do not separate or refute.
-
-    Where a posterior is `believed`, it refutes, too, models that are far less probable than the
-    accepted one.
-    """
-    base, found = fits.base, []
-    needed = by.ahead(margin(accepted, base, by).gain)
-    for other in fits.models:
-        same = len(other.model.effects) == len(accepted.model.effects)
-        if not same or other.model.names == accepted.model.names:
-            continue
-        ahead = margin(accepted, other, by)
-        refuted = ahead.gain > needed and ahead.p < ALPHA
-        if believed is not None:
-            lead = believed.lead(accepted.model.names) - believed.lead(other.model.names)
-            refuted |= lead > needed
-        worth = margin(other, base, by).gain > MIN_GAIN
-        if worth and (ahead.distance < DISTINCTION.distance or not refuted):
-            found.append(Alternative(other, ahead.gain))
-    return sorted(found, key=lambda r: r.behind)
+def rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative]:
+    """Models that explain the runs about as well as the accepted one, and more probable ones."""
+    return [*probable_rivals(accepted, fits, sets), *more_probable(accepted, fits, sets)]
 
 
 def probable_rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative]:
-    """Models of as many effects as the accepted one that are about as probable, or more so."""
+    """Models of as many effects as the accepted one that the posterior does not exclude.
+
+    Excluded is what is less than ALPHA times as probable.
+    """
     others = [_beside(accepted, m, sets) for m in fits.of_size(len(accepted.model.effects))]
-    found = [r for r in others if r.model is not accepted and r.behind < MIN_GAIN]
+    found = [r for r in others if r.model is not accepted and r.behind < -np.log(ALPHA)]
     return sorted(found, key=lambda r: r.behind)
 
 
@@ -74,7 +46,7 @@ def more_probable(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alte
     The model of no effect does not count: whether there is a gap at all is decided elsewhere.
     """
     found = []
-    doubted = (e for e in accepted.model.names if sets.inclusion[e] < DISTINCTION.inclusion)
+    doubted = (e for e in accepted.model.names if sets.inclusion[e] < PRESENT)
     for effect in sorted(doubted):
         names = next(m.names for m in sets.models if effect not in m.names)
         other = fits.of(names)

@@ -19,7 +19,7 @@ from cell.gap.selection.choice import Choice, by_evidence, choose
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA
 from cell.gap.selection.posterior import Posterior
-from cell.gap.selection.rivals import Alternative, classes, more_probable, probable_rivals, rivals
+from cell.gap.selection.rivals import classes, rivals
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.findings import Judged, Shown
 from drivers.types import Array
@@ -34,7 +34,8 @@ def chosen(
     posterior chooses.
     """
     found = choose(fits, sets)
-    found = by_evidence(found, sets) if gap else found
+    if gap or found.accepted.model.effects:
+        found = by_evidence(found, sets)
     rough = found.accepted
     if not rough.model.effects:
         return found
@@ -64,8 +65,7 @@ def judge(
     lenient = lack_of_fit.slack(best.evidence, repeats.inflation, tolerance)
     lenient[lack_of_fit.lost_samples(best)] = np.inf
     leftover, outlying_run = _leftover(best, noise, lenient)
-    believed = subject.scope.believed
-    close = _rivals(choice, sets, believed=believed) if best.model.effects else []
+    close = rivals(choice.accepted, choice.fits, sets) if best.model.effects else []
     scatter = estimate_spreads(simulate, best, whole)
     return Judged(
         invariances=invariances,
@@ -80,18 +80,6 @@ def judge(
         phases=_phase_tests(choice, simulate),
         places=_matching_places(choice, rng),
     )
-
-
-def _rivals(choice: Choice, sets: Posterior, *, believed: bool) -> list[Alternative]:
-    """Models that explain the runs about as well as the accepted one, and more probable ones.
-
-    By the criterion that accepted it; where priors are `believed`, they refute, too.
-    """
-    known = (choice.accepted, choice.fits)
-    if choice.sets is not None:
-        return probable_rivals(*known, choice.sets)
-    close = rivals(*known, choice.by, sets if believed else None)
-    return [*close, *more_probable(*known, sets)]
 
 
 def _matching_places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...]:

@@ -97,6 +97,15 @@ def test_where_no_margin_explains_a_gap_the_evidence_chooses_and_says_what_is_as
     assert not by_evidence(choose(fits, doubtful), doubtful).accepted.model.effects
 
 
+def test_what_is_less_probable_than_no_effect_is_not_accepted() -> None:
+    fits = pool_of(hidden(bump, 0.3), ("bump",))
+    base, bumpy = frozenset[str](), frozenset({"bump"})
+    assert choose(fits).accepted.model.names == bumpy
+    for nats, expected in ((2.0, bumpy), (-2.0, base)):
+        sets = Posterior((Weighed(bumpy, nats, 0.5), Weighed(base, 0.0, 0.5)))
+        assert by_evidence(choose(fits), sets).accepted.model.names == expected
+
+
 def test_an_accepted_effect_that_is_rather_absent_shares_its_place_with_what_is_more_probable() -> (
     None
 ):
