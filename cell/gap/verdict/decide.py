@@ -37,16 +37,16 @@ def kind(found: Findings) -> Kind:
     """Kind of verdict that the findings support."""
     if not found.accepted.model.effects:
         return "unexplained" if gap_is_there(found) else "no_gap"
-    if changes(found) or leaves_too_much(found):
+    if runs_disagree(found) or leaves_too_much(found):
         return "unexplained"
     return "named" if found.sure else "ambiguous"
 
 
-def changes(found: Findings) -> bool:
-    """Whether what is there changes from run to run, so that no effect of one size describes it."""
+def runs_disagree(found: Findings) -> bool:
+    """Whether no effect of one size describes all runs: repeats, amplitudes or fits differ."""
     judged = found.judged
-    unlike = judged.repeats.drifts or judged.repeats.differ or judged.leftover < ALPHA
-    return unlike or bool(drifting(found)) or not _others_confirm(found)
+    differ = judged.repeats.drifts or judged.repeats.differ or judged.leftover < ALPHA
+    return differ or bool(drifting(found)) or not _others_confirm(found)
 
 
 def leaves_too_much(found: Findings) -> bool:

@@ -150,14 +150,17 @@ def _engine_run(
 
 
 def _common_errors(run: Measured, samples: Samples, about: Linearisation) -> dict[str, Array]:
-    """Residuals (n,) per standard deviation of each systematic error of runs by camera, by name."""
-    if not run.seen:
-        return {}
-    x = np.interp(samples.t, run.t, run.poses[:, 0])
-    halves = np.array([half(place, about.length) for place in x])
-    found = common_errors(samples, halves)
+    """Residuals (n,) per standard deviation of each error that all runs share, by name.
+
+    Of the model in damping, and of perception where a camera saw the run.
+    """
+    found = {}
     if "damping" in about.slopes:
         found["damping"] = frozen(model_error().damping * about.slopes["damping"])
+    if run.seen:
+        x = np.interp(samples.t, run.t, run.poses[:, 0])
+        halves = np.array([half(place, about.length) for place in x])
+        found |= common_errors(samples, halves)
     return found
 
 

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.strip.bias import model_error
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.strip.synthetic import Instruments, write_fold
 from tests.support.gap_strip_cases import STRIP, folds, in_noise, residuals, whitened, written
@@ -45,6 +46,15 @@ def test_where_force_is_measured_it_weighs_the_strip(late: Strip) -> None:
     for here, there, rows in zip(stated, changed, force, strict=True):
         assert np.abs(there - here)[rows].max() > 0.001
         assert np.nanmax(np.abs(there - here)[~rows]) < 1e-4
+
+
+def test_runs_without_a_camera_share_the_error_of_damping_and_none_of_perception(
+    late: Strip,
+) -> None:
+    for run in late.runs:
+        assert set(run.common) == {"damping"}
+        slopes = run.content.slopes["damping"]
+        np.testing.assert_allclose(run.common["damping"], model_error().damping * slopes)
 
 
 def force_rows(strip: Strip) -> NDArray[np.bool_]:
