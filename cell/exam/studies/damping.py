@@ -78,7 +78,7 @@ def model_error(outcomes: Sequence[Outcome]) -> Values:
     """Root mean square over cases of the engines' relative difference in damping."""
     found = [o.values["damping"] for o in outcomes]
     names = list(dict.fromkeys(o.case.values["strip"] for o in outcomes))
-    source = f"root mean square over {len(found)} cases of {', '.join(names)};"
+    source = f"root mean square over {', '.join(names)};"
     return {"schema": 1, "damping": float(np.sqrt(np.mean(np.square(found)))),
             "strips": len(names), "source": source}  # fmt: skip
 
