@@ -120,15 +120,15 @@ def test_a_journal_of_other_code_alone_is_shown_and_says_so(tmp_path: Path) -> N
 
 
 def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> None:
-    asked = Asked(study_of("damping"), 0, 2, tmp_path)
-    for case, damping in zip(asked.study.cases(0, 2), (0.03, -0.04), strict=True):
+    asked = Asked(study_of("damping"), 0, 4, tmp_path)
+    for case, damping in zip(asked.study.cases(0, 4), (0.03, -0.04, 0.04, -0.03), strict=True):
         facts = {"schema": 1, "key": case.key, "of": inputs(asked.study), "state": "measured"}
         values = {"damping": damping, "length": 0.0}
         Journal(asked.journal).put(Record(**facts, outcome={"values": values}))
     write_page(kept_outcomes(asked))
     found = load(tmp_path / "damping.yaml", ModelError)
     assert found.damping == pytest.approx(0.0354, abs=1e-4)
-    assert found.source.startswith("root mean square over blanket, denim; 2 cases")
+    assert found.source.startswith("root mean square over blanket, denim; 4 cases")
     assert found.belongs_to == "cell/gap/subject/strip/damping.yaml"
 
 
