@@ -188,8 +188,9 @@ class Scope:
     """Fit problem of a subject: base parameters, candidate effects, and quantities by name.
 
     `terms` are never causes: they describe what stays unexplained. `scatter` names the random
-    unknowns of runs. Where spreads of the base are `believed`, a base that fits by values far
-    beyond them is doubted as one that leaves a gap.
+    unknowns of runs. `left` is the share of the excess gap that laws may get wrong of what they
+    explain. Where spreads of the base are `believed`, a base that fits by values far beyond them is
+    doubted as one that leaves a gap.
     """
 
     base: tuple[Parameter, ...]
@@ -197,6 +198,7 @@ class Scope:
     quantities: Mapping[str, Quantity]
     terms: tuple[Candidate, ...] = ()
     scatter: tuple[Scattering, ...] = ()
+    left: float = 0.5
     believed: bool = False
 
 

@@ -140,7 +140,11 @@ def test_a_model_that_leaves_more_of_unseen_runs_than_a_true_cause_is_not_named(
     found, verdict = judged(Curves(hidden(wave, 0.3)))
     assert verdict.verdict == "named"
     assert not leaves_too_much(found)
-    shown = replace(found.shown, after=found.shown.before)
+    before, shrink = found.shown.before, found.shown.shrink
+    shown = replace(found.shown, after=before, shrink=replace(shrink, value=0.4))
+    assert leaves_too_much(replace(found, shown=shown))
+    nearly = replace(shown, shrink=replace(shrink, value=0.6))  # a law may be wrong by the rest
+    assert not leaves_too_much(replace(found, shown=nearly))
     worse = replace(found, shown=shown)
     assert leaves_too_much(worse)
     assert kind(worse) == "unexplained"

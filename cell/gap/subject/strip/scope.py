@@ -54,6 +54,7 @@ def scope(
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if can_simulate(e, strip)),
         terms=candidates(),
         scatter=tuple(Scattering(e.name, e.sentence, e.remedy) for e in KNOWN_EFFECTS),
+        left=UNTRUE,
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),
             "contact_x": Quantity("contact_x_mm", 1e3, "mm", 2 * floors.contact_x),
