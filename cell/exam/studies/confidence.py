@@ -40,7 +40,7 @@ SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which the
     "closed": Weight(weight=1.0, low=0.0, high=1.0),
 }
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
-LEFT_OPEN = 0.01  # of right verdicts, left open for what they leave; customary
+LEFT_OPEN = 0.01  # share of right verdicts above `most_left`, which stay open; customary
 DOUBTFUL = 0.7  # confidence under which a wrong name does little harm
 
 
@@ -132,10 +132,10 @@ def shares(found: Sequence[Name], without: float) -> Array:
 
 
 def fit_most_left(outcomes: Sequence[Outcome]) -> float:
-    """Rms on held-out runs that all but LEFT_OPEN of the right verdicts stay below.
+    """Rms on held-out runs, in units of noise and floor, that LEFT_OPEN of right verdicts exceed.
 
-    Causes outside the library that leave no more are as well described by effects of the library:
-    no residual can betray them. Without right verdicts, the value that the package ships.
+    A cause outside the library that leaves no more is as well described by effects of the library,
+    so that no residual shows it. Without right verdicts, the value that the package ships.
     """
     left = [
         v["signs"]["left"]
@@ -145,10 +145,8 @@ def fit_most_left(outcomes: Sequence[Outcome]) -> float:
     return float(np.quantile(left, 1.0 - LEFT_OPEN)) if left else calibration().most_left
 
 
-def fit_calibration(
-    found: Sequence[Name], counts: Array, source: str, most_left: float
-) -> Calibration:
-    """Fit the most probable calibration to these verdicts with weights `counts` (n,).
+def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibration:
+    """Fit the most probable weights of signs to these verdicts with weights `counts` (n,).
 
     Logistic regression with normal priors of what each sign weighs, for few verdicts are wrong; no
     sign speaks against its sense.
@@ -173,8 +171,9 @@ def fit_calibration(
         sign: w.model_copy(update={"weight": float(value)})
         for (sign, w), value in zip(SIGN_WEIGHTS.items(), weights, strict=True)
     }
-    return Calibration(
-        most_left=most_left, intercept=float(intercept), weights=fitted, source=source
+    known = calibration()
+    return known.model_copy(
+        update={"intercept": float(intercept), "weights": fitted, "source": source}
     )
 
 
@@ -184,7 +183,7 @@ def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bo
     for name in found:
         kept = np.array([other.case != name.case for other in found])
         others = [other for other in found if other.case != name.case]
-        by = fit_calibration(others, counts[kept], "-", calibration().most_left)
+        by = fit_calibration(others, counts[kept], "-")
         stated.append((by.probability(name.signs), name.right))
     return stated
 
@@ -227,7 +226,8 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
         plain = log_loss([(rate, name.right) for name in found], counts)
         source += f" Left out one by one, log loss {log_loss(stated, counts):.3f} nats, "
         source += f"of one probability for all {plain:.3f}."
-    return fit_calibration(found, counts, source, fit_most_left(outcomes)).model_dump()
+    content = fit_calibration(found, counts, source).model_dump()
+    return content | {"most_left": fit_most_left(outcomes)}
 
 
 def judge(outcomes: Sequence[Outcome]) -> str:

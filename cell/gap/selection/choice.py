@@ -96,21 +96,21 @@ def choose(fits: Fits, sets: Posterior | None = None) -> Choice:
 
 
 def by_evidence(choice: Choice, sets: Posterior) -> Choice:
-    """Accept no set less probable than the base, and the most probable one that clearly leads it.
+    """Accept no set less probable than the base, but the most probable one that clearly leads it.
 
-    The latter where margins accept none: a margin must exceed all that the model's error could
+    That one also where margins accept none: a margin must exceed all that the model's error could
     imitate in the direction of an effect; the posterior has that error in every direction, beside
     each set.
     """
     fits, best = choice.fits, choice.fits.of(sets.models[0].names)
-    if choice.accepted.model.effects:
-        probable = sets.lead(choice.accepted.model.names) > 0.0
-        return choice if probable else replace(choice, accepted=fits.base)
-    if best is None or sets.lead(best.model.names) < MIN_GAIN:
+    if sets.lead(choice.accepted.model.names) > 0.0:
         return choice
+    steps = tuple(replace(step, accepted=False) for step in choice.steps)
+    if best is None or sets.lead(best.model.names) < MIN_GAIN:
+        return replace(choice, accepted=fits.base, steps=steps)
     ahead = margin(best, fits.base, choice.by)
     step = Step(best, fits.base, ahead.gain, ahead.p, ahead.removed, accepted=True)
-    return replace(choice, accepted=best, steps=(*choice.steps, step))
+    return replace(choice, accepted=best, steps=(*steps, step))
 
 
 def _is_earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale) -> bool:

@@ -43,7 +43,7 @@ def kind(found: Findings) -> Kind:
 
 
 def runs_disagree(found: Findings) -> bool:
-    """Whether no effect of one size describes all runs: repeats, amplitudes or fits differ."""
+    """Whether no effect of one size describes all runs: repeats differ, amplitudes, or the fit."""
     judged = found.judged
     differ = judged.repeats.drifts or judged.repeats.differ or judged.leftover < ALPHA
     return differ or bool(drifting(found)) or not _others_confirm(found)
@@ -168,4 +168,8 @@ def _reasons(found: Findings) -> Iterator[str]:
         yield f"repeats of one condition differ by {factor:.1f} times the stated noise"
     if found.accepted.model.effects and leaves_too_much(found):
         left, most = held_out_gap.rms_left(found.shown.after), calibration().most_left
-        yield f"that is {left:.2g} of noise and floor, where a true cause leaves at most {most:.2g}"
+        closed = 100.0 * found.shown.shrink.value
+        yield (
+            f"that is {left:.2g} times noise and floor, where a true cause leaves at most "
+            f"{most:.2g}, and {closed:.0f} % of the gap is closed"
+        )

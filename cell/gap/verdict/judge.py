@@ -30,8 +30,8 @@ def chosen(
 ) -> Choice:
     """Choose among `fits`, and refit the accepted model against the finest simulation.
 
-    The other models are compared as they are. Where there is a `gap` that no margin explains, the
-    posterior chooses.
+    The other models are compared as they are. The posterior chooses where margins accept what is
+    less probable than the base, or nothing although there is a `gap`.
     """
     found = choose(fits, sets)
     if gap or found.accepted.model.effects:

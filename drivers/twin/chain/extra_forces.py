@@ -110,8 +110,9 @@ class GradualFriction:
 
     def begin(self, parts: Parts) -> ForceFunction:
         """Attach the moment to the hinges of one chain; returns its function."""
-        stiffness, limit = parts.lumps.gradual
-        return resistance(parts, DahlFriction(limit, stiffness, exponent=1.0))
+        lumps = parts.lumps
+        law = DahlFriction(lumps.gradual_limit, lumps.gradual, exponent=1.0)
+        return resistance(parts, law)
 
 
 def own_laws(model: StripModel) -> Sequence[ExtraForce]:

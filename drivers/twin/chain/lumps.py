@@ -27,11 +27,12 @@ class Lumps:
     speed; `air` says what other speeds count. Of the hinges, all (n + 1,): `stiffness` [N
     m/rad], `damping` [N m s/rad], `quadratic` [N m s^2/rad^2], `rest` [rad], `cubic` [N
     m/rad^3], `fifth` [N m/rad^5]; of the element of friction beside them `presliding` [N m/rad]
-    and `slip` [rad], its deflection when it begins to slide; `gradual` [N m/rad] and [N m], the
-    presliding stiffness and the limit of friction without a yield point; `fading` [N m/rad], what
-    of the stiffness relaxes within `fading_time` [s]. A hinge stands for `reach` (n + 1,) [m] of
-    the strip, between the middles of its two links; the first and the last one for half a link, so
-    that both clamps are of second order in the lengths `spans` (n,) [m] of the links.
+    and `slip` [rad], its deflection when it begins to slide; of friction without a yield point
+    `gradual` [N m/rad], its stiffness, and `gradual_limit` [N m], its moment in full sliding;
+    `fading` [N m/rad], what of the stiffness relaxes within `fading_time` [s]. A hinge stands for
+    `reach` (n + 1,) [m] of the strip, between the middles of its two links; the first and the last
+    one for half a link, so that both clamps are of second order in the lengths `spans` (n,) [m] of
+    the links.
     Of the links, `cling` [N] holds one to another that it touches, `along` [N/m] is the
     stiffness along itself, `held` the largest that a chain steps.
     """
@@ -50,7 +51,8 @@ class Lumps:
     fifth: Array
     presliding: Array
     slip: Array
-    gradual: tuple[Array, Array]
+    gradual: Array
+    gradual_limit: Array
     fading: Array
     fading_time: float
     cling: Array
@@ -88,7 +90,8 @@ class Lumps:
             fifth=spring * law.fifth * growth**2,
             presliding=(1.0 - law.gradual) * presliding,
             slip=slip,
-            gradual=(law.gradual * presliding, law.gradual * presliding * slip),
+            gradual=law.gradual * presliding,
+            gradual_limit=law.gradual * presliding * slip,
             fading=stiffness * law.relaxing,
             fading_time=law.relaxation_time,
             cling=strip.adhesion * spans * scale,

@@ -38,7 +38,7 @@ def drawn(count: int, seed: int = 0) -> list[Name]:
 
 
 def test_names_are_right_as_often_as_stated() -> None:
-    by = fit_calibration(drawn(2000), np.ones(2000), "drawn", 1.0)
+    by = fit_calibration(drawn(2000), np.ones(2000), "drawn")
     fresh = drawn(2000, seed=1)
     stated = [(by.probability(name.signs), name.right) for name in fresh]
     high = [right for p, right in stated if p > 0.8]
@@ -51,7 +51,7 @@ def test_names_are_right_as_often_as_stated() -> None:
 
 def test_no_sign_speaks_against_its_sense() -> None:
     contrary = [name._replace(right=name.signs.left > 1.0) for name in drawn(400)]
-    by = fit_calibration(contrary, np.ones(400), "drawn", 1.0)
+    by = fit_calibration(contrary, np.ones(400), "drawn")
     assert by.weights["left"].weight == 0.0
     assert all(by.weights[sign].weight * w.weight >= 0.0 for sign, w in SIGN_WEIGHTS.items())
 

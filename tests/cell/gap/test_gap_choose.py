@@ -102,8 +102,19 @@ def test_what_is_less_probable_than_no_effect_is_not_accepted() -> None:
     base, bumpy = frozenset[str](), frozenset({"bump"})
     assert choose(fits).accepted.model.names == bumpy
     for nats, expected in ((2.0, bumpy), (-2.0, base)):
-        sets = Posterior((Weighed(bumpy, nats, 0.5), Weighed(base, 0.0, 0.5)))
-        assert by_evidence(choose(fits), sets).accepted.model.names == expected
+        ranked = sorted([Weighed(bumpy, nats, 0.5), Weighed(base, 0.0, 0.5)], key=lambda w: -w.nats)
+        found = by_evidence(choose(fits), Posterior(tuple(ranked)))
+        assert found.accepted.model.names == expected
+        assert any(step.accepted for step in found.steps) == bool(expected)
+
+
+def test_what_is_less_probable_than_no_effect_gives_way_to_what_clearly_leads() -> None:
+    fits = pool_of(hidden(bump, 0.3), ("bump",), ("wave",))
+    base, bumpy, wavy = (frozenset(n) for n in ((), {"bump"}, {"wave"}))
+    ranked = (Weighed(wavy, 9.0, 0.9), Weighed(base, 0.0, 0.1), Weighed(bumpy, -2.0, 0.0))
+    found = by_evidence(choose(fits), Posterior(ranked))
+    assert found.accepted.model.names == wavy
+    assert [step.accepted for step in found.steps] == [False, True]
 
 
 def test_an_accepted_effect_that_is_rather_absent_shares_its_place_with_what_is_more_probable() -> (
