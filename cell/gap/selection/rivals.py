@@ -10,6 +10,7 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA
 from cell.gap.selection.posterior import Posterior
 
+LAW_ERROR = 0.02  # of a lead in nats: square of the 15 % to which responses are true; set by hand
 PRESENT = 0.5  # inclusion probability from which an effect is rather there than not
 
 
@@ -29,10 +30,12 @@ def rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative
 def probable_rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative]:
     """Models of as many effects as the accepted one that the posterior does not exclude.
 
-    Excluded is what is less than ALPHA times as probable.
+    Excluded is what is less than ALPHA times as probable, beyond what errors of laws may decide: a
+    true law may lose the share LAW_ERROR of what the accepted model leads the base by.
     """
+    least = -np.log(ALPHA) + LAW_ERROR * max(0.0, sets.lead(accepted.model.names))
     others = [_beside(accepted, m, sets) for m in fits.of_size(len(accepted.model.effects))]
-    found = [r for r in others if r.model is not accepted and r.behind < -np.log(ALPHA)]
+    found = [r for r in others if r.model is not accepted and r.behind < least]
     return sorted(found, key=lambda r: r.behind)
 
 

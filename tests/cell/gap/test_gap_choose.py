@@ -117,6 +117,16 @@ def test_what_is_less_probable_than_no_effect_gives_way_to_what_clearly_leads() 
     assert [step.accepted for step in found.steps] == [False, True]
 
 
+def test_errors_of_laws_may_decide_between_sets_that_both_lead_the_base_by_far() -> None:
+    fits = pool_of(hidden(bump, 0.3), ("bump",), ("wave",))
+    accepted = choose(fits).accepted
+    base, bumpy, wavy = (frozenset(n) for n in ((), {"bump"}, {"wave"}))
+    for lead, rivalled in ((1000.0, True), (100.0, False)):
+        ranked = (Weighed(bumpy, lead, 1.0), Weighed(wavy, lead - 20.0, 0.0), Weighed(base, 0, 0))
+        close = probable_rivals(accepted, fits, Posterior(ranked))
+        assert [r.model.model.names for r in close] == [wavy] * rivalled
+
+
 def test_an_accepted_effect_that_is_rather_absent_shares_its_place_with_what_is_more_probable() -> (
     None
 ):
