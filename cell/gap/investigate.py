@@ -221,24 +221,36 @@ def _refit_further(
     progress: Progress,
 ) -> Fits:
     """Fit other single effects, then pairs and triples, while the best model leaves a gap."""
-    base, candidates = fits.base.estimate, subject.scope.candidates
     if len(fits.models) == 1:
         return fits
     fits = _refine_laws(fits, simulate)  # beside a revised base a law may leave more
-    if is_exhausted(fits):
-        return fits
     unnamed = fitted.doubted and not choose(fits).accepted.model.effects
-    if not unnamed and not _leaves_more(fits, anywhere=True):
-        return fits
+    if not _leaves_more(fits, anywhere=True) and not unnamed:
+        return _refit_small_second(subject, fits, screened, simulate, progress)
     progress("refit other single effects", 0.45)
+    candidates = subject.scope.candidates
     others = [
         s for s in screened.singles[: search.BUDGET.looked] if fits.of(frozenset(s.names)) is None
     ]
+    base = fits.base.estimate
     others = search.shortlist(simulate, base, others, candidates, search.BUDGET.further)
     fits = search.fit_scores(simulate, fits, others, candidates)
-    if is_exhausted(fits) or not _leaves_more(fits, anywhere=True):
-        return fits
+    if not _leaves_more(fits, anywhere=True):
+        return _refit_small_second(subject, fits, screened, simulate, progress)
     return _refit_pairs_and_triples(subject, fits, screened, simulate, progress)
+
+
+def _refit_small_second(
+    subject: Subject, fits: Fits, screened: Screened, simulate: Simulate, progress: Progress
+) -> Fits:
+    """Fit the accepted effect with what the screen shows beside it, where no gap is left."""
+    if not choose(fits).accepted.model.effects:
+        return fits
+    progress("screen beside the accepted effect", 0.5)
+    candidates = subject.scope.candidates
+    fits = search.extend_accepted(simulate, fits, candidates, screened.probed)
+    is_pair = len(choose(fits).accepted.model.effects) == 2
+    return _refit_alternatives(subject, fits, simulate) if is_pair else fits
 
 
 def _refit_pairs_and_triples(
@@ -251,17 +263,28 @@ def _refit_pairs_and_triples(
     pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.BUDGET.pairs)
     fits = search.fit_scores(simulate, fits, pairs, candidates)
     fits = search.extend(simulate, fits, 1, candidates, screened.probed)
-    pair = len(choose(fits).accepted.model.effects) == 2
-    if pair and not is_exhausted(fits) and _leaves_more(fits, anywhere=False):
+    is_pair = len(choose(fits).accepted.model.effects) == 2
+    if is_pair and _leaves_more(fits, anywhere=False):
         progress("refit triples", 0.7)
         fits = search.extend(simulate, fits, 2, candidates, screened.probed)
+    return _refit_alternatives(subject, fits, simulate)
+
+
+def _refit_alternatives(subject: Subject, fits: Fits, simulate: Simulate) -> Fits:
+    """Fit the accepted and the best model without each effect, and with others in its place."""
+    candidates = subject.scope.candidates
     fits = search.fit_scores(simulate, fits, search.without_each(fits), candidates)
     others = search.substitutes(simulate, fits, candidates)
     return search.fit_scores(simulate, fits, others, candidates)
 
 
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:
-    """Whether the best model leaves more than noise, overall or, with `anywhere`, in any bin."""
+    """Whether the best model leaves more than noise and than errors of its laws may explain.
+
+    Overall or, with `anywhere`, in any bin.
+    """
+    if is_exhausted(fits):
+        return False
     best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
     noise = lack_of_fit.noise_left(best, np.random.default_rng(1))
     allowed = lack_of_fit.slack(best.evidence, Repeats.of(best).inflation)

@@ -11,6 +11,7 @@ from cell.gap.selection.likelihood import ALPHA
 from cell.gap.selection.posterior import Posterior
 
 LAW_ERROR = 0.02  # of a lead in nats: square of the 15 % to which responses are true; set by hand
+EXPLAINED = 0.5  # of what an effect gains, that a rival has to gain in its place; set by hand
 PRESENT = 0.5  # inclusion probability from which an effect is rather there than not
 
 
@@ -30,13 +31,28 @@ def rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative
 def probable_rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative]:
     """Models of as many effects as the accepted one that the posterior does not exclude.
 
-    Excluded is what is less than ALPHA times as probable, beyond what errors of laws may decide: a
-    true law may lose the share LAW_ERROR of what the accepted model leads the base by.
+    Excluded is what is less than ALPHA times as probable, beyond what errors of laws may decide.
     """
-    least = -np.log(ALPHA) + LAW_ERROR * max(0.0, sets.lead(accepted.model.names))
     others = [_beside(accepted, m, sets) for m in fits.of_size(len(accepted.model.effects))]
-    found = [r for r in others if r.model is not accepted and r.behind < least]
+    found = [
+        r
+        for r in others
+        if r.model is not accepted and r.behind < -np.log(ALPHA) + _undecided(accepted, r, sets)
+    ]
     return sorted(found, key=lambda r: r.behind)
+
+
+def _undecided(accepted: Validated, rival: Alternative, sets: Posterior) -> float:
+    """Nats by which a true law may be behind `accepted`, because no law is quite true.
+
+    The share LAW_ERROR of what the accepted set gains, but at most the share EXPLAINED of what the
+    effects add that the rival lacks: in their place it must explain most of that.
+    """
+    names = accepted.model.names
+    lead, shared = sets.lead(names), names & rival.model.model.names
+    fitted = {m.names for m in sets.models}
+    gain = lead - sets.lead(shared) if shared in fitted else lead
+    return max(0.0, min(LAW_ERROR * lead, EXPLAINED * gain))
 
 
 def _beside(accepted: Validated, other: Validated, sets: Posterior) -> Alternative:

@@ -259,6 +259,22 @@ def extend(
     return fit_scores(simulate, fits, scores, candidates)
 
 
+def extend_accepted(
+    simulate: Simulate, fits: Fits, candidates: Sequence[Candidate], probed: Sequence[Probed]
+) -> Fits:
+    """Fit the accepted model with each further effect that the screen beside it clearly shows.
+
+    Along one response a test is sharper than over all residuals (score test: Rao 1948): what
+    leaves no gap as a whole may still hold a small effect. `probed` are responses at the base.
+    """
+    fit, by = choose(fits).accepted.estimate, fits.scale
+    least = by.least * by.inefficiency * (by.scale / fit.scale) ** 2
+    known = with_shape_parameters(candidates, fits)
+    found = _screen_further(simulate, fit, known, probed)[: BUDGET.further]
+    scores = [s.beside(fit) for s in found if s.gain > least]
+    return fit_scores(simulate, fits, scores, candidates)
+
+
 def _screen_further(
     simulate: Simulate, fit: Estimate, candidates: Sequence[Candidate], probed: Sequence[Probed]
 ) -> list[Score]:

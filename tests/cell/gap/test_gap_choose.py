@@ -127,6 +127,17 @@ def test_errors_of_laws_may_decide_between_sets_that_both_lead_the_base_by_far()
         assert [r.model.model.names for r in close] == [wavy] * rivalled
 
 
+def test_errors_of_laws_decide_for_no_effect_that_explains_little_in_place_of_another() -> None:
+    fits = pool_of(hidden(bump, 0.3), ("bump", "wave"), ("bump", "slow"))
+    names = [frozenset(n) for n in ((), {"bump"}, {"bump", "wave"}, {"bump", "slow"})]
+    accepted = fits.of(names[2])
+    for nats, rivalled in ((40.0, True), (5.0, False)):
+        ranked = zip(names, (0.0, 1000.0, 1060.0, 1000.0 + nats), strict=True)
+        sets = Posterior(tuple(Weighed(n, lead, 0.0) for n, lead in ranked))
+        close = probable_rivals(accepted, fits, sets)
+        assert [r.model.model.names for r in close] == [names[3]] * rivalled
+
+
 def test_an_accepted_effect_that_is_rather_absent_shares_its_place_with_what_is_more_probable() -> (
     None
 ):

@@ -186,6 +186,13 @@ def test_two_effects_are_found_together() -> None:
     assert sorted(e.name for e in verdict.effects) == ["bump", "wave"]
 
 
+def test_a_small_effect_beside_a_strong_one_is_found_where_all_residuals_show_no_gap() -> None:
+    both: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.006 * wave(t, s, i)  # noqa: E731
+    for seed in range(3):
+        _, verdict = judged(Curves(both, seed=seed))
+        assert sorted(e.name for e in verdict.effects) == ["bump", "wave"]
+
+
 def test_twins_are_ambiguous_and_nothing_is_patched() -> None:
     _, verdict = judged(Curves(hidden(bump, 0.05), names=("bump", "twin", "wave")))
     assert verdict.verdict == "ambiguous"

@@ -49,7 +49,7 @@ def test_where_it_leaves_none_they_are_not(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize(("gap", "named"), [(True, False), (False, False), (True, True)])
-def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
+def test_where_all_residuals_show_no_gap_a_gap_is_named_or_its_name_gets_a_second(
     monkeypatch: pytest.MonkeyPatch, *, gap: bool, named: bool
 ) -> None:
     asked: list[str] = []
@@ -58,6 +58,10 @@ def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
         asked.extend(s.names[0] for s in scores)
         return []
 
+    def extend_accepted(_simulate: Any, fits: Fits, *_: Any) -> Fits:
+        asked.append("second")
+        return fits
+
     effects = ("seam",) if named else ()
     accepted = SimpleNamespace(model=SimpleNamespace(effects=effects))
     monkeypatch.setattr(investigate, "choose", lambda _fits: SimpleNamespace(accepted=accepted))
@@ -65,6 +69,7 @@ def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
     monkeypatch.setattr(investigate, "_leaves_more", lambda _fits, **_: False)
     monkeypatch.setattr(investigate.search, "shape_parameters", lambda *_: [])
     monkeypatch.setattr(investigate.search, "shortlist", shortlist)
+    monkeypatch.setattr(investigate.search, "extend_accepted", extend_accepted)
     monkeypatch.setattr(investigate.search, "fit_scores", lambda _simulate, fits, *_: fits)
     fits: Any = SimpleNamespace(
         models=(None, None),
@@ -74,9 +79,9 @@ def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
     )
     singles = tuple(Score((name,), 1.0, {}) for name in ("seam", "crease"))
     fitted: Any = SimpleNamespace(doubted=gap)
-    screened: Any = SimpleNamespace(singles=singles)
+    screened: Any = SimpleNamespace(singles=singles, probed=())
     subject: Any = SimpleNamespace(scope=SimpleNamespace(candidates=()))
     investigate._refit_further(
         subject, fitted, fits, screened, lambda _asked: [], lambda _stage, _share: None
     )
-    assert asked == (["crease"] if gap and not named else [])
+    assert asked == (["second"] if named else ["crease"] if gap else [])
