@@ -224,9 +224,11 @@ def _refit_further(
     if len(fits.models) == 1:
         return fits
     fits = _refine_laws(fits, simulate)  # beside a revised base a law may leave more
-    unnamed = fitted.doubted and not choose(fits).accepted.model.effects
-    if not _leaves_more(fits, anywhere=True) and not unnamed:
-        return _refit_small_second(subject, fits, screened, simulate, progress)
+    if not _leaves_more(fits, anywhere=True):
+        if choose(fits).accepted.model.effects:
+            return _refit_small_second(subject, fits, screened, simulate, progress)
+        if not fitted.doubted:
+            return fits
     progress("refit other single effects", 0.45)
     candidates = subject.scope.candidates
     others = [
