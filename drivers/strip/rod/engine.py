@@ -14,7 +14,7 @@ from drivers.strip.rod.batch import compact, end_strips, fixed_edges, flat_batch
 from drivers.strip.rod.follow import follow
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.newton import TURN_TOLERANCE
-from drivers.strip.rod.static import FINE_STEPS, fit_length, lift_path, settle
+from drivers.strip.rod.static import FINE_PERIOD, FINE_STEPS, fit_length, lift_path, settle
 from drivers.strip.rod.step import Pace
 from drivers.strip.shape import Touch
 from drivers.types import Array
@@ -140,13 +140,13 @@ class Rod:
         return np.array(self._batch.arc)
 
     def _fit_length(self, models: Sequence[StripModel]) -> None:
-        """Lay strips out to their stated lengths; where the solver fails, again in finer steps."""
+        """Lay strips out to their stated lengths; where the solver fails, again more slowly."""
         try:
             fit_length(self._batch, models)
         except SimulationNotConverged:
             self._batch = flat_batch(models, self._segments)
             self._begin()
-            fit_length(self._batch, models, FINE_STEPS)
+            fit_length(self._batch, models, FINE_STEPS, FINE_PERIOD)
 
     def _begin(self) -> None:
         count = len(self._batch.arc)

@@ -19,6 +19,7 @@ APPROACH_STEPS = 60  # steps from lying flat to where a strip hangs
 FINE_STEPS = 150  # likewise, after the solver failed to converge in APPROACH_STEPS
 APPROACH_HEIGHT = 0.7  # of the way in over what a slack strip allows
 PERIOD = 0.05  # s, Euler steps in which a strip comes to where it shall rest
+FINE_PERIOD = 0.3  # s, those with FINE_STEPS: in longer ones a strip has less inertia
 STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, those in which it comes to rest
 
 
@@ -34,11 +35,13 @@ def lift_path(batch: Batch, start: Array) -> Array:
     return np.asarray(path)
 
 
-def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH_STEPS) -> None:
+def fit_length(
+    batch: Batch, models: Sequence[StripModel], steps: int = APPROACH_STEPS, period: float = PERIOD
+) -> None:
     """Move the gripped edge of each strip that is too long or too short to x = `stated_length`.
 
-    A shorter strip is stretched evenly; a longer one, laid in `steps`, lies at rest with its slack
-    as a wave in front of the grip, as after a grip that came in from above.
+    A shorter strip is stretched evenly; a longer one, laid in `steps` of `period` [s], lies at rest
+    with its slack as a wave in front of the grip, as after a grip that came in from above.
     """
     slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
     goal = batch.held - slack[:, None] * (1.0, 0.0, 0.0)
@@ -49,7 +52,7 @@ def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH
         path = batch.held + share[:, :, None] * (goal - batch.held)
         reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
         path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
-        settle(end_strips(batch, slack <= 0), path)
+        settle(end_strips(batch, slack <= 0), path, period)
 
 
 def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
@@ -64,9 +67,9 @@ def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
             state[:, at.X1] = state[:, at.X]
 
 
-def settle(batch: Batch, path: Array) -> None:
-    """Move the grips along `path` (k, n, 3), `PERIOD` a step, and let the strips come to rest."""
-    _follow_damped(batch, path, PERIOD)
+def settle(batch: Batch, path: Array, period: float = PERIOD) -> None:
+    """Move the grips along `path` (k, n, 3), `period` [s] a step, and let strips come to rest."""
+    _follow_damped(batch, path, period)
     for longer in STILLING:
         _follow_damped(batch, path[-1:], longer)
 
