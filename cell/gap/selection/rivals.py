@@ -37,12 +37,12 @@ def probable_rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Al
     found = [
         r
         for r in others
-        if r.model is not accepted and r.behind < -np.log(ALPHA) + _undecided(accepted, r, sets)
+        if r.model is not accepted and r.behind < -np.log(ALPHA) + _law_error(accepted, r, sets)
     ]
     return sorted(found, key=lambda r: r.behind)
 
 
-def _undecided(accepted: Validated, rival: Alternative, sets: Posterior) -> float:
+def _law_error(accepted: Validated, rival: Alternative, sets: Posterior) -> float:
     """Nats by which a true law may be behind `accepted`, because no law is quite true.
 
     The share LAW_ERROR of what the accepted set gains, but at most the share EXPLAINED of what the
