@@ -245,7 +245,7 @@ def _refit_further(
 def _refit_small_second(
     subject: Subject, fits: Fits, screened: Screened, simulate: Simulate, progress: Progress
 ) -> Fits:
-    """Fit the accepted effect with what the screen shows beside it, where no gap is left."""
+    """Fit pairs of the accepted effect and those that the screen shows beside it."""
     if not choose(fits).accepted.model.effects:
         return fits
     progress("screen beside the accepted effect", 0.5)

@@ -10,8 +10,8 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA
 from cell.gap.selection.posterior import Posterior
 
-LAW_ERROR = 0.02  # of a lead in nats: square of the 15 % to which responses are true; set by hand
-EXPLAINED = 0.5  # of what an effect gains, that a rival has to gain in its place; set by hand
+LAW_ERROR = 0.02  # of a lead in nats: square of 15 %, by which responses are wrong; set by hand
+EXPLAINED = 0.5  # of what an effect gains, that may be missing in its rival; set by hand
 PRESENT = 0.5  # inclusion probability from which an effect is rather there than not
 
 
@@ -43,10 +43,11 @@ def probable_rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Al
 
 
 def _law_error(accepted: Validated, rival: Alternative, sets: Posterior) -> float:
-    """Nats by which a true law may be behind `accepted`, because no law is quite true.
+    """Nats by which a rival may be behind `accepted` though it is true, since no law is exact.
 
-    The share LAW_ERROR of what the accepted set gains, but at most the share EXPLAINED of what the
-    effects add that the rival lacks: in their place it must explain most of that.
+    The share LAW_ERROR of what the accepted set gains over the base, but at most the share
+    EXPLAINED of what is gained by the effects that the rival lacks: what the rival has in their
+    place must gain the rest.
     """
     names = accepted.model.names
     lead, shared = sets.lead(names), names & rival.model.model.names

@@ -264,8 +264,9 @@ def extend_accepted(
 ) -> Fits:
     """Fit the accepted model with each further effect that the screen beside it clearly shows.
 
-    Along one response a test is sharper than over all residuals (score test: Rao 1948): what
-    leaves no gap as a whole may still hold a small effect. `probed` are responses at the base.
+    Along one response a test is sharper than over all residuals (score test: Rao 1948, Proc. Camb.
+    Phil. Soc. 44, 50): runs without a gap as a whole may still hold a small effect. `probed` are
+    responses at the base.
     """
     fit, by = choose(fits).accepted.estimate, fits.scale
     least = by.least * by.inefficiency * (by.scale / fit.scale) ** 2
