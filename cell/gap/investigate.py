@@ -10,7 +10,7 @@ from cell.gap.diagnosis import lack_of_fit
 from cell.gap.diagnosis.detection_limit import detectable
 from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.localise import localise
-from cell.gap.fitting.crossvalidation import validate
+from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
@@ -28,7 +28,7 @@ from cell.gap.selection.likelihood import (
     likelihood_scale,
     margin,
 )
-from cell.gap.selection.posterior import posterior
+from cell.gap.selection.posterior import Posterior, posterior
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranked_pairs, ranking, table
 from cell.gap.subject.subject import Subject
@@ -67,9 +67,9 @@ def investigate(
             screened = _score_candidates(subject, fitted, screened.probed)
             fits = search.beside_base(simulate, fits, fitted.base, fitted.scatter, whole)
     progress("judge", 0.8)
-    believed = subject.scope.believed
-    sets = posterior(fits, screened.probed, fits.scale, believed=believed)
+    sets = _posterior(subject, fits, screened)
     choice = chosen(subject, simulate, fits, sets, gap=fitted.doubted)
+    believed = subject.scope.believed
     sets = posterior(choice.fits, screened.probed, choice.by, believed=believed)
     judged = judge(subject, choice, sets, simulate, whole, rng)
     progress("show on held-out runs", 0.9)
@@ -203,7 +203,7 @@ def _refit_singles(
         return fits
     singles = screened.singles[: search.BUDGET.singles]
     fits = search.fit_scores(simulate, fits, singles, candidates)
-    fits = fits.merge(search.other_sign(simulate, fits, singles))
+    fits = fits.merge(search.other_signs(simulate, fits, fits.of_size(1)[:1]))
     return _refine_laws(fits, simulate)
 
 
@@ -245,14 +245,33 @@ def _refit_further(
 def _refit_small_second(
     subject: Subject, fits: Fits, screened: Screened, simulate: Simulate, progress: Progress
 ) -> Fits:
-    """Fit pairs of the accepted effect and those that the screen shows beside it."""
-    if not choose(fits).accepted.model.effects:
+    """Fit pairs of an accepted or probable effect and those that the screen shows beside it."""
+    models = _accepted_and_probable(fits, _posterior(subject, fits, screened))
+    if not models:
         return fits
     progress("screen beside the accepted effect", 0.5)
     candidates = subject.scope.candidates
-    fits = search.extend_accepted(simulate, fits, candidates, screened.probed)
+    fits = search.extend_where_shown(simulate, fits, models, candidates, screened.probed)
     is_pair = len(choose(fits).accepted.model.effects) == 2
     return _refit_alternatives(subject, fits, simulate) if is_pair else fits
+
+
+def _posterior(subject: Subject, fits: Fits, screened: Screened) -> Posterior:
+    """Probabilities of the sets of effects that were fitted so far."""
+    return posterior(fits, screened.probed, fits.scale, believed=subject.scope.believed)
+
+
+def _accepted_and_probable(fits: Fits, sets: Posterior) -> list[Validated]:
+    """The accepted model and the most probable one with effects; none where none is accepted.
+
+    By what they predict and by evidence two single effects may change places where either is only
+    a part of the cause.
+    """
+    accepted, probable = choose(fits).accepted, fits.of(sets.models[0].names)
+    if not accepted.model.effects:
+        return []
+    others = [probable] if probable is not None and probable.model.effects else []
+    return [accepted, *(m for m in others if m is not accepted)]
 
 
 def _refit_pairs_and_triples(
@@ -265,6 +284,7 @@ def _refit_pairs_and_triples(
     pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.BUDGET.pairs)
     fits = search.fit_scores(simulate, fits, pairs, candidates)
     fits = search.extend(simulate, fits, 1, candidates, screened.probed)
+    fits = fits.merge(search.other_signs(simulate, fits, fits.worth(2)[: search.BUDGET.pairs]))
     is_pair = len(choose(fits).accepted.model.effects) == 2
     if is_pair and _leaves_more(fits, anywhere=False):
         progress("refit triples", 0.7)

@@ -162,24 +162,43 @@ def _farthest(base: Estimate, begun: Sequence[Estimate], known: Estimate) -> lis
     return [e for e, gain in zip(begun, gains, strict=False) if gain >= least]
 
 
-def other_sign(simulate: Simulate, fits: Fits, scores: Sequence[Score]) -> list[Validated]:
-    """Fit the best single effect to the end, also from the start of the other sign in `scores`.
+def other_signs(simulate: Simulate, fits: Fits, models: Sequence[Validated]) -> list[Validated]:
+    """Fit to the end those of `models` whose effects have a place, with the other sign of each too.
 
-    Empty without one. What is stiffer here may be what is softer beside it, on another base.
+    What is stiffer here may be what is softer beside it, on another base or beside another effect.
     """
-    singles, base = fits.of_size(1), fits.base.estimate
-    known = {s.names: s.mirrored for s in scores if s.mirrored is not None}
-    start = known.get(tuple(singles[0].model.names)) if singles else None
-    if start is None:
-        return []
-    fit, model = singles[0].estimate, singles[0].model
-    mirrored = Point(model.join(base.shared, start), base.point.local)
-    tasks = [
-        refit(model, fit.evidence, fit.point, fit.jacobians),
-        refit(model, fit.evidence, mirrored),
-    ]
-    found = best(run_all(simulate, tasks))
-    return run_all(simulate, [validate(found)])
+    tasks: list[Task[Estimate]] = []
+    for fit in (m.estimate for m in models):
+        placed = [e for e in fit.model.effects if any(p.shape for p in e.parameters)]
+        beside = [(e, fits.of(fit.model.names - {e.name})) for e in placed]
+        signs = [_with_other_sign(fit, e, other.estimate) for e, other in beside if other]
+        if signs:
+            same = refit(fit.model, fit.evidence, fit.point, fit.jacobians)
+            tasks.append(_best_of([same, *signs]))
+    return run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+
+
+def _best_of(tasks: Sequence[Task[Estimate]]) -> Task[Estimate]:
+    """Best of several fits of a model; yields simulations."""
+    return best((yield from side_by_side(tasks)))
+
+
+def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task[Estimate]:
+    """Fit of the model of `fit` with `effect` of the other sign, from where that gains most.
+
+    It gains that `beside` the other effects, as fitted without it. Without such a place the task
+    returns `fit`; yields simulations.
+    """
+    probed = yield from probe(beside, effect)
+    score = next(iter(ranking(table(projection(beside), [probed]))), None)
+    shared, known = beside.model.split(beside.shared)
+    fitted = fit.model.split(fit.shared)[1][effect.name]
+    for start in (score.start, score.mirrored) if score else ():
+        values = (start or {}).get(effect.name, effect.null)
+        if (values[0] - effect.null[0]) * (fitted[0] - effect.null[0]) < 0.0:
+            at = Point(fit.model.join(shared, {**known, effect.name: values}), beside.point.local)
+            return (yield from refit(fit.model, fit.evidence, at))
+    return fit
 
 
 def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
@@ -259,20 +278,25 @@ def extend(
     return fit_scores(simulate, fits, scores, candidates)
 
 
-def extend_accepted(
-    simulate: Simulate, fits: Fits, candidates: Sequence[Candidate], probed: Sequence[Probed]
+def extend_where_shown(
+    simulate: Simulate,
+    fits: Fits,
+    models: Sequence[Validated],
+    candidates: Sequence[Candidate],
+    probed: Sequence[Probed],
 ) -> Fits:
-    """Fit the accepted model with each further effect that the screen beside it clearly shows.
+    """Fit `models` with each further effect that the screen beside them clearly shows.
 
     Along one response a test is sharper than over all residuals (score test: Rao 1948, Proc. Camb.
     Phil. Soc. 44, 50): runs without a gap as a whole may still hold a small effect. `probed` are
     responses at the base.
     """
-    fit, by = choose(fits).accepted.estimate, fits.scale
-    least = by.least * by.inefficiency * (by.scale / fit.scale) ** 2
+    by, scores = fits.scale, []
     known = with_shape_parameters(candidates, fits)
-    found = _screen_further(simulate, fit, known, probed)[: BUDGET.further]
-    scores = [s.beside(fit) for s in found if s.gain > least]
+    for fit in (m.estimate for m in models):
+        least = by.least * by.inefficiency * (by.scale / fit.scale) ** 2
+        found = _screen_further(simulate, fit, known, probed)[: BUDGET.further]
+        scores += [s.beside(fit) for s in found if s.gain > least]
     return fit_scores(simulate, fits, scores, candidates)
 
 

@@ -1,5 +1,7 @@
 """An effect with a place is tried with either sign, each where it gains most with it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -11,10 +13,10 @@ from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import probe, ranking, table
-from cell.gap.selection.search import other_sign
+from cell.gap.selection.search import other_signs
 from cell.gap.subject.subject import Candidate, Parameter, Scope
 from drivers.types import Array
-from tests.cell.gap.test_gap_engine import Curves, T
+from tests.cell.gap.test_gap_engine import LAWS, Curves, T
 from tests.cell.gap.test_gap_robust import validated
 
 PLACES = (0.15, 0.35, 0.55, 0.75)
@@ -37,28 +39,36 @@ class Lumps(Curves):
         )
         probes = tuple(((0.1, place),) for place in PLACES)
         found = Candidate("lump", "there is a lump", "strip", parameters, probes)
-        return Scope(whole.base, (found,), whole.quantities)
+        return Scope(whole.base, (found, *whole.candidates), whole.quantities)
 
     def added(self, name: str, values: Array, speed: float) -> Array:
+        if name != "lump":
+            return super().added(name, values, speed)
         size, place = values
         return size * lump(T, place)
 
 
-def two_sided(signed: bool = True) -> Lumps:
-    """Down at 0.56, and less up at 0.34: a lump up is a local optimum."""
-    return Lumps(lambda t, _s, _i: -0.3 * lump(t, 0.56) + 0.2 * lump(t, 0.34), signed=signed)
+def two_sided(signed: bool = True, wave: float = 0.0) -> Lumps:
+    """Down at 0.56, and less up at 0.34: a lump up is a local optimum, beside a `wave` too."""
+
+    def truth(t: Array, speed: float, index: int) -> Array:
+        return -0.3 * lump(t, 0.56) + 0.2 * lump(t, 0.34) + wave * LAWS["wave"](t, speed, index)
+
+    return Lumps(truth, names=("wave",), signed=signed)
 
 
-def at(subject: Lumps, *start: float) -> Estimate:
+def at(subject: Lumps, *start: float, names: Sequence[str] = ("lump",)) -> Estimate:
+    """Fit of the effects `names` from their values `start`; of the base without any."""
     scope, runs = subject.scope, evidence(subject.runs)
-    model = Model(scope.base, scope.candidates if start else ())
+    chosen = tuple(c for c in scope.candidates if start and c.name in names)
     begin = Point(np.array([0.2, 0.5, *start]), runs.start())
-    return run_one(subject.simulate, refit(model, runs, begin))
+    return run_one(subject.simulate, refit(Model(scope.base, chosen), runs, begin))
 
 
 def screened(subject: Lumps) -> Score:
     base = at(subject)
-    probes = run_all(subject.simulate, [probe(base, c) for c in subject.scope.candidates])
+    lumps = subject.scope.candidates[:1]
+    probes = run_all(subject.simulate, [probe(base, c) for c in lumps])
     return ranking(table(projection(base), probes))[0]
 
 
@@ -78,15 +88,35 @@ def test_a_local_optimum_of_one_sign_is_left_for_the_other() -> None:
     wrong = at(subject, 0.1, 0.35)
     assert wrong.shared[2] > 0.0
     fits = Fits(tuple(validated(e, subject) for e in (at(subject), wrong)))
-    score = Score(("lump",), 0.0, {}, mirrored={"lump": np.array([-0.1, 0.55])})
-    (found,) = other_sign(subject.simulate, fits, [score])
+    (found,) = other_signs(subject.simulate, fits, fits.of_size(1))
     size, place = found.estimate.shared[2:]
     assert size < -0.2
     assert place == pytest.approx(0.56, abs=0.02)
     assert best([wrong, found.estimate]) is found.estimate
 
 
-def test_without_a_start_of_the_other_sign_nothing_is_fitted() -> None:
+def test_beside_another_effect_too() -> None:
+    subject = two_sided(wave=0.1)
+    wrong = at(subject, 0.1, 0.35, 0.1, names=("lump", "wave"))
+    assert wrong.shared[2] > 0.0
+    others = at(subject), at(subject, 0.1, names=("wave",))
+    fits = Fits(tuple(validated(e, subject) for e in (*others, wrong)))
+    (found,) = other_signs(subject.simulate, fits, fits.of_size(2))
+    size, place, _ = found.estimate.shared[2:]
+    assert size < -0.2
+    assert place == pytest.approx(0.56, abs=0.02)
+    assert best([wrong, found.estimate]) is found.estimate
+
+
+def test_an_effect_of_one_sign_alone_is_only_fitted_to_its_end() -> None:
+    subject = Lumps(lambda t, _s, _i: 0.2 * lump(t, 0.34), names=(), signed=False)
+    right = at(subject, 0.1, 0.35)
+    fits = Fits(tuple(validated(e, subject) for e in (at(subject), right)))
+    (found,) = other_signs(subject.simulate, fits, fits.of_size(1))
+    assert found.estimate.shared == pytest.approx(right.shared, abs=1e-3)
+
+
+def test_a_model_without_an_effect_that_has_a_place_is_not_fitted_again() -> None:
     subject = two_sided()
     fits = Fits((validated(at(subject), subject),))
-    assert other_sign(subject.simulate, fits, []) == []
+    assert other_signs(subject.simulate, fits, fits.models) == []

@@ -25,7 +25,8 @@ def refitted(monkeypatch: pytest.MonkeyPatch, *, gain: float, gap: bool) -> list
     monkeypatch.setattr(investigate, "ranked_pairs", lambda *_: [])
     monkeypatch.setattr(investigate, "is_exhausted", lambda _fits: True)
     monkeypatch.setattr(investigate.search, "fit_scores", fit_scores)
-    monkeypatch.setattr(investigate.search, "other_sign", lambda *_: [])
+    monkeypatch.setattr(investigate.search, "other_signs", lambda *_: [])
+    monkeypatch.setattr(Fits, "of_size", lambda *_: [])
     subject: Any = SimpleNamespace(scope=SimpleNamespace(candidates=()))
     base = SimpleNamespace(estimate=None, model=SimpleNamespace(name="", names=frozenset()))
     fitted: Any = SimpleNamespace(base=base, doubted=gap)
@@ -58,23 +59,26 @@ def test_where_all_residuals_show_no_gap_a_gap_is_named_or_its_name_gets_a_secon
         asked.extend(s.names[0] for s in scores)
         return []
 
-    def extend_accepted(_simulate: Any, fits: Fits, *_: Any) -> Fits:
-        asked.append("second")
+    def extend(_simulate: Any, fits: Fits, models: list[Any], *_: Any) -> Fits:
+        asked.extend(f"beside {m.model.effects[0]}" for m in models)
         return fits
 
     effects = ("seam",) if named else ()
     accepted = SimpleNamespace(model=SimpleNamespace(effects=effects))
+    probable = SimpleNamespace(model=SimpleNamespace(effects=("hem",)))
+    most_probable: Any = SimpleNamespace(models=[SimpleNamespace(names={"hem"})])
     monkeypatch.setattr(investigate, "choose", lambda _fits: SimpleNamespace(accepted=accepted))
     monkeypatch.setattr(investigate, "is_exhausted", lambda _fits: False)
     monkeypatch.setattr(investigate, "_leaves_more", lambda _fits, **_: False)
     monkeypatch.setattr(investigate.search, "shape_parameters", lambda *_: [])
     monkeypatch.setattr(investigate.search, "shortlist", shortlist)
-    monkeypatch.setattr(investigate.search, "extend_accepted", extend_accepted)
+    monkeypatch.setattr(investigate.search, "extend_where_shown", extend)
+    monkeypatch.setattr(investigate, "_posterior", lambda *_: most_probable)
     monkeypatch.setattr(investigate.search, "fit_scores", lambda _simulate, fits, *_: fits)
     fits: Any = SimpleNamespace(
         models=(None, None),
         base=SimpleNamespace(estimate=None),
-        of=lambda names: names == {"seam"} or None,
+        of=lambda names: {"seam": True, "hem": probable}.get(*names),
         merge=lambda _more: fits,
     )
     singles = tuple(Score((name,), 1.0, {}) for name in ("seam", "crease"))
@@ -84,4 +88,4 @@ def test_where_all_residuals_show_no_gap_a_gap_is_named_or_its_name_gets_a_secon
     investigate._refit_further(
         subject, fitted, fits, screened, lambda _asked: [], lambda _stage, _share: None
     )
-    assert asked == (["second"] if named else ["crease"] if gap else [])
+    assert asked == (["beside seam", "beside hem"] if named else ["crease"] if gap else [])
