@@ -12,6 +12,7 @@ from pydantic import Field
 from calibration.homography import MINIMUM_POINTS, Homography, Rejected, fit_homography
 from calibration.lens import Lens
 from drivers.errors import ConfigurationError
+from drivers.robust import robust_sigma
 from drivers.settings import Settings
 from drivers.types import Array, Pose
 
@@ -179,7 +180,6 @@ def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) ->
 
 FEWEST_TOUCHES = 3  # touches on either side of a move
 LOSS_SCALE = 0.3  # px, error from which a touch counts less, as it may be an outlier
-MAD = 1.4826  # sigma over the median of deviations
 INLIER_SIGMA, LEAST_SIGMA = 5.0, 1e-6  # of the errors that count; px, under which none is
 MAP_NUMBERS, UNKNOWNS = 8, 10  # free numbers of a homography; with a shift of the image
 MOVE_SIGMA = 3.8  # sigma by which a move is significant; Source: slow tests in test_causes.py
@@ -251,7 +251,7 @@ def _fit_move(
 
     found = least_squares(errors, begin, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac")
     left = errors(found.x)
-    sigma = max(MAD * float(np.median(np.abs(left))), LEAST_SIGMA)
+    sigma = max(robust_sigma(left), LEAST_SIGMA)
     sigma = sigma * np.sqrt(len(left) / (len(left) - UNKNOWNS))
     used = np.abs(left) < INLIER_SIGMA * sigma
     slopes = found.jac[used] if used.sum() > UNKNOWNS + 2 else found.jac

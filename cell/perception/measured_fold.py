@@ -5,12 +5,12 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.robust import MAD
 from drivers.types import Array
 from policies.profile import POINTS
 
 BINS = 12  # of time, in which the noise of the images averages out
 FEWEST_IMAGES = 3  # images in a bin that counts
-MAD = 1.4826  # sigma over the median of deviations
 TOUCH_MARGIN = 0.03  # s before the touch in which images do not count: the layers hide each other
 
 

@@ -11,6 +11,7 @@ from cell.perception.midline import Midline, extract_midline
 from drivers.errors import ConfigurationError
 from drivers.geometry import arc_lengths
 from drivers.pictures import read_picture
+from drivers.robust import robust_sigma
 from drivers.types import Array, Image
 
 SHORTEST_OVERHANG, LONGEST_OVERHANG = 0.01, 2.0  # m of overhang
@@ -138,4 +139,4 @@ def roughness(points: Array) -> float:
     along = np.gradient(points, axis=0)[inner]
     miss = points[inner] - smooth
     across = (along[:, 0] * miss[:, 1] - along[:, 1] * miss[:, 0]) / np.hypot(*along.T)
-    return float(1.4826 * np.median(np.abs(across)) / np.sqrt(1 - weights[SMOOTHING_POINTS]))
+    return robust_sigma(across) / float(np.sqrt(1 - weights[SMOOTHING_POINTS]))

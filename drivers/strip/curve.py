@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from drivers.robust import MAD
 from drivers.strip.rod.compiled import entry, kernel
 
 SEARCH_SPAN = 0.08  # m of the strip on each side of where a point should lie
 STRIDE = 4  # nodes
 OUTLIER = 3.0  # robust standard deviations beyond which a value counts no more than that
-MAD = 1.4826  # sigma over the median of deviations
 
 
 @kernel

@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.strip.model import Mechanics, StripModel
+from drivers.strip.model import SOFTEST, Mechanics, StripModel
 from drivers.types import Array, frozen
-
-SOFTEST = 0.05  # of the rigidity that is always left
 
 
 @dataclass(frozen=True, slots=True)

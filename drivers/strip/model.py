@@ -17,6 +17,7 @@ from drivers.strip.file import GRAVITY
 from drivers.types import Array, frozen
 
 CELLS = 600
+SOFTEST = 0.05  # of the rigidity that ageing or a law always leaves
 CONTACT_HEIGHT = 0.001  # m above rest at which the lifted strip leaves the desk
 
 

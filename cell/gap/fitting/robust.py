@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cell.gap.subject.subject import Run
+from drivers.robust import robust_sigma
 from drivers.types import Array
 
 # in units of the scale, where Huber's loss turns from square to linear; set by hand, for normal
@@ -42,17 +43,12 @@ def clip_residuals(r: Array) -> Array:
 
 def scale(r: Array) -> float:
     """Dispersion of residuals (n,) in units of the stated noise, at least 1."""
-    return max(1.0, _deviation(r)) if len(r) else 1.0
+    return max(1.0, robust_sigma(r)) if len(r) else 1.0
 
 
 def spread(r: Array) -> float:
     """Dispersion of residuals (n,) in units of noise and floor, at most 1."""
-    return min(1.0, _deviation(r)) if len(r) else 1.0
-
-
-def _deviation(r: Array) -> float:
-    """Normalised median absolute residual."""
-    return 1.4826 * float(np.median(np.abs(r)))
+    return min(1.0, robust_sigma(r)) if len(r) else 1.0
 
 
 def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:

@@ -15,6 +15,7 @@ from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.places import find_configs
 from cell.studies.kit.sights import Sight, fold_of, sights
+from drivers.robust import robust_sigma
 from drivers.strip.shape import fold_tip
 from drivers.types import Array
 from policies.experiments.standard import REFERENCE_RUN, STANDARD
@@ -134,7 +135,7 @@ def _rms(values: ArrayLike) -> float:
 
 def spread(values: Array) -> float:
     """Robust standard deviation of values (n,)."""
-    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+    return robust_sigma(values - np.median(values))
 
 
 STUDY = Study(

@@ -6,9 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.strip.effects.effect import Effect, Parameter, Stage
-from drivers.strip.model import CELLS, StripModel
-
-SOFTEST = 0.05  # of the rigidity that is always left
+from drivers.strip.model import CELLS, SOFTEST, StripModel
 
 
 def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:

@@ -1,0 +1,12 @@
+"""Robust scale of normal errors among which some are wild."""
+
+import numpy as np
+
+from drivers.types import Array
+
+MAD = 1.4826  # standard deviation of normal errors over their median absolute deviation
+
+
+def robust_sigma(errors: Array) -> float:
+    """Standard deviation of `errors` (n,) about zero, by their median absolute value."""
+    return MAD * float(np.median(np.abs(errors)))
