@@ -14,7 +14,7 @@ from drivers.strip.rod.batch import compact, end_strips, fixed_edges, flat_batch
 from drivers.strip.rod.follow import follow
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.newton import TURN_TOLERANCE
-from drivers.strip.rod.static import FINE_PERIOD, FINE_STEPS, fit_length, lift_path, settle
+from drivers.strip.rod.static import FINE_STEPS, fit_length, lift_path, settle
 from drivers.strip.rod.step import Pace
 from drivers.strip.shape import Touch
 from drivers.types import Array
@@ -146,7 +146,7 @@ class Rod:
         except SimulationNotConverged:
             self._batch = flat_batch(models, self._segments)
             self._begin()
-            fit_length(self._batch, models, FINE_STEPS, FINE_PERIOD)
+            fit_length(self._batch, models, FINE_STEPS)
 
     def _begin(self) -> None:
         count = len(self._batch.arc)

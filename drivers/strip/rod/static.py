@@ -1,6 +1,7 @@
 """Static equilibria of a batch of strips, reached by damped motion along gripper paths."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,7 @@ from drivers.errors import SimulationNotConverged, Unsupported
 from drivers.strip.model import StripModel
 from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.batch import end_strips
+from drivers.strip.rod.batch import end_strips, flat_batch
 from drivers.strip.rod.follow import Batch, follow
 from drivers.strip.rod.newton import TURN_TOLERANCE
 from drivers.strip.rod.step import Pace
@@ -19,7 +20,6 @@ APPROACH_STEPS = 60  # steps from lying flat to where a strip hangs
 FINE_STEPS = 150  # likewise, after the solver failed to converge in APPROACH_STEPS
 APPROACH_HEIGHT = 0.7  # of the way in over what a slack strip allows
 PERIOD = 0.05  # s, Euler steps in which a strip comes to where it shall rest
-FINE_PERIOD = 0.3  # s, those with FINE_STEPS: in longer ones a strip has less inertia
 STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, those in which it comes to rest
 
 
@@ -35,13 +35,12 @@ def lift_path(batch: Batch, start: Array) -> Array:
     return np.asarray(path)
 
 
-def fit_length(
-    batch: Batch, models: Sequence[StripModel], steps: int = APPROACH_STEPS, period: float = PERIOD
-) -> None:
+def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH_STEPS) -> None:
     """Move the gripped edge of each strip that is too long or too short to x = `stated_length`.
 
-    A shorter strip is stretched evenly; a longer one, laid in `steps` of `period` [s], lies at rest
-    with its slack as a wave in front of the grip, as after a grip that came in from above.
+    A shorter strip is stretched evenly; a longer one, laid in so many `steps`, lies at rest with
+    its slack as a wave in front of the grip, as after a grip that came in from above. Until the
+    grip is there it cannot shorten: fabric buckles, where a rod may stay straight and compressed.
     """
     slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
     goal = batch.held - slack[:, None] * (1.0, 0.0, 0.0)
@@ -52,7 +51,14 @@ def fit_length(
         path = batch.held + share[:, :, None] * (goal - batch.held)
         reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
         path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
-        settle(end_strips(batch, slack <= 0), path, period)
+        rigid = flat_batch([_inextensible(model) for model in models], batch.arc.shape[1] - 1)
+        settle(end_strips(batch._replace(nature=rigid.nature), slack <= 0), path)
+        yields = np.array([np.isfinite(m.mechanics.stretch_stiffness) for m in models])
+        settle(end_strips(batch, (slack <= 0) | ~yields), goal[None])
+
+
+def _inextensible(model: StripModel) -> StripModel:
+    return replace(model, mechanics=replace(model.mechanics, stretch_stiffness=np.inf))
 
 
 def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
@@ -67,9 +73,9 @@ def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
             state[:, at.X1] = state[:, at.X]
 
 
-def settle(batch: Batch, path: Array, period: float = PERIOD) -> None:
-    """Move the grips along `path` (k, n, 3), `period` [s] a step, and let strips come to rest."""
-    _follow_damped(batch, path, period)
+def settle(batch: Batch, path: Array) -> None:
+    """Move the grips along `path` (k, n, 3) and let the strips come to rest."""
+    _follow_damped(batch, path, PERIOD)
     for longer in STILLING:
         _follow_damped(batch, path[-1:], longer)
 
