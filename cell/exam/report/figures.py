@@ -11,6 +11,7 @@ from cell.exam.scoring.score import Outcome
 from cell.exam.scoring.statistics import Bin, Confusion, rate
 
 INK, FAINT, WRONG, RIGHT_COLOUR = "#22272e", "#c9ced6", "#c2553b", "#2f6db3"
+DARK = 0.6  # share of a row from which its cell is dark
 EDGES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, float("inf"))  # of the groups by excess gap
 
 
@@ -38,10 +39,11 @@ def _remove_spines(axis: Axes) -> None:
 def _matrix(axis: Axes, table: Confusion) -> None:
     """Draw the counts of the confusion matrix, shaded by their share of the row."""
     counts = np.array([[table.count(r, c) for c in table.columns] for r in table.rows])
-    axis.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0.0, vmax=1.3,
-                aspect="auto")  # fmt: skip
+    share = counts / counts.sum(axis=1, keepdims=True)
+    axis.imshow(share, cmap="Blues", vmin=0.0, vmax=1.3, aspect="auto")
     for i, j in zip(*np.nonzero(counts), strict=True):
-        axis.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=7, color=INK)
+        ink = "white" if share[i, j] > DARK else INK
+        axis.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=7, color=ink)
     axis.set_yticks(range(len(table.rows)), table.rows, fontsize=8)
     axis.set_xticks(range(len(table.columns)), table.columns, fontsize=8, rotation=50, ha="right")
     axis.set_ylabel("hidden", fontsize=8)
@@ -53,8 +55,9 @@ def _reliability(axis: Axes, bins: Sequence[Bin]) -> None:
     for b in bins:
         axis.plot([b.confidence] * 2, b.right.interval, color=RIGHT_COLOUR, lw=1.2)
         axis.plot(b.confidence, b.right.value, "o", color=RIGHT_COLOUR, ms=4)
-        axis.annotate(str(b.right.count), (b.confidence, b.right.value), fontsize=7,
-                      xytext=(-12, -3), textcoords="offset points", color=INK)  # fmt: skip
+        at = (b.confidence, b.right.value)
+        axis.annotate(str(b.right.count), at, (-5, -3), textcoords="offset points", ha="right",
+                      fontsize=7, color=INK)  # fmt: skip
     axis.set(xlim=(0, 1.02), ylim=(0, 1.02))
     axis.set_xlabel("stated confidence", fontsize=8)
     axis.set_ylabel("right, by class", fontsize=8)
