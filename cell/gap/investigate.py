@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy import special
@@ -67,10 +68,10 @@ def investigate(
             screened = _score_candidates(subject, fitted, screened.probed)
             fits = search.beside_base(simulate, fits, fitted.base, fitted.scatter, whole)
     progress("judge", 0.8)
-    sets = _posterior(subject, fits, screened)
-    choice = chosen(subject, simulate, fits, sets, gap=fitted.doubted)
     believed = subject.scope.believed
-    sets = posterior(choice.fits, screened.probed, choice.by, believed=believed)
+    weigh = partial(posterior, probed=screened.probed, by=fits.scale, believed=believed)
+    choice = chosen(subject, simulate, fits, weigh(fits), gap=fitted.doubted)
+    sets = weigh(choice.fits)
     judged = judge(subject, choice, sets, simulate, whole, rng)
     progress("show on held-out runs", 0.9)
     unseen = with_spreads(evidence(test), fitted.scatter)
@@ -86,7 +87,7 @@ def investigate(
         return found
     names = Names(choice.accepted, choice.by, verdict == "named", is_exhausted(choice.fits))
     rival = None if verdict == "unexplained" else names
-    offered = offered_law(subject, simulate, fitted.base, shown.before, rng, rival)
+    offered = offered_law(subject, simulate, fitted.base, shown.before, rng, weigh, rival)
     return replace(found, offered=offered)
 
 

@@ -1,6 +1,6 @@
 """Empirical law fitted to a gap that no effect accounts for, and tested on unseen runs."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -14,7 +14,8 @@ from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection import search
 from cell.gap.selection.choice import choose, is_exhausted
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import LikelihoodScale, margin
+from cell.gap.selection.likelihood import LikelihoodScale
+from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.screening import probe, ranked_pairs, ranking, table
 from cell.gap.subject.subject import Subject
 
@@ -38,6 +39,9 @@ class Offer:
 
 OFFER = Offer()
 
+Weigh = Callable[[Fits], Posterior]
+"""Weighs sets of effects and of terms alike by the posterior."""
+
 
 @dataclass(frozen=True, slots=True)
 class OfferedLaw:
@@ -57,8 +61,9 @@ class OfferedLaw:
 class Names:
     """The accepted `model`, which a law must match to be offered, and whether it is `sure`.
 
-    A law is offered where it predicts better on the scale `by`, or as well with fewer terms; where
-    no name is sure, as well is enough. None predicts better than a model that `leaves_nothing`.
+    A law is offered where it is clearly more probable on the scale `by`, or no less with fewer
+    terms; where no name is sure, no less is enough. Nothing is more probable than a model that
+    `leaves_nothing`.
     """
 
     model: Validated
@@ -75,9 +80,9 @@ class Names:
             else OFFER.longest
         )
 
-    def allow(self, law: Validated) -> bool:
-        """Whether `law` predicts well enough to be offered beside the model."""
-        lead = margin(law, self.model, self.by).gain
+    def allow(self, law: Validated, sets: Posterior) -> bool:
+        """Whether `law` is probable enough among `sets` to be offered beside the model."""
+        lead = sets.lead(law.model.names) - sets.lead(self.model.model.names)
         fewer = len(law.model.effects) < len(self.model.model.effects)
         least = -self.by.least if fewer or not self.sure else self.by.least
         return lead > least
@@ -89,6 +94,7 @@ def offered_law(
     base: Validated,
     before: Estimate,
     rng: np.random.Generator,
+    weigh: Weigh,
     names: Names | None = None,
 ) -> OfferedLaw | None:
     """Largest stable law, fitted beside the base, that shrinks the gap `before` on unseen runs.
@@ -101,8 +107,10 @@ def offered_law(
     longest = OFFER.longest if names is None else names.longest
     if not longest:
         return None
-    for law in _laws_by_size(_fit_laws(subject, simulate, base, longest)):
-        if (names is None or names.allow(law)) and _stable(law.estimate):
+    laws = _fit_laws(subject, simulate, base, longest)
+    sets = weigh(laws if names is None else Fits((*laws.models, names.model)))
+    for law in _laws_by_size(laws, sets):
+        if (names is None or names.allow(law, sets)) and _stable(law.estimate):
             after = held_out_gap.unseen(simulate, law.estimate, before.evidence)
             closed = held_out_gap.shrink(before, after, rng).value
             if closed >= OFFER.least:
@@ -126,9 +134,9 @@ def _fit_laws(subject: Subject, simulate: Simulate, base: Validated, longest: in
     return fits
 
 
-def _laws_by_size(fits: Fits) -> Iterator[Validated]:
+def _laws_by_size(fits: Fits, sets: Posterior) -> Iterator[Validated]:
     """Accepted laws, the one with the most terms first."""
-    return (step.model for step in reversed(choose(fits).steps) if step.accepted)
+    return (step.model for step in reversed(choose(fits, sets).steps) if step.accepted)
 
 
 def _stable(estimate: Estimate) -> bool:

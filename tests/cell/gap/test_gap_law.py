@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from cell.gap.fitting.crossvalidation import validate
-from cell.gap.fitting.tasks import run_one
+from cell.gap.fitting.tasks import run_all, run_one
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import likelihood_scale
+from cell.gap.selection.posterior import posterior
+from cell.gap.selection.screening import probe
 from cell.gap.subject.strip.patch import patch_file
 from cell.gap.subject.strip.terms import candidates
 from cell.gap.subject.subject import Scope
@@ -104,12 +107,18 @@ def test_as_good_as_what_was_named_is_enough_only_for_a_shorter_law_or_where_no_
         for names in (("bump",), ("twin", "wave"))
     )
     law = run_one(subject.simulate, validate(engine.fitted(subject, ("twin",))))
-    by = likelihood_scale([right])
-    assert not Names(right, by, sure=True).allow(law)
-    assert Names(right, by, sure=False).allow(law)
-    assert Names(pair, by, sure=True).allow(law)
     worse = run_one(subject.simulate, validate(engine.fitted(subject, ("wave",))))
-    assert not Names(right, by, sure=False).allow(worse)
+    base = run_one(subject.simulate, validate(engine.fitted(subject)))
+    by, probes = (
+        likelihood_scale([right]),
+        [probe(base.estimate, c) for c in subject.scope.candidates],
+    )
+    probed = run_all(subject.simulate, probes)
+    sets = posterior(Fits((base, right, pair, law, worse)), probed, by)
+    assert not Names(right, by, sure=True).allow(law, sets)
+    assert Names(right, by, sure=False).allow(law, sets)
+    assert Names(pair, by, sure=True).allow(law, sets)
+    assert not Names(right, by, sure=False).allow(worse, sets)
 
 
 def test_beside_a_sure_name_that_leaves_nothing_only_a_shorter_law_is_looked_for() -> None:
