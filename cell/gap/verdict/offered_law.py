@@ -48,13 +48,14 @@ class OfferedLaw:
     """An empirical law: terms of the subject with fitted amounts, a description and no cause.
 
     `base` and `terms` hold values by name; `shrink` is the share of the excess gap on held-out
-    runs that it closes.
+    runs that it closes. `refutes` the accepted effects: it is clearly more probable than they are.
     """
 
     base: dict[str, float]
     terms: dict[str, float]
     words: str
     shrink: float
+    refutes: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +83,17 @@ class Names:
 
     def allow(self, law: Validated, sets: Posterior) -> bool:
         """Whether `law` is probable enough among `sets` to be offered beside the model."""
-        lead = sets.lead(law.model.names) - sets.lead(self.model.model.names)
         fewer = len(law.model.effects) < len(self.model.model.effects)
         least = -self.by.least if fewer or not self.sure else self.by.least
-        return lead > least
+        return self._ahead(law, sets) > least
+
+    def refuted(self, law: Validated, sets: Posterior) -> bool:
+        """Whether `law` is clearly more probable among `sets` than the model."""
+        return self._ahead(law, sets) > self.by.least
+
+    def _ahead(self, law: Validated, sets: Posterior) -> float:
+        """Lead [nats] of `law` over the model."""
+        return sets.lead(law.model.names) - sets.lead(self.model.model.names)
 
 
 def offered_law(
@@ -114,7 +122,8 @@ def offered_law(
             after = held_out_gap.unseen(simulate, law.estimate, before.evidence)
             closed = held_out_gap.shrink(before, after, rng).value
             if closed >= OFFER.least:
-                return _offer(law.estimate, closed)
+                refutes = names is not None and names.refuted(law, sets)
+                return _offer(law.estimate, closed, refutes=refutes)
     return None
 
 
@@ -148,11 +157,11 @@ def _stable(estimate: Estimate) -> bool:
     return bool((np.mean(np.array(again) == signs, axis=0) >= OFFER.often).all())
 
 
-def _offer(fit: Estimate, shrink: float) -> OfferedLaw:
+def _offer(fit: Estimate, shrink: float, *, refutes: bool) -> OfferedLaw:
     values, terms = fit.model.split(fit.shared)
     base = {p.name: p.stated_value(float(v)) for p, v in zip(fit.model.base, values, strict=True)}
     amounts = {e.name: float(terms[e.name][0]) for e in fit.model.effects}
     words = " ".join(
         f"{amounts[e.name]:+.3g} {e.parameters[0].unit} x {e.sentence}" for e in fit.model.effects
     )
-    return OfferedLaw(base, amounts, words, shrink)
+    return OfferedLaw(base, amounts, words, shrink, refutes)

@@ -81,7 +81,9 @@ def wide(t: Array, speed: float, _: int) -> Array:
     return np.asarray(speed * np.exp(-(((t - 0.5) / 0.14) ** 2)))
 
 
-def test_a_law_stands_beside_a_name_that_only_imitates(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_that_is_more_probable_than_what_only_imitates_takes_its_name(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setitem(engine.LAWS, "wide", wide)  # type: ignore[misc]
     found, verdict = judged(Withheld(hidden(bump, 0.3), names=("wide", "dead")))
     assert [e.name for e in found.accepted.model.effects] == ["wide"]
@@ -89,6 +91,10 @@ def test_a_law_stands_beside_a_name_that_only_imitates(monkeypatch: pytest.Monke
     assert found.offered is not None
     assert found.offered.terms["bump"] == pytest.approx(0.3, rel=0.05)
     assert found.offered.shrink > verdict.gap.shrink
+    assert found.offered.refutes
+    assert (verdict.verdict, verdict.effects) == ("unexplained", [])
+    assert verdict.unexplained is not None
+    assert "a law without a cause is clearly more probable" in verdict.unexplained.description
 
 
 def test_no_law_stands_beside_two_effects_that_are_there() -> None:
@@ -117,6 +123,8 @@ def test_as_good_as_what_was_named_is_enough_only_for_a_shorter_law_or_where_no_
     sets = posterior(Fits((base, right, pair, law, worse)), probed, by)
     assert not Names(right, by, sure=True).allow(law, sets)
     assert Names(right, by, sure=False).allow(law, sets)
+    assert not Names(right, by, sure=False).refuted(law, sets)
+    assert Names(worse, by, sure=True).refuted(law, sets)
     assert Names(pair, by, sure=True).allow(law, sets)
     assert not Names(right, by, sure=False).allow(worse, sets)
 
