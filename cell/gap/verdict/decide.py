@@ -37,12 +37,12 @@ def kind(found: Findings) -> Kind:
     """Kind of verdict that the findings support."""
     if not found.accepted.model.effects:
         return "unexplained" if gap_is_there(found) else "no_gap"
-    if runs_disagree(found) or leaves_too_much(found) or refuted(found):
+    if runs_disagree(found) or leaves_too_much(found) or law_refutes(found):
         return "unexplained"
     return "named" if found.sure else "ambiguous"
 
 
-def refuted(found: Findings) -> bool:
+def law_refutes(found: Findings) -> bool:
     """Whether an offered law is clearly more probable than the accepted effects.
 
     A description without a cause may not be more probable than a cause that is there.
@@ -181,5 +181,5 @@ def _reasons(found: Findings) -> Iterator[str]:
             f"that is {left:.2g} times noise and floor, where a true cause leaves at most "
             f"{most:.2g}, and {closed:.0f} % of the gap is closed"
         )
-    if refuted(found):
+    if law_refutes(found):
         yield "a law without a cause is clearly more probable"

@@ -87,7 +87,7 @@ class Names:
         least = -self.by.least if fewer or not self.sure else self.by.least
         return self._ahead(law, sets) > least
 
-    def refuted(self, law: Validated, sets: Posterior) -> bool:
+    def is_refuted_by(self, law: Validated, sets: Posterior) -> bool:
         """Whether `law` is clearly more probable among `sets` than the model."""
         return self._ahead(law, sets) > self.by.least
 
@@ -122,7 +122,7 @@ def offered_law(
             after = held_out_gap.unseen(simulate, law.estimate, before.evidence)
             closed = held_out_gap.shrink(before, after, rng).value
             if closed >= OFFER.least:
-                refutes = names is not None and names.refuted(law, sets)
+                refutes = names is not None and names.is_refuted_by(law, sets)
                 return _offer(law.estimate, closed, refutes=refutes)
     return None
 

@@ -133,8 +133,8 @@ def test_as_good_as_what_was_named_is_enough_only_for_a_shorter_law_or_where_no_
     sets = posterior(Fits((base, right, pair, law, worse)), probed, by)
     assert not Names(right, by, sure=True).allow(law, sets)
     assert Names(right, by, sure=False).allow(law, sets)
-    assert not Names(right, by, sure=False).refuted(law, sets)
-    assert Names(worse, by, sure=True).refuted(law, sets)
+    assert not Names(right, by, sure=False).is_refuted_by(law, sets)
+    assert Names(worse, by, sure=True).is_refuted_by(law, sets)
     assert Names(pair, by, sure=True).allow(law, sets)
     assert not Names(right, by, sure=False).allow(worse, sets)
 
