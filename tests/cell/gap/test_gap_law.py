@@ -82,9 +82,7 @@ def wide(t: Array, speed: float, _: int) -> Array:
     return np.asarray(speed * np.exp(-(((t - 0.5) / 0.14) ** 2)))
 
 
-def test_a_law_stands_beside_a_name_that_only_imitates(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_law_stands_beside_a_name_that_only_imitates(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(engine.LAWS, "wide", wide)  # type: ignore[misc]
     found, verdict = judged(Withheld(hidden(bump, 0.3), names=("wide", "dead")))
     assert [e.name for e in found.accepted.model.effects] == ["wide"]
@@ -125,11 +123,8 @@ def test_as_good_as_what_was_named_is_enough_only_for_a_shorter_law_or_where_no_
     law = run_one(subject.simulate, validate(engine.fitted(subject, ("twin",))))
     worse = run_one(subject.simulate, validate(engine.fitted(subject, ("wave",))))
     base = run_one(subject.simulate, validate(engine.fitted(subject)))
-    by, probes = (
-        likelihood_scale([right]),
-        [probe(base.estimate, c) for c in subject.scope.candidates],
-    )
-    probed = run_all(subject.simulate, probes)
+    probes = [probe(base.estimate, c) for c in subject.scope.candidates]
+    by, probed = likelihood_scale([right]), run_all(subject.simulate, probes)
     sets = posterior(Fits((base, right, pair, law, worse)), probed, by)
     assert not Names(right, by, sure=True).allow(law, sets)
     assert Names(right, by, sure=False).allow(law, sets)
