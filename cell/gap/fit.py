@@ -12,7 +12,8 @@ from threadpoolctl import threadpool_limits
 
 from cell.gap.check import inputs_digest, refuse
 from cell.gap.fitting.cache import SimulationCache
-from cell.gap.investigate import Progress, investigate
+from cell.gap.forward_selection import Progress
+from cell.gap.investigate import investigate
 from cell.gap.opening import open_subject
 from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
@@ -41,7 +42,7 @@ Overlay = Callable[[Findings, Verdict, Path], None]
 """Writes a recording of measured and simulated runs to a path, for a viewer."""
 
 Effects = dict[str, dict[str, float]]
-ENGINE_VERSION = "44"  # a fit that another version began starts anew
+ENGINE_VERSION = "45"  # a fit that another version began starts anew
 
 
 def quiet(stage: str, share: float) -> None:

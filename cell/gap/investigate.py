@@ -1,6 +1,6 @@
 """Investigates the gap of any subject, stage by stage."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -11,7 +11,7 @@ from cell.gap.diagnosis import lack_of_fit
 from cell.gap.diagnosis.detection_limit import detectable
 from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.localise import localise
-from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
@@ -19,8 +19,9 @@ from cell.gap.fitting.scatter import clearly_differ, estimate_spreads, with_scat
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.starts import refit_base, refit_base_fine, weak_directions
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
+from cell.gap.forward_selection import ForwardSelection, Progress
 from cell.gap.selection import search
-from cell.gap.selection.choice import choose, is_exhausted
+from cell.gap.selection.choice import leaves_nothing
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import (
     ALPHA,
@@ -29,18 +30,15 @@ from cell.gap.selection.likelihood import (
     likelihood_scale,
     margin,
 )
-from cell.gap.selection.posterior import Posterior, posterior
+from cell.gap.selection.posterior import posterior
 from cell.gap.selection.score import Score
-from cell.gap.selection.screening import Probed, probe, ranked_pairs, ranking, table
+from cell.gap.selection.screening import Probed, probe, ranking, table
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
 from cell.gap.verdict.decide import in_doubt, kind
 from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
 from cell.gap.verdict.judge import chosen, judge, refit_held_out
-from cell.gap.verdict.offered_law import Names, offered_law
-
-Progress = Callable[[str, float], None]
-"""Called with the name of a stage and the share of the whole that is done."""
+from cell.gap.verdict.offered_law import Names, Weigh, offered_law
 
 
 def investigate(
@@ -56,9 +54,10 @@ def investigate(
     progress("screen the candidates", 0.12)
     screened = _screen(subject, fitted, simulate)
     fits = Fits((fitted.base,))
-    for refit_more, share in ((_refit_singles, 0.4), (_refit_further, 0.75)):
+    stages = ((ForwardSelection.refit_singles, 0.4), (ForwardSelection.refit_further, 0.75))
+    for refit_more, share in stages:
         best_before = fits.best
-        fits = refit_more(subject, fitted, fits, screened, simulate, progress)
+        fits = refit_more(ForwardSelection(subject, simulate, progress, fitted, screened), fits)
         if fits.best is best_before:
             continue
         revised = _revise_base(fits, fitted, whole, simulate)
@@ -70,7 +69,7 @@ def investigate(
     progress("judge", 0.8)
     believed = subject.scope.believed
     weigh = partial(posterior, probed=screened.probed, by=fits.scale, believed=believed)
-    choice = chosen(subject, simulate, fits, weigh(fits), gap=fitted.doubted)
+    choice = chosen(subject, simulate, fits, weigh(fits))
     sets = weigh(choice.fits)
     judged = judge(subject, choice, sets, simulate, whole, rng)
     progress("show on held-out runs", 0.9)
@@ -82,13 +81,21 @@ def investigate(
     found = Findings(
         subject, tuple(held_out), fitted, screened, choice, sets, judged, shown, advised
     )
-    verdict = kind(found)
+    return _with_law(found, simulate, weigh, rng)
+
+
+def _with_law(
+    found: Findings, simulate: Simulate, weigh: Weigh, rng: np.random.Generator
+) -> Findings:
+    """Findings with a law, where one is offered for a gap without a name or one in doubt."""
+    verdict, choice = kind(found), found.choice
     if verdict == "no_gap" or (verdict == "named" and not in_doubt(found)):
         return found
-    names = Names(choice.accepted, choice.by, verdict == "named", is_exhausted(choice.fits))
+    nothing = leaves_nothing(choice.accepted, choice.fits)
+    names = Names(choice.accepted, choice.by, verdict == "named", nothing)
     rival = None if verdict == "unexplained" else names
-    offered = offered_law(subject, simulate, fitted.base, shown.before, rng, weigh, rival)
-    return replace(found, offered=offered)
+    law = offered_law(found.subject, simulate, found.base, found.shown.before, rng, weigh, rival)
+    return replace(found, offered=law)
 
 
 def _fit_base(
@@ -184,133 +191,3 @@ def _revise_base(
     if better is None and not clearly_differ(before, {s.name: s.value for s in found}):
         return None
     return with_scatter(better or fits.base.estimate, found, whole), found
-
-
-def _refit_singles(
-    subject: Subject,
-    fitted: Fitted,
-    fits: Fits,
-    screened: Screened,
-    simulate: Simulate,
-    progress: Progress,
-) -> Fits:
-    """Fit the most promising single effects beside the base, unless none can be accepted."""
-    progress("refit the best", 0.25)
-    base, candidates = fitted.base, subject.scope.candidates
-    by = likelihood_scale([base])
-    least = by.least * by.inefficiency
-    promising = any(s.gain > least for s in screened.singles)
-    if not (promising or fitted.doubted or ranked_pairs(screened.known, 1, least)):
-        return fits
-    singles = screened.singles[: search.BUDGET.singles]
-    fits = search.fit_scores(simulate, fits, singles, candidates)
-    fits = fits.merge(search.other_signs(simulate, fits, fits.of_size(1)[:1]))
-    return _refine_laws(fits, simulate)
-
-
-def _refine_laws(fits: Fits, simulate: Simulate) -> Fits:
-    """Free the shape parameters of the best models, unless the best one leaves nothing."""
-    return fits if is_exhausted(fits) else fits.merge(search.shape_parameters(simulate, fits))
-
-
-def _refit_further(
-    subject: Subject,
-    fitted: Fitted,
-    fits: Fits,
-    screened: Screened,
-    simulate: Simulate,
-    progress: Progress,
-) -> Fits:
-    """Fit other single effects, then pairs and triples, while the best model leaves a gap."""
-    if len(fits.models) == 1:
-        return fits
-    fits = _refine_laws(fits, simulate)  # beside a revised base a law may leave more
-    if not _leaves_more(fits, anywhere=True):
-        if choose(fits).accepted.model.effects:
-            return _refit_small_second(subject, fits, screened, simulate, progress)
-        if not fitted.doubted:
-            return fits
-    progress("refit other single effects", 0.45)
-    candidates = subject.scope.candidates
-    others = [
-        s for s in screened.singles[: search.BUDGET.looked] if fits.of(frozenset(s.names)) is None
-    ]
-    base = fits.base.estimate
-    others = search.shortlist(simulate, base, others, candidates, search.BUDGET.further)
-    fits = search.fit_scores(simulate, fits, others, candidates)
-    if not _leaves_more(fits, anywhere=True):
-        return _refit_small_second(subject, fits, screened, simulate, progress)
-    return _refit_pairs_and_triples(subject, fits, screened, simulate, progress)
-
-
-def _refit_small_second(
-    subject: Subject, fits: Fits, screened: Screened, simulate: Simulate, progress: Progress
-) -> Fits:
-    """Fit pairs of an accepted or probable effect and those that the screen shows beside it."""
-    models = _accepted_and_probable(fits, _posterior(subject, fits, screened))
-    if not models:
-        return fits
-    progress("screen beside the accepted effect", 0.5)
-    candidates = subject.scope.candidates
-    fits = search.extend_where_shown(simulate, fits, models, candidates, screened.probed)
-    is_pair = len(choose(fits).accepted.model.effects) == 2
-    return _refit_alternatives(subject, fits, simulate) if is_pair else fits
-
-
-def _posterior(subject: Subject, fits: Fits, screened: Screened) -> Posterior:
-    """Probabilities of the sets of effects that were fitted so far."""
-    return posterior(fits, screened.probed, fits.scale, believed=subject.scope.believed)
-
-
-def _accepted_and_probable(fits: Fits, sets: Posterior) -> list[Validated]:
-    """The accepted model and the most probable one with effects; none where none is accepted.
-
-    By what they predict and by evidence two single effects may change places where either is only
-    a part of the cause.
-    """
-    accepted, probable = choose(fits).accepted, fits.of(sets.models[0].names)
-    if not accepted.model.effects:
-        return []
-    others = [probable] if probable is not None and probable.model.effects else []
-    return [accepted, *(m for m in others if m is not accepted)]
-
-
-def _refit_pairs_and_triples(
-    subject: Subject, fits: Fits, screened: Screened, simulate: Simulate, progress: Progress
-) -> Fits:
-    """Fit the most promising pairs, triples beside an accepted pair, and their alternatives."""
-    base, candidates = fits.base.estimate, subject.scope.candidates
-    progress("refit pairs", 0.5)
-    screened_pairs = ranked_pairs(screened.known, search.BUDGET.sifted)
-    pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.BUDGET.pairs)
-    fits = search.fit_scores(simulate, fits, pairs, candidates)
-    fits = search.extend(simulate, fits, 1, candidates, screened.probed)
-    fits = fits.merge(search.other_signs(simulate, fits, fits.worth(2)[: search.BUDGET.pairs]))
-    is_pair = len(choose(fits).accepted.model.effects) == 2
-    if is_pair and _leaves_more(fits, anywhere=False):
-        progress("refit triples", 0.7)
-        fits = search.extend(simulate, fits, 2, candidates, screened.probed)
-    return _refit_alternatives(subject, fits, simulate)
-
-
-def _refit_alternatives(subject: Subject, fits: Fits, simulate: Simulate) -> Fits:
-    """Fit the accepted and the best model without each effect, and with others in its place."""
-    candidates = subject.scope.candidates
-    fits = search.fit_scores(simulate, fits, search.without_each(fits), candidates)
-    others = search.substitutes(simulate, fits, candidates)
-    return search.fit_scores(simulate, fits, others, candidates)
-
-
-def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:
-    """Whether the best model leaves more than noise and than errors of its laws may explain.
-
-    Overall or, with `anywhere`, in any bin.
-    """
-    if is_exhausted(fits):
-        return False
-    best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
-    noise = lack_of_fit.noise_left(best, np.random.default_rng(1))
-    allowed = lack_of_fit.slack(best.evidence, Repeats.of(best).inflation)
-    if lack_of_fit.lack_of_fit(best, noise, allowed) < ALPHA:
-        return True
-    return anywhere and any(place.p < ALPHA for place in localise(best, noise, allowed))

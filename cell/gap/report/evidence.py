@@ -6,7 +6,7 @@ from typing import Any
 from cell.gap.report import figures
 from cell.gap.report.sentence import motion
 from cell.gap.report.units import in_small_unit, interval, number, probability, unit
-from cell.gap.selection.choice import EARNED
+from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.subject.subject import Parameter
 from cell.gap.verdict.compose import LISTED
 from cell.gap.verdict.findings import Findings
@@ -48,21 +48,14 @@ def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on all fitted models, with their gain on runs left out."""
     accepted = found.accepted.model.name
     note = (
-        "What each effect gains in predicting runs that the fit had not seen, in nats (4 nats: "
-        "55 times as likely). A further effect is taken for "
-        f"{found.by.least:.0f} nats, p below 0.01 over all candidates, and at least "
-        f"{100 * EARNED.removed:.0f} % of the excess gap that was left."
+        "What each effect gains in predicting runs that the fit had not seen, in nats. Taken is "
+        f"the most probable set of effects that leads all fitted parts of it by {MIN_GAIN:.0f} "
+        "nats or more (55 times as probable)."
     )
-    model_error = max((e.model_error for e in found.accepted.model.effects), default=0.0)
-    if model_error:
-        note += (
-            f" Beside those taken, up to {100 * model_error:.0f} % of what they gained in a run "
-            "is put down to their laws there, which may be wrong by as much."
-        )
     return {
         "note": note,
         "bars": figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else "",
-        "steps": list(_level_sentences(found)),
+        "needed": list(_lead_sentences(found)),
         "probable": _probable_sets(verdict),
         "dead": ", ".join(p.candidate.name for p in found.screened.probed if p.dead),
         "rows": [_candidate_row(row, row.name == accepted) for row in verdict.candidates],
@@ -98,16 +91,14 @@ def _candidate_row(row: Compared, best: bool) -> dict[str, Any]:
     }
 
 
-def _level_sentences(found: Findings) -> Iterator[str]:
-    """Sentences on how the number of effects was decided, level by level."""
-    for count, step in enumerate(found.choice.steps, start=1):
-        verb = "taken" if step.accepted else "not taken"
-        yield (
-            f"{count} effect{'s' if count > 1 else ''}: {step.model.model.name} gains "
-            f"{step.gain:.1f} nats over {name_model(step.before.model.name)} "
-            f"(p {probability(step.p)}) and removes {100 * step.removed:.0f} % of its excess gap: "
-            f"{verb}."
-        )
+def _lead_sentences(found: Findings) -> Iterator[str]:
+    """Sentences on the lead of the accepted or most probable set over those with fewer effects."""
+    accepted = found.accepted.model.names
+    first = accepted or found.posterior.models[0].names
+    for fewer in (m for m in found.posterior.models if m.names < first):
+        lead = found.posterior.lead(first) - found.posterior.lead(fewer.names)
+        without = _effect_names(sorted(fewer.names))
+        yield f"{_effect_names(sorted(first))} leads {without} by {lead:.0f} nats."
 
 
 def name_model(model: str) -> str:

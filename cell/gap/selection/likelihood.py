@@ -21,15 +21,13 @@ class LikelihoodScale:
     """Scale of log-likelihoods: the dispersion and statistical inefficiency of the best model.
 
     Where even the best model leaves more than noise, or leaves it correlated, log-likelihoods
-    shrink by as much (quasi-likelihood: McCullagh and Nelder 1989, chapter 9). `level` is the
-    mean square that it leaves, at most 1: a generous floor leaves less, and is not filled up.
+    shrink by as much (quasi-likelihood: McCullagh and Nelder 1989, chapter 9).
     `least` [nats] is the margin that counts: the floor is an error of the model, which unlike
     noise does not average out, so that what a part of it could imitate is added.
     """
 
     scale: float
     inefficiency: float
-    level: float = 1.0
     least: float = MIN_GAIN
 
 
@@ -38,8 +36,7 @@ def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
     best = min(models, key=lambda m: (m.estimate.scale, m.estimate.objective))
     known, scale = best.estimate.evidence, best.estimate.scale
     worth = robust.inefficiency(known.runs, best.estimate.residuals)
-    level = min(1.0, mean_square(best.left_out))
-    return LikelihoodScale(scale, worth, level, MIN_GAIN + _false_gain(known) / scale**2)
+    return LikelihoodScale(scale, worth, MIN_GAIN + _false_gain(known) / scale**2)
 
 
 def _false_gain(evidence: Evidence) -> float:
@@ -56,16 +53,13 @@ class Margin:
     """How much better one model predicts than another.
 
     `each` (R,) [nats] in every run when left out, `gain` their sum, `se` its standard error over
-    runs, `p` the probability of such a margin if the other model were true, `distance` [sigma]
-    between their fitted predictions, `removed` the share of the other's excess gap that it removes.
+    runs, `p` the probability of such a margin if the other model were true.
     """
 
     each: Array
     gain: float
     se: float
     p: float
-    distance: float
-    removed: float
 
 
 def margin(model: Validated, other: Validated, by: LikelihoodScale) -> Margin:
@@ -73,27 +67,11 @@ def margin(model: Validated, other: Validated, by: LikelihoodScale) -> Margin:
     each = (other.losses(by.scale) - model.losses(by.scale)) / by.inefficiency
     gain = float(each.sum())
     se = float(np.sqrt(len(each)) * each.std(ddof=1)) if len(each) > 1 else 0.0
-    distance = _distance(model, other, by)
     if _is_nested(other, model):
-        p = _likelihood_ratio(model, other, by)
-    else:
-        p = float(special.ndtr(-(gain + 0.5 * distance**2) / max(distance, 1e-9)))
-    return Margin(each, gain, se, p, distance, share_removed(model, other, by))
-
-
-def share_removed(
-    model: Validated, other: Validated, by: LikelihoodScale, without: str | None = None
-) -> float:
-    """Share of the excess gap of `other` that `model` removes, in all runs but `without`."""
-    before, after = (remaining_gap(m, by, without) for m in (other, model))
-    return 1.0 - after / before if before > 0.0 else 0.0
-
-
-def remaining_gap(model: Validated, by: LikelihoodScale, without: str | None = None) -> float:
-    """Excess gap of `model` on runs left out, all but `without`, wild samples bounded."""
-    runs = zip(model.estimate.evidence.runs, model.left_out, strict=True)
-    kept = [residuals for run, residuals in runs if run.name != without]
-    return excess(clip_wild(kept, by.scale), by.level)
+        return Margin(each, gain, se, _likelihood_ratio(model, other, by))
+    distance = _distance(model, other, by)
+    p = float(special.ndtr(-(gain + 0.5 * distance**2) / max(distance, 1e-9)))
+    return Margin(each, gain, se, p)
 
 
 def _is_nested(other: Validated, model: Validated) -> bool:
@@ -115,11 +93,6 @@ def _distance(model: Validated, other: Validated, by: LikelihoodScale) -> float:
     a = np.concatenate(model.estimate.residuals)
     b = np.concatenate(other.estimate.residuals)
     return float(np.linalg.norm(a - b) / by.scale / np.sqrt(by.inefficiency))
-
-
-def excess(residuals: Sequence[Array], level: float) -> float:
-    """sqrt(max(mean r^2 / level - 1, 0)) of residuals (n,), every run with equal weight."""
-    return float(np.sqrt(max(mean_square(residuals) / level - 1.0, 0.0)))
 
 
 def clip_wild(residuals: Sequence[Array], scale: float) -> list[Array]:

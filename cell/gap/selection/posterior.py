@@ -78,12 +78,6 @@ class Posterior:
             return float("inf") if mine else float("-inf")
         return max(mine) - max(others)
 
-    def gain(self, names: frozenset[str], effect: str) -> float:
-        """Lead [nats] of the set `names` over itself without `effect`; -inf if one is unfitted."""
-        nats = {m.names: m.nats for m in self.models}
-        without = names - {effect}
-        return nats[names] - nats[without] if {names, without} <= nats.keys() else float("-inf")
-
     def lead(self, names: frozenset[str]) -> float:
         """Lead [nats] of the set `names` over the base."""
         nats = {m.names: m.nats for m in self.models}

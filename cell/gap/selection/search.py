@@ -13,7 +13,7 @@ from cell.gap.fitting.scatter import with_scatter
 from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.starts import best, objective_of
 from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
-from cell.gap.selection.choice import choose, is_exhausted
+from cell.gap.selection.choice import is_exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
 from cell.gap.selection.score import Score, Start, starts
@@ -336,14 +336,13 @@ def _secants(fit: Estimate, known: Evidence) -> tuple[Array, ...] | None:
     return tuple(jacobian * (had / has)[:, None] for jacobian, had, has in rows)
 
 
-def without_each(fits: Fits) -> list[Score]:
-    """Scores of the accepted and of the best model, each without one of its effects.
+def without_each(fits: Fits, accepted: Validated) -> list[Score]:
+    """Scores of the `accepted` and of the best model, each without one of its effects.
 
     Fits start from their values: beside another effect a fit may have left a local minimum.
     """
-    accepted, first = choose(fits).accepted, fits.best
     scores = []
-    for model in [accepted] if first is accepted else [accepted, first]:
+    for model in [accepted] if fits.best is accepted else [accepted, fits.best]:
         names, fit = sorted(model.model.names), model.estimate
         if len(names) > 1:
             subsets = [tuple(n for n in names if n != gone) for gone in names]
@@ -351,12 +350,14 @@ def without_each(fits: Fits) -> list[Score]:
     return scores
 
 
-def substitutes(simulate: Simulate, fits: Fits, candidates: Sequence[Candidate]) -> list[Score]:
-    """Scores of the accepted model with each effect replaced by its best substitutes.
+def substitutes(
+    simulate: Simulate, fits: Fits, accepted: Validated, candidates: Sequence[Candidate]
+) -> list[Score]:
+    """Scores of the `accepted` model with each effect replaced by its best substitutes.
 
     Of two similar effects a forward search meets only one.
     """
-    accepted, found = choose(fits).accepted, dict[tuple[str, ...], Score]()
+    found = dict[tuple[str, ...], Score]()
     for gone in sorted(accepted.model.names):
         others = fits.of(accepted.model.names - {gone})
         if others is None or not others.model.effects:

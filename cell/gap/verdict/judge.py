@@ -15,7 +15,7 @@ from cell.gap.fitting.scatter import estimate_spreads, with_own_scatter
 from cell.gap.fitting.settle import settle
 from cell.gap.fitting.starts import refine, refit_fine
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
-from cell.gap.selection.choice import Choice, by_evidence, choose
+from cell.gap.selection.choice import Choice, choose
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA
 from cell.gap.selection.posterior import Posterior
@@ -25,17 +25,12 @@ from cell.gap.verdict.findings import Judged, Shown
 from drivers.types import Array
 
 
-def chosen(
-    subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior, *, gap: bool
-) -> Choice:
+def chosen(subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior) -> Choice:
     """Choose among `fits`, and refit the accepted model against the finest simulation.
 
-    The other models are compared as they are. The posterior chooses where margins accept what is
-    less probable than the base, or nothing although there is a `gap`.
+    The other models are compared as they are.
     """
     found = choose(fits, sets)
-    if gap or found.accepted.model.effects:
-        found = by_evidence(found, sets)
     rough = found.accepted
     if not rough.model.effects:
         return found

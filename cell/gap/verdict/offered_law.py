@@ -1,6 +1,6 @@
 """Empirical law fitted to a gap that no effect accounts for, and tested on unseen runs."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -12,7 +12,7 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection import search
-from cell.gap.selection.choice import choose, is_exhausted
+from cell.gap.selection.choice import is_exhausted, needed_models
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.selection.posterior import Posterior
@@ -105,10 +105,10 @@ def offered_law(
     weigh: Weigh,
     names: Names | None = None,
 ) -> OfferedLaw | None:
-    """Largest stable law, fitted beside the base, that shrinks the gap `before` on unseen runs.
+    """Most probable stable law beside the base that shrinks the gap `before` on unseen runs.
 
-    None where no term gains on runs left out, no law is stable, no run that was held out shows a
-    gap that it closes, or `names` do not allow it.
+    None where no term is clearly more probable than none, no law is stable, no run that was held
+    out shows a gap that it closes, or `names` do not allow it.
     """
     if held_out_gap.excess_of(before) < OFFER.nothing:
         return None
@@ -117,7 +117,7 @@ def offered_law(
         return None
     laws = _fit_laws(subject, simulate, base, longest)
     sets = weigh(laws if names is None else Fits((*laws.models, names.model)))
-    for law in _laws_by_size(laws, sets):
+    for law in needed_models(laws, sets):
         if (names is None or names.allow(law, sets)) and _stable(law.estimate):
             after = held_out_gap.unseen(simulate, law.estimate, before.evidence)
             closed = held_out_gap.shrink(before, after, rng).value
@@ -141,11 +141,6 @@ def _fit_laws(subject: Subject, simulate: Simulate, base: Validated, longest: in
         if fits.of_size(size) and not is_exhausted(fits):
             fits = search.extend(simulate, fits, size, plain, probed)
     return fits
-
-
-def _laws_by_size(fits: Fits, sets: Posterior) -> Iterator[Validated]:
-    """Accepted laws, the one with the most terms first."""
-    return (step.model for step in reversed(choose(fits, sets).steps) if step.accepted)
 
 
 def _stable(estimate: Estimate) -> bool:

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import special
 
 from cell.gap.diagnosis import lack_of_fit
-from cell.gap.selection import choice
-from cell.gap.selection.choice import by_evidence, choose, is_exhausted
+from cell.gap.selection.choice import choose, leaves_nothing, needed_models
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import share_removed
 from cell.gap.selection.posterior import Posterior, Weighed
 from cell.gap.selection.rivals import classes, more_probable, probable_rivals
 from cell.gap.subject.subject import Scope
@@ -54,72 +53,62 @@ def pool_of(law: Law, *names: tuple[str, ...]) -> Fits:
     return Fits(tuple(validated(fitted(subject, n), subject) for n in ((), *names)))
 
 
+def sets_of(nats: dict[tuple[str, ...], float]) -> Posterior:
+    """Posterior of sets with these log evidences [nats]."""
+    p = special.softmax(list(nats.values()))
+    rows = zip(nats.items(), p, strict=True)
+    ranked = [Weighed(frozenset(names), value, share) for (names, value), share in rows]
+    return Posterior(tuple(sorted(ranked, key=lambda w: -w.nats)))
+
+
 def test_a_law_takes_the_blame_for_a_share_of_what_it_explains_where_it_explains_it() -> None:
-    apart = pool_of(
-        lambda t, s, i: 2.0 * fast(t, s, i) + 0.05 * slow(t, s, i), ("fast",), ("fast", "slow")
-    )
-    assert choose(apart).accepted.model.names == {"fast", "slow"}
-    assert not is_exhausted(Fits(apart.models[:2]))
-    mixed = pool_of(
-        lambda t, s, i: 2.0 * bump(t, s, i) + 0.05 * quick(t, s, i), ("bump",), ("bump", "quick")
-    )
-    assert choose(mixed).accepted.model.names == {"bump"}
-    assert is_exhausted(Fits(mixed.models[:2]))
+    apart = pool_of(lambda t, s, i: 2.0 * fast(t, s, i) + 0.05 * slow(t, s, i), ("fast",))
+    assert not leaves_nothing(apart.models[1], apart)
+    mixed = pool_of(lambda t, s, i: 2.0 * bump(t, s, i) + 0.05 * quick(t, s, i), ("bump",))
+    assert leaves_nothing(mixed.models[1], mixed)
 
 
-def test_evidence_shows_an_effect_whose_amount_another_number_makes_up_for(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(
+    ("nats", "accepted"),
+    [
+        ((30.0, 5.0, 33.0), {"bump"}),
+        ((30.0, 5.0, 35.0), {"bump", "wave"}),
+        ((-20.0, -30.0, 9.0), {"bump", "wave"}),
+        ((-20.0, -30.0, 3.0), set()),
+        ((3.0, 2.0, 3.9), set()),
+        ((5.0, 30.0, 33.0), {"wave"}),
+    ],
+)
+def test_the_most_probable_set_is_accepted_that_clearly_leads_its_parts_and_the_base(
+    nats: tuple[float, float, float], accepted: set[str]
 ) -> None:
-    fits = pool_of(hidden(bump, 0.3), ("bump",), ("wave",))
-    monkeypatch.setattr(choice, "is_significant", lambda *_: False)
-    assert not choose(fits).accepted.model.effects
-    base, bumpy = frozenset(), frozenset({"bump"})
-    for ahead, found in ((3.0, base), (30.0, bumpy)):
-        sets = Posterior((Weighed(bumpy, ahead, 0.9), Weighed(base, 0.0, 0.1)))
-        assert sets.gain(bumpy, "bump") == ahead
-        assert choose(fits, sets).accepted.model.names == found
-    assert sets.gain(frozenset({"bump", "wave"}), "wave") == float("-inf")
+    names = (("bump",), ("wave",), ("bump", "wave"))
+    fits = pool_of(lambda t, s, i: 0.3 * bump(t, s, i) - 0.3 * wave(t, s, i), *names)
+    sets = sets_of({(): 0.0, **dict(zip(names, nats, strict=True))})
+    assert choose(fits, sets).accepted.model.names == accepted
+    found = [m.model.names for m in needed_models(fits, sets)]
+    assert found[:1] == ([accepted] if accepted else [])
 
 
-def test_where_no_margin_explains_a_gap_the_evidence_chooses_and_says_what_is_as_probable(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    fits = pool_of(hidden(bump, 0.3), ("bump",), ("wave",), ("slow",))
-    monkeypatch.setattr(choice, "_is_earned", lambda *_: False)
-    names = {name: frozenset({name} - {""}) for name in ("", "bump", "wave", "slow")}
-    nats = {"bump": 30.0, "wave": 28.0, "slow": 5.0, "": 0.0}
-    sets = Posterior(tuple(Weighed(names[n], v, 0.0) for n, v in nats.items()))
-    found = by_evidence(choose(fits, sets), sets)
-    assert found.accepted.model.names == {"bump"}
-    close = probable_rivals(found.accepted, fits, sets)
-    assert [(r.model.model.names, r.behind) for r in close] == [({"wave"}, 2.0)]
-    doubtful = Posterior((Weighed(names["bump"], 3.0, 0.9), Weighed(names[""], 0.0, 0.1)))
-    assert not by_evidence(choose(fits, doubtful), doubtful).accepted.model.effects
-
-
-def test_what_is_less_probable_than_no_effect_is_not_accepted() -> None:
+def test_what_predicts_no_better_than_a_part_of_it_is_not_accepted_however_probable() -> None:
     fits = pool_of(hidden(bump, 0.3), ("bump",))
-    base, bumpy = frozenset[str](), frozenset({"bump"})
-    assert choose(fits).accepted.model.names == bumpy
-    for nats, expected in ((2.0, bumpy), (-2.0, base)):
-        ranked = sorted([Weighed(bumpy, nats, 0.5), Weighed(base, 0.0, 0.5)], key=lambda w: -w.nats)
-        found = by_evidence(choose(fits), Posterior(tuple(ranked)))
-        assert found.accepted.model.names == expected
-        assert any(step.accepted for step in found.steps) == bool(expected)
+    sets = sets_of({(): 0.0, ("bump",): 50.0})
+    base, bumpy = fits.models
+    worse = replace(bumpy, left_out=tuple(2.0 * r for r in base.left_out))
+    assert choose(fits, sets).accepted is bumpy
+    assert choose(Fits((base, worse)), sets).accepted is base
 
 
-def test_what_is_less_probable_than_no_effect_gives_way_to_what_clearly_leads() -> None:
-    fits = pool_of(hidden(bump, 0.3), ("bump",), ("wave",))
-    base, bumpy, wavy = (frozenset(n) for n in ((), {"bump"}, {"wave"}))
-    ranked = (Weighed(wavy, 9.0, 0.9), Weighed(base, 0.0, 0.1), Weighed(bumpy, -2.0, 0.0))
-    found = by_evidence(choose(fits), Posterior(ranked))
-    assert found.accepted.model.names == wavy
-    assert [step.accepted for step in found.steps] == [False, True]
+def test_a_set_whose_parts_were_not_fitted_has_to_lead_the_base() -> None:
+    fits = pool_of(hidden(bump, 0.3), ("bump", "wave"))
+    for lead, accepted in ((5.0, {"bump", "wave"}), (3.0, set())):
+        sets = sets_of({(): 0.0, ("bump", "wave"): lead})
+        assert choose(fits, sets).accepted.model.names == accepted
 
 
 def test_errors_of_laws_may_decide_between_sets_that_both_lead_the_base_by_far() -> None:
     fits = pool_of(hidden(bump, 0.3), ("bump",), ("wave",))
-    accepted = choose(fits).accepted
+    accepted = fits.models[1]
     base, bumpy, wavy = (frozenset(n) for n in ((), {"bump"}, {"wave"}))
     for lead, rivalled in ((1000.0, True), (100.0, False)):
         ranked = (Weighed(bumpy, lead, 1.0), Weighed(wavy, lead - 20.0, 0.0), Weighed(base, 0, 0))
@@ -142,14 +131,14 @@ def test_an_accepted_effect_that_is_rather_absent_shares_its_place_with_what_is_
     None
 ):
     fits = pool_of(hidden(bump, 0.3), ("bump",), ("wave",))
-    found = choose(fits)
+    accepted = fits.models[1]
     base, bumpy, wavy = (frozenset(n) for n in ((), {"bump"}, {"wave"}))
     for p, expected in ((0.6, []), (0.4, [["bump", "wave"]])):
         both = [Weighed(bumpy, 30.0 + np.log(p), p), Weighed(wavy, 30.0 + np.log(1 - p), 1 - p)]
         ranked = sorted(both, key=lambda w: -w.p)
         sets = Posterior((*ranked, Weighed(base, 0.0, 0.0)))
-        doubts = more_probable(found.accepted, fits, sets)
-        assert classes(found.accepted, doubts) == expected
+        doubts = more_probable(accepted, fits, sets)
+        assert classes(accepted, doubts) == expected
 
 
 def astray(*runs: int) -> Law:
@@ -192,11 +181,3 @@ def test_a_run_is_set_aside_only_where_enough_others_bear_that_out() -> None:
     assert (name, samples.sum()) == ("r2", 60)
     name, samples = lack_of_fit.outlying_run(few)
     assert (name, samples.sum()) == (None, 0)
-
-
-def test_what_a_model_removes_can_be_asked_without_a_run() -> None:
-    subject = Curves(astray(4))
-    base, model = (validated(fitted(subject, n), subject) for n in ((), ("bump",)))
-    by = Fits((base, model)).scale
-    assert share_removed(model, base, by) < 0.7
-    assert share_removed(model, base, by, "r4") > 0.95

@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from cell.gap import investigate
+from cell.gap import forward_selection
+from cell.gap.forward_selection import ForwardSelection
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.score import Score
 
@@ -21,20 +22,20 @@ def refitted(monkeypatch: pytest.MonkeyPatch, *, gain: float, gap: bool) -> list
         return fits
 
     scale = SimpleNamespace(least=LEAST, inefficiency=1.0)
-    monkeypatch.setattr(investigate, "likelihood_scale", lambda _models: scale)
-    monkeypatch.setattr(investigate, "ranked_pairs", lambda *_: [])
-    monkeypatch.setattr(investigate, "is_exhausted", lambda _fits: True)
-    monkeypatch.setattr(investigate.search, "fit_scores", fit_scores)
-    monkeypatch.setattr(investigate.search, "other_signs", lambda *_: [])
+    monkeypatch.setattr(forward_selection, "likelihood_scale", lambda _models: scale)
+    monkeypatch.setattr(forward_selection, "ranked_pairs", lambda *_: [])
+    monkeypatch.setattr(forward_selection, "is_exhausted", lambda *_: True)
+    monkeypatch.setattr(forward_selection.search, "fit_scores", fit_scores)
+    monkeypatch.setattr(forward_selection.search, "other_signs", lambda *_: [])
     monkeypatch.setattr(Fits, "of_size", lambda *_: [])
     subject: Any = SimpleNamespace(scope=SimpleNamespace(candidates=()))
     base = SimpleNamespace(estimate=None, model=SimpleNamespace(name="", names=frozenset()))
     fitted: Any = SimpleNamespace(base=base, doubted=gap)
     screened: Any = SimpleNamespace(known=None, singles=(Score(("seam",), gain, {}),))
     fits = Fits((base,))  # type: ignore[arg-type]
-    investigate._refit_singles(
-        subject, fitted, fits, screened, lambda _asked: [], lambda _stage, _share: None
-    )
+    ForwardSelection(
+        subject, lambda _asked: [], lambda _stage, _share: None, fitted, screened
+    ).refit_singles(fits)
     return asked
 
 
@@ -65,27 +66,26 @@ def test_where_all_residuals_show_no_gap_a_gap_is_named_or_its_name_gets_a_secon
 
     effects = ("seam",) if named else ()
     accepted = SimpleNamespace(model=SimpleNamespace(effects=effects))
-    probable = SimpleNamespace(model=SimpleNamespace(effects=("hem",)))
-    most_probable: Any = SimpleNamespace(models=[SimpleNamespace(names={"hem"})])
-    monkeypatch.setattr(investigate, "choose", lambda _fits: SimpleNamespace(accepted=accepted))
-    monkeypatch.setattr(investigate, "is_exhausted", lambda _fits: False)
-    monkeypatch.setattr(investigate, "_leaves_more", lambda _fits, **_: False)
-    monkeypatch.setattr(investigate.search, "shape_parameters", lambda *_: [])
-    monkeypatch.setattr(investigate.search, "shortlist", shortlist)
-    monkeypatch.setattr(investigate.search, "extend_where_shown", extend)
-    monkeypatch.setattr(investigate, "_posterior", lambda *_: most_probable)
-    monkeypatch.setattr(investigate.search, "fit_scores", lambda _simulate, fits, *_: fits)
+    predicts_best = SimpleNamespace(model=SimpleNamespace(effects=("hem",)))
+    monkeypatch.setattr(ForwardSelection, "_accepted", lambda *_: accepted)
+    monkeypatch.setattr(forward_selection, "is_exhausted", lambda *_: False)
+    monkeypatch.setattr(forward_selection, "_leaves_more", lambda _fits, **_: False)
+    monkeypatch.setattr(forward_selection.search, "shape_parameters", lambda *_: [])
+    monkeypatch.setattr(forward_selection.search, "shortlist", shortlist)
+    monkeypatch.setattr(forward_selection.search, "extend_where_shown", extend)
+    monkeypatch.setattr(forward_selection.search, "fit_scores", lambda _simulate, fits, *_: fits)
     fits: Any = SimpleNamespace(
         models=(None, None),
         base=SimpleNamespace(estimate=None),
-        of=lambda names: {"seam": True, "hem": probable}.get(*names),
+        best=predicts_best,
+        of=lambda names: {"seam": True}.get(*names),
         merge=lambda _more: fits,
     )
     singles = tuple(Score((name,), 1.0, {}) for name in ("seam", "crease"))
     fitted: Any = SimpleNamespace(doubted=gap)
     screened: Any = SimpleNamespace(singles=singles, probed=())
     subject: Any = SimpleNamespace(scope=SimpleNamespace(candidates=()))
-    investigate._refit_further(
-        subject, fitted, fits, screened, lambda _asked: [], lambda _stage, _share: None
-    )
+    ForwardSelection(
+        subject, lambda _asked: [], lambda _stage, _share: None, fitted, screened
+    ).refit_further(fits)
     assert asked == (["beside seam", "beside hem"] if named else ["crease"] if gap else [])

@@ -14,9 +14,7 @@ from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence, response
 from cell.gap.fitting.starts import refit_base_fine, refit_fine
 from cell.gap.fitting.tasks import run_one
-from cell.gap.selection.choice import is_significant
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import likelihood_scale
 from cell.gap.selection.search import better_base
 from cell.gap.subject.subject import Request, Residuals, Run
 from cell.gap.verdict.decide import kind, leaves_too_much, unexplained_part
@@ -68,17 +66,6 @@ def test_repeats_that_scatter_for_no_reason_leave_the_cause_open() -> None:
     assert verdict.verdict == "unexplained"
     assert verdict.unexplained is not None
     assert "repeats of one condition differ by" in verdict.unexplained.description
-
-
-@pytest.mark.parametrize(
-    ("size", "name", "expected"), [(0.3, "wave", True), (0.0, "wave", False), (0.3, "dead", True)]
-)
-def test_effect_is_resolved_where_its_interval_excludes_absence(
-    size: float, name: str, expected: bool
-) -> None:
-    estimate = fitted(Curves(hidden(wave, size)), (name,))
-    effect = estimate.model.effects[0]
-    assert is_significant(estimate, effect, likelihood_scale([validated(estimate)])) is expected
 
 
 def validated(estimate: Estimate, subject: Curves | None = None) -> Validated:

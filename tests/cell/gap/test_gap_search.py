@@ -11,7 +11,7 @@ from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.model import Model
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import run_one
-from cell.gap.selection.choice import is_exhausted
+from cell.gap.selection.choice import leaves_nothing
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import probe, ranking, table
@@ -37,21 +37,22 @@ def test_nothing_is_searched_beside_what_leaves_too_little() -> None:
     for law, done in ((hidden(bump, 0.2), True), (FAINT, True), (BOTH, False)):
         subject = Curves(law)
         models = [validated(at(subject, names), subject) for names in ((), ("bump",))]
-        assert is_exhausted(Fits(tuple(models))) is done
+        assert leaves_nothing(models[1], Fits(tuple(models))) is done
 
 
-def test_a_base_is_never_exhausted() -> None:
+def test_a_base_never_ends_the_search() -> None:
     subject = Curves(hidden(bump, 0.2))
-    assert not is_exhausted(Fits((validated(at(subject), subject),)))
+    base = validated(at(subject), subject)
+    assert not leaves_nothing(base, Fits((base,)))
 
 
 def test_singles_begin_again_from_a_better_pair_though_it_was_not_accepted() -> None:
     subject = Curves(hidden(bump, 0.2))
     base, pair = (validated(at(subject, n), subject) for n in ((), ("bump", "wave")))
-    scores = without_each(Fits((base, pair)))
+    scores = without_each(Fits((base, pair)), base)
     assert [s.names for s in scores[-2:]] == [("wave",), ("bump",)]
     assert all(s.after is pair.estimate for s in scores)
-    assert [s.names for s in without_each(Fits((base,)))] == []
+    assert [s.names for s in without_each(Fits((base,)), base)] == []
 
 
 def broad(t: Array, speed: float, index: int) -> Array:
@@ -68,10 +69,11 @@ def test_each_effect_of_the_accepted_model_is_replaced_by_what_explains_most_bes
     )
     sets = ((), ("bump",), ("wave",), ("bump", "wave"))
     fits = Fits(tuple(validated(at(subject, names), subject) for names in sets))
-    scores = substitutes(subject.simulate, fits, subject.scope.candidates)
+    scores = substitutes(subject.simulate, fits, fits.models[3], subject.scope.candidates)
     assert {s.names for s in scores} == {("broad", "wave"), ("broad", "bump")}
     assert all(s.after is not None and s.after.model.names < frozenset(s.names) for s in scores)
-    assert substitutes(subject.simulate, Fits(fits.models[:2]), subject.scope.candidates) == []
+    single = Fits(fits.models[:2])
+    assert substitutes(subject.simulate, single, fits.models[1], subject.scope.candidates) == []
 
 
 class Bending(Curves):

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from cell.gap.fitting import normal_equations, robust
-from cell.gap.selection.likelihood import clip_wild, excess, holm
+from cell.gap.selection.likelihood import clip_wild, holm, mean_square
 from cell.gap.subject.subject import Run, Samples
 
 
@@ -41,8 +41,8 @@ def test_holm_probabilities_are_the_textbook_ones() -> None:
 def test_no_sample_that_went_another_way_decides_what_a_model_removes() -> None:
     before = [np.array([4.0, -4.0, 4.0, 60.0])]
     after = [np.array([1.0, -1.0, 1.0, 70.0])]
-    assert excess(after, 1.0) > excess(before, 1.0)
-    assert excess(clip_wild(after, 1.0), 1.0) < 0.75 * excess(clip_wild(before, 1.0), 1.0)
+    assert mean_square(after) > mean_square(before)
+    assert mean_square(clip_wild(after, 1.0)) < 0.75 * mean_square(clip_wild(before, 1.0))
 
 
 def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:

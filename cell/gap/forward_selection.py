@@ -1,0 +1,136 @@
+"""Forward selection of models: single effects first, then pairs and triples of the best."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.gap.diagnosis import lack_of_fit
+from cell.gap.diagnosis.drift import Repeats
+from cell.gap.diagnosis.localise import localise
+from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.tasks import Simulate
+from cell.gap.selection import search
+from cell.gap.selection.choice import choose, is_exhausted
+from cell.gap.selection.fits import Fits
+from cell.gap.selection.likelihood import ALPHA, likelihood_scale
+from cell.gap.selection.posterior import posterior
+from cell.gap.selection.screening import ranked_pairs
+from cell.gap.subject.subject import Subject
+from cell.gap.verdict.findings import Fitted, Screened
+
+Progress = Callable[[str, float], None]
+"""Called with the name of a stage and the share of the whole that is done."""
+
+
+@dataclass(frozen=True, slots=True)
+class ForwardSelection:
+    """Fits more models of `subject`, beside a base as `fitted` and by a library as `screened`."""
+
+    subject: Subject
+    simulate: Simulate
+    progress: Progress
+    fitted: Fitted
+    screened: Screened
+
+    def refit_singles(self, fits: Fits) -> Fits:
+        """Fit the most promising single effects beside the base, unless none can be accepted."""
+        self.progress("refit the best", 0.25)
+        by, screened = likelihood_scale([self.fitted.base]), self.screened
+        least = by.least * by.inefficiency
+        promising = any(s.gain > least for s in screened.singles)
+        if not (promising or self.fitted.doubted or ranked_pairs(screened.known, 1, least)):
+            return fits
+        singles = screened.singles[: search.BUDGET.singles]
+        fits = search.fit_scores(self.simulate, fits, singles, self.subject.scope.candidates)
+        fits = fits.merge(search.other_signs(self.simulate, fits, fits.of_size(1)[:1]))
+        return self._refine_laws(fits)
+
+    def refit_further(self, fits: Fits) -> Fits:
+        """Fit other single effects, then pairs and triples, while the best model leaves a gap."""
+        if len(fits.models) == 1:
+            return fits
+        fits = self._refine_laws(fits)  # beside a revised base a law may leave more
+        if not _leaves_more(fits, anywhere=True):
+            if self._accepted(fits).model.effects:
+                return self._refit_small_second(fits)
+            if not self.fitted.doubted:
+                return fits
+        self.progress("refit other single effects", 0.45)
+        simulate, candidates = self.simulate, self.subject.scope.candidates
+        looked = self.screened.singles[: search.BUDGET.looked]
+        others = [s for s in looked if fits.of(frozenset(s.names)) is None]
+        base, further = fits.base.estimate, search.BUDGET.further
+        others = search.shortlist(simulate, base, others, candidates, further)
+        fits = search.fit_scores(simulate, fits, others, candidates)
+        if not _leaves_more(fits, anywhere=True):
+            return self._refit_small_second(fits)
+        return self._refit_pairs_and_triples(fits)
+
+    def _refine_laws(self, fits: Fits) -> Fits:
+        """Free the shape parameters of the best models, unless the best one leaves nothing."""
+        if is_exhausted(fits):
+            return fits
+        return fits.merge(search.shape_parameters(self.simulate, fits))
+
+    def _accepted(self, fits: Fits) -> Validated:
+        """The model that would be accepted if nothing else were fitted."""
+        believed = self.subject.scope.believed
+        sets = posterior(fits, self.screened.probed, fits.scale, believed=believed)
+        return choose(fits, sets).accepted
+
+    def _refit_small_second(self, fits: Fits) -> Fits:
+        """Fit pairs of an accepted effect, or the best one, and what the screen shows beside it.
+
+        By what they predict and by evidence two single effects may change places where either is
+        only a part of the cause.
+        """
+        accepted = self._accepted(fits)
+        if not accepted.model.effects:
+            return fits
+        models = [accepted] if fits.best in (accepted, fits.base) else [accepted, fits.best]
+        self.progress("screen beside the accepted effect", 0.5)
+        candidates, probed = self.subject.scope.candidates, self.screened.probed
+        fits = search.extend_where_shown(self.simulate, fits, models, candidates, probed)
+        return self._refit_alternatives(fits) if self._is_pair(fits) else fits
+
+    def _refit_pairs_and_triples(self, fits: Fits) -> Fits:
+        """Fit the most promising pairs, triples beside an accepted pair, and their alternatives."""
+        self.progress("refit pairs", 0.5)
+        simulate, candidates = self.simulate, self.subject.scope.candidates
+        base, probed, most = fits.base.estimate, self.screened.probed, search.BUDGET.pairs
+        pairs = ranked_pairs(self.screened.known, search.BUDGET.sifted)
+        pairs = search.shortlist(simulate, base, pairs, candidates, most)
+        fits = search.fit_scores(simulate, fits, pairs, candidates)
+        fits = search.extend(simulate, fits, 1, candidates, probed)
+        fits = fits.merge(search.other_signs(simulate, fits, fits.worth(2)[:most]))
+        if self._is_pair(fits) and _leaves_more(fits, anywhere=False):
+            self.progress("refit triples", 0.7)
+            fits = search.extend(simulate, fits, 2, candidates, probed)
+        return self._refit_alternatives(fits)
+
+    def _is_pair(self, fits: Fits) -> bool:
+        return len(self._accepted(fits).model.effects) == 2
+
+    def _refit_alternatives(self, fits: Fits) -> Fits:
+        """Fit accepted and best model without each effect, and with others in its place."""
+        candidates = self.subject.scope.candidates
+        subsets = search.without_each(fits, self._accepted(fits))
+        fits = search.fit_scores(self.simulate, fits, subsets, candidates)
+        others = search.substitutes(self.simulate, fits, self._accepted(fits), candidates)
+        return search.fit_scores(self.simulate, fits, others, candidates)
+
+
+def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:
+    """Whether the best model leaves more than noise and than errors of its laws may explain.
+
+    Overall or, with `anywhere`, in any bin.
+    """
+    if is_exhausted(fits):
+        return False
+    best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
+    noise = lack_of_fit.noise_left(best, np.random.default_rng(1))
+    allowed = lack_of_fit.slack(best.evidence, Repeats.of(best).inflation)
+    if lack_of_fit.lack_of_fit(best, noise, allowed) < ALPHA:
+        return True
+    return anywhere and any(place.p < ALPHA for place in localise(best, noise, allowed))
