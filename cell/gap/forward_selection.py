@@ -52,7 +52,7 @@ class ForwardSelection:
             return fits
         fits = self._refine_laws(fits)  # beside a revised base a law may leave more
         if not _leaves_more(fits, anywhere=True):
-            if self._accepted(fits).model.effects:
+            if self._accept(fits).model.effects:
                 return self._refit_small_second(fits)
             if not self.fitted.doubted:
                 return fits
@@ -73,7 +73,7 @@ class ForwardSelection:
             return fits
         return fits.merge(search.shape_parameters(self.simulate, fits))
 
-    def _accepted(self, fits: Fits) -> Validated:
+    def _accept(self, fits: Fits) -> Validated:
         """The model that would be accepted if nothing else were fitted."""
         believed = self.subject.scope.believed
         sets = posterior(fits, self.screened.probed, fits.scale, believed=believed)
@@ -85,7 +85,7 @@ class ForwardSelection:
         By what they predict and by evidence two single effects may change places where either is
         only a part of the cause.
         """
-        accepted = self._accepted(fits)
+        accepted = self._accept(fits)
         if not accepted.model.effects:
             return fits
         models = [accepted] if fits.best in (accepted, fits.base) else [accepted, fits.best]
@@ -110,14 +110,14 @@ class ForwardSelection:
         return self._refit_alternatives(fits)
 
     def _is_pair(self, fits: Fits) -> bool:
-        return len(self._accepted(fits).model.effects) == 2
+        return len(self._accept(fits).model.effects) == 2
 
     def _refit_alternatives(self, fits: Fits) -> Fits:
         """Fit accepted and best model without each effect, and with others in its place."""
         candidates = self.subject.scope.candidates
-        subsets = search.without_each(fits, self._accepted(fits))
+        subsets = search.without_each(fits, self._accept(fits))
         fits = search.fit_scores(self.simulate, fits, subsets, candidates)
-        others = search.substitutes(self.simulate, fits, self._accepted(fits), candidates)
+        others = search.substitutes(self.simulate, fits, self._accept(fits), candidates)
         return search.fit_scores(self.simulate, fits, others, candidates)
 
 

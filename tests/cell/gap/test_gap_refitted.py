@@ -67,7 +67,7 @@ def test_where_all_residuals_show_no_gap_a_gap_is_named_or_its_name_gets_a_secon
     effects = ("seam",) if named else ()
     accepted = SimpleNamespace(model=SimpleNamespace(effects=effects))
     predicts_best = SimpleNamespace(model=SimpleNamespace(effects=("hem",)))
-    monkeypatch.setattr(ForwardSelection, "_accepted", lambda *_: accepted)
+    monkeypatch.setattr(ForwardSelection, "_accept", lambda *_: accepted)
     monkeypatch.setattr(forward_selection, "is_exhausted", lambda *_: False)
     monkeypatch.setattr(forward_selection, "_leaves_more", lambda _fits, **_: False)
     monkeypatch.setattr(forward_selection.search, "shape_parameters", lambda *_: [])
