@@ -1,6 +1,6 @@
 """Evidence of the report: where model and runs disagree, the candidates, the refitted base."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from cell.gap.report import figures
@@ -55,7 +55,7 @@ def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
     return {
         "note": note,
         "bars": figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else "",
-        "needed": list(_lead_sentences(found)),
+        "leads": _leads(found),
         "probable": _probable_sets(verdict),
         "dead": ", ".join(p.candidate.name for p in found.screened.probed if p.dead),
         "rows": [_candidate_row(row, row.name == accepted) for row in verdict.candidates],
@@ -91,14 +91,16 @@ def _candidate_row(row: Compared, best: bool) -> dict[str, Any]:
     }
 
 
-def _lead_sentences(found: Findings) -> Iterator[str]:
-    """Sentences on the lead of the accepted or most probable set over those with fewer effects."""
-    accepted = found.accepted.model.names
-    first = accepted or found.posterior.models[0].names
-    for fewer in (m for m in found.posterior.models if m.names < first):
-        lead = found.posterior.lead(first) - found.posterior.lead(fewer.names)
-        without = _effect_names(sorted(fewer.names))
-        yield f"{_effect_names(sorted(first))} leads {without} by {lead:.0f} nats."
+def _leads(found: Findings) -> str:
+    """Sentence on the lead of the accepted or most probable set over each fitted part of it."""
+    sets = found.posterior
+    first = found.accepted.model.names or sets.models[0].names
+    leads = [
+        f"{_effect_names(sorted(part.names))} by {sets.lead(first) - sets.lead(part.names):.0f}"
+        for part in sets.models
+        if part.names < first
+    ]
+    return f"{_effect_names(sorted(first))} leads {', '.join(leads)} nats." if leads else ""
 
 
 def name_model(model: str) -> str:
