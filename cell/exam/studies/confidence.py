@@ -5,7 +5,7 @@ the library, with what looks like it: whatever is named is wrong, and a law may 
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -38,6 +38,7 @@ SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which the
     "left": Weight(weight=-2.0, low=0.5, high=2.0),
     "correlation": Weight(weight=-2.0, low=0.0, high=0.6),
     "closed": Weight(weight=1.0, low=0.0, high=1.0),
+    "law": Weight(weight=-2.0, low=0.0, high=1.0),
 }
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
 LEFT_OPEN = 0.01  # share of right verdicts above `most_left`, which stay open; customary
@@ -94,7 +95,7 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
     """Read the scored verdicts from `ledgers`, JSON lines of exams or of this study.
 
     A case is named after its ledger too: seeds of one number may have drawn others there. Verdicts
-    from before signs were kept have none.
+    from before signs were kept have none. Lines of this study say themselves if a law is offered.
     """
     lines = [(path, json.loads(line)) for path in ledgers
              for line in path.read_text(encoding="utf-8").splitlines()]  # fmt: skip
@@ -104,7 +105,8 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
         if scored is not None:
             values = {
                 **scored,
-                "signs": scored.get("signs"),
+                **{key: line[key] for key in ("offered",) if key in line},
+                "signs": _signs(line),
                 "case": f"{path.stem}/{scored['case']}",
                 "without": without,
                 "is_named": scored["verdict"] == "named",
@@ -112,6 +114,17 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
             }
             found.append(Outcome(StudyCase(len(found), 0, {}), values))
     return found
+
+
+def _signs(line: Mapping[str, Any]) -> dict[str, float] | None:
+    """Signs of a verdict in a line of a ledger, with that of a law where the line tells it."""
+    signs: dict[str, float] | None = line["outcome"].get("signs")
+    return {"law": float(line["offered"]), **signs} if signs and "offered" in line else signs
+
+
+def _tells_of_law(values: Values) -> bool:
+    """Whether it is known of a verdict if a law was offered."""
+    return "offered" in values or "law" in (values["signs"] or {})
 
 
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
@@ -131,17 +144,21 @@ def shares(found: Sequence[Name], without: float) -> Array:
     return np.array([withheld if name.withheld else whole for name in found])
 
 
-def fit_most_left(outcomes: Sequence[Outcome]) -> float:
-    """Rms on held-out runs, in units of noise and floor, that LEFT_OPEN of right verdicts exceed.
-
-    A cause outside the library that leaves no more is as well described by effects of the library,
-    so that no residual shows it. Without right verdicts, the value that the package ships.
-    """
-    left = [
+def left_by_right(outcomes: Sequence[Outcome]) -> list[float]:
+    """Rms on held-out runs, in units of noise and floor, of the right verdicts."""
+    return [
         v["signs"]["left"]
         for v in (o.values for o in outcomes)
         if v["signs"] and not v["without"] and v.get("result") in RIGHT_RESULTS
     ]
+
+
+def fit_most_left(left: Sequence[float]) -> float:
+    """Rms that the share LEFT_OPEN of right verdicts, which have `left` these, exceeds.
+
+    A cause outside the library that leaves no more is as well described by effects of the library,
+    so that no residual shows it. Without right verdicts, the value that the package ships.
+    """
     return float(np.quantile(left, 1.0 - LEFT_OPEN)) if left else calibration().most_left
 
 
@@ -212,8 +229,11 @@ def reliable(stated: Sequence[tuple[float, bool]]) -> str:
 
 
 def calibrate(outcomes: Sequence[Outcome]) -> Values:
-    """Fit the calibration to all these verdicts; its source states the loss on those left out."""
-    found, without = names(outcomes)
+    """Fit the calibration to these verdicts; its source states the loss on those left out.
+
+    To all of them, but for weights of signs: to those of which it is known if a law was offered.
+    """
+    found, without = names([o for o in outcomes if _tells_of_law(o.values)])
     counts = shares(found, without)
     source = (
         f"{len(found)} verdicts that name, {sum(not name.right for name in found)} of them wrong, "
@@ -226,8 +246,10 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
         plain = log_loss([(rate, name.right) for name in found], counts)
         source += f" Left out one by one, log loss {log_loss(stated, counts):.3f} nats, "
         source += f"of one probability for all {plain:.3f}."
+    left = left_by_right(outcomes)
+    source += f" `most_left` of {len(left)} right verdicts."
     content = fit_calibration(found, counts, source).model_dump()
-    return content | {"most_left": fit_most_left(outcomes)}
+    return content | {"most_left": fit_most_left(left)}
 
 
 def judge(outcomes: Sequence[Outcome]) -> str:

@@ -149,6 +149,7 @@ def _posterior(found: Findings) -> Probable:
         left=held_out_gap.rms_left(after),
         correlation=robust.correlation(after.evidence.runs, after.residuals),
         ahead=ahead if np.isfinite(ahead) else None,
+        law=found.offered is not None,
     )
 
 

@@ -26,7 +26,8 @@ class Signs:
 
     `ahead` [nats] is the lead of what is named, with its class, over the best other set; `left` the
     rms on held-out runs in units of noise and floor, `correlation` that of neighbours in time
-    there; `unseen` the excess gap of the base there, `closed` the share of it that is gone.
+    there; `unseen` the excess gap of the base there, `closed` the share of it that is gone; `law`
+    is 1 where a law is offered beside.
     """
 
     ahead: float
@@ -34,12 +35,14 @@ class Signs:
     correlation: float
     unseen: float
     closed: float
+    law: float = 0.0
 
     @classmethod
     def of(cls, sets: Probable, gap: Gap) -> "Signs":
         """Features from the posterior and gap of a verdict; a lead over no set is infinite."""
         ahead = np.inf if sets.ahead is None else sets.ahead
-        return cls(ahead, sets.left, sets.correlation, gap.before["excess"], gap.shrink)
+        unseen, law = gap.before["excess"], float(sets.law)
+        return cls(ahead, sets.left, sets.correlation, unseen, gap.shrink, law)
 
 
 class Weight(Settings):

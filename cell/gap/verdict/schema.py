@@ -112,7 +112,8 @@ class Probable(Entry):
 
     `left` is the rms that no law accounts for on held-out runs, in units of noise and floor, and
     `correlation` that of neighbours in time in it; `ahead` [nats] is the lead of what was accepted
-    over the best set that is not of its class, None where no other was fitted.
+    over the best set that is not of its class, None where no other was fitted; `law` is whether a
+    law is offered, which has fewer terms and is no less probable.
     """
 
     models: list[ProbableSet]
@@ -120,6 +121,7 @@ class Probable(Entry):
     left: float
     correlation: float
     ahead: float | None
+    law: bool = False
 
 
 class Verdict(Entry):

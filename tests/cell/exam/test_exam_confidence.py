@@ -1,5 +1,6 @@
 """The calibration of the stated confidence, from verdicts held against the truth."""
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from cell.exam.studies.confidence import (
     calibrate,
     fit_calibration,
     fit_most_left,
+    left_by_right,
     log_loss,
     names,
     reliable,
@@ -63,7 +65,14 @@ def test_withheld_names_count_as_rarely_as_causes_outside() -> None:
 
 
 def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
-    signs = {"ahead": 9.0, "left": 0.6, "correlation": 0.0, "unseen": 2.0, "closed": 1.0}
+    signs = {
+        "ahead": 9.0,
+        "left": 0.6,
+        "correlation": 0.0,
+        "unseen": 2.0,
+        "closed": 1.0,
+        "law": 0.0,
+    }
     facts = {"case": "a", "signs": signs, "is_named": True, "without": []}
     values = [
         {**facts, "is_right": True},
@@ -88,6 +97,20 @@ def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
     assert 0.0 < stated[0] < stated[2] < 1.0
 
 
+def test_weights_are_of_verdicts_of_which_it_is_known_if_a_law_was_offered(tmp_path: Path) -> None:
+    lines = (LEDGERS / "confidence-10307.jsonl").read_text().splitlines()
+    plain = [json.loads(line) for line in lines]
+    for line in plain:
+        del line["offered"]
+    old = tmp_path / "old.jsonl"
+    old.write_text("".join(json.dumps(line) + "\n" for line in plain))
+    both = verdicts_in([LEDGERS / "confidence-10307.jsonl", old])
+    told = calibrate(both)
+    assert told["source"] == calibrate(both[: len(lines)])["source"]
+    assert told["weights"]["law"]["weight"] < -2.0
+    assert calibrate(both[len(lines) :])["source"].startswith("0 verdicts that name")
+
+
 def test_without_a_name_the_calibration_is_its_prior() -> None:
     facts = {"is_named": False, "signs": None, "without": ["seam"], "case": "a"}
     found = Calibration.model_validate(calibrate([Outcome(Case(0, 0, {}), facts)]))
@@ -100,7 +123,7 @@ def test_the_package_holds_the_calibration_of_its_source() -> None:
     names_of = re.findall(r"[a-z]+-\d+\.jsonl", calibration().source)
     outcomes = verdicts_in([LEDGERS / name for name in names_of])
     found = Calibration.model_validate(calibrate(outcomes))
-    assert found.source.startswith("132 verdicts that name, 12 of them wrong")
+    assert calibration().source.startswith(found.source)
     assert found.most_left == pytest.approx(calibration().most_left)
     assert found.intercept == pytest.approx(calibration().intercept, abs=1e-3)
     for sign, w in calibration().weights.items():
@@ -117,11 +140,18 @@ def test_verdicts_of_exams_count_as_those_of_the_study_do() -> None:
 
 def test_all_but_one_in_a_hundred_right_verdicts_leave_less_than_what_keeps_one_open() -> None:
     def outcome(number: int, left: float, **facts: Any) -> Outcome:
-        signs = {"ahead": 9.0, "left": left, "correlation": 0.0, "unseen": 2.0, "closed": 1.0}
+        signs = {
+            "ahead": 9.0,
+            "left": left,
+            "correlation": 0.0,
+            "unseen": 2.0,
+            "closed": 1.0,
+            "law": 0.0,
+        }
         values = {"signs": signs, "result": "right_strict", "without": []} | facts
         return Outcome(Case(number, 0, {}), values)
 
     right = [outcome(i, 0.5 + i / 200) for i in range(101)]
     others = [outcome(200, 9.0, result="wrong_name"), outcome(201, 9.0, without=["seam"])]
-    assert fit_most_left([*right, *others]) == pytest.approx(0.995)
-    assert fit_most_left(others) == calibration().most_left
+    assert fit_most_left(left_by_right([*right, *others])) == pytest.approx(0.995)
+    assert fit_most_left(left_by_right(others)) == calibration().most_left
