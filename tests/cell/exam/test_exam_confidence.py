@@ -106,7 +106,7 @@ def test_weights_are_of_verdicts_of_which_it_is_known_if_a_law_was_offered(tmp_p
     old.write_text("".join(json.dumps(line) + "\n" for line in plain))
     both = verdicts_in([LEDGERS / "confidence-10307.jsonl", old])
     told = calibrate(both)
-    assert told["source"] == calibrate(both[: len(lines)])["source"]
+    assert told["weights"] == calibrate(both[: len(lines)])["weights"]
     assert told["weights"]["law"]["weight"] < -2.0
     assert calibrate(both[len(lines) :])["source"].startswith("0 verdicts that name")
 
