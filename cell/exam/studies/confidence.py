@@ -117,12 +117,12 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
 
 
 def _signs(line: Mapping[str, Any]) -> dict[str, float] | None:
-    """Signs of a verdict in a line of a ledger, with that of a law where the line tells it."""
+    """Signs of a verdict in a line of a ledger, with that of a law where the line has it."""
     signs: dict[str, float] | None = line["outcome"].get("signs")
     return {"law": float(line["offered"]), **signs} if signs and "offered" in line else signs
 
 
-def _tells_of_law(values: Values) -> bool:
+def _knows_of_law(values: Values) -> bool:
     """Whether it is known of a verdict if a law was offered."""
     return "offered" in values or "law" in (values["signs"] or {})
 
@@ -233,7 +233,7 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
 
     To all of them, but for weights of signs: to those of which it is known if a law was offered.
     """
-    found, without = names([o for o in outcomes if _tells_of_law(o.values)])
+    found, without = names([o for o in outcomes if _knows_of_law(o.values)])
     counts = shares(found, without)
     source = (
         f"{len(found)} verdicts that name, {sum(not name.right for name in found)} of them wrong, "
