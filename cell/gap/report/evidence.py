@@ -49,8 +49,8 @@ def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
     accepted = found.accepted.model.name
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats. Taken is "
-        f"the most probable set of effects that leads all fitted parts of it by {MIN_GAIN:.0f} "
-        "nats or more (55 times as probable)."
+        "the most probable set of effects that predicts better than each fitted part of it, and "
+        f"leads it by {MIN_GAIN:.0f} nats or more (55 times as probable)."
     )
     return {
         "note": note,
