@@ -1,10 +1,11 @@
 """Whether names came true as often as stated, in ledgers of exams and of `cell study confidence`.
 
-python -m tests.benchmarks.measure_confidence LEDGER... [--fit FILE]
+python -m tests.benchmarks.measure_confidence LEDGER... [--fresh LEDGER...] [--fit FILE]
 
 Prints three reliability tables: what each verdict stated, what this version states of its signs,
-and what a calibration of all other cases states. With --fit the calibration of all of them is
-written to FILE, as cell/gap/verdict/confidence.yaml holds it.
+and what a calibration of all other cases states. With --fresh a fourth: what the calibration of
+the first ledgers states of those other ones. With --fit that calibration is written to FILE, as
+cell/gap/verdict/confidence.yaml holds it.
 """
 
 import argparse
@@ -19,7 +20,7 @@ from cell.exam.studies.confidence import (
     shares,
     verdicts_in,
 )
-from cell.gap.verdict.confidence import calibration
+from cell.gap.verdict.confidence import Calibration, calibration
 from drivers.files import replace_file
 from drivers.yaml_edit import dump_text
 
@@ -40,9 +41,12 @@ def main() -> int:
         "Stated by this version": [(by.probability(n.signs), n.right) for n in found],
         "Left out one by one": leave_each_out(found, shares(found, without)),
     }
+    content = dict(calibrate(outcomes))
+    if asked.fresh:
+        fitted, (others, _) = Calibration.model_validate(content), names(verdicts_in(asked.fresh))
+        tables["Of fresh cases"] = [(fitted.probability(n.signs), n.right) for n in others]
     for title, claims in tables.items():
         sys.stdout.write(f"{title}:\n\n{reliable(claims)}\n\n")
-    content = calibrate(outcomes)
     sys.stdout.write(f"{content['source']}\n")
     if asked.fit:
         names_of = ", ".join(path.name for path in asked.ledgers)
@@ -55,9 +59,10 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("ledgers", type=Path, nargs="+")
+    parser.add_argument("--fresh", type=Path, nargs="+", default=[])
     parser.add_argument("--fit", type=Path)
     asked = parser.parse_args()
-    for path in asked.ledgers:
+    for path in [*asked.ledgers, *asked.fresh]:
         if not path.is_file():
             parser.error(f"{path}: no such file; give ledgers, lines of JSON")
     return asked

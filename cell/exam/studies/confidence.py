@@ -105,7 +105,7 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
         if scored is not None:
             values = {
                 **scored,
-                **{key: line[key] for key in ("offered",) if key in line},
+                "offered": line.get("offered"),
                 "signs": _signs(line),
                 "case": f"{path.stem}/{scored['case']}",
                 "without": without,
@@ -124,7 +124,7 @@ def _signs(line: Mapping[str, Any]) -> dict[str, float] | None:
 
 def _knows_of_law(values: Values) -> bool:
     """Whether it is known of a verdict if a law was offered."""
-    return "offered" in values or "law" in (values["signs"] or {})
+    return values.get("offered") is not None or "law" in (values["signs"] or {})
 
 
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:

@@ -31,7 +31,7 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[Validated]:
     """Models of which each effect is needed, the most probable first.
 
     A model clearly leads each fitted part of it, the base too, and predicts runs left out better:
-    the posterior does not know what the base gets wrong alike in all runs of one condition.
+    what a fit gains in its own runs, others may not confirm.
     """
     scale = fits.scale.scale
 
