@@ -136,9 +136,9 @@ def _score_names(named: frozenset[str], answer: frozenset[str]) -> Result:
     """Result of named effects: wrong with a false name, partly right with one of two effects."""
     if named == answer:
         return "right_strict"
-    if named in _with_twins(answer):
+    if named in with_twins(answer):
         return "right_class"
-    parts = [part for whole in _with_twins(answer) for part in whole]
+    parts = [part for whole in with_twins(answer) for part in whole]
     return "partly" if len(answer) > 1 and named <= set(parts) else "wrong_name"
 
 
@@ -150,7 +150,7 @@ def _score_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> 
     return "partly" if held else "abstained"
 
 
-def _with_twins(answer: frozenset[str]) -> list[frozenset[str]]:
+def with_twins(answer: frozenset[str]) -> list[frozenset[str]]:
     """All variants of the answer with effects replaced by their twins, which look alike."""
     choices = [sorted({name, *twins(name)}) for name in sorted(answer)]
     return [frozenset(choice) for choice in product(*choices)]
@@ -163,7 +163,7 @@ def twins(name: str) -> frozenset[str]:
 
 def same(name: str, answer: Iterable[str]) -> bool:
     """Whether `name` is in the answer; a twin, which looks alike, counts as the name itself."""
-    return any(name in whole for whole in _with_twins(frozenset(answer)))
+    return any(name in whole for whole in with_twins(frozenset(answer)))
 
 
 def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Checked]:

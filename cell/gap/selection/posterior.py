@@ -18,30 +18,13 @@ from scipy.linalg import cho_solve, solve_triangular
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection, stacked_jacobian
+from cell.gap.selection.beliefs import Beliefs, beliefs
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.selection.screening import Probed
 from drivers.types import Array
 
 
-@dataclass(frozen=True, slots=True)
-class Beliefs:
-    """Prior beliefs about effects and the errors of their laws.
-
-    Of the library `expected` effects are present; an `immaterial` one responds with this share (one
-    sigma) of what the floor allows; a law is wrong by a share of what it explains, half-normal of
-    sigma `wrong`, summed over `shares`, with a correlation time `memory` [s]. Source: a prototype
-    on thirteen cases of a foreign simulator; spikes decided whether an empty case was named.
-    """
-
-    expected: float = 1.0
-    immaterial: float = 0.12
-    wrong: float = 0.1
-    shares: tuple[float, ...] = (0.0, 0.05, 0.1, 0.2)
-    memory: float = 0.4
-
-
-DEFAULT_BELIEFS = Beliefs()
 LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
 
 
@@ -88,17 +71,19 @@ def posterior(
     fits: Fits,
     probed: Sequence[Probed],
     by: LikelihoodScale,
-    beliefs: Beliefs = DEFAULT_BELIEFS,
+    prior: Beliefs | None = None,
     *,
     believed: bool = False,
 ) -> Posterior:
     """Probabilities of the sets of effects in `fits`; `probed` is the library at the base.
 
+    The prior is that of the package unless another is given.
     Where spreads of the base are `believed`, an effect that only they separate from the base is
     material: changes of the base against its priors count like residuals.
     """
-    about = _About.of(fits, probed, by, beliefs, believed=believed)
-    chance = beliefs.expected / max(len(probed), 2.0 * beliefs.expected)
+    prior = prior or beliefs()
+    about = _About.of(fits, probed, by, prior, believed=believed)
+    chance = prior.expected / max(len(probed), 2.0 * prior.expected)
     odds = float(special.logit(chance))
     nats = [about.evidence(m.estimate) + odds * len(m.model.effects) for m in fits.models]
     shares = special.softmax(nats)
@@ -114,7 +99,7 @@ class _About:
     base: Estimate
     weight: Array
     spikes: dict[str, Array]
-    beliefs: Beliefs
+    prior: Beliefs
 
     @classmethod
     def of(
@@ -122,7 +107,7 @@ class _About:
         fits: Fits,
         probed: Sequence[Probed],
         by: LikelihoodScale,
-        beliefs: Beliefs,
+        prior: Beliefs,
         *,
         believed: bool,
     ) -> "_About":
@@ -134,15 +119,15 @@ class _About:
         base, best = fits.base.estimate, min(fits.models, key=lambda m: m.estimate.objective)
         r = _in_units_of(base, best.estimate)[0] / by.scale
         weight = np.sqrt(robust.weights(r) / by.inefficiency) / by.scale
-        spikes = _spikes(base, probed, beliefs.immaterial, believed=believed)
-        return cls(base, weight, spikes, beliefs)
+        spikes = _spikes(base, probed, prior.immaterial, believed=believed)
+        return cls(base, weight, spikes, prior)
 
     def evidence(self, fit: Estimate) -> float:
         """Log evidence [nats] of a fit, averaged over the possible errors of its laws."""
-        shares = self.beliefs.shares if fit.model.effects else (0.0,)
-        prior = np.exp(-0.5 * np.square(np.array(shares) / self.beliefs.wrong))
+        shares = self.prior.shares if fit.model.effects else (0.0,)
+        mass = np.exp(-0.5 * np.square(np.array(shares) / self.prior.wrong))
         nats = [self._evidence_at(fit, share) for share in shares]
-        return float(special.logsumexp(nats, b=prior / prior.sum()))
+        return float(special.logsumexp(nats, b=mass / mass.sum()))
 
     def _evidence_at(self, fit: Estimate, share: float) -> float:
         """Log evidence [nats] of a fit whose laws are wrong by the `share` of what they explain."""
@@ -175,7 +160,7 @@ class _About:
             for number in np.unique(run.samples.series):
                 mine = at + np.flatnonzero(run.samples.series == number)
                 t = run.samples.t[mine - at]
-                lower = np.linalg.cholesky(_error_covariance(t, error[mine], self.beliefs.memory))
+                lower = np.linalg.cholesky(_error_covariance(t, error[mine], self.prior.memory))
                 weighed[mine] = solve_triangular(lower, weighed[mine], lower=True)
                 logdet += 2.0 * float(np.log(np.diag(lower)).sum())
             at += len(run.samples)

@@ -8,7 +8,8 @@ from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
-from cell.gap.selection.posterior import Beliefs, Posterior, posterior
+from cell.gap.selection.beliefs import Beliefs, beliefs
+from cell.gap.selection.posterior import Posterior, posterior
 from cell.gap.selection.screening import probe
 from cell.gap.verdict.confidence import Calibration, Signs, Weight, calibration
 from drivers.types import Array
@@ -16,14 +17,14 @@ from tests.cell.gap.test_gap_engine import Curves, bump, fitted, hidden, judged,
 from tests.cell.gap.test_gap_robust import validated
 
 PLAIN = LikelihoodScale(1.0, 1.0)
-EXACT = Beliefs(immaterial=0.0, shares=(0.0,))
+EXACT = beliefs().model_copy(update={"immaterial": 0.0, "shares": (0.0,)})
 
 
-def sets(subject: Curves, *names: tuple[str, ...], beliefs: Beliefs = EXACT) -> Posterior:
+def sets(subject: Curves, *names: tuple[str, ...], prior: Beliefs = EXACT) -> Posterior:
     fits = Fits(tuple(validated(fitted(subject, n), subject) for n in ((), *names)))
     base = fits.base.estimate
     probed = run_all(subject.simulate, [probe(base, c) for c in subject.scope.candidates])
-    return posterior(fits, probed, PLAIN, beliefs)
+    return posterior(fits, probed, PLAIN, prior)
 
 
 def at_prior_mean(subject: Curves, names: tuple[str, ...]) -> tuple[Array, Array, Array]:
@@ -86,7 +87,7 @@ def test_what_the_floor_allows_is_no_effect() -> None:
     for run in subject.runs:
         run.samples.floor[:] = 0.02
     exact = sets(subject, ("bump",))
-    wary = sets(subject, ("bump",), beliefs=Beliefs(immaterial=0.5, shares=(0.0,)))
+    wary = sets(subject, ("bump",), prior=EXACT.model_copy(update={"immaterial": 0.5}))
     assert wary.inclusion["bump"] < exact.inclusion["bump"]
 
 
@@ -94,7 +95,8 @@ def test_a_law_that_may_be_wrong_leaves_room_for_what_it_leaves() -> None:
     """A rival that only mends what a nearly true law gets wrong loses its lead."""
     subject = Curves(lambda t, s, i: 0.3 * bump(t - 0.01, s, i), repeats=1, seed=1)
     sure = sets(subject, ("bump",), ("bump", "wave"))
-    wary = sets(subject, ("bump",), ("bump", "wave"), beliefs=Beliefs(immaterial=0.0))
+    prior = beliefs().model_copy(update={"immaterial": 0.0})
+    wary = sets(subject, ("bump",), ("bump", "wave"), prior=prior)
     lead = [nats(f, "bump", "wave") - nats(f, "bump") for f in (sure, wary)]
     assert lead[1] < 0.5 * lead[0]
 

@@ -1,0 +1,124 @@
+"""Study of the prior beliefs of `cell gap`: which of them make the hidden effects most probable.
+
+Cases from the state hide nothing, one effect of the library or two, of medium strength or strong.
+The posterior over the sets that an investigation fits is taken anew for each choice of two numbers:
+the share of the floor that an immaterial effect fills, and that by which a law is wrong.
+"""
+
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Fit, Outcome, Study, Values
+from cell.config.places import find_configs
+from cell.exam.case import Case
+from cell.exam.cases.draw import Draw
+from cell.exam.runs.from_model import make_runs
+from cell.exam.scoring.score import with_twins
+from cell.gap.fit import quiet
+from cell.gap.investigate import investigate
+from cell.gap.opening import open_subject
+from cell.gap.selection.beliefs import beliefs
+from cell.gap.selection.hold_out import held_out
+from cell.gap.selection.posterior import Posterior, posterior
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.verdict.findings import Findings
+
+IMMATERIAL = (0.02, 0.04, 0.06, 0.09, 0.12, 0.18)
+WRONG = (0.05, 0.1, 0.2)
+LAPSE = 0.01  # share of cases of which no model speaks: bounds what one of them counts
+LEVELS, PAIRS = 3, 4  # one case in three hides nothing; of the others one in four hides two
+
+
+def draw(number: int, rng: np.random.Generator) -> Values:
+    """Draw the kind of a case: nothing, one effect of medium strength or a strong one, or two."""
+    turn, level = divmod(number, LEVELS)
+    kind = "nothing" if level == 0 else "pair" if turn % PAIRS == PAIRS - 1 else "single"
+    return {"kind": kind, "number": number, "seed": int(rng.integers(2**31))}
+
+
+def measure(case: Values) -> Values:
+    """Log score [nats] of the hidden effects under each choice of the beliefs."""
+    number = case["number"]  # its remainder says how strong the effects are
+    hidden = Draw("state", case["kind"], number, number, case["seed"]).case()
+    strip = find_configs(None).strip_path(hidden.strip)
+    with TemporaryDirectory() as name, threadpool_limits(1, "blas"):
+        make_runs(hidden, Path(name))
+        subject = open_subject(strip, find_runs([Path(name)]), jobs=1)
+        held = held_out(subject, subject.simulate)
+        found = investigate(subject, held, subject.simulate, quiet)
+    scores = [
+        {"immaterial": immaterial, "wrong": wrong, "nats": _score(found, hidden, immaterial, wrong)}
+        for immaterial, wrong in product(IMMATERIAL, WRONG)
+    ]
+    return {
+        "answer": list(hidden.answer),
+        "named": sorted(found.accepted.model.names),
+        "nats": log_score(found.posterior, hidden),
+        "best": max(score["nats"] for score in scores),
+        "scores": scores,
+    }
+
+
+def _score(found: Findings, hidden: Case, immaterial: float, wrong: float) -> float:
+    prior = beliefs().model_copy(update={"immaterial": immaterial, "wrong": wrong})
+    believed = found.subject.scope.believed
+    fits, probed = found.choice.fits, found.screened.probed
+    return log_score(posterior(fits, probed, found.by, prior, believed=believed), hidden)
+
+
+def log_score(sets: Posterior, hidden: Case) -> float:
+    """Logarithm [nats] of the probability of the hidden effects; a twin counts as the effect.
+
+    The score is proper (Gneiting and Raftery 2007, J. Am. Stat. Assoc. 102, 359), but for the share
+    LAPSE, without which a case whose truth was never fitted would decide alone.
+    """
+    right = with_twins(frozenset(hidden.answer))
+    p = sum(model.p for model in sets.models if model.names in right)
+    return float(np.log(LAPSE + (1.0 - LAPSE) * p))
+
+
+def fit_beliefs(outcomes: Sequence[Outcome]) -> Values:
+    """Beliefs of the highest mean log score over all cases."""
+    means = {
+        (immaterial, wrong): float(np.mean([_nats(o, immaterial, wrong) for o in outcomes]))
+        for immaterial, wrong in product(IMMATERIAL, WRONG)
+    }
+    immaterial, wrong = max(means, key=lambda each: means[each])
+    source = (
+        f"immaterial of {', '.join(map(str, IMMATERIAL))} and wrong of "
+        f"{', '.join(map(str, WRONG))} with the highest mean log score of what is hidden, "
+        f"{means[immaterial, wrong]:.2f} nats; the rest from a prototype on thirteen cases;"
+    )
+    fitted = {"immaterial": immaterial, "wrong": wrong, "source": source}
+    return beliefs().model_copy(update=fitted).model_dump(mode="json")
+
+
+def _nats(outcome: Outcome, immaterial: float, wrong: float) -> float:
+    return next(
+        float(score["nats"])
+        for score in outcome.values["scores"]
+        if (score["immaterial"], score["wrong"]) == (immaterial, wrong)
+    )
+
+
+STUDY = Study(
+    name="beliefs",
+    question="Which prior beliefs make the effects that are hidden the most probable?",
+    draw=draw,
+    measure=measure,
+    by=("kind",),
+    quantities=(
+        Quantity("nats", Statistic.MEAN, "nats", 1.0, label="log score"),
+        Quantity("best", Statistic.MEAN, "nats", 1.0, label="at the best beliefs of each case"),
+    ),
+    fits=(Fit("cell/gap/selection/beliefs.yaml", fit_beliefs),),
+    usual=60,
+    quick=1,
+    seconds=60.0,
+)
