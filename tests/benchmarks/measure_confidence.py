@@ -2,9 +2,10 @@
 
 python -m tests.benchmarks.measure_confidence LEDGER... [--fresh LEDGER...] [--fit FILE]
 
-Prints three reliability tables: what each verdict stated, what this version states of its signs,
-and what a calibration of all other cases states. With --fresh a fourth: what the calibration of
-the first ledgers states of those other ones. With --fit that calibration is written to FILE, as
+Prints how many verdicts are right, and three reliability tables: what each verdict stated, what
+this version states of its signs, and what a calibration of all other cases states. With --fresh the
+counts are of those other ledgers, with a fourth table: what the calibration of the first ones
+states of them. With --fit that calibration is written to FILE, as
 cell/gap/verdict/confidence.yaml holds it.
 """
 
@@ -14,6 +15,7 @@ from pathlib import Path
 
 from cell.exam.studies.confidence import (
     calibrate,
+    count_verdicts,
     leave_each_out,
     names,
     reliable,
@@ -43,8 +45,10 @@ def main() -> int:
     }
     content = dict(calibrate(outcomes))
     if asked.fresh:
-        fitted, (others, _) = Calibration.model_validate(content), names(verdicts_in(asked.fresh))
+        outcomes = verdicts_in(asked.fresh)
+        fitted, (others, _) = Calibration.model_validate(content), names(outcomes)
         tables["Of fresh cases"] = [(fitted.probability(n.signs), n.right) for n in others]
+    sys.stdout.write(f"{count_verdicts(outcomes)}\n\n")
     for title, claims in tables.items():
         sys.stdout.write(f"{title}:\n\n{reliable(claims)}\n\n")
     sys.stdout.write(f"{content['source']}\n")

@@ -5,7 +5,7 @@ the library, with what looks like it: whatever is named is wrong, and a law may 
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -17,12 +17,12 @@ from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Case as StudyCase
 from cell.campaign.study import Fit, Ledger, Outcome, Study, Values
 from cell.config.places import find_configs
-from cell.exam.case import Case
+from cell.exam.case import STRENGTHS, Case
 from cell.exam.cases.draw import Draw
 from cell.exam.report.page import table
 from cell.exam.runs.from_model import make_runs
-from cell.exam.scoring.score import RIGHT_RESULTS, score
-from cell.exam.scoring.statistics import brier, calibration_error, reliability
+from cell.exam.scoring.score import RIGHT_RESULTS, Checked, score
+from cell.exam.scoring.statistics import Rate, brier, calibration_error, rate, reliability
 from cell.exam.scoring.targets import rate_text
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import RECORD
@@ -252,10 +252,34 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
     return content | {"most_left": fit_most_left(left)}
 
 
+def count_verdicts(outcomes: Sequence[Outcome]) -> str:
+    """Table of verdicts by number and strength of the hidden effects, as Markdown."""
+    groups: dict[tuple[str, ...], list[Values]] = {}
+    for o in outcomes:
+        number = ("nothing", "one", "two")[len(o.values["answer"])]
+        of_library = "no" if o.values["without"] else "yes"
+        groups.setdefault((of_library, number, o.values["strength"] or "-"), []).append(o.values)
+    order = sorted(groups, key=lambda g: (g[0] == "no", g[1], ("-", *STRENGTHS).index(g[2])))
+    head = ["in the library", "hidden", "strength", "right, by class", "strictly", "a wrong name",
+            "a law offered", "intervals that hold the truth"]  # fmt: skip
+    return table(head, [(*group, *map(rate_text, _rates(groups[group]))) for group in order])
+
+
+def _rates(verdicts: Sequence[Values]) -> Iterator[Rate]:
+    """Rates of right verdicts, strictly right ones, wrong names, laws, and right intervals."""
+    right = [v["result"] in RIGHT_RESULTS and not v["without"] for v in verdicts]
+    yield rate(right)
+    yield rate(v["result"] == "right_strict" and not v["without"] for v in verdicts)
+    yield rate(v["is_named"] and not ok for v, ok in zip(verdicts, right, strict=True))
+    yield rate(bool(v["offered"]) for v in verdicts)
+    checked = [Checked.model_validate(c) for v in verdicts for c in (*v["base"], *v["parameters"])]
+    yield rate(c.covered for c in checked if c.low is not None or c.high is not None)
+
+
 def judge(outcomes: Sequence[Outcome]) -> str:
-    """Reliability tables of stated confidences, for effects in the library and withheld ones."""
+    """Counts and reliability of verdicts, for effects in the library and withheld ones."""
     (found, _), by = names(outcomes), calibration()
-    parts = []
+    parts = [f"{count_verdicts(outcomes)}\n"]
     groups = {"All": (False, True), "None withheld": (False,), "Withheld": (True,)}
     for words, withheld in groups.items():
         mine = [(by.probability(n.signs), n.right) for n in found if n.withheld in withheld]

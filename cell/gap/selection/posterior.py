@@ -24,7 +24,6 @@ from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.selection.screening import Probed
 from drivers.types import Array
 
-
 LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
 
 

@@ -6,9 +6,9 @@ from scipy import integrate, stats
 
 from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import run_all
+from cell.gap.selection.beliefs import Beliefs, beliefs
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
-from cell.gap.selection.beliefs import Beliefs, beliefs
 from cell.gap.selection.posterior import Posterior, posterior
 from cell.gap.selection.screening import probe
 from cell.gap.verdict.confidence import Calibration, Signs, Weight, calibration

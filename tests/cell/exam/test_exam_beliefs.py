@@ -1,0 +1,75 @@
+"""The study that fits the prior beliefs of the posterior."""
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cell.campaign.study import Case as StudyCase
+from cell.campaign.study import Outcome
+from cell.exam.case import Case
+from cell.exam.cases.draw import Draw
+from cell.exam.studies.beliefs import IMMATERIAL, LAPSE, STUDY, WRONG, fit_beliefs, log_score
+from cell.gap.selection.beliefs import BELIEFS_FILE, Beliefs, beliefs
+from cell.gap.selection.posterior import Posterior, Weighed
+
+
+def sets(**shares: float) -> Posterior:
+    """Posterior over sets of effects, whose names are joined by two underscores."""
+    models = [Weighed(frozenset(filter(None, k.split("__"))), 0.0, p) for k, p in shares.items()]
+    return Posterior(tuple(models))
+
+
+def hiding(*names: str) -> Case:
+    return Case(name="a", tier="state", kind="single", strip="denim", seed=0, answer=names)
+
+
+def outcome(nats: Callable[[float, float], float]) -> Outcome:
+    scores = [{"immaterial": i, "wrong": w, "nats": nats(i, w)}
+              for i, w in product(IMMATERIAL, WRONG)]  # fmt: skip
+    return Outcome(StudyCase(0, 0, {}), {"scores": scores})
+
+
+def test_the_score_is_the_probability_of_what_is_hidden() -> None:
+    found = sets(seam=0.7, hem_mass=0.2, seam__air_drag=0.1)
+    assert log_score(found, hiding("seam")) == pytest.approx(np.log(LAPSE + 0.99 * 0.7))
+    assert log_score(found, hiding("air_drag", "seam")) == pytest.approx(np.log(LAPSE + 0.99 * 0.1))
+
+
+def test_a_case_whose_effect_was_never_fitted_counts_a_bounded_amount() -> None:
+    assert log_score(sets(seam=1.0), hiding("air_drag")) == pytest.approx(np.log(LAPSE))
+
+
+def test_what_looks_alike_counts_as_the_effect() -> None:
+    found = sets(desk_height=0.4, homography_shift=0.6)
+    alone = log_score(found, hiding("seam"))
+    assert log_score(found, hiding("desk_height")) > alone
+
+
+def test_nothing_hidden_is_the_empty_set() -> None:
+    assert log_score(Posterior((Weighed(frozenset(), 0.0, 1.0),)), hiding()) == pytest.approx(0.0)
+
+
+def test_the_fitted_beliefs_score_best_over_all_cases() -> None:
+    small = outcome(lambda i, w: -i)
+    middle = outcome(lambda i, w: -4.0 * abs(i - 0.09) - abs(w - 0.2))
+    found = Beliefs.model_validate(fit_beliefs([small, middle, middle]))
+    assert (found.immaterial, found.wrong) == (0.09, 0.2)
+    assert found.memory == beliefs().memory
+    assert Beliefs.model_validate(fit_beliefs([small])).immaterial == min(IMMATERIAL)
+
+
+def test_the_package_holds_beliefs_that_the_study_wrote() -> None:
+    assert beliefs().belongs_to == STUDY.fits[0].path
+    assert BELIEFS_FILE.as_posix().endswith(STUDY.fits[0].path)
+    assert "cell study beliefs" in beliefs().source
+
+
+def test_cases_hide_nothing_or_what_is_at_least_medium() -> None:
+    drawn: list[dict[str, Any]] = [dict(case.values) for case in STUDY.cases(5, 12)]
+    assert [d["kind"] for d in drawn].count("nothing") == 4
+    assert [d["kind"] for d in drawn].count("pair") == 2
+    case = Draw("state", "single", 1, 1, drawn[1]["seed"]).case()
+    assert case.strength == "medium"
