@@ -1,6 +1,6 @@
 """Study of the prior beliefs of `cell gap`: which of them make the hidden effects most probable.
 
-Cases from the state hide nothing, one effect of the library or two, of medium strength or strong.
+Cases from the state hide nothing, one effect of the library, or two, at all strengths of the exam.
 The posterior over the sets that an investigation fits is taken anew for each choice of two numbers:
 the share of the floor that an immaterial effect fills, and that by which a law is wrong.
 """
@@ -32,20 +32,20 @@ from cell.gap.verdict.findings import Findings
 IMMATERIAL = (0.02, 0.04, 0.06, 0.09, 0.12, 0.18)
 WRONG = (0.05, 0.1, 0.2)
 LAPSE = 0.01  # share of cases of which no model speaks: bounds what one of them counts
-LEVELS, PAIRS = 3, 4  # one case in three hides nothing; of the others one in four hides two
+TURN, PAIRS = 4, 4  # a turn is nothing hidden, then each strength; one turn in four hides pairs
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw the kind of a case: nothing, one effect of medium strength or a strong one, or two."""
-    turn, level = divmod(number, LEVELS)
-    kind = "nothing" if level == 0 else "pair" if turn % PAIRS == PAIRS - 1 else "single"
-    return {"kind": kind, "number": number, "seed": int(rng.integers(2**31))}
+    """Draw the kind of a case: nothing, one effect or two; its number gives their strength."""
+    turn, place = divmod(number, TURN)
+    kind = "nothing" if place == 0 else "pair" if turn % PAIRS == PAIRS - 1 else "single"
+    of_kind = turn if kind == "nothing" else (TURN - 1) * turn + place - 1
+    return {"kind": kind, "number": of_kind, "seed": int(rng.integers(2**31))}
 
 
 def measure(case: Values) -> Values:
     """Log score [nats] of the hidden effects under each choice of the beliefs."""
-    number = case["number"]  # its remainder says how strong the effects are
-    hidden = Draw("state", case["kind"], number, number, case["seed"]).case()
+    hidden = Draw("state", case["kind"], case["number"], case["number"], case["seed"]).case()
     strip = find_configs(None).strip_path(hidden.strip)
     with TemporaryDirectory() as name, threadpool_limits(1, "blas"):
         make_runs(hidden, Path(name))
@@ -58,6 +58,7 @@ def measure(case: Values) -> Values:
     ]
     return {
         "answer": list(hidden.answer),
+        "strength": hidden.strength,
         "named": sorted(found.accepted.model.names),
         "nats": log_score(found.posterior, hidden),
         "best": max(score["nats"] for score in scores),
@@ -118,7 +119,7 @@ STUDY = Study(
         Quantity("best", Statistic.MEAN, "nats", 1.0, label="at the best beliefs of each case"),
     ),
     fits=(Fit("cell/gap/selection/beliefs.yaml", fit_beliefs),),
-    usual=60,
+    usual=48,
     quick=1,
     seconds=60.0,
 )

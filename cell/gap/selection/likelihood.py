@@ -50,49 +50,33 @@ def _false_gain(evidence: Evidence) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Margin:
-    """How much better one model predicts than another.
-
-    `each` (R,) [nats] in every run when left out, `gain` their sum, `se` its standard error over
-    runs, `p` the probability of such a margin if the other model were true.
-    """
+    """How much better one model predicts than another: `each` (R,) [nats] in a run left out."""
 
     each: Array
-    gain: float
-    se: float
-    p: float
+
+    @property
+    def gain(self) -> float:
+        """Sum over runs [nats]."""
+        return float(self.each.sum())
+
+    @property
+    def se(self) -> float:
+        """Standard error of the sum over runs [nats]; 0 of one run."""
+        n = len(self.each)
+        return float(np.sqrt(n) * self.each.std(ddof=1)) if n > 1 else 0.0
 
 
 def margin(model: Validated, other: Validated, by: LikelihoodScale) -> Margin:
     """Margin of `model` over `other`, nested or not."""
-    each = (other.losses(by.scale) - model.losses(by.scale)) / by.inefficiency
-    gain = float(each.sum())
-    se = float(np.sqrt(len(each)) * each.std(ddof=1)) if len(each) > 1 else 0.0
-    if _is_nested(other, model):
-        return Margin(each, gain, se, _likelihood_ratio(model, other, by))
-    distance = _distance(model, other, by)
-    p = float(special.ndtr(-(gain + 0.5 * distance**2) / max(distance, 1e-9)))
-    return Margin(each, gain, se, p)
+    return Margin((other.losses(by.scale) - model.losses(by.scale)) / by.inefficiency)
 
 
-def _is_nested(other: Validated, model: Validated) -> bool:
-    """Whether `other` is `model` with some of its parameters at their start."""
-    fewer = len(other.model.parameters) < len(model.model.parameters)
-    return fewer and other.model.names <= model.model.names
-
-
-def _likelihood_ratio(model: Validated, other: Validated, by: LikelihoodScale) -> float:
-    """p-value of the likelihood ratio (Wilks 1938); conservative where a sign is fixed."""
+def likelihood_ratio(model: Validated, part: Validated, by: LikelihoodScale) -> float:
+    """p-value of `model` against a `part` of it (Wilks 1938); conservative for a fixed sign."""
     loss = sum(float(robust.loss(r / by.scale).sum()) for r in model.estimate.residuals)
-    nested = sum(float(robust.loss(r / by.scale).sum()) for r in other.estimate.residuals)
-    freedom = len(model.model.parameters) - len(other.model.parameters)
+    nested = sum(float(robust.loss(r / by.scale).sum()) for r in part.estimate.residuals)
+    freedom = len(model.model.parameters) - len(part.model.parameters)
     return float(special.chdtrc(freedom, max(0.0, 2.0 * (nested - loss) / by.inefficiency)))
-
-
-def _distance(model: Validated, other: Validated, by: LikelihoodScale) -> float:
-    """Distance [sigma] of fitted predictions, for tests of separate families (Cox 1961)."""
-    a = np.concatenate(model.estimate.residuals)
-    b = np.concatenate(other.estimate.residuals)
-    return float(np.linalg.norm(a - b) / by.scale / np.sqrt(by.inefficiency))
 
 
 def clip_wild(residuals: Sequence[Array], scale: float) -> list[Array]:

@@ -15,7 +15,7 @@ from cell.gap.fitting.starts import best, objective_of
 from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
 from cell.gap.selection.choice import is_exhausted
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, likelihood_ratio, margin
 from cell.gap.selection.score import Score, Start, starts
 from cell.gap.selection.screening import Probed, probe, ranking, table
 from cell.gap.subject.subject import Candidate
@@ -239,8 +239,8 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
 
 def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
     """Whether free shape parameters gain enough over `plain`; less is asked than of an effect."""
-    ahead = margin(new, plain, by)
-    return ahead.gain > BUDGET.shapely * by.least and ahead.p < ALPHA
+    ahead = margin(new, plain, by).gain > BUDGET.shapely * by.least
+    return ahead and likelihood_ratio(new, plain, by) < ALPHA
 
 
 def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[Candidate]:

@@ -12,7 +12,7 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.uncertainty import covariance, degrees_of_freedom
-from cell.gap.selection.likelihood import family_wise, margin
+from cell.gap.selection.likelihood import family_wise, likelihood_ratio, margin
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.confidence import confidence
 from cell.gap.verdict.decide import describe_rest, kind
@@ -171,7 +171,7 @@ def _candidates(found: Findings) -> list[Compared]:
 
 def _family(found: Findings, base: Validated, singles: list[Validated]) -> dict[str, float]:
     """Family-wise p-values of single candidates over the whole library."""
-    raw = {m.model.name: margin(m, base, found.by).p for m in singles}
+    raw = {m.model.name: likelihood_ratio(m, base, found.by) for m in singles}
     return family_wise(raw, [c.name for c in found.subject.scope.candidates])
 
 
@@ -182,6 +182,7 @@ def _compare_with_base(
     ahead = margin(model, base, by)
     values = intervals(model.estimate, by.inefficiency, found.judged.scatter)
     several = len(model.model.effects) > 1
+    p = family[model.model.name] if not several else likelihood_ratio(model, base, by)
     parameters = {}
     for e in model.model.effects:
         for name, value in _values_by_parameter(e, values[e.name]).items():
@@ -191,7 +192,7 @@ def _compare_with_base(
         name=model.model.name,
         elpd_gain=ahead.gain,
         se=ahead.se,
-        p=family.get(model.model.name, ahead.p),
+        p=p,
         invariance_p=None if tests is None else min(t.p for t in tests.values()),
         parameters=parameters,
     )

@@ -10,7 +10,7 @@ import pytest
 from cell.campaign.study import Case as StudyCase
 from cell.campaign.study import Outcome
 from cell.exam.case import Case
-from cell.exam.cases.draw import Draw
+from cell.exam.cases.draw import FOREIGN, Draw
 from cell.exam.studies.beliefs import IMMATERIAL, LAPSE, STUDY, WRONG, fit_beliefs, log_score
 from cell.gap.selection.beliefs import BELIEFS_FILE, Beliefs, beliefs
 from cell.gap.selection.posterior import Posterior, Weighed
@@ -67,9 +67,11 @@ def test_the_package_holds_beliefs_that_the_study_wrote() -> None:
     assert "cell study beliefs" in beliefs().source
 
 
-def test_cases_hide_nothing_or_what_is_at_least_medium() -> None:
-    drawn: list[dict[str, Any]] = [dict(case.values) for case in STUDY.cases(5, 12)]
+def test_cases_hide_nothing_or_effects_of_every_strength_in_every_plant() -> None:
+    drawn: list[dict[str, Any]] = [dict(case.values) for case in STUDY.cases(5, 16)]
     assert [d["kind"] for d in drawn].count("nothing") == 4
-    assert [d["kind"] for d in drawn].count("pair") == 2
-    case = Draw("state", "single", 1, 1, drawn[1]["seed"]).case()
+    assert [d["kind"] for d in drawn].count("pair") == 3
+    singles = [d["number"] for d in drawn if d["kind"] == "single"]
+    assert {(n % 3, n % FOREIGN) for n in singles} == set(product(range(3), range(FOREIGN)))
+    case = Draw("state", "single", 1, 1, drawn[2]["seed"]).case()
     assert case.strength == "medium"
