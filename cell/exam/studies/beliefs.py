@@ -1,8 +1,9 @@
 """Study of the prior beliefs of `cell gap`: which of them make the hidden effects most probable.
 
 Cases from the state hide nothing, one effect of the library, or two, at all strengths of the exam.
-The posterior over the sets that an investigation fits is taken anew for each choice of two numbers:
-the share of the floor that an immaterial effect fills, and that by which a law is wrong.
+The posterior over the sets that an investigation fits, and over the most promising effects where it
+sees no reason to fit any, is taken anew for each choice of two numbers: the share of the floor that
+an immaterial effect fills, and that by which a law is wrong.
 """
 
 from collections.abc import Sequence
@@ -23,7 +24,9 @@ from cell.exam.scoring.score import with_twins
 from cell.gap.fit import quiet
 from cell.gap.investigate import investigate
 from cell.gap.opening import open_subject
+from cell.gap.selection import search
 from cell.gap.selection.beliefs import beliefs
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.hold_out import held_out
 from cell.gap.selection.posterior import Posterior, posterior
 from cell.gap.subject.run_folders import find_runs
@@ -32,7 +35,7 @@ from cell.gap.verdict.findings import Findings
 IMMATERIAL = (0.02, 0.04, 0.06, 0.09, 0.12, 0.18)
 WRONG = (0.05, 0.1, 0.2)
 LAPSE = 0.01  # share of cases of which no model speaks: bounds what one of them counts
-TURN, PAIRS = 4, 4  # a turn is nothing hidden, then each strength; one turn in four hides pairs
+TURN, PAIRS = 4, 4  # a turn hides nothing, then each strength; one in four hides pairs
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
@@ -52,25 +55,36 @@ def measure(case: Values) -> Values:
         subject = open_subject(strip, find_runs([Path(name)]), jobs=1)
         held = held_out(subject, subject.simulate)
         found = investigate(subject, held, subject.simulate, quiet)
+        fits = _fit_promising(found)
     scores = [
-        {"immaterial": immaterial, "wrong": wrong, "nats": _score(found, hidden, immaterial, wrong)}
-        for immaterial, wrong in product(IMMATERIAL, WRONG)
+        {"immaterial": i, "wrong": w, "nats": log_score(_weigh(found, fits, i, w), hidden)}
+        for i, w in product(IMMATERIAL, WRONG)
     ]
     return {
         "answer": list(hidden.answer),
         "strength": hidden.strength,
         "named": sorted(found.accepted.model.names),
-        "nats": log_score(found.posterior, hidden),
+        "nats": log_score(_weigh(found, fits, beliefs().immaterial, beliefs().wrong), hidden),
         "best": max(score["nats"] for score in scores),
         "scores": scores,
     }
 
 
-def _score(found: Findings, hidden: Case, immaterial: float, wrong: float) -> float:
+def _fit_promising(found: Findings) -> Fits:
+    """Fits of an investigation, with those of the most promising single effects in any case.
+
+    Where nothing is hidden, the screen often leaves only the base, of which any beliefs are sure.
+    """
+    scope, fits = found.subject.scope, found.choice.fits
+    missing = [s for s in found.screened.singles[: search.BUDGET.singles]
+               if fits.of(frozenset(s.names)) is None]  # fmt: skip
+    return search.fit_scores(found.subject.simulate, fits, missing, scope.candidates)
+
+
+def _weigh(found: Findings, fits: Fits, immaterial: float, wrong: float) -> Posterior:
     prior = beliefs().model_copy(update={"immaterial": immaterial, "wrong": wrong})
     believed = found.subject.scope.believed
-    fits, probed = found.choice.fits, found.screened.probed
-    return log_score(posterior(fits, probed, found.by, prior, believed=believed), hidden)
+    return posterior(fits, found.screened.probed, fits.scale, prior, believed=believed)
 
 
 def log_score(sets: Posterior, hidden: Case) -> float:
