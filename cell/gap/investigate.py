@@ -69,8 +69,8 @@ def investigate(
     progress("judge", 0.8)
     believed = subject.scope.believed
     weigh = partial(posterior, probed=screened.probed, by=fits.scale, believed=believed)
-    choice = chosen(subject, simulate, fits, weigh(fits))
-    sets = weigh(choice.fits)
+    sets = weigh(fits)
+    choice = chosen(subject, simulate, fits, sets)
     judged = judge(subject, choice, sets, simulate, whole, rng)
     progress("show on held-out runs", 0.9)
     unseen = with_spreads(evidence(test), fitted.scatter)

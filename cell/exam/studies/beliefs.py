@@ -34,6 +34,7 @@ from cell.gap.verdict.findings import Findings
 
 IMMATERIAL = (0.02, 0.04, 0.06, 0.09, 0.12, 0.18)
 WRONG = (0.05, 0.1, 0.2)
+SILENT = 0.01  # nats a case, by less than which they say nothing about a number
 LAPSE = 0.01  # share of cases of which no model speaks: bounds what one of them counts
 TURN, PAIRS = 4, 4  # a turn hides nothing, then each strength; one in four hides pairs
 
@@ -99,19 +100,26 @@ def log_score(sets: Posterior, hidden: Case) -> float:
 
 
 def fit_beliefs(outcomes: Sequence[Outcome]) -> Values:
-    """Beliefs of the highest mean log score over all cases."""
-    means = {
-        (immaterial, wrong): float(np.mean([_nats(o, immaterial, wrong) for o in outcomes]))
-        for immaterial, wrong in product(IMMATERIAL, WRONG)
-    }
-    immaterial, wrong = max(means, key=lambda each: means[each])
+    """Beliefs of the highest mean log score; a number of which the cases say nothing is kept."""
+    present = beliefs()
+
+    def mean(immaterial: float, wrong: float) -> float:
+        return float(np.mean([_nats(o, immaterial, wrong) for o in outcomes]))
+
+    immaterial, wrong = max(product(IMMATERIAL, WRONG), key=lambda each: mean(*each))
+    highest = mean(immaterial, wrong)
+    if present.wrong in WRONG and mean(immaterial, present.wrong) > highest - SILENT:
+        wrong = present.wrong
+    if present.immaterial in IMMATERIAL and mean(present.immaterial, wrong) > highest - SILENT:
+        immaterial = present.immaterial
+    tried = ", ".join(f"{i} {mean(i, wrong):.3f}" for i in IMMATERIAL)
+    others = ", ".join(f"{w} {mean(immaterial, w):.3f}" for w in WRONG)
     source = (
-        f"immaterial of {', '.join(map(str, IMMATERIAL))} and wrong of "
-        f"{', '.join(map(str, WRONG))} with the highest mean log score of what is hidden, "
-        f"{means[immaterial, wrong]:.2f} nats; the rest from a prototype on thirteen cases;"
+        f"mean log score [nats] of what is hidden by immaterial: {tried}; by wrong: {others}; the "
+        "rest from a prototype on thirteen cases;"
     )
     fitted = {"immaterial": immaterial, "wrong": wrong, "source": source}
-    return beliefs().model_copy(update=fitted).model_dump(mode="json")
+    return present.model_copy(update=fitted).model_dump(mode="json")
 
 
 def _nats(outcome: Outcome, immaterial: float, wrong: float) -> float:

@@ -28,7 +28,7 @@ from drivers.types import Array
 def chosen(subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior) -> Choice:
     """Choose among `fits`, and refit the accepted model against the finest simulation.
 
-    The other models are compared as they are.
+    The probabilities `sets` compare all models by one simulation, and so do not change with it.
     """
     found = choose(fits, sets)
     rough = found.accepted

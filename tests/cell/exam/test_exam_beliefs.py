@@ -58,7 +58,13 @@ def test_the_fitted_beliefs_score_best_over_all_cases() -> None:
     found = Beliefs.model_validate(fit_beliefs([small, middle, middle]))
     assert (found.immaterial, found.wrong) == (0.09, 0.2)
     assert found.memory == beliefs().memory
+    assert "0.09 -0.0" in found.source
     assert Beliefs.model_validate(fit_beliefs([small])).immaterial == min(IMMATERIAL)
+
+
+def test_a_number_of_which_the_cases_say_nothing_is_kept() -> None:
+    found = Beliefs.model_validate(fit_beliefs([outcome(lambda i, w: -abs(i - 0.18) + 0.001 * w)]))
+    assert (found.immaterial, found.wrong) == (0.18, beliefs().wrong)
 
 
 def test_the_package_holds_beliefs_that_the_study_wrote() -> None:
