@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.exam.sandbox.restrict import Policy, die_with_parent, restrict
+from cell.restrict import Policy, die_with_parent, restrict
 
 if TYPE_CHECKING:
     from cell.gap.verdict.findings import Findings

@@ -33,7 +33,7 @@ from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.findings import Findings
 
 IMMATERIAL = (0.02, 0.04, 0.06, 0.09, 0.12, 0.18)
-WRONG = (0.05, 0.1, 0.2)
+WRONG_SIGMAS = (0.05, 0.1, 0.2)
 SILENT = 0.01  # nats a case, by less than which they say nothing about a number
 LAPSE = 0.01  # share of cases of which no model speaks: bounds what one of them counts
 TURN, PAIRS = 4, 4  # a turn hides nothing, then each strength; one in four hides pairs
@@ -59,7 +59,7 @@ def measure(case: Values) -> Values:
         fits = _fit_promising(found)
     scores = [
         {"immaterial": i, "wrong": w, "nats": log_score(_weigh(found, fits, i, w), hidden)}
-        for i, w in product(IMMATERIAL, WRONG)
+        for i, w in product(IMMATERIAL, WRONG_SIGMAS)
     ]
     return {
         "answer": list(hidden.answer),
@@ -106,14 +106,14 @@ def fit_beliefs(outcomes: Sequence[Outcome]) -> Values:
     def mean(immaterial: float, wrong: float) -> float:
         return float(np.mean([_nats(o, immaterial, wrong) for o in outcomes]))
 
-    immaterial, wrong = max(product(IMMATERIAL, WRONG), key=lambda each: mean(*each))
+    immaterial, wrong = max(product(IMMATERIAL, WRONG_SIGMAS), key=lambda each: mean(*each))
     highest = mean(immaterial, wrong)
-    if present.wrong in WRONG and mean(immaterial, present.wrong) > highest - SILENT:
+    if present.wrong in WRONG_SIGMAS and mean(immaterial, present.wrong) > highest - SILENT:
         wrong = present.wrong
     if present.immaterial in IMMATERIAL and mean(present.immaterial, wrong) > highest - SILENT:
         immaterial = present.immaterial
     tried = ", ".join(f"{i} {mean(i, wrong):.3f}" for i in IMMATERIAL)
-    others = ", ".join(f"{w} {mean(immaterial, w):.3f}" for w in WRONG)
+    others = ", ".join(f"{w} {mean(immaterial, w):.3f}" for w in WRONG_SIGMAS)
     source = (
         f"mean log score [nats] of what is hidden by immaterial: {tried}; by wrong: {others}; the "
         "rest from a prototype on thirteen cases;"

@@ -267,10 +267,9 @@ def count_verdicts(outcomes: Sequence[Outcome]) -> str:
 
 def _rates(verdicts: Sequence[Values]) -> Iterator[Rate]:
     """Rates of right verdicts, strictly right ones, wrong names, laws, and right intervals."""
-    right = [v["result"] in RIGHT_RESULTS and not v["without"] for v in verdicts]
-    yield rate(right)
+    yield rate(v["result"] in RIGHT_RESULTS and not v["without"] for v in verdicts)
     yield rate(v["result"] == "right_strict" and not v["without"] for v in verdicts)
-    yield rate(v["is_named"] and not ok for v, ok in zip(verdicts, right, strict=True))
+    yield rate(v["result"] == "wrong_name" for v in verdicts)
     yield rate(bool(v["offered"]) for v in verdicts)
     checked = [Checked.model_validate(c) for v in verdicts for c in (*v["base"], *v["parameters"])]
     yield rate(c.covered for c in checked if c.low is not None or c.high is not None)

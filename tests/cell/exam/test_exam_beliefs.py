@@ -11,7 +11,7 @@ from cell.campaign.study import Case as StudyCase
 from cell.campaign.study import Outcome
 from cell.exam.case import Case
 from cell.exam.cases.draw import FOREIGN, Draw
-from cell.exam.studies.beliefs import IMMATERIAL, LAPSE, STUDY, WRONG, fit_beliefs, log_score
+from cell.exam.studies.beliefs import IMMATERIAL, LAPSE, STUDY, WRONG_SIGMAS, fit_beliefs, log_score
 from cell.gap.selection.beliefs import BELIEFS_FILE, Beliefs, beliefs
 from cell.gap.selection.posterior import Posterior, Weighed
 
@@ -28,7 +28,7 @@ def hiding(*names: str) -> Case:
 
 def outcome(nats: Callable[[float, float], float]) -> Outcome:
     scores = [{"immaterial": i, "wrong": w, "nats": nats(i, w)}
-              for i, w in product(IMMATERIAL, WRONG)]  # fmt: skip
+              for i, w in product(IMMATERIAL, WRONG_SIGMAS)]  # fmt: skip
     return Outcome(StudyCase(0, 0, {}), {"scores": scores})
 
 

@@ -17,8 +17,8 @@ from cell.exam.cases.answer_key import Sources, open_key, seal
 from cell.exam.run import JOURNAL, LEDGER, run_exam, spread, summarise
 from cell.exam.run_case import VERDICTS_FOLDER, keep_runs
 from cell.exam.sandbox.parent import FILES, NoVerdict, policy, run_sandboxed, stage
-from cell.exam.sandbox.restrict import version
 from cell.exam.scoring.results import Entry, Ledger
+from cell.restrict import version
 from drivers.errors import Fault
 from tests.support.exam_cases import case, few_runs
 from tests.support.gap_strip_cases import STRIP
@@ -26,7 +26,7 @@ from tests.support.gap_strip_cases import STRIP
 BARRED = """
 import json, os, sys
 from pathlib import Path
-from cell.exam.sandbox import restrict
+from cell import restrict
 allowed = json.loads(sys.argv[1]).items()
 permit = restrict.Policy(**{{k: tuple(map(Path, v)) for k, v in allowed}})
 if {kernel}:
