@@ -20,8 +20,8 @@ class Score:
     """Effects screened together: their gain [nats] at the values `start` by name.
 
     `linear`: found by the secants at null, which a fit from null follows by itself. `tried` are
-    the values of the probes that gain most as they are: an effect with a threshold does nothing
-    below it, so that a share of a probe is no start. `mirrored` is a start of the other sign, of an
+    the values of probes as they are: an effect with a threshold does nothing below it, so that a
+    share of a probe is no start. `mirrored` is a start of the other sign, of an
     effect that has a place: elsewhere it may do with one sign what it does here with the other.
     `after` is a fit from whose values and effects to start. `secants` (N, parameters) by name are
     whitened, at null.
@@ -31,7 +31,7 @@ class Score:
     gain: float
     start: dict[str, Array]
     linear: bool = True
-    tried: dict[str, Array] | None = None
+    tried: tuple[dict[str, Array], ...] = ()
     mirrored: dict[str, Array] | None = None
     after: Estimate | None = None
     secants: Mapping[str, Array] = field(default_factory=dict)
@@ -42,8 +42,7 @@ class Score:
         found: list[dict[str, Array]] = [{}]
         if not self.linear:
             found.append(self.start)
-        if self.tried is not None:
-            found.append(self.tried)
+        found += self.tried
         if self.mirrored is not None:
             found.append(self.mirrored)
         return [{**self._known, **values} for values in found]

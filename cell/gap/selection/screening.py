@@ -201,7 +201,7 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
     """
     best = Score(tuple(p.candidate.name for p in members), 0.0, {})
     secants = {p.candidate.name: p.secants for p in members}
-    unscaled_gain, tried, probes_of_best = 0.0, None, None
+    unscaled_gain, unscaled, probes_of_best = 0.0, dict[str, Array](), dict[str, Array]()
     bounds = known.most(members)
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
         if -bound <= best.gain and -bound <= max(unscaled_gain, DEFAULT_REACH.worth * best.gain):
@@ -210,11 +210,23 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
         if mix.gain > best.gain:
             best, probes_of_best = mix, values
         if gain > unscaled_gain and all(choice):  # group 0 holds steps, which are no probes
-            unscaled_gain, tried = gain, values
+            unscaled_gain, unscaled = gain, values
     if unscaled_gain <= DEFAULT_REACH.worth * best.gain:
-        tried = probes_of_best if any(_has_threshold(p) for p in members) else None
+        unscaled = probes_of_best if any(_has_threshold(p) for p in members) else {}
     mirrored = _other_sign(known, members[0], best) if len(members) == 1 else None
-    return replace(best, tried=tried, mirrored=mirrored, secants=secants)
+    return replace(best, tried=_tried(members, unscaled), mirrored=mirrored, secants=secants)
+
+
+def _tried(members: Sequence[Probed], unscaled: dict[str, Array]) -> tuple[dict[str, Array], ...]:
+    """Values of the probes to fit from: `unscaled` or, of one effect with a threshold, every probe.
+
+    Where it slides, its response to one probe says little of another: what gains most by the
+    linear screen may be far from the best and no way leads there.
+    """
+    if len(members) == 1 and _has_threshold(members[0]):
+        name, (_, *probes) = members[0].candidate.name, members[0].groups
+        return tuple({name: vector} for group in probes for vector in group)
+    return (unscaled,) if unscaled else ()
 
 
 def _has_threshold(p: Probed) -> bool:
