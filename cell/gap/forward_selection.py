@@ -13,7 +13,7 @@ from cell.gap.fitting.tasks import Simulate
 from cell.gap.selection import search
 from cell.gap.selection.choice import choose, is_exhausted
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import ALPHA, likelihood_scale
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN
 from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import ranked_pairs
 from cell.gap.subject.subject import Subject
@@ -36,8 +36,8 @@ class ForwardSelection:
     def refit_singles(self, fits: Fits) -> Fits:
         """Fit the most promising single effects beside the base, unless none can be accepted."""
         self.progress("refit the best", 0.25)
-        by, screened = likelihood_scale([self.fitted.base]), self.screened
-        least = by.least * by.inefficiency
+        screened = self.screened
+        least = MIN_GAIN * fits.scale.inefficiency
         promising = any(s.gain > least for s in screened.singles)
         if not (promising or self.fitted.doubted or ranked_pairs(screened.known, 1, least)):
             return fits

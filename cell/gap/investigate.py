@@ -21,16 +21,18 @@ from cell.gap.fitting.starts import refit_base, refit_base_fine, weak_directions
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.forward_selection import ForwardSelection, Progress
 from cell.gap.selection import search
+from cell.gap.selection.beliefs import beliefs
 from cell.gap.selection.choice import leaves_nothing
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import (
     ALPHA,
+    MIN_GAIN,
     LikelihoodScale,
     family_wise,
     likelihood_scale,
     margin,
 )
-from cell.gap.selection.posterior import posterior
+from cell.gap.selection.posterior import immaterial_responses, posterior
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranking, table
 from cell.gap.subject.subject import Subject
@@ -92,7 +94,7 @@ def _with_law(
     if verdict == "no_gap" or (verdict == "named" and not in_doubt(found)):
         return found
     nothing = leaves_nothing(choice.accepted, choice.fits)
-    names = Names(choice.accepted, choice.by, verdict == "named", nothing)
+    names = Names(choice.accepted, verdict == "named", nothing)
     rival = None if verdict == "unexplained" else names
     law = offered_law(found.subject, simulate, found.base, found.shown.before, rng, weigh, rival)
     return replace(found, offered=law)
@@ -148,9 +150,14 @@ def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
 
 
 def _score_candidates(subject: Subject, fitted: Fitted, probed: Sequence[Probed]) -> Screened:
-    """Score the `probed` candidates by the linear screen at the refitted base."""
-    about = projection(fitted.base.estimate)
-    by = likelihood_scale([fitted.base])
+    """Score the `probed` candidates by the linear screen at the refitted base.
+
+    Like the posterior it expects every effect of the library at an immaterial amount.
+    """
+    base, by = fitted.base.estimate, likelihood_scale([fitted.base])
+    believed = subject.scope.believed
+    few = immaterial_responses(base, probed, beliefs().immaterial, believed=believed)
+    about = projection(base, besides=list(few.values()))
     known = table(about, probed)
     singles = ranking(known)
     return Screened(
@@ -183,7 +190,7 @@ def _revise_base(
     and may have stopped in a local minimum.
     """
     best, by = fits.best, fits.scale
-    if margin(best, fits.base, by).gain < by.least:
+    if margin(best, fits.base, by).gain < MIN_GAIN:
         return None
     found = estimate_spreads(simulate, best.estimate, whole)
     better = search.better_base(simulate, fits)

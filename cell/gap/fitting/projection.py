@@ -1,5 +1,6 @@
 """Projection of residuals and responses on what the fitted unknowns cannot absorb."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +16,9 @@ class Projection:
     """Quadratic model of the objective about an estimate, in robustly weighted residuals.
 
     `residual` (N,) of all runs, the last small step of the fit taken, `jacobian` (N, u) of the
-    free unknowns, `inverse` (u, u) of their curvature with priors, `weight` (N,) that brings
-    whitened residuals to these units. `scatter` (N, q) are the responses to the runs' random
-    unknowns, each by its spread.
+    free unknowns and what may be there besides, `inverse` (u, u) of their curvature with priors,
+    `weight` (N,) that brings whitened residuals to these units. `scatter` (N, q) are the responses
+    to the runs' random unknowns, each by its spread.
     """
 
     residual: Array
@@ -46,22 +47,28 @@ class Projection:
         )
 
 
-def projection(estimate: Estimate, *, robustly: bool = True) -> Projection:
-    """Quadratic model about `estimate`, in which unknowns on a bound are fixed."""
+def projection(
+    estimate: Estimate, *, robustly: bool = True, besides: Sequence[Array] = ()
+) -> Projection:
+    """Quadratic model about `estimate`, in which unknowns on a bound are fixed.
+
+    Whitened responses `besides` (N, k) may be there by unknown amounts of one standard deviation.
+    """
     limits, z = estimate.limits, estimate.z
     r = np.concatenate(estimate.residuals)
     scale = estimate.scale if robustly else 1.0
     weight = np.sqrt(robust.weights(r / scale)) / scale if robustly else np.ones_like(r)
     free = (z > limits.low) & (z < limits.high)
-    whole = stacked_jacobian(estimate) * weight[:, None]
-    jacobian = whole[:, free]
-    curvature = jacobian.T @ jacobian + np.diag(limits.precision[free])
-    inverse = normal_equations.covariance(curvature)
-    pull = (limits.precision * (z - limits.mean))[free]
+    whole = stacked_jacobian(estimate)
+    jacobian = np.concatenate([whole[:, free], *besides], axis=1) * weight[:, None]
+    added = (0, jacobian.shape[1] - np.count_nonzero(free))
+    precision = np.pad(limits.precision[free], added, constant_values=1.0)
+    pull = np.pad((limits.precision * (z - limits.mean))[free], added)
+    inverse = normal_equations.covariance(jacobian.T @ jacobian + np.diag(precision))
     settled = r * weight - jacobian @ (inverse @ (jacobian.T @ (r * weight) + pull))
     every = unknowns(estimate.model, estimate.evidence)
     spread = np.array([p.spread if p.random else 0.0 for p in every])
-    scatter = (stacked_jacobian(estimate) * (weight[:, None] * spread))[:, spread > 0.0]
+    scatter = (whole * (weight[:, None] * spread))[:, spread > 0.0]
     return Projection(settled, jacobian, inverse, weight, scatter)
 
 

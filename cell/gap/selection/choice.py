@@ -62,7 +62,7 @@ def leaves_nothing(model: Validated, fits: Fits) -> bool:
     ideal = replace(fits.scale, scale=1.0, inefficiency=1.0)
     noise = [0.5 * len(r) * robust.spread(r) ** 2 for r in model.left_out]
     left = model.losses(ideal.scale) - np.array(noise)
-    return _beyond_model_error(left, model, fits, ideal) < ideal.least
+    return _beyond_model_error(left, model, fits, ideal) < MIN_GAIN
 
 
 def _beyond_model_error(left: Array, model: Validated, fits: Fits, by: LikelihoodScale) -> float:

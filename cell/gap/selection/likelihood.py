@@ -8,12 +8,10 @@ from scipy import special
 
 from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import Validated
-from cell.gap.fitting.model import Evidence
 from drivers.types import Array
 
 MIN_GAIN = 4.0  # nats, 55 times as likely: "strong" (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
 ALPHA = 0.01  # probability of a false alarm, family-wise; customary
-ALIGNED = 0.35  # of the floor, that may lie wholly in the direction of one effect; set by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,30 +20,18 @@ class LikelihoodScale:
 
     Where even the best model leaves more than noise, or leaves it correlated, log-likelihoods
     shrink by as much (quasi-likelihood: McCullagh and Nelder 1989, chapter 9).
-    `least` [nats] is the margin that counts: the floor is an error of the model, which unlike
-    noise does not average out, so that what a part of it could imitate is added.
     """
 
     scale: float
     inefficiency: float
-    least: float = MIN_GAIN
 
 
 def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
     """Scale of log-likelihoods from the model of `models` that fits best."""
     best = min(models, key=lambda m: (m.estimate.scale, m.estimate.objective))
-    known, scale = best.estimate.evidence, best.estimate.scale
-    worth = robust.inefficiency(known.runs, best.estimate.residuals)
-    return LikelihoodScale(scale, worth, MIN_GAIN + _false_gain(known) / scale**2)
-
-
-def _false_gain(evidence: Evidence) -> float:
-    """Gain [nats] of an effect whose response is the share ALIGNED of the floor everywhere."""
-    shares = [
-        np.sum((ALIGNED * run.samples.floor / scale) ** 2)
-        for run, scale in zip(evidence.runs, evidence.scales, strict=True)
-    ]
-    return 0.5 * float(np.sum(shares))
+    scale = best.estimate.scale
+    worth = robust.inefficiency(best.estimate.evidence.runs, best.estimate.residuals)
+    return LikelihoodScale(scale, worth)
 
 
 @dataclass(frozen=True, slots=True)

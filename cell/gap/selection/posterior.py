@@ -118,7 +118,7 @@ class _About:
         base, best = fits.base.estimate, min(fits.models, key=lambda m: m.estimate.objective)
         r = _in_units_of(base, best.estimate)[0] / by.scale
         weight = np.sqrt(robust.weights(r) / by.inefficiency) / by.scale
-        spikes = _spikes(base, probed, prior.immaterial, believed=believed)
+        spikes = immaterial_responses(base, probed, prior.immaterial, believed=believed)
         return cls(base, weight, spikes, prior)
 
     def evidence(self, fit: Estimate) -> float:
@@ -184,7 +184,7 @@ def _error_covariance(t: Array, error: Array, memory: float) -> Array:
     return np.asarray(near * local[:, None] * local + np.eye(len(t)))
 
 
-def _spikes(
+def immaterial_responses(
     base: Estimate, probed: Sequence[Probed], immaterial: float, *, believed: bool
 ) -> dict[str, Array]:
     """Whitened responses (N, k) to immaterial amounts of each effect by name.

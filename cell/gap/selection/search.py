@@ -239,7 +239,7 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
 
 def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
     """Whether free shape parameters gain enough over `plain`; less is asked than of an effect."""
-    ahead = margin(new, plain, by).gain > BUDGET.shapely * by.least
+    ahead = margin(new, plain, by).gain > BUDGET.shapely * MIN_GAIN
     return ahead and likelihood_ratio(new, plain, by) < ALPHA
 
 
@@ -294,7 +294,7 @@ def extend_where_shown(
     by, scores = fits.scale, []
     known = with_shape_parameters(candidates, fits)
     for fit in (m.estimate for m in models):
-        least = by.least * by.inefficiency * (by.scale / fit.scale) ** 2
+        least = MIN_GAIN * by.inefficiency * (by.scale / fit.scale) ** 2
         found = _screen_further(simulate, fit, known, probed)[: BUDGET.further]
         scores += [s.beside(fit) for s in found if s.gain > least]
     return fit_scores(simulate, fits, scores, candidates)

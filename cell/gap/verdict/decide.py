@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.selection.likelihood import ALPHA, clip_wild, margin
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, clip_wild, margin
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.confidence import calibration
 from cell.gap.verdict.findings import Findings
@@ -105,7 +105,7 @@ def _others_confirm(found: Findings) -> bool:
         return True
     each = margin(found.accepted, base, found.by).each
     others = [run.name != outlying for run in base.estimate.evidence.runs]
-    return float(each[others].sum()) > found.by.least
+    return float(each[others].sum()) > MIN_GAIN
 
 
 def drifting(found: Findings) -> list[str]:
@@ -131,7 +131,7 @@ def lone_run(found: Findings) -> Run | None:
     best = int(np.argmax(each))
     others = float(each.sum() - each[best])
     is_confirmed = unseen_gap(found) > BARS.noise and found.shown.shrink.value > BARS.half
-    if is_confirmed or others > by.least or each[best] < BARS.one * each.sum():
+    if is_confirmed or others > MIN_GAIN or each[best] < BARS.one * each.sum():
         return None
     return base.estimate.evidence.runs[best]
 

@@ -14,7 +14,7 @@ from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection import search
 from cell.gap.selection.choice import is_exhausted, needed_models
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import LikelihoodScale
+from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.screening import probe, ranked_pairs, ranking, table
 from cell.gap.subject.subject import Subject
@@ -62,13 +62,11 @@ class OfferedLaw:
 class Names:
     """The accepted `model`, which a law must match to be offered, and whether it is `sure`.
 
-    A law is offered where it is clearly more probable on the scale `by`, or no less with fewer
-    terms; where no name is sure, no less is enough. Nothing is more probable than a model that
+    A law is offered where it is clearly more probable, or no less with fewer terms; where no name is sure, no less is enough. Nothing is more probable than a model that
     `leaves_nothing`.
     """
 
     model: Validated
-    by: LikelihoodScale
     sure: bool
     leaves_nothing: bool = False
 
@@ -84,12 +82,12 @@ class Names:
     def allow(self, law: Validated, sets: Posterior) -> bool:
         """Whether `law` is probable enough among `sets` to be offered beside the model."""
         fewer = len(law.model.effects) < len(self.model.model.effects)
-        least = -self.by.least if fewer or not self.sure else self.by.least
+        least = -MIN_GAIN if fewer or not self.sure else MIN_GAIN
         return self._ahead(law, sets) > least
 
     def is_refuted_by(self, law: Validated, sets: Posterior) -> bool:
         """Whether `law` is clearly more probable among `sets` than the model."""
-        return self._ahead(law, sets) > self.by.least
+        return self._ahead(law, sets) > MIN_GAIN
 
     def _ahead(self, law: Validated, sets: Posterior) -> float:
         """Lead [nats] of `law` over the model."""

@@ -124,14 +124,15 @@ def test_as_good_as_what_was_named_is_enough_only_for_a_shorter_law_or_where_no_
     worse = run_one(subject.simulate, validate(engine.fitted(subject, ("wave",))))
     base = run_one(subject.simulate, validate(engine.fitted(subject)))
     probes = [probe(base.estimate, c) for c in subject.scope.candidates]
-    by, probed = likelihood_scale([right]), run_all(subject.simulate, probes)
-    sets = posterior(Fits((base, right, pair, law, worse)), probed, by)
-    assert not Names(right, by, sure=True).allow(law, sets)
-    assert Names(right, by, sure=False).allow(law, sets)
-    assert not Names(right, by, sure=False).is_refuted_by(law, sets)
-    assert Names(worse, by, sure=True).is_refuted_by(law, sets)
-    assert Names(pair, by, sure=True).allow(law, sets)
-    assert not Names(right, by, sure=False).allow(worse, sets)
+    probed = run_all(subject.simulate, probes)
+    fits = Fits((base, right, pair, law, worse))
+    sets = posterior(fits, probed, likelihood_scale([right]))
+    assert not Names(right, sure=True).allow(law, sets)
+    assert Names(right, sure=False).allow(law, sets)
+    assert not Names(right, sure=False).is_refuted_by(law, sets)
+    assert Names(worse, sure=True).is_refuted_by(law, sets)
+    assert Names(pair, sure=True).allow(law, sets)
+    assert not Names(right, sure=False).allow(worse, sets)
 
 
 def test_beside_a_sure_name_that_leaves_nothing_only_a_shorter_law_is_looked_for() -> None:

@@ -173,7 +173,7 @@ def told_by_steadier_runs(spread: float) -> float:
     wave = Model(fit.model.base, tuple(c for c in subject.scope.candidates if c.name == "wave"))
     second = (wave, np.append(fit.shared, 0.2))
     (found,) = run_one(
-        subject.simulate, repeatability_gains(fit, second, LikelihoodScale(1.0, 1.0, 4.0))
+        subject.simulate, repeatability_gains(fit, second, LikelihoodScale(1.0, 1.0))
     )
     assert found.name == "ripple"
     return found.sigma
