@@ -62,8 +62,8 @@ class OfferedLaw:
 class Names:
     """The accepted `model`, which a law must match to be offered, and whether it is `sure`.
 
-    A law is offered where it is clearly more probable, or no less with fewer terms; where no name is sure, no less is enough. Nothing is more probable than a model that
-    `leaves_nothing`.
+    A law is offered where it is clearly more probable, or no less with fewer terms; where no name
+    is sure, no less is enough. Nothing is more probable than a model that `leaves_nothing`.
     """
 
     model: Validated

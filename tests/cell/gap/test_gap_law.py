@@ -139,9 +139,9 @@ def test_beside_a_sure_name_that_leaves_nothing_only_a_shorter_law_is_looked_for
     found, _ = judged(Curves(hidden(wave, 0.3)))
     one = found.choice.accepted
     assert len(one.model.effects) == 1
-    assert Names(one, found.choice.by, sure=True, leaves_nothing=True).longest == 0
-    assert Names(one, found.choice.by, sure=True).longest == OFFER.longest
-    assert Names(one, found.choice.by, sure=False, leaves_nothing=True).longest == OFFER.longest
+    assert Names(one, sure=True, leaves_nothing=True).longest == 0
+    assert Names(one, sure=True).longest == OFFER.longest
+    assert Names(one, sure=False, leaves_nothing=True).longest == OFFER.longest
 
 
 @pytest.mark.parametrize("name", LAW_TERMS)
