@@ -55,7 +55,7 @@ def investigate(
     fitted = _fit_base(subject, whole, simulate, rng)
     progress("screen the candidates", 0.12)
     screened = _screen(subject, fitted, simulate)
-    fits = Fits((fitted.base,))
+    fits = Fits((fitted.base,), screened.immaterial)
     stages = ((ForwardSelection.refit_singles, 0.4), (ForwardSelection.refit_further, 0.75))
     for refit_more, share in stages:
         best_before = fits.best
@@ -68,6 +68,7 @@ def investigate(
             fitted = _judge_base(subject, *revised, simulate, rng)
             screened = _score_candidates(subject, fitted, screened.probed)
             fits = search.beside_base(simulate, fits, fitted.base, fitted.scatter, whole)
+            fits = replace(fits, immaterial=screened.immaterial)
     progress("judge", 0.8)
     believed = subject.scope.believed
     weigh = partial(posterior, probed=screened.probed, by=fits.scale, believed=believed)
@@ -96,7 +97,7 @@ def _with_law(
     nothing = leaves_nothing(choice.accepted, choice.fits)
     names = Names(choice.accepted, verdict == "named", nothing)
     rival = None if verdict == "unexplained" else names
-    law = offered_law(found.subject, simulate, found.base, found.shown.before, rng, weigh, rival)
+    law = offered_law(found.subject, simulate, choice.fits, found.shown.before, rng, weigh, rival)
     return replace(found, offered=law)
 
 
@@ -157,7 +158,8 @@ def _score_candidates(subject: Subject, fitted: Fitted, probed: Sequence[Probed]
     base, by = fitted.base.estimate, likelihood_scale([fitted.base])
     believed = subject.scope.believed
     few = immaterial_responses(base, probed, beliefs().immaterial, believed=believed)
-    about = projection(base, besides=list(few.values()))
+    immaterial = tuple(few.values())
+    about = projection(base, besides=immaterial)
     known = table(about, probed)
     singles = ranking(known)
     return Screened(
@@ -166,6 +168,7 @@ def _score_candidates(subject: Subject, fitted: Fitted, probed: Sequence[Probed]
         tuple(singles),
         _screened_p(subject, singles, by),
         detectable(about, probed, by),
+        immaterial,
     )
 
 

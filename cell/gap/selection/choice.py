@@ -54,15 +54,16 @@ def is_exhausted(fits: Fits) -> bool:
 def leaves_nothing(model: Validated, fits: Fits) -> bool:
     """Whether effects of `model` leave less on runs left out than a further one has to gain.
 
-    On the likelihood scale of a model that leaves nothing but noise, as most samples show it: a
-    generous floor leaves less than it states.
+    Beyond what immaterial amounts of all effects leave there. On the likelihood scale of a model
+    that leaves nothing but noise, as most samples show it: a generous floor leaves less than it
+    states.
     """
     if not model.model.effects:
         return False
     ideal = replace(fits.scale, scale=1.0, inefficiency=1.0)
     noise = [0.5 * len(r) * robust.spread(r) ** 2 for r in model.left_out]
     left = model.losses(ideal.scale) - np.array(noise)
-    return _beyond_model_error(left, model, fits, ideal) < MIN_GAIN
+    return _beyond_model_error(left, model, fits, ideal) < fits.unresolved + MIN_GAIN
 
 
 def _beyond_model_error(left: Array, model: Validated, fits: Fits, by: LikelihoodScale) -> float:

@@ -1,20 +1,28 @@
 """All fitted models of the same runs: the base, and every model with effects beside it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import best
 from cell.gap.selection.likelihood import LikelihoodScale, likelihood_scale, margin
+from drivers.types import Array
 
 GAIN_SHARE = 0.5  # of the best model's gain, below which a model is left out; set by hand
 
 
 @dataclass(frozen=True, slots=True)
 class Fits:
-    """Fitted models of the same runs, each set of effects once; one of them is the base."""
+    """Fitted models of the same runs, each set of effects once; one of them is the base.
+
+    `immaterial` are the whitened responses (N, k) to an immaterial amount of each effect.
+    """
 
     models: tuple[Validated, ...]
+    immaterial: tuple[Array, ...] = ()
 
     @property
     def base(self) -> Validated:
@@ -25,6 +33,12 @@ class Fits:
     def scale(self) -> LikelihoodScale:
         """Scale of log-likelihoods, from the model that fits best."""
         return likelihood_scale(self.models)
+
+    @property
+    def unresolved(self) -> float:
+        """Mean [nats] of what immaterial effects leave once the base absorbs what it can."""
+        left = projection(self.base.estimate, robustly=False).left
+        return 0.5 * sum(float(np.sum(response * left(response))) for response in self.immaterial)
 
     def of_size(self, size: int) -> list[Validated]:
         """Models of `size` effects, the one that predicts best first."""
@@ -54,7 +68,7 @@ class Fits:
             known = found.get(m.model.names)
             if known is None or best([known.estimate, m.estimate]) is m.estimate:
                 found[m.model.names] = m
-        return Fits(tuple(found.values()))
+        return replace(self, models=tuple(found.values()))
 
 
 def by_loss(models: Sequence[Validated], by: LikelihoodScale) -> list[Validated]:

@@ -266,7 +266,8 @@ def extend(
     expected: dict[tuple[str, ...], tuple[float, Score]] = {}
     for fit in [m.estimate for m in fits.worth(size, BUDGET.worth)[:beam]]:
         before, unit = objective_of(fit, scale), (fit.scale / scale) ** 2
-        for s in _screen_further(simulate, fit, known, probed)[: BUDGET.further]:
+        screened = _screen_further(simulate, fit, known, probed, fits.immaterial)
+        for s in screened[: BUDGET.further]:
             beside = s.beside(fit)
             after = before - unit * s.gain
             if beside.names not in expected or after < expected[beside.names][0]:
@@ -295,16 +296,23 @@ def extend_where_shown(
     known = with_shape_parameters(candidates, fits)
     for fit in (m.estimate for m in models):
         least = MIN_GAIN * by.inefficiency * (by.scale / fit.scale) ** 2
-        found = _screen_further(simulate, fit, known, probed)[: BUDGET.further]
-        scores += [s.beside(fit) for s in found if s.gain > least]
+        found = _screen_further(simulate, fit, known, probed, fits.immaterial)
+        scores += [s.beside(fit) for s in found[: BUDGET.further] if s.gain > least]
     return fit_scores(simulate, fits, scores, candidates)
 
 
 def _screen_further(
-    simulate: Simulate, fit: Estimate, candidates: Sequence[Candidate], probed: Sequence[Probed]
+    simulate: Simulate,
+    fit: Estimate,
+    candidates: Sequence[Candidate],
+    probed: Sequence[Probed],
+    immaterial: Sequence[Array],
 ) -> list[Score]:
-    """Scores of the effects to add to `fit`, probed at its values, the largest gain first."""
-    about = projection(fit)
+    """Scores of the effects to add to `fit`, probed at its values, the largest gain first.
+
+    Beside `immaterial` amounts of all effects, whose responses (N, k) these are.
+    """
+    about = projection(fit, besides=immaterial)
     # responses at the base mean little beside a strong effect: they only choose what is probed
     others = [p for p in probed if p.candidate.name not in fit.model.names]
     looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.looked]}
@@ -321,7 +329,7 @@ def beside_base(
         start = with_scatter(fit, found, whole).point
         tasks.append(refit(fit.model, known, start, _secants(fit, known), ROUGH_GAIN))
     done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-    return Fits((base, *done))
+    return replace(fits, models=(base, *done))
 
 
 def _secants(fit: Estimate, known: Evidence) -> tuple[Array, ...] | None:

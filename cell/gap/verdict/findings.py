@@ -18,6 +18,7 @@ from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, Table
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
+from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,8 @@ class Fitted:
 class Screened:
     """Results of the screen: probes, their table, scores of single effects, p-values by name.
 
-    `detectable` are smallest sizes by effect, None where no possible size would show.
+    `detectable` are smallest sizes by effect, None where no possible size would show;
+    `immaterial` are the whitened responses (N, k) to an immaterial amount of each effect.
     """
 
     probed: tuple[Probed, ...]
@@ -61,6 +63,7 @@ class Screened:
     singles: tuple[Score, ...]
     p: dict[str, float]
     detectable: dict[str, float | None]
+    immaterial: tuple[Array, ...]
 
 
 @dataclass(frozen=True, slots=True)

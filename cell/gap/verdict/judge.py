@@ -36,7 +36,7 @@ def chosen(subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior) ->
         return found
     done = run_one(simulate, validate(refit_fine(subject, simulate, rough.estimate)))
     models = tuple(done if m is rough else m for m in fits.models)
-    return replace(found, accepted=done, fits=Fits(models))
+    return replace(found, accepted=done, fits=replace(fits, models=models))
 
 
 def judge(

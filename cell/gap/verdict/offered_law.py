@@ -97,13 +97,13 @@ class Names:
 def offered_law(
     subject: Subject,
     simulate: Simulate,
-    base: Validated,
+    fits: Fits,
     before: Estimate,
     rng: np.random.Generator,
     weigh: Weigh,
     names: Names | None = None,
 ) -> OfferedLaw | None:
-    """Most probable stable law beside the base that shrinks the gap `before` on unseen runs.
+    """Most probable stable law beside the base of `fits` that shrinks the gap `before`, unseen.
 
     None where no term is clearly more probable than none, no law is stable, no run that was held
     out shows a gap that it closes, or `names` do not allow it.
@@ -113,7 +113,7 @@ def offered_law(
     longest = OFFER.longest if names is None else names.longest
     if not longest:
         return None
-    laws = _fit_laws(subject, simulate, base, longest)
+    laws = _fit_laws(subject, simulate, replace(fits, models=(fits.base,)), longest)
     sets = weigh(laws if names is None else Fits((*laws.models, names.model)))
     for law in needed_models(laws, sets):
         if (names is None or names.allow(law, sets)) and _stable(law.estimate):
@@ -125,16 +125,16 @@ def offered_law(
     return None
 
 
-def _fit_laws(subject: Subject, simulate: Simulate, base: Validated, longest: int) -> Fits:
-    """Fit the most promising laws of up to `longest` terms; returns them with the base."""
-    fit = base.estimate
+def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits, longest: int) -> Fits:
+    """Fit the most promising laws of up to `longest` terms, and add them to `fits`."""
+    fit = fits.base.estimate
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
     probed = run_all(simulate, [probe(fit, t) for t in terms])
     known, plain = table(projection(fit), probed), [replace(t, probes=()) for t in terms]
     scores = ranking(known)[: OFFER.singles]
     if longest > 1:
         scores += ranked_pairs(known, OFFER.pairs)
-    fits = search.fit_scores(simulate, Fits((base,)), scores, terms)
+    fits = search.fit_scores(simulate, fits, scores, terms)
     for size in range(1, longest):
         if fits.of_size(size) and not is_exhausted(fits):
             fits = search.extend(simulate, fits, size, plain, probed)
