@@ -159,7 +159,7 @@ def _score_candidates(subject: Subject, fitted: Fitted, probed: Sequence[Probed]
     believed = subject.scope.believed
     few = immaterial_responses(base, probed, beliefs().immaterial, believed=believed)
     immaterial = tuple(few.values())
-    about = projection(base, besides=immaterial)
+    about = projection(base, nuisance=immaterial)
     known = table(about, probed)
     singles = ranking(known)
     return Screened(

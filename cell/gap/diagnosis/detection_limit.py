@@ -35,11 +35,11 @@ def _smallest(about: Projection, probed: Probed, by: LikelihoodScale) -> float |
             if square > LEAST_POWER:
                 sigma = float(np.sqrt(square))
                 factor = DETECTED_SIGMA / sigma
-                sizes.append((abs(np.log(factor)), _scaled(probed.candidate, vector, factor)))
+                sizes.append((abs(np.log(factor)), _value_at(probed.candidate, vector, factor)))
     return min(sizes, key=lambda each: each[0])[1] if sizes else None
 
 
-def _scaled(candidate: Candidate, probe: Array, factor: float) -> float | None:
+def _value_at(candidate: Candidate, probe: Array, factor: float) -> float | None:
     """Main value of a probe moved `factor` times as far from null; None out of bounds."""
     k, p = next((k, p) for k, p in enumerate(candidate.parameters) if probe[k] != p.start)
     value = float(p.start + (probe[k] - p.start) * factor)

@@ -16,7 +16,7 @@ class Projection:
     """Quadratic model of the objective about an estimate, in robustly weighted residuals.
 
     `residual` (N,) of all runs, the last small step of the fit taken, `jacobian` (N, u) of the
-    free unknowns and what may be there besides, `inverse` (u, u) of their curvature with priors,
+    free unknowns and of nuisance responses, `inverse` (u, u) of their curvature with priors,
     `weight` (N,) that brings whitened residuals to these units. `scatter` (N, q) are the responses
     to the runs' random unknowns, each by its spread.
     """
@@ -48,11 +48,11 @@ class Projection:
 
 
 def projection(
-    estimate: Estimate, *, robustly: bool = True, besides: Sequence[Array] = ()
+    estimate: Estimate, *, robustly: bool = True, nuisance: Sequence[Array] = ()
 ) -> Projection:
     """Quadratic model about `estimate`, in which unknowns on a bound are fixed.
 
-    Whitened responses `besides` (N, k) may be there by unknown amounts of one standard deviation.
+    Whitened responses `nuisance` (N, k) may be there by unknown amounts of one standard deviation.
     """
     limits, z = estimate.limits, estimate.z
     r = np.concatenate(estimate.residuals)
@@ -60,7 +60,7 @@ def projection(
     weight = np.sqrt(robust.weights(r / scale)) / scale if robustly else np.ones_like(r)
     free = (z > limits.low) & (z < limits.high)
     whole = stacked_jacobian(estimate)
-    jacobian = np.concatenate([whole[:, free], *besides], axis=1) * weight[:, None]
+    jacobian = np.concatenate([whole[:, free], *nuisance], axis=1) * weight[:, None]
     added = (0, jacobian.shape[1] - np.count_nonzero(free))
     precision = np.pad(limits.precision[free], added, constant_values=1.0)
     pull = np.pad((limits.precision * (z - limits.mean))[free], added)

@@ -214,10 +214,14 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
     if unscaled_gain <= DEFAULT_REACH.worth * best.gain:
         unscaled = probes_of_best if any(_has_threshold(p) for p in members) else {}
     mirrored = _other_sign(known, members[0], best) if len(members) == 1 else None
-    return replace(best, tried=_tried(members, unscaled), mirrored=mirrored, secants=secants)
+    return replace(
+        best, tried=_probes_to_fit(members, unscaled), mirrored=mirrored, secants=secants
+    )
 
 
-def _tried(members: Sequence[Probed], unscaled: dict[str, Array]) -> tuple[dict[str, Array], ...]:
+def _probes_to_fit(
+    members: Sequence[Probed], unscaled: dict[str, Array]
+) -> tuple[dict[str, Array], ...]:
     """Values of the probes to fit from: `unscaled` or, of one effect with a threshold, every probe.
 
     Where it slides, its response to one probe says little of another: what gains most by the

@@ -312,7 +312,7 @@ def _screen_further(
 
     Beside `immaterial` amounts of all effects, whose responses (N, k) these are.
     """
-    about = projection(fit, besides=immaterial)
+    about = projection(fit, nuisance=immaterial)
     # responses at the base mean little beside a strong effect: they only choose what is probed
     others = [p for p in probed if p.candidate.name not in fit.model.names]
     looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.looked]}
