@@ -10,9 +10,14 @@ cell/gap/verdict/confidence.yaml holds it.
 """
 
 import argparse
+import json
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from cell.campaign.study import Case, Outcome
+from cell.exam.scoring.score import RIGHT_RESULTS
 from cell.exam.studies.confidence import (
     calibrate,
     count_verdicts,
@@ -20,7 +25,6 @@ from cell.exam.studies.confidence import (
     names,
     reliable,
     shares,
-    verdicts_in,
 )
 from cell.gap.verdict.confidence import Calibration, calibration
 from drivers.files import replace_file
@@ -38,19 +42,21 @@ def main() -> int:
     known = [o.values for o in outcomes if o.values["is_named"] and o.values["signs"]]
     stated = [(v["confidence"], v["is_right"]) for v in known if v["confidence"] is not None]
     by = calibration()
+    counts = shares(found, without)
     tables = {
-        "Stated then": stated,
-        "Stated by this version": [(by.probability(n.signs), n.right) for n in found],
-        "Left out one by one": leave_each_out(found, shares(found, without)),
+        "Stated then": (stated, None),
+        "Stated by this version": ([(by.probability(n.signs), n.right) for n in found], counts),
+        "Left out one by one": (leave_each_out(found, counts), counts),
     }
     content = dict(calibrate(outcomes))
     if asked.fresh:
         outcomes = verdicts_in(asked.fresh)
-        fitted, (others, _) = Calibration.model_validate(content), names(outcomes)
-        tables["Of fresh cases"] = [(fitted.probability(n.signs), n.right) for n in others]
+        fitted, (others, without) = Calibration.model_validate(content), names(outcomes)
+        fresh = [(fitted.probability(n.signs), n.right) for n in others]
+        tables["Of fresh cases"] = fresh, shares(others, without)
     sys.stdout.write(f"{count_verdicts(outcomes)}\n\n")
-    for title, claims in tables.items():
-        sys.stdout.write(f"{title}:\n\n{reliable(claims)}\n\n")
+    for title, (claims, counts) in tables.items():
+        sys.stdout.write(f"{title}:\n\n{reliable(claims, counts)}\n\n")
     sys.stdout.write(f"{content['source']}\n")
     if asked.fit:
         names_of = ", ".join(path.name for path in asked.ledgers)
@@ -70,6 +76,37 @@ def _arguments() -> argparse.Namespace:
         if not path.is_file():
             parser.error(f"{path}: no such file; give ledgers, lines of JSON")
     return asked
+
+
+def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
+    """Read the scored verdicts from `ledgers`, JSON lines of exams or of the study.
+
+    A case is named after its ledger too: seeds of one number may have drawn others there. Verdicts
+    from before signs were kept have none. Lines of the study say themselves if a law is offered.
+    """
+    lines = [(path, json.loads(line)) for path in ledgers
+             for line in path.read_text(encoding="utf-8").splitlines()]  # fmt: skip
+    found: list[Outcome] = []
+    for path, line in lines:
+        scored, without = line["outcome"], line.get("without", [])
+        if scored is not None:
+            values = {
+                **scored,
+                "offered": line.get("offered"),
+                "signs": _signs(line),
+                "case": f"{path.stem}/{scored['case']}",
+                "without": without,
+                "is_named": scored["verdict"] == "named",
+                "is_right": scored["result"] in RIGHT_RESULTS and not without,
+            }
+            found.append(Outcome(Case(len(found), 0, {}), values))
+    return found
+
+
+def _signs(line: Mapping[str, Any]) -> dict[str, float] | None:
+    """Signs of a verdict in a line of a ledger, with that of a law where the line has it."""
+    signs: dict[str, float] | None = line["outcome"].get("signs")
+    return {"law": float(line["offered"]), **signs} if signs and "offered" in line else signs
 
 
 if __name__ == "__main__":

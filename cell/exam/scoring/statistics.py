@@ -69,13 +69,14 @@ def brier(stated: Sequence[tuple[float, bool]]) -> float:
     return sum((confidence - right) ** 2 for confidence, right in stated) / len(stated)
 
 
-def calibration_error(stated: Sequence[tuple[float, bool]], bins: int = 10) -> float:
-    """Mean |confidence - rate| of the bins, weighted by cases (Naeini, Cooper, Hauskrecht 2015)."""
-    if not stated:
-        return float("nan")
-    parts = reliability(stated, bins)
-    away = (b.right.count * abs(b.confidence - b.right.value) for b in parts)
-    return sum(away) / len(stated)
+def calibration_error(
+    stated: Sequence[tuple[float, bool]], bins: int = 10, counts: Iterable[float] | None = None
+) -> float:
+    """Mean |confidence - rate| of the bins, by weights (n,) (Naeini, Cooper, Hauskrecht 2015)."""
+    away, weights = [0.0] * bins, [1.0] * len(stated) if counts is None else list(counts)
+    for (confidence, right), weight in zip(stated, weights, strict=True):
+        away[min(int(confidence * bins), bins - 1)] += weight * (confidence - right)
+    return sum(map(abs, away)) / sum(weights) if stated else float("nan")
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ the library, with what looks like it: whatever is named is wrong, and a law may 
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -14,7 +14,6 @@ import numpy as np
 from scipy import optimize
 
 from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Case as StudyCase
 from cell.campaign.study import Fit, Ledger, Outcome, Study, Values
 from cell.config.places import find_configs
 from cell.exam.case import STRENGTHS, Case
@@ -22,7 +21,7 @@ from cell.exam.cases.draw import Draw
 from cell.exam.report.page import table
 from cell.exam.runs.from_model import make_runs
 from cell.exam.scoring.score import RIGHT_RESULTS, Checked, score
-from cell.exam.scoring.statistics import Rate, brier, calibration_error, rate, reliability
+from cell.exam.scoring.statistics import Rate, calibration_error, rate, reliability
 from cell.exam.scoring.targets import rate_text
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import RECORD
@@ -89,37 +88,6 @@ def names_to_withhold(case: Case) -> list[str]:
     """Names removed from the library: the hidden or resembled effect, and its twins."""
     hidden = sorted(case.effects or case.answer)[0]
     return sorted({hidden, *registry()[hidden].looks_like})
-
-
-def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
-    """Read the scored verdicts from `ledgers`, JSON lines of exams or of this study.
-
-    A case is named after its ledger too: seeds of one number may have drawn others there. Verdicts
-    from before signs were kept have none. Lines of this study say themselves if a law is offered.
-    """
-    lines = [(path, json.loads(line)) for path in ledgers
-             for line in path.read_text(encoding="utf-8").splitlines()]  # fmt: skip
-    found: list[Outcome] = []
-    for path, line in lines:
-        scored, without = line["outcome"], line.get("without", [])
-        if scored is not None:
-            values = {
-                **scored,
-                "offered": line.get("offered"),
-                "signs": _signs(line),
-                "case": f"{path.stem}/{scored['case']}",
-                "without": without,
-                "is_named": scored["verdict"] == "named",
-                "is_right": scored["result"] in RIGHT_RESULTS and not without,
-            }
-            found.append(Outcome(StudyCase(len(found), 0, {}), values))
-    return found
-
-
-def _signs(line: Mapping[str, Any]) -> dict[str, float] | None:
-    """Signs of a verdict in a line of a ledger, with that of a law where the line has it."""
-    signs: dict[str, float] | None = line["outcome"].get("signs")
-    return {"law": float(line["offered"]), **signs} if signs and "offered" in line else signs
 
 
 def _knows_of_law(values: Values) -> bool:
@@ -211,8 +179,11 @@ def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) 
     return float(-np.average(np.log(np.clip(p, 1e-9, 1.0)), weights=counts))
 
 
-def reliable(stated: Sequence[tuple[float, bool]]) -> str:
-    """Reliability table in fifths of the stated probability, as Markdown."""
+def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> str:
+    """Reliability table in fifths of the stated probability, as Markdown.
+
+    Errors by weights `counts` (n,), too: with OUTSIDE_SHARE of causes outside, as it is stated for.
+    """
     rows = [
         (f"{b.confidence:.2f}", rate_text(b.right), f"{100 * (b.right.value - b.confidence):+.0f}")
         for b in reliability(stated, FIFTHS)
@@ -220,11 +191,14 @@ def reliable(stated: Sequence[tuple[float, bool]]) -> str:
     wrong = [p for p, right in stated if not right]
     low = sum(p < DOUBTFUL for p in wrong)
     head = ["mean stated probability, by fifths", "right, by class", "points apart"]
+    errors = [
+        f"{calibration_error(stated, FIFTHS, by):.3f}, log loss {log_loss(stated, by):.3f} nats"
+        for by in (None, counts)
+    ]
+    weighed = "" if counts is None else f" ({errors[1]}, counting {OUTSIDE_SHARE} outside)"
     return (
-        f"{table(head, rows)}\n\n{len(stated)} verdicts that name, {len(wrong)} of them wrong; "
-        f"expected calibration error {calibration_error(stated, FIFTHS):.3f}, log loss "
-        f"{log_loss(stated):.3f} nats, Brier score {brier(stated):.3f}; {low} of {len(wrong)} "
-        f"wrong names are stated under {DOUBTFUL}."
+        f"{table(head, rows)}\n\n{len(stated)} verdicts that name, {len(wrong)} of them wrong, "
+        f"{low} of these stated under {DOUBTFUL}; expected calibration error {errors[0]}{weighed}."
     )
 
 
@@ -277,13 +251,14 @@ def _rates(verdicts: Sequence[Values]) -> Iterator[Rate]:
 
 def judge(outcomes: Sequence[Outcome]) -> str:
     """Counts and reliability of verdicts, for effects in the library and withheld ones."""
-    (found, _), by = names(outcomes), calibration()
+    (found, without), by = names(outcomes), calibration()
     parts = [f"{count_verdicts(outcomes)}\n"]
     groups = {"All": (False, True), "None withheld": (False,), "Withheld": (True,)}
     for words, withheld in groups.items():
         mine = [(by.probability(n.signs), n.right) for n in found if n.withheld in withheld]
         if mine:
-            parts.append(f"{words}:\n\n{reliable(mine)}\n")
+            counts = shares(found, without) if len(withheld) > 1 else None
+            parts.append(f"{words}:\n\n{reliable(mine, counts)}\n")
     return "\n".join(parts)
 
 

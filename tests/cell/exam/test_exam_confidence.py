@@ -22,9 +22,9 @@ from cell.exam.studies.confidence import (
     names,
     reliable,
     shares,
-    verdicts_in,
 )
 from cell.gap.verdict.confidence import Calibration, Signs, calibration
+from tests.benchmarks.measure_confidence import verdicts_in
 
 LEDGERS = Path(__file__).parents[3] / "runbooks" / "exam"
 
@@ -50,6 +50,8 @@ def test_names_are_right_as_often_as_stated() -> None:
     assert np.mean(low) == pytest.approx(np.mean([p for p, _ in stated if p < 0.6]), abs=0.07)
     assert log_loss(stated) < log_loss([(0.7, name.right) for name in fresh])
     assert "2000 verdicts that name" in reliable(stated)
+    assert "outside" not in reliable(stated)
+    assert f"counting {OUTSIDE_SHARE} outside" in reliable(stated, shares(fresh, 0.4))
 
 
 def test_no_sign_speaks_against_its_sense() -> None:

@@ -134,6 +134,9 @@ def test_confidence_is_binned_and_judged() -> None:
     assert brier(stated) == pytest.approx((0.05**2 + 0.91**2 + 0.2**2) / 4)
     away = abs((0.95 + 0.91 + 1.0) / 3 - 2 / 3)
     assert calibration_error(stated) == pytest.approx((0.2 + 3 * away) / 4)
+    assert calibration_error(stated, counts=[1.0, 1.0, 3.0, 1.0]) == pytest.approx(
+        (0.6 + 3 * away) / 6
+    )
     assert calibration_error([(1.0, True)]) == 0.0
 
 
