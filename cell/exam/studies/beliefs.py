@@ -65,7 +65,7 @@ def measure(case: Values) -> Values:
         "answer": list(hidden.answer),
         "strength": hidden.strength,
         "named": sorted(found.accepted.model.names),
-        "nats": log_score(_weigh(found, fits, beliefs().immaterial, beliefs().wrong), hidden),
+        "log_score": log_score(_weigh(found, fits, beliefs().immaterial, beliefs().wrong), hidden),
         "best": max(score["nats"] for score in scores),
         "scores": scores,
     }
@@ -137,7 +137,7 @@ STUDY = Study(
     measure=measure,
     by=("kind",),
     quantities=(
-        Quantity("nats", Statistic.MEAN, "nats", 1.0, label="log score"),
+        Quantity("log_score", Statistic.MEAN, "nats", 1.0),
         Quantity("best", Statistic.MEAN, "nats", 1.0, label="at the best beliefs of each case"),
     ),
     fits=(Fit("cell/gap/selection/beliefs.yaml", fit_beliefs),),
