@@ -46,6 +46,19 @@ def test_best_score_is_the_best_of_all_groups(screened: Table) -> None:
         assert score.gain == pytest.approx(max(gains))
 
 
+def test_what_may_be_there_besides_speaks_for_no_effect_like_it() -> None:
+    """Sherman and Morrison: beside a response of one sigma both shrink by 1 + its square."""
+    subject = Curves(hidden(bump, 0.2))
+    base = fitted(subject)
+    bumps = next(c for c in subject.scope.candidates if c.name == "bump")
+    response = run_one(subject.simulate, probe(base, bumps)).responses[1]
+    plain, wary = projection(base), projection(base, nuisance=[response])
+    before, after = (about.form(about.weigh(response)) for about in (plain, wary))
+    square = before.curvature[0, 0]
+    assert after.curvature[0, 0] == pytest.approx(square / (1.0 + square))
+    assert after.gradient[0] == pytest.approx(before.gradient[0] / (1.0 + square))
+
+
 def test_pairs_that_gain_too_little_are_not_told(screened: Table) -> None:
     best = ranked_pairs(screened, 1)[0].gain
     assert ranked_pairs(screened, 3, 0.99 * best)
