@@ -182,7 +182,8 @@ def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) 
 def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> str:
     """Reliability table in fifths of the stated probability, as Markdown.
 
-    Errors by weights `counts` (n,), too: with OUTSIDE_SHARE of causes outside, as it is stated for.
+    With weights `counts` (n,) of verdicts also its errors where OUTSIDE_SHARE of the causes lie
+    outside the library, for which the probability is stated.
     """
     rows = [
         (f"{b.confidence:.2f}", rate_text(b.right), f"{100 * (b.right.value - b.confidence):+.0f}")
@@ -195,7 +196,7 @@ def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) 
         f"{calibration_error(stated, FIFTHS, by):.3f}, log loss {log_loss(stated, by):.3f} nats"
         for by in (None, counts)
     ]
-    weighed = "" if counts is None else f" ({errors[1]}, counting {OUTSIDE_SHARE} outside)"
+    weighed = "" if counts is None else f" (with {OUTSIDE_SHARE:.0%} of causes outside {errors[1]})"
     return (
         f"{table(head, rows)}\n\n{len(stated)} verdicts that name, {len(wrong)} of them wrong, "
         f"{low} of these stated under {DOUBTFUL}; expected calibration error {errors[0]}{weighed}."

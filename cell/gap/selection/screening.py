@@ -224,8 +224,8 @@ def _probes_to_fit(
 ) -> tuple[dict[str, Array], ...]:
     """Values of the probes to fit from: `unscaled` or, of one effect with a threshold, every probe.
 
-    Where it slides, its response to one probe says little of another: what gains most by the
-    linear screen may be far from the best and no way leads there.
+    Beyond its threshold, the response to one probe says little of that to another: from the probe
+    that the linear screen prefers, no step may lead to the best value.
     """
     if len(members) == 1 and _has_threshold(members[0]):
         name, (_, *probes) = members[0].candidate.name, members[0].groups

@@ -103,10 +103,10 @@ def offered_law(
     weigh: Weigh,
     names: Names | None = None,
 ) -> OfferedLaw | None:
-    """Most probable stable law beside the base of `fits` that shrinks the gap `before`, unseen.
+    """Most probable stable law beside the base of `fits` that shrinks the gap `before`.
 
-    None where no term is clearly more probable than none, no law is stable, no run that was held
-    out shows a gap that it closes, or `names` do not allow it.
+    `before` is the base on runs that were held out. None where no term is clearly more probable
+    than none, no law is stable, none closes a gap on those runs, or `names` do not allow it.
     """
     if held_out_gap.excess_of(before) < OFFER.nothing:
         return None

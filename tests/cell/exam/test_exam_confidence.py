@@ -51,7 +51,7 @@ def test_names_are_right_as_often_as_stated() -> None:
     assert log_loss(stated) < log_loss([(0.7, name.right) for name in fresh])
     assert "2000 verdicts that name" in reliable(stated)
     assert "outside" not in reliable(stated)
-    assert f"counting {OUTSIDE_SHARE} outside" in reliable(stated, shares(fresh, 0.4))
+    assert f"{OUTSIDE_SHARE:.0%} of causes outside" in reliable(stated, shares(fresh, 0.4))
 
 
 def test_no_sign_speaks_against_its_sense() -> None:
