@@ -6,7 +6,8 @@ verdicts whose truth is known, a part of them with the true effect withheld from
 study confidence`; Platt 1999, Probabilities for SV machines).
 """
 
-from dataclasses import asdict, dataclass
+import math
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -44,6 +45,15 @@ class Signs:
         unseen, law = gap.before["excess"], float(sets.law)
         return cls(ahead, sets.left, sets.correlation, unseen, gap.shrink, law)
 
+    @property
+    def smooth(self) -> float:
+        """Rms of the part of `left` that goes from one sample to the next, as a wrong law leaves.
+
+        The root of the autocovariance: a correlation alone also condemns residuals far below the
+        floor, where little noise leaves the small errors of a camera's perception alone.
+        """
+        return self.left * math.sqrt(max(self.correlation, 0.0))
+
 
 class Weight(Settings):
     """Contribution of one feature to the log-odds: zero at `low`, `weight` at `high`.
@@ -78,8 +88,7 @@ class Calibration(Settings):
 
     def probability(self, found: Signs) -> float:
         """Probability that a verdict with the features `found` names the right effects."""
-        values = asdict(found)
-        parts = [w.weight * w.share(values[name]) for name, w in self.weights.items()]
+        parts = [w.weight * w.share(getattr(found, name)) for name, w in self.weights.items()]
         return float(special.expit(self.intercept + sum(parts)))
 
 

@@ -113,6 +113,16 @@ def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
     assert 0.0 < stated[0] < stated[2] < 1.0
 
 
+def test_what_goes_on_in_time_counts_by_its_size() -> None:
+    def lost(left: float) -> float:
+        white, smooth = (Signs(20.0, left, c, 2.0, 1.0) for c in (-0.3, 0.7))
+        assert white.smooth == 0.0
+        return calibration().probability(white) - calibration().probability(smooth)
+
+    assert lost(0.9) > 0.1
+    assert 0.0 < lost(0.4) < 0.5 * lost(0.9)
+
+
 def test_weights_are_of_verdicts_of_which_it_is_known_if_a_law_was_offered(tmp_path: Path) -> None:
     lines = (LEDGERS / "confidence-10307.jsonl").read_text().splitlines()
     plain = [json.loads(line) for line in lines]
