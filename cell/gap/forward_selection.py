@@ -75,9 +75,7 @@ class ForwardSelection:
 
     def _accept(self, fits: Fits) -> Validated:
         """The model that would be accepted if nothing else were fitted."""
-        believed = self.subject.scope.believed
-        sets = posterior(fits, self.screened.probed, fits.scale, believed=believed)
-        return choose(fits, sets).accepted
+        return choose(fits, posterior(fits, fits.scale)).accepted
 
     def _refit_small_second(self, fits: Fits) -> Fits:
         """Fit pairs of an accepted effect, or the best one, and what the screen shows beside it.

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy import special
@@ -21,9 +20,9 @@ from cell.gap.fitting.starts import refit_base, refit_base_fine, weak_directions
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.forward_selection import ForwardSelection, Progress
 from cell.gap.selection import search
-from cell.gap.selection.beliefs import beliefs
 from cell.gap.selection.choice import leaves_nothing
 from cell.gap.selection.fits import Fits
+from cell.gap.selection.immaterial import filling_floor, immaterial
 from cell.gap.selection.likelihood import (
     ALPHA,
     MIN_GAIN,
@@ -32,7 +31,7 @@ from cell.gap.selection.likelihood import (
     likelihood_scale,
     margin,
 )
-from cell.gap.selection.posterior import immaterial_responses, posterior
+from cell.gap.selection.posterior import posterior
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranking, table
 from cell.gap.subject.subject import Subject
@@ -40,7 +39,7 @@ from cell.gap.verdict.advice import advice
 from cell.gap.verdict.decide import in_doubt, kind
 from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
 from cell.gap.verdict.judge import chosen, judge, refit_held_out
-from cell.gap.verdict.offered_law import Names, Weigh, offered_law
+from cell.gap.verdict.offered_law import Names, offered_law
 
 
 def investigate(
@@ -55,7 +54,7 @@ def investigate(
     fitted = _fit_base(subject, whole, simulate, rng)
     progress("screen the candidates", 0.12)
     screened = _screen(subject, fitted, simulate)
-    fits = Fits((fitted.base,), screened.immaterial)
+    fits = Fits((fitted.base,), screened.library)
     stages = ((ForwardSelection.refit_singles, 0.4), (ForwardSelection.refit_further, 0.75))
     for refit_more, share in stages:
         best_before = fits.best
@@ -68,11 +67,9 @@ def investigate(
             fitted = _judge_base(subject, *revised, simulate, rng)
             screened = _score_candidates(subject, fitted, screened.probed)
             fits = search.beside_base(simulate, fits, fitted.base, fitted.scatter, whole)
-            fits = replace(fits, immaterial=screened.immaterial)
+            fits = replace(fits, library=screened.library)
     progress("judge", 0.8)
-    believed = subject.scope.believed
-    weigh = partial(posterior, probed=screened.probed, by=fits.scale, believed=believed)
-    sets = weigh(fits)
+    sets = posterior(fits, fits.scale)
     choice = chosen(subject, simulate, fits, sets)
     judged = judge(subject, choice, sets, simulate, whole, rng)
     progress("show on held-out runs", 0.9)
@@ -84,12 +81,10 @@ def investigate(
     found = Findings(
         subject, tuple(held_out), fitted, screened, choice, sets, judged, shown, advised
     )
-    return _with_law(found, simulate, weigh, rng)
+    return _with_law(found, simulate, rng)
 
 
-def _with_law(
-    found: Findings, simulate: Simulate, weigh: Weigh, rng: np.random.Generator
-) -> Findings:
+def _with_law(found: Findings, simulate: Simulate, rng: np.random.Generator) -> Findings:
     """Findings with a law, where one is offered for a gap without a name or one in doubt."""
     verdict, choice = kind(found), found.choice
     if verdict == "no_gap" or (verdict == "named" and not in_doubt(found)):
@@ -97,7 +92,7 @@ def _with_law(
     nothing = leaves_nothing(choice.accepted, choice.fits)
     names = Names(choice.accepted, verdict == "named", nothing)
     rival = None if verdict == "unexplained" else names
-    law = offered_law(found.subject, simulate, choice.fits, found.shown.before, rng, weigh, rival)
+    law = offered_law(found.subject, simulate, choice, found.shown.before, rng, rival)
     return replace(found, offered=law)
 
 
@@ -156,10 +151,8 @@ def _score_candidates(subject: Subject, fitted: Fitted, probed: Sequence[Probed]
     Like the posterior it expects every effect of the library at an immaterial amount.
     """
     base, by = fitted.base.estimate, likelihood_scale([fitted.base])
-    believed = subject.scope.believed
-    few = immaterial_responses(base, probed, beliefs().immaterial, believed=believed)
-    immaterial = tuple(few.values())
-    about = projection(base, nuisance=immaterial)
+    library = filling_floor(base, probed, believed=subject.scope.believed)
+    about = projection(base, nuisance=immaterial(library))
     known = table(about, probed)
     singles = ranking(known)
     return Screened(
@@ -168,7 +161,7 @@ def _score_candidates(subject: Subject, fitted: Fitted, probed: Sequence[Probed]
         tuple(singles),
         _screened_p(subject, singles, by),
         detectable(about, probed, by),
-        immaterial,
+        library,
     )
 
 

@@ -58,14 +58,14 @@ def measure(case: Values) -> Values:
         found = investigate(subject, held, subject.simulate, quiet)
         fits = _fit_promising(found)
     scores = [
-        {"immaterial": i, "wrong": w, "nats": log_score(_weigh(found, fits, i, w), hidden)}
+        {"immaterial": i, "wrong": w, "nats": log_score(_weigh(fits, i, w), hidden)}
         for i, w in product(IMMATERIAL, WRONG_SIGMAS)
     ]
     return {
         "answer": list(hidden.answer),
         "strength": hidden.strength,
         "named": sorted(found.accepted.model.names),
-        "log_score": log_score(_weigh(found, fits, beliefs().immaterial, beliefs().wrong), hidden),
+        "log_score": log_score(posterior(fits, fits.scale), hidden),
         "best": max(score["nats"] for score in scores),
         "scores": scores,
     }
@@ -82,10 +82,9 @@ def _fit_promising(found: Findings) -> Fits:
     return search.fit_scores(found.subject.simulate, fits, missing, scope.candidates)
 
 
-def _weigh(found: Findings, fits: Fits, immaterial: float, wrong: float) -> Posterior:
+def _weigh(fits: Fits, immaterial: float, wrong: float) -> Posterior:
     prior = beliefs().model_copy(update={"immaterial": immaterial, "wrong": wrong})
-    believed = found.subject.scope.believed
-    return posterior(fits, found.screened.probed, fits.scale, prior, believed=believed)
+    return posterior(fits, fits.scale, prior)
 
 
 def log_score(sets: Posterior, hidden: Case) -> float:

@@ -1,13 +1,14 @@
 """All fitted models of the same runs: the base, and every model with effects beside it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import best
+from cell.gap.selection.immaterial import immaterial
 from cell.gap.selection.likelihood import LikelihoodScale, likelihood_scale, margin
 from drivers.types import Array
 
@@ -18,11 +19,11 @@ GAIN_SHARE = 0.5  # of the best model's gain, below which a model is left out; s
 class Fits:
     """Fitted models of the same runs, each set of effects once; one of them is the base.
 
-    `immaterial` are the whitened responses (N, k) to an immaterial amount of each effect.
+    `library` has the whitened response (N, k) to the amount of each effect that fills the floor.
     """
 
     models: tuple[Validated, ...]
-    immaterial: tuple[Array, ...] = ()
+    library: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def base(self) -> Validated:
@@ -33,6 +34,11 @@ class Fits:
     def scale(self) -> LikelihoodScale:
         """Scale of log-likelihoods, from the model that fits best."""
         return likelihood_scale(self.models)
+
+    @property
+    def immaterial(self) -> list[Array]:
+        """Whitened responses (N, k) to an immaterial amount of each effect."""
+        return immaterial(self.library)
 
     @property
     def unresolved(self) -> float:

@@ -8,7 +8,7 @@ J. R. Stat. Soc. B 63, 425). The integral over the unknowns is Laplace's (MacKay
 Theory, chapter 28).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,14 +17,11 @@ from scipy.linalg import cho_solve, solve_triangular
 
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.projection import projection, stacked_jacobian
+from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.selection.beliefs import Beliefs, beliefs
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
-from cell.gap.selection.screening import Probed
 from drivers.types import Array
-
-LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,23 +63,11 @@ class Posterior:
         return nats[names] - nats[frozenset()]
 
 
-def posterior(
-    fits: Fits,
-    probed: Sequence[Probed],
-    by: LikelihoodScale,
-    prior: Beliefs | None = None,
-    *,
-    believed: bool = False,
-) -> Posterior:
-    """Probabilities of the sets of effects in `fits`; `probed` is the library at the base.
-
-    The prior is that of the package unless another is given.
-    Where spreads of the base are `believed`, an effect that only they separate from the base is
-    material: changes of the base against its priors count like residuals.
-    """
+def posterior(fits: Fits, by: LikelihoodScale, prior: Beliefs | None = None) -> Posterior:
+    """Probabilities of the sets of effects in `fits`; without a `prior`, by the package's."""
     prior = prior or beliefs()
-    about = _About.of(fits, probed, by, prior, believed=believed)
-    chance = prior.expected / max(len(probed), 2.0 * prior.expected)
+    about = _About.of(fits, by, prior)
+    chance = prior.expected / max(len(fits.library), 2.0 * prior.expected)
     odds = float(special.logit(chance))
     nats = [about.evidence(m.estimate) + odds * len(m.model.effects) for m in fits.models]
     shares = special.softmax(nats)
@@ -101,15 +86,7 @@ class _About:
     prior: Beliefs
 
     @classmethod
-    def of(
-        cls,
-        fits: Fits,
-        probed: Sequence[Probed],
-        by: LikelihoodScale,
-        prior: Beliefs,
-        *,
-        believed: bool,
-    ) -> "_About":
+    def of(cls, fits: Fits, by: LikelihoodScale, prior: Beliefs) -> "_About":
         """Weights of samples and spikes for all sets of `fits`.
 
         Wild samples are those of the best fit: at its own, a bad model would call wild what it does
@@ -118,7 +95,7 @@ class _About:
         base, best = fits.base.estimate, min(fits.models, key=lambda m: m.estimate.objective)
         r = _in_units_of(base, best.estimate)[0] / by.scale
         weight = np.sqrt(robust.weights(r) / by.inefficiency) / by.scale
-        spikes = immaterial_responses(base, probed, prior.immaterial, believed=believed)
+        spikes = {name: prior.immaterial * r for name, r in fits.library.items()}
         return cls(base, weight, spikes, prior)
 
     def evidence(self, fit: Estimate) -> float:
@@ -182,29 +159,6 @@ def _error_covariance(t: Array, error: Array, memory: float) -> Array:
     near = np.exp(-0.5 * ((t[:, None] - t) / memory) ** 2)
     local = np.sqrt((near @ error**2) / near.sum(axis=1))
     return np.asarray(near * local[:, None] * local + np.eye(len(t)))
-
-
-def immaterial_responses(
-    base: Estimate, probed: Sequence[Probed], immaterial: float, *, believed: bool
-) -> dict[str, Array]:
-    """Whitened responses (N, k) to immaterial amounts of each effect by name.
-
-    One for each group of its probes, of the share `immaterial` of the floor once the base absorbs
-    what it can, its changes included where its spreads are `believed`.
-    """
-    about = projection(base, robustly=False)
-    floors = [run.samples.floor for run in base.evidence.runs]
-    allowed = np.concatenate([f / s for f, s in zip(floors, base.evidence.scales, strict=True)])
-    size = immaterial * float(np.linalg.norm(allowed))
-    found = {}
-    for p in probed:
-        firsts = np.concatenate([group[:, :1] for group in p.responses], axis=1)
-        left = about.left(firsts)
-        norms = np.sqrt(np.sum((firsts if believed else left) * left, axis=0))
-        seen = norms > LEAST_NORM
-        if seen.any():
-            found[p.candidate.name] = firsts[:, seen] * (size / norms[seen] / np.sqrt(seen.sum()))
-    return found
 
 
 def _in_units_of(base: Estimate, fit: Estimate) -> tuple[Array, Array]:

@@ -54,8 +54,8 @@ class Fitted:
 class Screened:
     """Results of the screen: probes, their table, scores of single effects, p-values by name.
 
-    `detectable` are smallest sizes by effect, None where no possible size would show;
-    `immaterial` are the whitened responses (N, k) to an immaterial amount of each effect.
+    `detectable` are smallest sizes by effect, None where no possible size would show; `library` has
+    the whitened response (N, k) to the amount of each effect that fills the floor.
     """
 
     probed: tuple[Probed, ...]
@@ -63,7 +63,7 @@ class Screened:
     singles: tuple[Score, ...]
     p: dict[str, float]
     detectable: dict[str, float | None]
-    immaterial: tuple[Array, ...]
+    library: dict[str, Array]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,5 @@
 """Empirical law fitted to a gap that no effect accounts for, and tested on unseen runs."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -12,10 +11,10 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection import search
-from cell.gap.selection.choice import is_exhausted, needed_models
+from cell.gap.selection.choice import Choice, is_exhausted, needed_models
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import MIN_GAIN
-from cell.gap.selection.posterior import Posterior
+from cell.gap.selection.posterior import Posterior, posterior
 from cell.gap.selection.screening import probe, ranked_pairs, ranking, table
 from cell.gap.subject.subject import Subject
 
@@ -38,9 +37,6 @@ class Offer:
 
 
 OFFER = Offer()
-
-Weigh = Callable[[Fits], Posterior]
-"""Weighs sets of effects and of terms alike by the posterior."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,13 +93,12 @@ class Names:
 def offered_law(
     subject: Subject,
     simulate: Simulate,
-    fits: Fits,
+    choice: Choice,
     before: Estimate,
     rng: np.random.Generator,
-    weigh: Weigh,
     names: Names | None = None,
 ) -> OfferedLaw | None:
-    """Most probable stable law beside the base of `fits` that shrinks the gap `before`.
+    """Most probable stable law beside the base of `choice` that shrinks the gap `before`.
 
     `before` is the base on runs that were held out. None where no term is clearly more probable
     than none, no law is stable, none closes a gap on those runs, or `names` do not allow it.
@@ -113,8 +108,10 @@ def offered_law(
     longest = OFFER.longest if names is None else names.longest
     if not longest:
         return None
+    fits = choice.fits
     laws = _fit_laws(subject, simulate, replace(fits, models=(fits.base,)), longest)
-    sets = weigh(laws if names is None else Fits((*laws.models, names.model)))
+    rival = () if names is None else (names.model,)
+    sets = posterior(replace(laws, models=(*laws.models, *rival)), choice.by)
     for law in needed_models(laws, sets):
         if (names is None or names.allow(law, sets)) and _stable(law.estimate):
             after = held_out_gap.unseen(simulate, law.estimate, before.evidence)

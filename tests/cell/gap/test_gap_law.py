@@ -10,6 +10,7 @@ import pytest
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.selection.fits import Fits
+from cell.gap.selection.immaterial import filling_floor
 from cell.gap.selection.likelihood import likelihood_scale
 from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import probe
@@ -125,8 +126,9 @@ def test_as_good_as_what_was_named_is_enough_only_for_a_shorter_law_or_where_no_
     base = run_one(subject.simulate, validate(engine.fitted(subject)))
     probes = [probe(base.estimate, c) for c in subject.scope.candidates]
     probed = run_all(subject.simulate, probes)
-    fits = Fits((base, right, pair, law, worse))
-    sets = posterior(fits, probed, likelihood_scale([right]))
+    library = filling_floor(base.estimate, probed, believed=False)
+    fits = Fits((base, right, pair, law, worse), library)
+    sets = posterior(fits, likelihood_scale([right]))
     assert not Names(right, sure=True).allow(law, sets)
     assert Names(right, sure=False).allow(law, sets)
     assert not Names(right, sure=False).is_refuted_by(law, sets)

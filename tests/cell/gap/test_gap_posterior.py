@@ -8,6 +8,7 @@ from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.beliefs import Beliefs, beliefs
 from cell.gap.selection.fits import Fits
+from cell.gap.selection.immaterial import filling_floor
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.selection.posterior import Posterior, posterior
 from cell.gap.selection.screening import probe
@@ -21,10 +22,10 @@ EXACT = beliefs().model_copy(update={"immaterial": 0.0, "shares": (0.0,)})
 
 
 def sets(subject: Curves, *names: tuple[str, ...], prior: Beliefs = EXACT) -> Posterior:
-    fits = Fits(tuple(validated(fitted(subject, n), subject) for n in ((), *names)))
-    base = fits.base.estimate
+    models = tuple(validated(fitted(subject, n), subject) for n in ((), *names))
+    base = models[0].estimate
     probed = run_all(subject.simulate, [probe(base, c) for c in subject.scope.candidates])
-    return posterior(fits, probed, PLAIN, prior)
+    return posterior(Fits(models, filling_floor(base, probed, believed=False)), PLAIN, prior)
 
 
 def at_prior_mean(subject: Curves, names: tuple[str, ...]) -> tuple[Array, Array, Array]:

@@ -45,8 +45,8 @@ def test_what_immaterial_effects_would_leave_is_too_little() -> None:
     models = tuple(validated(at(subject, names), subject) for names in ((), ("bump",)))
     waves = next(c for c in subject.scope.candidates if c.name == "wave")
     responses = run_one(subject.simulate, probe(models[0].estimate, waves)).responses[1]
-    assert not leaves_nothing(models[1], Fits(models, (1e-3 * responses,)))
-    assert leaves_nothing(models[1], Fits(models, (1e3 * responses,)))
+    assert not leaves_nothing(models[1], Fits(models, {"wave": 1e-3 * responses}))
+    assert leaves_nothing(models[1], Fits(models, {"wave": 1e3 * responses}))
 
 
 def test_a_base_never_ends_the_search() -> None:
