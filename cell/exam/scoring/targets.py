@@ -40,7 +40,7 @@ def targets(entries: Sequence[Entry], tier: Tier) -> list[Target]:
         _coverage(entries, through),
         _shrink(entries, through),
         _errors(entries, through),
-        *_cost(entries),
+        *_cost(entries, through),
     ]
 
 
@@ -72,7 +72,7 @@ def _line(
 def _false_alarms(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     """Lines on cases without a hidden effect: no gap, a false name, a claimed gap."""
     nothing = outcomes(entries, "nothing")
-    least, most = (0.93, 0.03) if through else (0.95, 0.02)
+    least, most = (0.95, 0.03) if through else (0.97, 0.02)
     quiet = rate(o.result == "correct_no_gap" for o in nothing)
     yield _at_least("`no_gap` where nothing is hidden", quiet, least)
     named = rate(o.result == "false_alarm" for o in nothing)
@@ -95,7 +95,7 @@ def _names(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     clear = [e for e in single if e.case.strength != "weak"]
     weak = [e for e in single if e.case.strength == "weak"]
     pairs = [e for e in entries if e.case.kind == "pair"]
-    strictly, by_class, both = (0.85, 0.92, 0.70) if through else (0.90, 0.95, 0.80)
+    strictly, by_class, both = (0.88, 0.93, 0.75) if through else (0.90, 0.96, 0.80)
     rows = [
         ("the right name strictly, medium strength and above", clear, ("right_strict",), strictly),
         ("the right name by its class, medium and above", clear, RIGHT_RESULTS, by_class),
@@ -178,9 +178,9 @@ def comparisons(entries: Iterable[Entry]) -> list[Checked]:
 def _coverage(entries: Sequence[Entry], through: bool) -> Target:
     found = rate(c.covered for c in comparisons(entries))
     words = "95 % intervals that hold the truth, where the laws agree"
-    if through:
-        return _line(words, found, "88 to 98 %", lambda r: 0.88 <= r.value <= 0.98, 0.02)
-    return _line(words, found, "91 to 98 %", lambda r: 0.91 <= r.value <= 0.98, 0.02)
+    least = 0.90 if through else 0.92
+    wanted = f"{100 * least:.0f} to 98 %"
+    return _line(words, found, wanted, lambda r: least <= r.value <= 0.98, 0.02)
 
 
 def shares(entries: Iterable[Entry]) -> list[float]:
@@ -216,12 +216,14 @@ def _median(
     return Target(words, f"{100 * middle:.0f} % of {len(found)} values", wanted, met)
 
 
-def _cost(entries: Sequence[Entry]) -> Iterable[Target]:
+def _cost(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     walls = [e.wall for e in entries if e.outcome is not None]
     memory = [e.memory for e in entries if e.outcome is not None]
     if not walls:
         return
     middle, longest = median(walls), max(walls)
-    yield Target("run time on one core, median", f"{middle:.0f} s", "15 s", middle <= 15.0)
-    yield Target("run time on one core, longest", f"{longest:.0f} s", "60 s", longest <= 60.0)
+    usual, most = (25.0, 120.0) if through else (15.0, 60.0)
+    for words, found, wanted in (("median", middle, usual), ("longest", longest, most)):
+        line = f"run time on one core, {words}"
+        yield Target(line, f"{found:.0f} s", f"{wanted:.0f} s", found <= wanted)
     yield Target("peak memory, largest", f"{max(memory):.0f} MB", "1024 MB", max(memory) < 1024.0)

@@ -35,7 +35,7 @@ OUTSIDE_SHARE = 0.2  # of the cases that a confidence speaks of: as in the exam 
 SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which they count
     "ahead": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
     "left": Weight(weight=-2.0, low=0.5, high=2.0),
-    "smooth": Weight(weight=-2.0, low=0.0, high=1.0),
+    "correlated": Weight(weight=-2.0, low=0.0, high=1.0),
     "closed": Weight(weight=1.0, low=0.0, high=1.0),
     "law": Weight(weight=-2.0, low=0.0, high=1.0),
 }

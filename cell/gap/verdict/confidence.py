@@ -46,11 +46,11 @@ class Signs:
         return cls(ahead, sets.left, sets.correlation, unseen, gap.shrink, law)
 
     @property
-    def smooth(self) -> float:
-        """Rms of the part of `left` that goes from one sample to the next, as a wrong law leaves.
+    def correlated(self) -> float:
+        """Rms of the correlated part of `left`, in its units: root of the lag-one autocovariance.
 
-        The root of the autocovariance: a correlation alone also condemns residuals far below the
-        floor, where little noise leaves the small errors of a camera's perception alone.
+        The correlation itself is high, too, where hardly anything is left: through images noise is
+        small, and perception's errors, far below the floor, are all there is.
         """
         return self.left * math.sqrt(max(self.correlation, 0.0))
 

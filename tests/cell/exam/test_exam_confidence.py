@@ -113,11 +113,11 @@ def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
     assert 0.0 < stated[0] < stated[2] < 1.0
 
 
-def test_what_goes_on_in_time_counts_by_its_size() -> None:
+def test_correlated_residuals_count_by_their_size() -> None:
     def lost(left: float) -> float:
-        white, smooth = (Signs(20.0, left, c, 2.0, 1.0) for c in (-0.3, 0.7))
-        assert white.smooth == 0.0
-        return calibration().probability(white) - calibration().probability(smooth)
+        white, correlated = (Signs(20.0, left, c, 2.0, 1.0) for c in (-0.3, 0.7))
+        assert white.correlated == 0.0
+        return calibration().probability(white) - calibration().probability(correlated)
 
     assert lost(0.9) > 0.1
     assert 0.0 < lost(0.4) < 0.5 * lost(0.9)
