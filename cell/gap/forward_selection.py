@@ -111,12 +111,19 @@ class ForwardSelection:
         return len(self._accept(fits).model.effects) == 2
 
     def _refit_alternatives(self, fits: Fits) -> Fits:
-        """Fit accepted and best model without each effect, and with others in its place."""
+        """Fit accepted and best model without each effect, and with others in its place.
+
+        Again where one of these is accepted then: its effects have alternatives of their own.
+        """
         candidates = self.subject.scope.candidates
-        subsets = search.without_each(fits, self._accept(fits))
-        fits = search.fit_scores(self.simulate, fits, subsets, candidates)
-        others = search.substitutes(self.simulate, fits, self._accept(fits), candidates)
-        return search.fit_scores(self.simulate, fits, others, candidates)
+        tried: set[frozenset[str]] = set()
+        while (names := self._accept(fits).model.names) not in tried:
+            tried.add(names)
+            subsets = search.without_each(fits, self._accept(fits))
+            fits = search.fit_scores(self.simulate, fits, subsets, candidates)
+            others = search.substitutes(self.simulate, fits, self._accept(fits), candidates)
+            fits = search.fit_scores(self.simulate, fits, others, candidates)
+        return fits
 
 
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:

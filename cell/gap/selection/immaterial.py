@@ -16,20 +16,26 @@ LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
 def filling_floor(base: Estimate, probed: Sequence[Probed], *, believed: bool) -> dict[str, Array]:
     """Whitened responses (N, k) by name to the amount of each effect that fills the floor.
 
-    One for each group of its probes that is seen once the base absorbs what it can. Where spreads
-    of the base are `believed`, an effect that only they separate from the base is seen: changes of
-    the base against its priors count like residuals.
+    One for each group of its probes that is seen once the base absorbs what it can: the amount
+    whose energy comes closest to the floor's over the runs, by least squares, so that an effect of
+    one run alone may fill the floor of that run alone. Where spreads of the base are `believed`, an
+    effect that only they separate from the base is seen: changes of the base against its priors
+    count like residuals.
     """
     about = projection(base, robustly=False)
-    floors = [run.samples.floor for run in base.evidence.runs]
-    allowed = np.concatenate([f / s for f, s in zip(floors, base.evidence.scales, strict=True)])
-    size = float(np.linalg.norm(allowed))
+    evidence = base.evidence
+    runs = [r.samples.floor / s for r, s in zip(evidence.runs, evidence.scales, strict=True)]
+    floor = np.array([allowed @ allowed for allowed in runs])
+    starts = np.cumsum([0, *map(len, runs[:-1])])
     found: dict[str, Array] = {}
     for p in probed:
         firsts = np.concatenate([group[:, :1] for group in p.responses], axis=1)
         left = about.left(firsts)
         norms = np.sqrt(np.sum((firsts if believed else left) * left, axis=0))
         seen = norms > LEAST_NORM
+        by_run = np.add.reduceat(left[:, seen] ** 2, starts, axis=0)
+        by_run /= by_run.sum(axis=0)
+        size = np.sqrt(floor @ by_run / np.sum(by_run**2, axis=0))
         share = size / np.sqrt(max(int(seen.sum()), 1))
         found[p.candidate.name] = firsts[:, seen] * (share / norms[seen])
     return found

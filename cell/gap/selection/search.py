@@ -363,7 +363,8 @@ def substitutes(
 ) -> list[Score]:
     """Scores of the `accepted` model with each effect replaced by its best substitutes.
 
-    Of two similar effects a forward search meets only one.
+    Of those that were not fitted in its place: of two similar effects a forward search meets only
+    one.
     """
     found = dict[tuple[str, ...], Score]()
     for gone in sorted(accepted.model.names):
@@ -372,7 +373,8 @@ def substitutes(
             continue
         fit = others.estimate
         known = with_shape_parameters(candidates, fits)
-        new = [c for c in known if c.name not in accepted.model.names]
+        absent = [c for c in known if c.name not in accepted.model.names]
+        new = [c for c in absent if fits.of(others.model.names | {c.name}) is None]
         probed = run_all(simulate, [probe(fit, c) for c in new])
         for s in ranking(table(projection(fit), probed))[: BUDGET.substitutes]:
             beside = s.beside(fit)

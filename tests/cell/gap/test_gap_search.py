@@ -81,6 +81,9 @@ def test_each_effect_of_the_accepted_model_is_replaced_by_what_explains_most_bes
     scores = substitutes(subject.simulate, fits, fits.models[3], subject.scope.candidates)
     assert {s.names for s in scores} == {("broad", "wave"), ("broad", "bump")}
     assert all(s.after is not None and s.after.model.names < frozenset(s.names) for s in scores)
+    more = fits.merge([validated(at(subject, ("broad", "wave")), subject)])
+    (score,) = substitutes(subject.simulate, more, fits.models[3], subject.scope.candidates)
+    assert score.names == ("broad", "bump")
     single = Fits(fits.models[:2])
     assert substitutes(subject.simulate, single, fits.models[1], subject.scope.candidates) == []
 

@@ -20,7 +20,7 @@ from tests.support.seen_folds import STRIPS
 from tests.support.twin_calibration import twin_calibration
 
 CAMERA = CameraSettings()
-CALIBRATION, SETTINGS = twin_calibration(CAMERA), PerceptionSettings()
+SETTINGS = PerceptionSettings()
 DENIM = load_strip(STRIPS / "denim.yaml")
 WAITING, ABOVE = Pose(0.65, 0.25, 0.0), Pose(0.3, 0.3, np.pi / 2)
 
@@ -35,8 +35,8 @@ def picture(points: Array, gripper: Pose, seed: int) -> Image:
 def standing() -> Standing:
     arc = np.linspace(0, DENIM.length, 61)
     flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
-    seen = inspect(Frame(0.0, 0.0, "test", 0, flat), CALIBRATION, SETTINGS, DENIM)
-    return Standing.of(seen.appearance, CALIBRATION, SETTINGS, DENIM)
+    seen = inspect(Frame(0.0, 0.0, "test", 0, flat), twin_calibration(CAMERA), SETTINGS, DENIM)
+    return Standing.of(seen.appearance, twin_calibration(CAMERA), SETTINGS, DENIM)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def lifted() -> Image:
 
 def moved(image: Image, x: float, z: float) -> Image:
     """`image` as of a camera that was moved so that all appears `x`, `z` [m] elsewhere."""
-    here, there = CALIBRATION.to_image(np.array([(0.2, 0.0), (0.2 + x, z)]))
+    here, there = twin_calibration(CAMERA).to_image(np.array([(0.2, 0.0), (0.2 + x, z)]))
     warp = np.column_stack([np.eye(2), there - here])
     size = image.shape[1::-1]
     return np.asarray(cv2.warpAffine(image, warp, size, borderMode=cv2.BORDER_REPLICATE))
@@ -83,5 +83,5 @@ def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(standing: Sta
 def test_process_beside_the_loop_says_so_too() -> None:
     arc = np.linspace(0, DENIM.length, 61)
     flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
-    sight = StripSight(Subject(CALIBRATION, SETTINGS, DENIM))
+    sight = StripSight(Subject(twin_calibration(CAMERA), SETTINGS, DENIM))
     assert sight.inspect(Frame(0.0, 0.0, "test", 0, flat))[-1].name == CAMERA_WATCHED
