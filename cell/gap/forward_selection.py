@@ -81,11 +81,13 @@ class ForwardSelection:
         """Fit pairs of an accepted effect, or the best one, and what the screen shows beside it.
 
         By what they predict and by evidence two single effects may change places where either is
-        only a part of the cause.
+        only a part of the cause. Their shape parameters come first: what the law of one gets wrong
+        is no second effect.
         """
-        accepted = self._accept(fits)
-        if not accepted.model.effects:
+        if not self._accept(fits).model.effects:
             return fits
+        fits = fits.merge(search.shape_parameters(self.simulate, fits))
+        accepted = self._accept(fits)
         models = [accepted] if fits.best in (accepted, fits.base) else [accepted, fits.best]
         self.progress("screen beside the accepted effect", 0.5)
         candidates, probed = self.subject.scope.candidates, self.screened.probed

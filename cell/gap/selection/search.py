@@ -114,12 +114,6 @@ def _gain(base: Estimate, estimate: Estimate, scale: float) -> float:
     return objective_of(base, scale) - objective_of(estimate, scale)
 
 
-def _fit_promising(base: Estimate, model: Model, points: Sequence[Start]) -> Task[Estimate]:
-    """Fit `model` to the end from the best of its short fits; yields simulations."""
-    first = yield from _best_short_fit(base, model, points)
-    return base if first is None else (yield from _finish(first))
-
-
 def _finish(first: Estimate, *, worth: bool = True) -> Task[Estimate]:
     """Continue the fit `first` to its end if it is `worth` that; returns the better of the two."""
     if not worth:
@@ -210,7 +204,8 @@ def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
         fit, model = m.estimate, _with_shape(m.model)
         shared, effects = fit.model.split(fit.shared)
         begin = [Point(model.join(shared, v), fit.point.local) for v in _guesses(model, effects)]
-        tasks.append(_fit_promising(fit, model, [(p, None) for p in begin]))
+        # after a few steps the better start may be the worse one: a law bends far
+        tasks.append(_best_of([refit(model, fit.evidence, p, None, ROUGH_GAIN) for p in begin]))
     done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
     return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
 

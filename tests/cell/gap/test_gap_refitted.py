@@ -9,19 +9,22 @@ from cell.gap.forward_selection import ForwardSelection
 from cell.gap.selection import search
 from cell.gap.selection.fits import Fits
 from tests.cell.gap.test_gap_engine import Curves, Law, bump, hidden, judged, nothing, wave
+from tests.cell.gap.test_gap_search import Bending, leaning
 
 BASE: frozenset[str] = frozenset()
 
 
 def refitted(law: Law, *, doubted: bool, further: bool = False) -> set[frozenset[str]]:
     """Sets of effects that are fitted to curves with `law`, if their base is `doubted` or not."""
-    subject = Curves(law)
+    return {m.model.names for m in fitted(Curves(law), doubted=doubted, further=further).models}
+
+
+def fitted(subject: Curves, *, doubted: bool, further: bool) -> Fits:
     found, _ = judged(subject)
-    fitted = replace(found.fitted, misfit=0.0 if doubted else 1.0, places=())
-    selection = ForwardSelection(subject, subject.simulate, quiet, fitted, found.screened)
+    left = replace(found.fitted, misfit=0.0 if doubted else 1.0, places=())
+    selection = ForwardSelection(subject, subject.simulate, quiet, left, found.screened)
     fits = selection.refit_singles(Fits((found.base,)))
-    fits = selection.refit_further(fits) if further else fits
-    return {model.model.names for model in fits.models}
+    return selection.refit_further(fits) if further else fits
 
 
 @pytest.fixture
@@ -53,3 +56,12 @@ def test_a_small_second_effect_is_sought_beside_a_name_that_leaves_no_gap() -> N
     assert frozenset({"bump", "wave"}) in refitted(both, doubted=False, further=True)
     alone = refitted(hidden(bump, 0.2), doubted=False, further=True)
     assert frozenset({"bump", "wave"}) not in alone
+
+
+def test_the_law_of_a_name_that_leaves_no_gap_is_refined_before_a_second_effect_is_sought() -> None:
+    subject = Bending(lambda t, s, i: 0.2 * bump(t, s, i) + 0.01 * leaning(t, s, i))
+    (alone, *_) = fitted(subject, doubted=False, further=False).of_size(1)
+    assert [p.name for p in alone.model.effects[0].parameters] == ["size"]
+    refined = fitted(subject, doubted=False, further=True).of(frozenset({"bump"}))
+    assert refined is not None
+    assert [p.name for p in refined.model.effects[0].parameters] == ["size", "lean"]
