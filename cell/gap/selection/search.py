@@ -204,7 +204,7 @@ def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
         fit, model = m.estimate, _with_shape(m.model)
         shared, effects = fit.model.split(fit.shared)
         begin = [Point(model.join(shared, v), fit.point.local) for v in _guesses(model, effects)]
-        # after a few steps the better start may be the worse one: a law bends far
+        # the start that ends lower may be the higher one after a few steps
         tasks.append(_best_of([refit(model, fit.evidence, p, None, ROUGH_GAIN) for p in begin]))
     done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
     return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
@@ -358,8 +358,8 @@ def substitutes(
 ) -> list[Score]:
     """Scores of the `accepted` model with each effect replaced by its best substitutes.
 
-    Of those that were not fitted in its place: of two similar effects a forward search meets only
-    one.
+    Only effects that were not fitted in its place are considered: of two similar ones a forward
+    search meets only one.
     """
     found = dict[tuple[str, ...], Score]()
     for gone in sorted(accepted.model.names):
