@@ -41,6 +41,7 @@ def _shown(views: BoardViews, held: Held, sequence: int = 0) -> str | None:
     return views.tell(_frame(held, sequence)).refused if told.waits else told.refused
 
 
+@pytest.mark.slow
 def test_lens_is_found_through_images_to_half_a_percent() -> None:
     verdict = _verdict()
     assert verdict.passed, verdict.reasons

@@ -83,6 +83,7 @@ def test_touched_points_give_the_plane_to_a_tenth_of_a_millimetre() -> None:
     assert np.hypot(*(seen - grid).T).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_whole_calibration_through_images_knows_where_the_camera_stands() -> None:
     calibration = twin_calibration(CAMERA)
     assert calibration.residual_mm < 0.1

@@ -14,6 +14,7 @@ from tests.benchmarks.fuzz_readers import (
 )
 
 
+@pytest.mark.slow
 def test_hostile_documents_are_read_or_refused(tmp_path) -> None:
     took = fuzz_documents(126, 1, tmp_path)
     took += fuzz_acceptance(12, 1, tmp_path / "fit")
@@ -22,6 +23,7 @@ def test_hostile_documents_are_read_or_refused(tmp_path) -> None:
     assert sum(took.values()) == 126 + 24
 
 
+@pytest.mark.slow
 def test_hostile_run_folders_are_read_or_refused(tmp_path) -> None:
     took = fuzz_folders(5, 1, tmp_path, pages=2)
     assert took["folders"] == 5

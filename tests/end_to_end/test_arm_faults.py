@@ -18,7 +18,7 @@ def test_fault_is_named_the_arm_rests_and_the_record_is_whole(fault, tmp_path) -
     assert came.whole
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("fault", STRIKES)
 def test_every_fault_in_every_phase_likewise(fault, phase, tmp_path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.drivers.camera.beside_vivid import beside_vivid
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 MODULE = "tests.drivers.camera.vivid.commands"
 LIMIT = 1800.0  # s

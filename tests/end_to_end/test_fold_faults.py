@@ -157,6 +157,7 @@ def wait_for_fold(runs: Path, process: subprocess.Popen) -> Path:
     raise AssertionError(f"no fold began: {process.communicate()}")
 
 
+@pytest.mark.slow
 def test_a_killed_process_leaves_a_run_that_the_report_explains(tmp_path) -> None:
     process = start(tmp_path)
     folder = wait_for_fold(tmp_path, process)
@@ -171,6 +172,7 @@ def test_a_killed_process_leaves_a_run_that_the_report_explains(tmp_path) -> Non
     assert "died" in page or "ended without" in page
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_under_control_and_is_recorded(tmp_path) -> None:
     process = start(tmp_path)
     folder = wait_for_fold(tmp_path, process)

@@ -24,6 +24,8 @@ from policies.checkpoint import load_checkpoint, save_checkpoint
 from policies.feedback import COMMITTED
 from tests.end_to_end.folded import Folded, fold_and_keep, request_for
 
+pytestmark = pytest.mark.slow
+
 MASKED = 0.13  # m of travel in which a taut lift makes the contact jump
 
 
@@ -212,7 +214,6 @@ def test_replay_decides_with_the_weights_of_the_run(secret: Folded, tmp_path: Pa
     assert replay(copy).differences
 
 
-@pytest.mark.slow
 def test_same_seed_same_bytes_whatever_the_jobs(denim: Folded, tmp_path: Path) -> None:
     requests = [
         request_for("denim", "triangular", tmp_path / "again"),

@@ -5,7 +5,7 @@ import pytest
 
 from cell.exam.studies.circle import HIDDEN_VALUES, measure
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 YARNS, TOOL, *_ = HIDDEN_VALUES
 

@@ -36,7 +36,7 @@ def off(seen: Run, own: Run, begin: float) -> np.ndarray:
     return np.concatenate(found)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_film_by_another_encoder_gives_the_profiles_of_the_cell(tmp_path: Path) -> None:
     own, film, begin = filmed("denim", "triangular", tmp_path)
     again = encoded_again(film, "libx265")

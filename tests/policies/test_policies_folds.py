@@ -22,6 +22,8 @@ from policies.train.folding import evaluate_piece, evaluator, validate
 from policies.train.search import first_weights
 from policies.train.settings import TrainingSettings
 
+pytestmark = pytest.mark.slow
+
 CONFIGS = Path(__file__).parents[2] / "configs" / "strips"
 STRIPS = [load_strip(path) for path in sorted(CONFIGS.glob("*.yaml"))]
 SMALL = TrainingSettings(population=14, strips=2, segments=40, generations=2, validate_every=1)
@@ -70,7 +72,6 @@ def test_committed_feedback_beats_every_open_loop_over_the_papers_range() -> Non
     assert feedback.max() < baseline.max() < 0.018
 
 
-@pytest.mark.slow
 def test_feedback_trained_in_the_rod_folds_every_fabric_on_the_chain() -> None:
     folds = fold("feedback", STRIPS, engine=Chain())
     assert np.abs(folds.displacement).max() < 0.014

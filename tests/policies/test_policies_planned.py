@@ -16,6 +16,8 @@ from policies.planned import Planned, plan
 from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
 
+pytestmark = pytest.mark.slow
+
 STIFF_YARN = {"bending_hysteresis": {"yield_curvature": 12.0}}
 
 
@@ -32,7 +34,6 @@ def test_known_strips_fold_within_a_millimetre_in_the_rod() -> None:
     assert np.abs(d).max() < 0.001
 
 
-@pytest.mark.slow
 def test_plan_made_in_the_rod_holds_on_the_chain() -> None:
     strips = [strip_at(u, v) for u, v in ((0.0, 0.0), (0.2, 0.9), (0.6, 0.4), (1.0, 1.0))]
     d = displacements(Planned(strips), strips, Chain(60))

@@ -30,7 +30,7 @@ def touches(seed: int, mrad: float = 0.0, *, mirrored: bool = False) -> tuple[st
     return touch_verdict(made, camera.lens, TOUCHES).reasons
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_sessions_of_many_cameras_are_accepted_or_refused_for_their_cause() -> None:
     assert not any(board(seed) for seed in range(40))
     assert not any(touches(seed) for seed in range(40))

@@ -26,6 +26,8 @@ from drivers.types import frozen
 from tests.cell.conftest import straight_camera
 from tests.support.board_sessions import LENS
 
+pytestmark = pytest.mark.slow
+
 SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 
 

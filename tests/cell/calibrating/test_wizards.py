@@ -36,6 +36,8 @@ from drivers.errors import ConfigurationError
 from drivers.twin.renderer.optics import Optics
 from drivers.types import frozen
 
+pytestmark = pytest.mark.slow
+
 SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 CAMERA = SETTINGS.twin.camera
 News = list[ViewNews | TouchNews]

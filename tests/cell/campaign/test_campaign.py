@@ -30,6 +30,7 @@ def record(key: str, of: str = "first", **facts) -> Record:
     return Record(schema=1, key=key, of=of, state="measured", **{"outcome": {"d": 0.1}, **facts})
 
 
+@pytest.mark.slow
 def test_parts_that_fail_die_or_never_end_leave_the_others_measured(tmp_path: Path) -> None:
     parts = [Fine("a"), Impossible("b"), Deadly("c"), Broken("d"), Endless("e"), Fine("f")]
     found, _ = run(parts, tmp_path, jobs=2, limit=6.0)
@@ -43,6 +44,7 @@ def test_parts_that_fail_die_or_never_end_leave_the_others_measured(tmp_path: Pa
     assert found["e"].reason == "no outcome after 6 s; its process was ended"
 
 
+@pytest.mark.slow
 def test_finished_parts_are_not_measured_again_and_failed_ones_are(tmp_path: Path) -> None:
     marks = tmp_path / "marks"
     parts = [Fine("a", marks), Impossible("b", marks), Deadly("c", marks)]
@@ -124,6 +126,7 @@ for _ in carry_out(parts, Path(sys.argv[2]), Local(2), Noted()):
 """
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_it_goes_on_and_ends_with_the_same_records(tmp_path: Path) -> None:
     marks, folder = tmp_path / "marks", tmp_path / "j"
     command = [sys.executable, "-c", KILLED, str(marks), str(folder)]

@@ -21,7 +21,7 @@ from drivers.errors import ConfigurationError
 from tests.support.campaign_parts import Deadly, Fine, Impossible, Noted
 
 pytest.importorskip("distributed", reason="pip install '.[cluster]'")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[3]
 

@@ -8,6 +8,8 @@ import pytest
 
 from cell.cli import fold
 
+pytestmark = pytest.mark.slow
+
 BARE = """
 import sys
 sys.modules["pylibfranka"] = None

@@ -140,6 +140,7 @@ def test_smooth_stiffening_begins_like_its_cubic(hard: bool) -> None:
     np.testing.assert_allclose(slope, 3 * 7.0 * cubic * small**2, rtol=0.02)
 
 
+@pytest.mark.slow
 def test_draught_blows_the_hanging_strip_along_and_another_seed_otherwise() -> None:
     still = lifted()
     blown = lifted(cause_of("draught", {"speed": 0.5, "gusts": 0.0}))

@@ -32,6 +32,7 @@ def test_different_effects_keep_their_gaps(ruler: Ruler) -> None:
     assert (beside <= 1.1 * ruler.excess([{k: v} for k, v in both.items()])).all()
 
 
+@pytest.mark.slow
 def test_a_single_effect_is_as_strong_as_asked_on_the_plant_that_hides_it() -> None:
     (weak, medium) = cases("state", 2, 5, "single")
     sigma = Sigma.model_validate(BY.sigma())
@@ -55,5 +56,6 @@ def test_half_of_the_plants_from_the_state_are_not_the_model(
     assert not lawful.effects
 
 
+@pytest.mark.slow
 def test_the_same_seed_draws_the_same_cases_however_many_at_a_time() -> None:
     assert cases("state", 3, 5) == cases("state", 3, 5, jobs=2)

@@ -132,7 +132,7 @@ def test_a_picture_that_the_cell_refuses_is_no_run(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_runs_of_a_fine_plant_are_made_and_read(tmp_path: Path) -> None:
     made = case(causes={"clock_drift": {"drift": 0.003}, "static_cling": {"pressure": 1.0}})
     make_runs(made, tmp_path)

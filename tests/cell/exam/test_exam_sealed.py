@@ -138,6 +138,7 @@ def test_a_process_that_takes_too_long_is_ended(tmp_path: Path) -> None:
         run_sandboxed(STRIP, [], tmp_path / "out", [tmp_path], limit=0.05)
 
 
+@pytest.mark.slow
 def test_a_refusal_is_reported_in_its_own_words(tmp_path: Path) -> None:
     with pytest.raises(NoVerdict, match=r"ended with code 2: runs: no such folder"):
         run_sandboxed(STRIP, [], tmp_path / "out", [tmp_path])
@@ -173,6 +174,7 @@ def test_what_depends_on_another_engine_is_not_the_same() -> None:
     assert Sources("1", "x").entry(one) != Sources("1", "x").entry(case("b", "nothing", {}))
 
 
+@pytest.mark.slow
 def test_a_case_that_fails_is_reported_and_the_others_go_on(tmp_path: Path) -> None:
     cases = [case("bad", "nothing", {}, seed=13), case("good", "nothing", {})]
     seen = Seen()
@@ -202,6 +204,7 @@ def test_judging_without_runs_says_so(tmp_path: Path) -> None:
     assert "make them first" in entry.reason
 
 
+@pytest.mark.slow
 def test_judging_what_could_not_be_made_says_why(tmp_path: Path) -> None:
     asked = [case("a", "nothing", {})]
     run_exam(asked, tmp_path, steps="make", make=refused)
@@ -211,7 +214,7 @@ def test_judging_what_could_not_be_made_says_why(tmp_path: Path) -> None:
     assert "make them first" in other.reason
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_exam_is_carried_out_and_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -75,7 +75,7 @@ def differences(a: Verdict, b: Verdict) -> list[str]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_eleven_runs_as_csv_give_the_verdict_of_their_folders(tmp_path: Path) -> None:
     made = folds(
         standard_order(np.random.default_rng(0)), {"bending_hysteresis": {"yield_curvature": 30.0}}

@@ -14,6 +14,8 @@ from cell.gap.verdict.accept import accept, undo
 from drivers.errors import ConfigurationError
 from tests.cell.gap.test_gap_accept_checked import Fitted
 
+pytestmark = pytest.mark.slow
+
 DIED, REFUSED = 9, 2
 CELL = {"effects": {"desk_tilt": {"angle": 0.004}}}
 

@@ -106,6 +106,7 @@ def test_a_fit_refuses_a_stuck_reading_unless_asked(runs: Path, tmp_path: Path) 
     assert "mend the reading" in (tmp_path / "check.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_check_belongs_to_its_inputs_and_says_what_cannot_be_read(runs: Path) -> None:
     before = check([runs], STRIP)
     changed(runs, z=column(runs, "z") + 1e-6)

@@ -42,6 +42,7 @@ def test_a_folder_without_a_fit_is_refused(monkeypatch, capsys, tmp_path, comman
     assert str(tmp_path) in line
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SINGLE.is_dir(), reason="the measured pendulums are absent")
 def test_a_fit_prints_the_verdict_that_it_wrote(monkeypatch, capsys, tmp_path) -> None:
     runs = [SINGLE / "runs" / f"{k:02d}" for k in range(4)]

@@ -78,7 +78,7 @@ def test_copies_of_a_single_run_are_refused(tmp_path) -> None:
         counted_once(find_runs([tmp_path]))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not SINGLE.is_dir(), reason="the measured pendulums are absent")
 def test_a_fit_counts_copies_once_and_says_so(tmp_path) -> None:
     for k in range(3):

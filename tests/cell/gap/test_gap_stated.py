@@ -128,7 +128,7 @@ def test_values_are_not_accepted_into_a_file_that_has_changed(refitted) -> None:
         accept(refitted.out, refitted.file, refitted.cell)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_runs_of_another_strip_are_a_finding_and_its_patch_is_accepted(tmp_path: Path) -> None:
     """Issue 36, item 7: bending length 28.9 mm under a header that says 17.0."""
     names = ("normal", "fast", "slow-low", "normal")

@@ -133,6 +133,7 @@ def test_pooled_measurements_that_disagree_widen_the_interval() -> None:
     assert pooled.high - pooled.low > 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not PHOTOGRAPHS, reason="the photographs of yarn are not beside the checkout")
 def test_real_yarn_has_one_bending_length_at_all_overhangs() -> None:
     overhangs = [float(path.stem.split("_")[2]) / 100 for path in PHOTOGRAPHS]

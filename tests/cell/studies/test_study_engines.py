@@ -10,6 +10,8 @@ from drivers.strip.rod.engine import Rod
 from policies.path import triangular
 from tests.support.rod_cases import paper_model
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def lifted() -> dict[str, tuple[float, np.ndarray]]:

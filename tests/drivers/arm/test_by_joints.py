@@ -33,6 +33,7 @@ def test_without_an_elbow_the_robot_s_own_inverse_lets_it_wander() -> None:
     assert wandered(inner, inner) > 0.2  # into a reflex, a moment later
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("own_clock", [False, True])
 @pytest.mark.parametrize(("worst", "share"), LOSSES)
 def test_lost_commands_stop_no_motion_move_no_goal_and_no_elbow(

@@ -27,6 +27,7 @@ def long_enough(share: float) -> int:
     return 1000 if share < 0.5 else 1500
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("worst", "share"), LOSSES)
 def test_lost_commands_stop_no_motion_and_move_no_goal(worst: int, share: float) -> None:
     robot = LossyRobot(JOINTS, worst, worst, share)

@@ -18,6 +18,8 @@ from drivers.motion import TICK
 from drivers.twin.clock import TwinClock
 from drivers.types import Pose, Velocity, frozen
 
+pytestmark = pytest.mark.slow
+
 CELL = find_configs(None).cell()
 INSTALLATION = CELL.fci.limit(CELL.installation)
 BOX = INSTALLATION.workspace

@@ -130,14 +130,14 @@ def test_engines_agree_on_an_effect(name: str, values: Values) -> None:
     agree(name, values, "triangular")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("path", ["triangular", "circular"])
 @pytest.mark.parametrize(("name", "values"), CASES)
 def test_engines_agree_on_every_effect(name: str, values: Values, path: str) -> None:
     agree(name, values, path)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", VALUES)
 def test_chain_stays_finite_over_the_range_of_every_parameter(name: str) -> None:
     for values in levels(registry()[name]):

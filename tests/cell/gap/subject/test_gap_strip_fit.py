@@ -11,7 +11,7 @@ from cell.gap.verdict.schema import Verdict
 from drivers.strip.describe import load_strip
 from tests.support.gap_strip_cases import STRIP, folds, written
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 NAMES = ("normal", "slow-low", "there-and-back", "fast", "shake", "normal")
 YIELD = 10.0  # 1/m

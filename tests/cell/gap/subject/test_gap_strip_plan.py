@@ -60,7 +60,7 @@ def test_the_command_says_what_it_would_do(tmp_path: Path) -> None:
     assert not (tmp_path / "runs").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_shaken_and_a_taut_run_are_folded_through_images_and_read(tmp_path: Path) -> None:
     wanted = [
         r for r in standard_requests(base(tmp_path))

@@ -98,6 +98,7 @@ def test_a_hidden_effect_shows_and_its_truth_leaves_noise(
     assert square(strip, {}) > 2.0 * square(strip, truth)
 
 
+@pytest.mark.slow
 def test_every_effect_that_folds_can_show_shows(plain: Strip) -> None:
     stated = whitened(plain, residuals(plain))
     silent = set()

@@ -229,6 +229,7 @@ def test_swings_with_nothing_hidden_show_no_gap(tmp_path: Path) -> None:
         accept(tmp_path / "out", tmp_path / "pendulum.yaml")
 
 
+@pytest.mark.slow
 def test_drag_of_one_link_cannot_be_told_from_a_quadratic_hinge(tmp_path: Path) -> None:
     verdict, _, _ = fitted(tmp_path, drag, 3)
     assert verdict.verdict == "ambiguous"
@@ -253,6 +254,7 @@ def test_law_of_a_pendulum_is_accepted_by_the_names_of_its_file(tmp_path: Path) 
     assert load_pendulum(file).effects == {"term_cubic": {"torque_1": 1e-5}}
 
 
+@pytest.mark.slow
 def test_magnet_under_the_pendulum_is_not_named(tmp_path: Path) -> None:
     verdict, _, _ = fitted(tmp_path, magnet, 4)
     assert verdict.verdict == "unexplained"
@@ -260,6 +262,7 @@ def test_magnet_under_the_pendulum_is_not_named(tmp_path: Path) -> None:
     assert verdict.unexplained is not None
 
 
+@pytest.mark.slow
 def test_damping_that_grows_from_run_to_run_is_not_named(tmp_path: Path) -> None:
     verdict, _, _ = fitted(tmp_path, softening, 5)
     assert verdict.verdict == "unexplained"

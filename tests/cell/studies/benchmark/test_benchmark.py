@@ -33,6 +33,8 @@ from cell.studies.benchmark.spec import QUICK, BenchmarkSpec
 from drivers.errors import ConfigurationError
 from tests.support.campaign_parts import Deadly, Fine, Impossible, Noted, Plain
 
+pytestmark = pytest.mark.slow
+
 CONFIGS = find_configs(Path(__file__).parents[4] / "configs")
 TITLES = ("Displacement of the strips", "Repeatability", "Critical points", "Force that")
 TITLES += ("Adaptation", "The folded strip", "State, action", "maps", "level motion")

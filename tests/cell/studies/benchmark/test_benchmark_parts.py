@@ -15,6 +15,8 @@ from cell.studies.benchmark.parts.laid import LaidDown
 from cell.studies.benchmark.parts.paper_range import OverRange
 from cell.studies.benchmark.summary import misses_text
 
+pytestmark = pytest.mark.slow
+
 SLOW_X = {0.06: (437, 310), 0.14: (352, 223), 0.22: (268, 140)}  # mm, softest and stiffest
 
 

@@ -26,6 +26,8 @@ from drivers.franka.dynamics import arm_mjcf
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.yaml_edit import dump_text
 
+pytestmark = pytest.mark.slow
+
 FILE = CHECKOUT_CONFIGS / "mechanisms" / "arm" / "mechanism.yaml"
 TICKS = 1500
 SOFT = 8e-5

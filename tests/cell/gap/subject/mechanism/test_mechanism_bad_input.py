@@ -119,6 +119,7 @@ def test_a_model_that_explodes_is_refused(tmp_path: Path) -> None:
     assert "explodes; make step smaller" in text
 
 
+@pytest.mark.slow
 def test_a_million_rows_are_thinned(tmp_path: Path) -> None:
     path, runs = make_arm(tmp_path, 2, span=0.5, content=PRESCRIBED)
     t = np.linspace(0.0, 20.0, 1_000_000)

@@ -115,7 +115,7 @@ def left(mechanism: MechanismSubject, hidden: str, truth: Mapping[str, float]) -
     return max(float(np.sqrt(np.mean(z[mine] ** 2))) for mine in rows)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_payload_is_named_where_links_far_from_what_is_stated_would_do_as_well(tmp_path):
     file = synthetic.make_runs(tmp_path, "payload", 2, 1.05, 128373791, cart=True)
     verdict = fit([tmp_path / "runs"], file, tmp_path / "out")
