@@ -8,6 +8,7 @@ left out then adapt their own unknowns.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -24,11 +25,13 @@ class CrossValidation:
     """Settings of cross-validation: the number of folds, and when runs do not determine a value.
 
     At most `most` folds. Runs do not determine a value whose variance under them alone is over
-    `silent` times that under all runs: they hold a tenth of the information. Source: set by hand.
+    `silent` times that under all runs: they hold a tenth of the information. A run's loss is at
+    the minimum after weights are renewed so many times (`reweighted`). Source: set by hand.
     """
 
     most: int = 8
     silent: float = 10.0
+    reweighted: int = 3
 
 
 CROSS_VALIDATION = CrossValidation()
@@ -38,12 +41,14 @@ CROSS_VALIDATION = CrossValidation()
 class Validated:
     """A fitted model with its cross-validation: whitened residuals (n,) of each run left out.
 
-    `charged` (R,) [nats] is added to the loss of each run: for values that only this run
-    determines, and for how unlikely its own random unknowns are.
+    `uncertain` (n, k) by run are its responses to one standard deviation of the shared values under
+    the other folds. `charged` (R,) [nats] is added to the loss of each run: for values that only
+    this run determines, and for how unlikely its own random unknowns are.
     """
 
     estimate: Estimate
     left_out: tuple[Array, ...]
+    uncertain: tuple[Array, ...]
     charged: Array
 
     @property
@@ -52,8 +57,49 @@ class Validated:
         return self.estimate.model
 
     def losses(self, scale: float) -> Array:
-        """Predictive loss (R,) [nats] of each run at the dispersion `scale`."""
-        return self.charged + [float(robust.bounded_loss(r / scale).sum()) for r in self.left_out]
+        """Predictive loss (R,) [nats] of each run at the dispersion `scale`.
+
+        Minus the log density of the run given the other folds, with the shared values as uncertain
+        as those leave them (Laplace's approximation); runs of one fold follow one another.
+        """
+        losses = self.charged.copy()
+        for fold in folds(self.estimate.evidence.runs):
+            known = _Known.unit(self.uncertain[fold[0]].shape[1])
+            for i in fold:
+                known, loss = known.after(self.left_out[i] / scale, self.uncertain[i] / scale)
+                losses[i] += loss
+        return losses
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """Normal density of amounts (k,): their `mean` (k,) and `precision` (k, k)."""
+
+    mean: Array
+    precision: Array
+
+    @classmethod
+    def unit(cls, size: int) -> Self:
+        """Density of `size` amounts of one standard deviation each."""
+        return cls(np.zeros(size), np.eye(size))
+
+    def after(self, r: Array, responses: Array) -> tuple[Self, float]:
+        """Density given a run with residuals `r` (n,), and the run's loss before it [nats].
+
+        `responses` (n, k) to the amounts are linear.
+        """
+        mean: Array = self.mean
+        curvature = self.precision
+        for _ in range(CROSS_VALIDATION.reweighted):
+            weighed = responses * robust.weights(r + responses @ mean)[:, None]
+            curvature = weighed.T @ responses + self.precision
+            pull = weighed.T @ r - self.precision @ self.mean
+            mean = np.asarray(-np.linalg.solve(curvature, pull))
+        moved = mean - self.mean
+        loss = float(robust.bounded_loss(r + responses @ mean).sum())
+        loss += 0.5 * float(moved @ self.precision @ moved)
+        loss += 0.5 * float(np.linalg.slogdet(curvature)[1] - np.linalg.slogdet(self.precision)[1])
+        return type(self)(mean, curvature), loss
 
 
 def folds(runs: Sequence[Run], most: int = CROSS_VALIDATION.most) -> list[list[int]]:
@@ -66,34 +112,52 @@ def folds(runs: Sequence[Run], most: int = CROSS_VALIDATION.most) -> list[list[i
     return [[i for i, c in enumerate(label) if c % count == f] for f in range(count)]
 
 
+@dataclass(frozen=True, slots=True)
+class _Predicted:
+    """Runs of one fold, predicted from the fit to all others.
+
+    Per run: whitened `residuals` (n,), `uncertain` responses (n, k), and the `penalty` (runs,)
+    [nats].
+    """
+
+    fold: Sequence[int]
+    residuals: Sequence[Array]
+    uncertain: Sequence[Array]
+    penalty: Array
+
+
 def validate(estimate: Estimate) -> Task[Validated]:
     """Predict every run of `estimate` from the fit to the other folds; yields simulations."""
     dealt = folds(estimate.evidence.runs)
     parts = yield from side_by_side([_predict_fold(estimate, fold) for fold in dealt])
     left_out: dict[int, Array] = {}
+    uncertain: dict[int, Array] = {}
     charged = np.zeros(len(estimate.evidence.runs))
-    for fold, (predicted, undetermined, random_losses) in zip(dealt, parts, strict=True):
-        left_out.update(zip(fold, predicted, strict=True))
-        charged[fold] += random_losses
-        charged[fold[0]] += undetermined
-    return Validated(estimate, tuple(left_out[i] for i in range(len(charged))), charged)
+    for part in parts:
+        left_out.update(zip(part.fold, part.residuals, strict=True))
+        uncertain.update(zip(part.fold, part.uncertain, strict=True))
+        charged[part.fold] = part.penalty
+    order = range(len(charged))
+    predicted, responses = tuple(left_out[i] for i in order), tuple(uncertain[i] for i in order)
+    return Validated(estimate, predicted, responses, charged)
 
 
-def _predict_fold(
-    estimate: Estimate, fold: Sequence[int]
-) -> Task[tuple[tuple[Array, ...], int, Array]]:
-    """Whitened residuals of the runs of `fold` under the fit to all others, and two penalties.
+def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[_Predicted]:
+    """Prediction of the runs of `fold` under the fit to all others; yields simulations.
 
-    These are the number of shared values that only the fold determines, and the loss (R,) [nats]
-    of the runs' random unknowns.
+    Penalised by the number of shared values that only the fold determines, at its first run, and by
+    the losses of the runs' random unknowns.
     """
     keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold] or list(fold)
     shared, undetermined = on_runs(estimate, keep)
     unseen = estimate.on(fold).evidence
     own = Point(np.zeros(0), tuple(_own_unknowns(estimate, i, shared) for i in fold))
     raw = yield requests(estimate.model.holding(shared), unseen.runs, own)
-    losses = [_random_loss(r, v) for r, v in zip(unseen.runs, own.local, strict=True)]
-    return residuals(raw, unseen), int(undetermined.sum()), np.array(losses)
+    penalty = np.array([_random_loss(r, v) for r, v in zip(unseen.runs, own.local, strict=True)])
+    penalty[0] += undetermined.sum()
+    deviations = _deviations(estimate.on(keep), shared, undetermined)
+    uncertain = [_settled_response(estimate, i) @ deviations for i in fold]
+    return _Predicted(fold, residuals(raw, unseen), uncertain, penalty)
 
 
 def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, normal_equations.Mask]:
@@ -136,13 +200,42 @@ def _newton_step(estimate: Estimate, held: normal_equations.Mask) -> Array:
     return (z + normal_equations.bounded_step(estimate.normal(), z, limits))[: len(held)]
 
 
+def _deviations(kept: Estimate, shared: Array, undetermined: normal_equations.Mask) -> Array:
+    """Deviations (P, k) of the shared values under the runs `kept`, of unit variance each.
+
+    Values that are `undetermined` (P,), or of `shared` (P,) those on a bound, are taken as known.
+    """
+    low, high = kept.limits.low[: len(shared)], kept.limits.high[: len(shared)]
+    free = (shared > low) & (shared < high) & ~undetermined
+    every = np.concatenate([free, np.ones(len(kept.z) - len(free), dtype=bool)])
+    curvature = kept.normal().curvature[np.ix_(every, every)]
+    count = int(free.sum())
+    covariance = normal_equations.covariance(curvature)[:count, :count]
+    deviations = np.zeros((len(shared), count))
+    variances, axes = np.linalg.eigh(covariance)
+    deviations[free] = axes * np.sqrt(np.maximum(variances, 0.0))
+    return deviations
+
+
 def _own_unknowns(estimate: Estimate, i: int, shared: Array) -> Array:
     """Own unknowns (k,) of run number `i`, refitted linearly to the new `shared` values (P,)."""
+    return np.asarray(
+        estimate.point.local[i] + _own_response(estimate, i) @ (shared - estimate.shared)
+    )
+
+
+def _own_response(estimate: Estimate, i: int) -> Array:
+    """Change (k, P) of the own unknowns of run number `i` with the shared values."""
     count = len(estimate.shared)
     jacobian, own = estimate.jacobians[i], estimate.jacobians[i][:, count:]
-    change = jacobian[:, :count] @ (shared - estimate.shared)
-    weight = robust.weights(estimate.residuals[i] / estimate.scale)[:, None]
+    weighed = own * robust.weights(estimate.residuals[i] / estimate.scale)[:, None]
     spread = np.array([p.spread for p in estimate.evidence.runs[i].local])
-    curvature = (own * weight).T @ own / estimate.scale**2 + np.diag(spread**-2)
-    gradient = (own * weight).T @ change / estimate.scale**2
-    return np.asarray(estimate.point.local[i] - np.linalg.solve(curvature, gradient))
+    curvature = weighed.T @ own / estimate.scale**2 + np.diag(spread**-2)
+    slope = weighed.T @ jacobian[:, :count] / estimate.scale**2
+    return np.asarray(-np.linalg.solve(curvature, slope))
+
+
+def _settled_response(estimate: Estimate, i: int) -> Array:
+    """Whitened response (n, P) of run number `i` to the shared values, own unknowns following."""
+    jacobian, count = estimate.jacobians[i], len(estimate.shared)
+    return np.asarray(jacobian[:, :count] + jacobian[:, count:] @ _own_response(estimate, i))

@@ -9,7 +9,7 @@ import pytest
 from cell.gap.diagnosis.drift import drift
 from cell.gap.diagnosis.lack_of_fit import lost_samples
 from cell.gap.fitting import gauss_newton, robust
-from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.crossvalidation import Validated, folds, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence, response
 from cell.gap.fitting.starts import refit_base_fine, refit_fine
@@ -71,6 +71,20 @@ def test_repeats_that_scatter_for_no_reason_leave_the_cause_open() -> None:
 def validated(estimate: Estimate, subject: Curves | None = None) -> Validated:
     simulate = (subject or Curves(nothing)).simulate
     return run_one(simulate, validate(estimate))
+
+
+def test_loss_of_runs_left_out_is_that_of_their_normal_density() -> None:
+    model = validated(fitted(Curves(nothing, repeats=2)))
+    runs = model.estimate.evidence.runs
+    rng = np.random.default_rng(0)
+    left_out = tuple(rng.uniform(-0.5, 0.5, len(T)) for _ in runs)
+    uncertain = tuple(rng.uniform(-0.1, 0.1, (len(T), 2)) for _ in runs)
+    model = replace(model, left_out=left_out, uncertain=uncertain, charged=np.zeros(len(runs)))
+    for fold in folds(runs):
+        r, b = (np.concatenate([part[i] for i in fold]) for part in (left_out, uncertain))
+        whole = np.eye(len(r)) + b @ b.T
+        exact = 0.5 * (r @ np.linalg.solve(whole, r) + np.linalg.slogdet(whole)[1])
+        assert model.losses(1.0)[fold].sum() == pytest.approx(exact)
 
 
 def test_base_in_a_local_minimum_is_begun_anew_from_the_accepted_model() -> None:
