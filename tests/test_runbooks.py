@@ -101,6 +101,7 @@ def test_a_command_that_does_not_exist_is_noticed(said: str) -> None:
         parsed(said)
 
 
+@pytest.mark.slow
 def test_every_command_on_the_pages_exists_with_its_options() -> None:
     wrong = []
     for page, line in [*COMMANDS, *SAID]:

@@ -10,6 +10,7 @@ QUICK = ("reflex", "TCP drop", "wrong version", "NaN", "contact 20 N", "silent p
 PROCESSES = ("killed child", "killed parent")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [*QUICK, *PROCESSES])
 def test_fault_is_named_the_arm_rests_and_the_record_is_whole(fault, tmp_path) -> None:
     came = struck(fault, "PREFLIGHT", tmp_path)

@@ -14,6 +14,8 @@ from drivers.camera.settings import V4l2Settings
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 from tests.support.assumed_camera import configure
 
+pytestmark = pytest.mark.slow
+
 
 class KernelTime:
     """The time module, on the kernel's time; at `when` the camera is unplugged."""

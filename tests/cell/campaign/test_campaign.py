@@ -56,6 +56,7 @@ def test_finished_parts_are_not_measured_again_and_failed_ones_are(tmp_path: Pat
     assert found["c"].state == "set_aside"
 
 
+@pytest.mark.slow
 def test_again_measures_anew(tmp_path: Path) -> None:
     marks = tmp_path / "marks"
     for _ in range(2):
@@ -63,6 +64,7 @@ def test_again_measures_anew(tmp_path: Path) -> None:
     assert marks.read_text().split() == ["a", "a"]
 
 
+@pytest.mark.slow
 def test_other_code_is_another_record_beside(tmp_path: Path) -> None:
     run([Fine("a")], tmp_path)
     _, watcher = run([Fine("a", of="second")], tmp_path)

@@ -43,6 +43,7 @@ def closing(monkeypatch: pytest.MonkeyPatch, waited: int) -> list[tuple[float, f
         devices.close()
 
 
+@pytest.mark.slow
 def test_how_long_the_robot_waited_for_its_client_shifts_no_state_of_the_hand(monkeypatch) -> None:
     once, later, latest = (closing(monkeypatch, waited) for waited in (0, 3, 1001))
     assert once == later == latest

@@ -42,11 +42,13 @@ def folded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_run_is_its_four_files_and_nothing_else(folded: Path) -> None:
     assert [path.name for path in folded.iterdir()] == ["00-normal"]
     assert sorted(path.name for path in (folded / "00-normal").iterdir()) == FOUR
 
 
+@pytest.mark.slow
 def test_a_run_can_be_read_and_ends_with_the_touch(folded: Path) -> None:
     run = read_run(folded / "00-normal")
     assert run.result is not None
@@ -58,6 +60,7 @@ def test_a_run_can_be_read_and_ends_with_the_touch(folded: Path) -> None:
     assert len(set(run.profile.t)) > 200
 
 
+@pytest.mark.slow
 def test_a_run_says_nothing_of_its_plant(folded: Path) -> None:
     header = yaml.safe_load((folded / "00-normal" / "run.yaml").read_text())
     assert set(header) <= through_images.HEADER_KEYS
@@ -66,6 +69,7 @@ def test_a_run_says_nothing_of_its_plant(folded: Path) -> None:
         assert word not in told
 
 
+@pytest.mark.slow
 def test_a_finished_run_is_not_made_again(folded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     result = folded / "00-normal" / "result.yaml"
     before = result.stat().st_mtime_ns

@@ -198,6 +198,7 @@ def refused(_: Case, __: Path) -> None:
     raise Fault("preflight_refused", "the desk is too high")
 
 
+@pytest.mark.slow
 def test_judging_without_runs_says_so(tmp_path: Path) -> None:
     [entry] = run_exam([case("a", "nothing", {})], tmp_path, steps="judge")
     assert entry.state == "failed"

@@ -52,7 +52,10 @@ def test_arm_that_cannot_follow_in_the_air_is_refused(elbow) -> None:
         rehearsal(FCI, STRIP, away, SPEEDS, elbow)
 
 
-@pytest.mark.parametrize("arm", ["twin", pytest.param("fci", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "arm",
+    [pytest.param("twin", marks=pytest.mark.slow), pytest.param("fci", marks=pytest.mark.long)],
+)
 def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(
     arm: str, elbow: float
 ) -> None:

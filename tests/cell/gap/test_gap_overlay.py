@@ -180,6 +180,7 @@ def test_the_place_of_a_touch_is_fitted_but_no_key_of_the_verdict(strip) -> None
     assert set(shown) == {"profile_mm", "contact_x_mm", "displacement_mm", "touch_ms"}
 
 
+@pytest.mark.slow
 def test_swings_are_recorded_beside_the_verdict(tmp_path) -> None:
     """Dry friction is hidden: the accepted model follows the angles more closely."""
 

@@ -148,6 +148,7 @@ def test_a_record_states_the_correction_that_was_used() -> None:
     assert correction_of(None).total == 0.0
 
 
+@pytest.mark.slow
 def test_a_planned_fold_of_the_rod_comes_out_where_the_bias_is_corrected() -> None:
     plain, corrected = Planned(), Planned()
     assert Correction(0.004, 0.0).apply(corrected) is not None

@@ -27,6 +27,8 @@ from policies.path import Path, triangular
 from tests.cell.orchestrator.test_monitors import GOOD
 from tests.support.chain_moves import settle
 
+pytestmark = pytest.mark.slow
+
 TICK, REST, SPEED = 0.01, 0.0009, 0.1  # s, m, m/s
 RISE = 0.034  # m
 MIDDLING, SOFT = strip_at(0.5, 0.2), strip_at(0.1, 0.4)

@@ -63,6 +63,7 @@ def _ready() -> tuple[Perception, FoldCamera, TwinFold]:
     return Perception(calibration, settings, fold.strip, appearance), camera, fold
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "kind"), CASES)
 def test_desk_contact_is_within_1_5_mm_rms(name: str, kind: str) -> None:
     found = _agreement(name, kind)

@@ -44,6 +44,7 @@ def noise(random, size: int) -> bytes:
     return random.bytes(size)
 
 
+@pytest.mark.slow
 def test_datagrams_of_garbage_in_a_motion_change_nothing(server, random) -> None:
     with RawArm(server.address) as arm:
         state = arm.start_still()

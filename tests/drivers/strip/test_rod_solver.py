@@ -100,6 +100,7 @@ def _disturbed_block(segments: int, laws: Effects, rng: np.random.Generator) -> 
     return block
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("laws", [LAWS, LAWS | LAGGING], ids=["plain", "terms"])
 def test_newton_step_is_that_of_finite_differences(laws: Effects) -> None:
     segments = 24

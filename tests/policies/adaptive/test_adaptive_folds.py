@@ -16,6 +16,8 @@ from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING, Sensing
 
+pytestmark = pytest.mark.slow
+
 COUNT = 24
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pytest
 import yaml
 
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
@@ -46,6 +47,7 @@ def written(arm: MechanismSubject, out: Path, file: Path) -> None:
     (out / RECORD).write_text(json.dumps(record))
 
 
+@pytest.mark.slow
 def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(tmp_path: Path) -> None:
     arm, file, _ = opened(tmp_path / "arm")
     written(arm, tmp_path / "out", file)

@@ -50,6 +50,7 @@ def test_every_effect_acts_by_a_hook_and_says_from_where_it_comes() -> None:
         assert effect.sentence
 
 
+@pytest.mark.slow
 def test_every_effect_is_null_to_the_bit_and_changes_something_beyond(arm) -> None:
     plain = simulated(arm, {})
     for candidate in (*arm.scope.candidates, *describing_terms(arm.opened.mechanism)):

@@ -11,6 +11,8 @@ from cell.gap.subject.subject import Request
 from tests.benchmarks.measure_mechanisms import DATA, driven, servo, triple
 from tests.support.pendulum_mechanism import drag_unit
 
+pytestmark = pytest.mark.slow
+
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured mechanisms in {DATA}")
 
 
