@@ -8,13 +8,13 @@ left out then adapt their own unknowns.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import Estimate, residuals
 from cell.gap.fitting.model import Model, Point, requests
+from cell.gap.fitting.normal_density import NormalDensity
 from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Run
 from drivers.types import Array
@@ -25,13 +25,11 @@ class CrossValidation:
     """Settings of cross-validation: the number of folds, and when runs do not determine a value.
 
     At most `most` folds. Runs do not determine a value whose variance under them alone is over
-    `silent` times that under all runs: they hold a tenth of the information. A run's loss is at
-    the minimum after weights are renewed so many times (`reweighted`). Source: set by hand.
+    `silent` times that under all runs: they hold a tenth of the information. Source: set by hand.
     """
 
     most: int = 8
     silent: float = 10.0
-    reweighted: int = 3
 
 
 CROSS_VALIDATION = CrossValidation()
@@ -64,42 +62,11 @@ class Validated:
         """
         losses = self.charged.copy()
         for fold in folds(self.estimate.evidence.runs):
-            known = _Known.unit(self.uncertain[fold[0]].shape[1])
+            values = NormalDensity.standard(self.uncertain[fold[0]].shape[1])
             for i in fold:
-                known, loss = known.after(self.left_out[i] / scale, self.uncertain[i] / scale)
+                values, loss = values.condition(self.left_out[i] / scale, self.uncertain[i] / scale)
                 losses[i] += loss
         return losses
-
-
-@dataclass(frozen=True, slots=True)
-class _Known:
-    """Normal density of amounts (k,): their `mean` (k,) and `precision` (k, k)."""
-
-    mean: Array
-    precision: Array
-
-    @classmethod
-    def unit(cls, size: int) -> Self:
-        """Density of `size` amounts of one standard deviation each."""
-        return cls(np.zeros(size), np.eye(size))
-
-    def after(self, r: Array, responses: Array) -> tuple[Self, float]:
-        """Density given a run with residuals `r` (n,), and the run's loss before it [nats].
-
-        `responses` (n, k) to the amounts are linear.
-        """
-        mean: Array = self.mean
-        curvature = self.precision
-        for _ in range(CROSS_VALIDATION.reweighted):
-            weighed = responses * robust.weights(r + responses @ mean)[:, None]
-            curvature = weighed.T @ responses + self.precision
-            pull = weighed.T @ r - self.precision @ self.mean
-            mean = np.asarray(-np.linalg.solve(curvature, pull))
-        moved = mean - self.mean
-        loss = float(robust.bounded_loss(r + responses @ mean).sum())
-        loss += 0.5 * float(moved @ self.precision @ moved)
-        loss += 0.5 * float(np.linalg.slogdet(curvature)[1] - np.linalg.slogdet(self.precision)[1])
-        return type(self)(mean, curvature), loss
 
 
 def folds(runs: Sequence[Run], most: int = CROSS_VALIDATION.most) -> list[list[int]]:
