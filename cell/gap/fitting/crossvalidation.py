@@ -2,8 +2,7 @@
 
 Each fold leaves out whole conditions; frames of one run are never split. The fit without a fold
 is taken to be one Newton step from the fit with it (Giordano et al. 2019, A Swiss Army
-infinitesimal jackknife): losses differ from those of whole fits by 2 % in the median. The runs
-left out then adapt their own unknowns.
+infinitesimal jackknife). The runs left out then adapt their own unknowns.
 """
 
 from collections.abc import Sequence
