@@ -3,6 +3,7 @@
 import ast
 import re
 from collections import Counter
+from pathlib import Path
 
 from tests.support.capitals import ambiguous_capitals, kind_of
 from tests.support.docstrings import shapeless, silent
@@ -95,14 +96,23 @@ def test_participles_are_distinguished_from_verbs_and_nouns() -> None:
     assert not any(map(is_participle, ("speed", "run", "set", "moved_camera", "move")))
 
 
-def test_runbooks_and_readme_name_only_commands_and_files_that_exist() -> None:
+def test_runbooks_and_readme_name_only_commands_files_and_headings_that_exist() -> None:
     missing = Counter()
-    for page in [ROOT / "README.md", *(ROOT / "runbooks").glob("*.md")]:
+    for page in [ROOT / "README.md", *(ROOT / "runbooks").rglob("*.md")]:
         text = page.read_text(encoding="utf-8")
         for module in re.findall(r"python -m (tests[\w.]+)", text):
             missing[module] += not (ROOT / f"{module.replace('.', '/')}.py").is_file()
         for file in re.findall(r"`((?:cell|drivers|policies|calibration|tests)/[\w/]+\.py)`", text):
             missing[file] += not (ROOT / file).is_file()
-        for link in re.findall(r"\]\(([\w/.-]+)\)", text):
-            missing[f"{page.name}: {link}"] += not (page.parent / link).exists()
+        for link, heading in re.findall(r"\]\(([\w/.-]*)(?:#([\w-]+))?\)", text):
+            target = page.parent / link if link else page
+            missing[f"{page.name}: {link}"] += not target.exists()
+            if heading and target.is_file():
+                missing[f"{page.name}: {link}#{heading}"] += heading not in headings(target)
     assert not +missing
+
+
+def headings(page: Path) -> set[str]:
+    """Anchors of the headings of a page, as they stand in links to them."""
+    titles = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import takewhile
 
 import numpy as np
 from scipy import special
@@ -10,7 +11,7 @@ from cell.gap.diagnosis import lack_of_fit
 from cell.gap.diagnosis.detection_limit import detectable
 from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.localise import localise
-from cell.gap.fitting.crossvalidation import validate
+from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
@@ -180,17 +181,26 @@ def _screened_p(
 def _revise_base(
     fits: Fits, fitted: Fitted, whole: Evidence, simulate: Simulate
 ) -> tuple[Estimate, tuple[Spread, ...]] | None:
-    """Base and spreads by the best model's values; None where neither clearly changes.
+    """Base and spreads by the values of leading models; None where neither clearly changes.
 
     A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it,
     and may have stopped in a local minimum.
     """
-    best, by = fits.best, fits.scale
-    if margin(best, fits.base, by).gain < MIN_GAIN:
+    leading = _leading(fits)
+    if not leading:
         return None
-    found = estimate_spreads(simulate, best.estimate, whole)
-    better = search.better_base(simulate, fits)
+    found = estimate_spreads(simulate, leading[0].estimate, whole)
+    better = search.better_base(simulate, fits, leading)
     before = {s.name: s.value for s in fitted.scatter}
     if better is None and not clearly_differ(before, {s.name: s.value for s in found}):
         return None
     return with_scatter(better or fits.base.estimate, found, whole), found
+
+
+def _leading(fits: Fits) -> list[Validated]:
+    """Models that lead the base: the one that predicts clearly better, and more probable ones."""
+    by = fits.scale
+    names = [fits.best.model.names] if margin(fits.best, fits.base, by).gain >= MIN_GAIN else []
+    before_base = takewhile(lambda m: m.names, posterior(fits, by).models)
+    names += [m.names for m in before_base if m.p > ALPHA]
+    return [m for name in dict.fromkeys(names) if (m := fits.of(name)) is not None]

@@ -377,18 +377,18 @@ def substitutes(
     return list(found.values())
 
 
-def better_base(simulate: Simulate, fits: Fits) -> Estimate | None:
-    """Refit the base from its values in the best model; None where that is not clearly better.
+def better_base(simulate: Simulate, fits: Fits, leading: Sequence[Validated]) -> Estimate | None:
+    """Refit the base from its values in `leading` models; None where that is not clearly better.
 
     A base that stopped in a local minimum leaves a gap that is none.
     """
-    first, base = fits.best.estimate, fits.base.estimate
-    values, _ = first.model.split(first.shared)
-    start = Point(values, first.point.local)
-    begun = run_one(
-        simulate, refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.begun)
-    )
-    if best([base, begun]) is base:
+    base, begin = fits.base.estimate, []
+    for fit in (m.estimate for m in leading):
+        values, _ = fit.model.split(fit.shared)
+        start = Point(values, fit.point.local)
+        begin.append(refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.begun))
+    begun = best([base, *run_all(simulate, begin)])
+    if begun is base:
         return None
     again = run_one(simulate, refit(base.model, base.evidence, begun.point, begun.jacobians))
     scale = min(base.scale, again.scale)

@@ -94,11 +94,11 @@ def test_base_in_a_local_minimum_is_begun_anew_from_the_accepted_model() -> None
     start = Point(np.array([3.0, -2.0]), runs.start())
     lost = run_one(subject.simulate, refit(model, runs, start, steps=0))
     right = validated(fitted(subject, ("wave",)), subject)
-    better = better_base(subject.simulate, Fits((validated(lost, subject), right)))
+    better = better_base(subject.simulate, Fits((validated(lost, subject), right)), [right])
     assert better is not None
     assert better.scale < lost.scale
     found = validated(fitted(subject), subject)
-    assert better_base(subject.simulate, Fits((found, right))) is None
+    assert better_base(subject.simulate, Fits((found, right)), [right]) is None
 
 
 def test_sample_that_both_or_one_cannot_show_answers_as_the_fit_counts_it() -> None:
