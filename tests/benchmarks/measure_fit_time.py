@@ -44,11 +44,12 @@ def fit(exam: Path, case: str, jobs: int) -> Cost:
             [*command, "--out", out, "--jobs", str(jobs)], stdout=subprocess.DEVNULL
         )
         _, status, used = os.wait4(process.pid, 0)
+        taken = time.monotonic() - began
         process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise SystemExit(f"{case}: `cell gap fit` ended with {process.returncode}")
     folders = sum(1 for path in runs.iterdir() if path.is_dir())
-    return Cost(case, folders, time.monotonic() - began, used.ru_maxrss / 1024.0)
+    return Cost(case, folders, taken, used.ru_maxrss / 1024.0)
 
 
 def measure(exam: Path, most: int, jobs: int) -> Iterator[Cost]:

@@ -87,14 +87,17 @@ def test_loss_of_runs_left_out_is_that_of_their_normal_density() -> None:
         assert model.losses(1.0)[fold].sum() == pytest.approx(exact)
 
 
-def test_base_in_a_local_minimum_is_begun_anew_from_the_accepted_model() -> None:
+def test_base_in_a_local_minimum_is_begun_anew_from_every_leading_model() -> None:
     subject = Curves(hidden(wave, 0.3))
     runs = evidence(subject.runs)
     model = Model(subject.scope.base)
     start = Point(np.array([3.0, -2.0]), runs.start())
     lost = run_one(subject.simulate, refit(model, runs, start, steps=0))
     right = validated(fitted(subject, ("wave",)), subject)
-    better = better_base(subject.simulate, Fits((validated(lost, subject), right)), [right])
+    stuck = validated(lost, subject)
+    fits = Fits((stuck, right))
+    assert better_base(subject.simulate, fits, []) is None
+    better = better_base(subject.simulate, fits, [stuck, right])
     assert better is not None
     assert better.scale < lost.scale
     found = validated(fitted(subject), subject)
