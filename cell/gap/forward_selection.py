@@ -43,7 +43,7 @@ class ForwardSelection:
             return fits
         singles = screened.singles[: search.BUDGET.singles]
         fits = search.fit_scores(self.simulate, fits, singles, self.subject.scope.candidates)
-        fits = fits.merge(search.other_signs(self.simulate, fits, fits.of_size(1)[:1]))
+        fits = fits.merge(search.other_signs(self.simulate, fits, fits.of_size(1)))
         return self._refine_laws(fits)
 
     def refit_further(self, fits: Fits) -> Fits:

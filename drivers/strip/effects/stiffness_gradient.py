@@ -1,4 +1,4 @@
-"""Linear gradient of bending rigidity from the fixed to the grasped edge."""
+"""Gradient of bending rigidity from the fixed to the grasped edge."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,7 +9,9 @@ from drivers.strip.model import StripModel
 
 def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
     mechanics = model.mechanics
-    factor = 1.0 + values["slope"] * (mechanics.cells / mechanics.length - 0.5)
+    away = mechanics.cells / mechanics.length - 0.5
+    rise = away * (1.0 + values["central"] * (1.0 - 4.0 * away**2))
+    factor = 1.0 + values["slope"] * rise
     return replace(model, mechanics=mechanics.scale_rigidity(factor))
 
 
@@ -18,7 +20,12 @@ EFFECT = Effect(
     sentence="the strip is stiffer towards one of its ends",
     of="strip",
     stage=Stage.LAW,
-    parameters=(Parameter("slope", "1", low=-1.8, high=1.8),),
+    parameters=(
+        Parameter("slope", "1", low=-1.8, high=1.8),
+        Parameter(
+            "central", "1", low=-1.0, high=1.0, null=None, default=0.0, guess=0.3, role="shape"
+        ),
+    ),
     apply=_apply,
     typical=lambda _: (0.2, 0.8),
     textile={"slope": Span(-0.8, 0.8)},
