@@ -47,7 +47,7 @@ VALUES: dict[str, list[Values]] = {
     ],
     "pre_curl": [{"curvature": 30.0}],
     "crease": [{"angle": 1.0, "position": 0.2}, {"angle": -0.5, "position": 0.3}],
-    "stiffness_gradient": [{"slope": 0.9}, {"slope": -0.9}],
+    "stiffness_gradient": [{"slope": 0.9}, {"slope": -0.9}, {"slope": 0.9, "central": 0.6}],
     "seam": [
         {"factor": 1.6, "position": 0.3, "width": 0.02},
         {"factor": 5.0, "position": 0.3, "width": 0.03},

@@ -178,16 +178,11 @@ def _probes(
     tried = [_screened_values(p, v, spots) for p, v in zip(numbers, start, strict=True)]
     others = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
     groups = []
-    for size, vector in product(_without_mirrored(effect.sizes(strip)), product(*others)):
+    for size, vector in product(effect.sizes(strip), product(*others)):
         amount = _to_engine(switch, size)
         group = [[*vector[:i], amount, *vector[i + 1 :]] for i in amounts]
         groups.append(tuple(tuple(map(float, probe)) for probe in group))
     return tuple(groups)
-
-
-def _without_mirrored(sizes: Sequence[float]) -> list[float]:
-    """`sizes` without those whose negative comes before: each is screened with both signs."""
-    return [size for i, size in enumerate(sizes) if -size not in sizes[:i]]
 
 
 def _screened_values(p: Number, start: float, spots: tuple[float, ...]) -> tuple[float, ...]:
