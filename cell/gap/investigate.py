@@ -17,7 +17,7 @@ from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.scatter import clearly_differ, estimate_spreads, with_scatter, with_spreads
 from cell.gap.fitting.spreads import Spread, spreads
-from cell.gap.fitting.starts import refit_base, refit_base_fine, weak_directions
+from cell.gap.fitting.starts import refit_base, refit_fine, weak_directions
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.forward_selection import ForwardSelection, Progress
 from cell.gap.selection import search
@@ -114,7 +114,7 @@ def _judge_base(
     rng: np.random.Generator,
 ) -> Fitted:
     """Refit the base finely from `rough`, and test what it leaves beyond noise and scatter."""
-    base = refit_base_fine(subject, simulate, rough)
+    base = refit_fine(subject, simulate, rough)
     repeats, noise = Repeats.of(base), lack_of_fit.noise_left(base, rng)
     allowed = lack_of_fit.slack(base.evidence, repeats.inflation)
     return Fitted(

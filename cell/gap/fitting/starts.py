@@ -104,13 +104,7 @@ def _direction_words(names: list[str], direction: Array) -> str:
 
 
 def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
-    """Refit `rough` to runs corrected for coarse simulation, keeping scales for comparison."""
-    runs = refine(subject, rough.model, rough.point, rough.evidence).runs
-    return run_one(simulate, refit(rough.model, Evidence(runs, rough.evidence.scales), rough.point))
-
-
-def refit_base_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
-    """Refit the base to runs corrected for its coarse simulation, with scales to match."""
+    """Refit `rough` to runs corrected for its coarse simulation, with scales to match."""
     runs = refine(subject, rough.model, rough.point, rough.evidence)
     return run_one(simulate, refit(rough.model, runs, rough.point))
 

@@ -139,10 +139,13 @@ def refit_held_out(
     def refine_for(fit: Estimate) -> Evidence:
         return refine(subject, fit.model, Point(fit.shared, test.start()), test)
 
-    base_evidence = refine_for(base.estimate)
-    before = after = held_out_gap.unseen(simulate, base.estimate, base_evidence)
-    if accepted.model.effects:
-        # scales stay those of the base, so that both gaps are in the same units
-        evidence = Evidence(refine_for(accepted.estimate).runs, base_evidence.scales)
-        after = held_out_gap.unseen(simulate, accepted.estimate, evidence)
+    known = refine_for(base.estimate)
+    if not accepted.model.effects:
+        before = after = held_out_gap.unseen(simulate, base.estimate, known)
+    else:
+        fine = refine_for(accepted.estimate)
+        # both gaps in the same units, with the floors of either simulation
+        scales = tuple(map(np.maximum, known.scales, fine.scales))
+        before = held_out_gap.unseen(simulate, base.estimate, Evidence(known.runs, scales))
+        after = held_out_gap.unseen(simulate, accepted.estimate, Evidence(fine.runs, scales))
     return Shown(before, after, held_out_gap.shrink(before, after, rng))

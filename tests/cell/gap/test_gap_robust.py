@@ -12,7 +12,7 @@ from cell.gap.fitting import gauss_newton, robust
 from cell.gap.fitting.crossvalidation import Validated, folds, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence, response
-from cell.gap.fitting.starts import refit_base_fine, refit_fine
+from cell.gap.fitting.starts import refit_fine
 from cell.gap.fitting.tasks import run_one
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.search import better_base
@@ -129,15 +129,14 @@ class Grained(Curves):
                 for q in requests]  # fmt: skip
 
 
-def test_what_the_grain_of_the_base_leaves_is_no_gap_and_all_are_judged_by_it() -> None:
+def test_what_the_grain_of_a_model_leaves_is_no_gap_and_it_is_fitted_by_its_own() -> None:
     _, verdict = judged(Grained(hidden(wave, 0.01)))
     assert verdict.verdict == "no_gap"
     assert judged(Curves(hidden(wave, 0.01)))[1].verdict == "named"
     subject = Grained(hidden(wave, 0.3))
-    base = refit_base_fine(subject, subject.simulate, fitted(subject))
-    assert base.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
-    rough = fitted(subject, ("wave",))
-    assert refit_fine(subject, subject.simulate, rough).evidence.scales is rough.evidence.scales
+    for rough in (fitted(subject), fitted(subject, ("wave",))):
+        fine = refit_fine(subject, subject.simulate, rough)
+        assert fine.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
 
 
 def test_a_model_that_leaves_more_of_unseen_runs_than_a_true_cause_is_not_named() -> None:
