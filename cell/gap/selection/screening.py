@@ -234,21 +234,15 @@ def _probes_to_fit(
 
 
 def _has_threshold(p: Probed) -> bool:
-    """Whether an effect responds far less per amount near its null than farther off, at one place.
-
-    Places differ in their response without a threshold: the probes nearest to the place of the
-    null are compared.
-    """
-    null, shapes = p.candidate.null, _shapes(p.candidate)
-    away = [float(np.abs((group[0] - null)[shapes]).sum()) for group in p.groups]
-    rates = [
+    """Whether an effect of one sign responds far less per amount near its null than farther off."""
+    if _has_mirror(p.candidate, p.groups[0][0]):
+        return False
+    near, *far = (
         float(np.linalg.norm(response[:, 0]))
-        / max(abs(group[0][0] - null[0]), np.finfo(float).tiny)
+        / max(abs(group[0][0] - p.candidate.null[0]), np.finfo(float).tiny)
         for group, response in zip(p.groups, p.responses, strict=True)
-    ]
-    nearest = min(away[1:], default=0.0)
-    far = [rate for rate, d in zip(rates[1:], away[1:], strict=True) if d == nearest]
-    return bool(rates[0] < DEFAULT_REACH.steep * max(far, default=0.0))
+    )
+    return bool(near < DEFAULT_REACH.steep * max(far, default=0.0))
 
 
 def _other_sign(known: Table, p: Probed, best: Score) -> dict[str, Array] | None:
