@@ -234,8 +234,11 @@ def _probes_to_fit(
 
 
 def _has_threshold(p: Probed) -> bool:
-    """Whether an effect of one sign responds far less per amount near its null than farther off."""
-    if _has_mirror(p.candidate, p.groups[0][0]):
+    """Whether an effect responds far less per amount near its null than farther off.
+
+    One of either sign and of a place has none: another place may respond more.
+    """
+    if p.candidate.two_sided and _shapes(p.candidate).any():
         return False
     near, *far = (
         float(np.linalg.norm(response[:, 0]))

@@ -160,23 +160,18 @@ def other_signs(simulate: Simulate, fits: Fits, models: Sequence[Validated]) -> 
     """Fit to the end those of `models` whose effects have a place, with the other sign of each too.
 
     What is stiffer here may be what is softer beside it, on another base or beside another effect.
-    An effect that has one sign alone is left as it is.
     """
     tasks: list[Task[Estimate]] = []
     for fit in (m.estimate for m in models):
-        placed = [e for e in fit.model.effects if _has_place_and_signs(e)]
+        placed = [
+            e for e in fit.model.effects if e.two_sided and any(p.shape for p in e.parameters)
+        ]
         beside = [(e, fits.of(fit.model.names - {e.name})) for e in placed]
         signs = [_with_other_sign(fit, e, other.estimate) for e, other in beside if other]
         if signs:
             same = refit(fit.model, fit.evidence, fit.point, fit.jacobians)
             tasks.append(_best_of([same, *signs]))
     return run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-
-
-def _has_place_and_signs(effect: Candidate) -> bool:
-    """Whether an effect has a place or another shape, and an amount on either side of its null."""
-    amount = effect.parameters[0]
-    return amount.low < amount.start < amount.high and any(p.shape for p in effect.parameters)
 
 
 def _best_of(tasks: Sequence[Task[Estimate]]) -> Task[Estimate]:

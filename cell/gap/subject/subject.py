@@ -80,6 +80,12 @@ class Candidate:
         """Parameter values (k,) at which the effect vanishes."""
         return np.array([p.start for p in self.parameters])
 
+    @property
+    def two_sided(self) -> bool:
+        """Whether its amount, the first parameter, may lie on either side of its null."""
+        amount = self.parameters[0]
+        return amount.low < amount.start < amount.high
+
 
 @dataclass(frozen=True, slots=True)
 class Samples:

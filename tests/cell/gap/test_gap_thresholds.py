@@ -79,7 +79,7 @@ def test_every_probe_of_an_effect_with_a_threshold_is_a_start() -> None:
     assert [start["slip"][0] for start in score.tried] == list(PROBES)
 
 
-def test_an_effect_of_either_sign_that_answers_more_elsewhere_has_no_threshold() -> None:
+def test_an_effect_that_answers_more_at_another_place_has_no_threshold() -> None:
     score = best_score(Uneven(lambda _t, _s, _i: uneven_lump(0.3, 0.15)))
     assert score.start["lump"] == pytest.approx([0.3, 0.15], rel=0.05)
     assert [start["lump"][1] for start in score.tried] == [0.15]
