@@ -139,6 +139,23 @@ def test_what_the_grain_of_a_model_leaves_is_no_gap_and_it_is_fitted_by_its_own(
         assert fine.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
 
 
+class GrainedBeside(Curves):
+    """Curves whose simulation is coarse beside an effect alone."""
+
+    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
+        floor = [np.full(len(T), GRAIN if q.effects else 0.0) for q in requests]
+        return [replace(q.run, samples=replace(q.run.samples, floor=f))
+                for q, f in zip(requests, floor, strict=True)]  # fmt: skip
+
+
+def test_gaps_on_held_out_runs_are_compared_by_the_floors_of_both_models() -> None:
+    subject = GrainedBeside(hidden(wave, 0.3))
+    shown = judged(subject)[0].shown
+    assert shown.after.model.names == {"wave"}
+    for fit in (shown.before, shown.after):
+        assert fit.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
+
+
 def test_a_model_that_leaves_more_of_unseen_runs_than_a_true_cause_is_not_named() -> None:
     found, verdict = judged(Curves(hidden(wave, 0.3)))
     assert verdict.verdict == "named"
