@@ -236,7 +236,7 @@ def _probes_to_fit(
 def _has_threshold(p: Probed) -> bool:
     """Whether an effect responds far less per amount near its null than farther off.
 
-    One of either sign and of a place has none: another place may respond more.
+    One of either sign at a place has none: it may respond more at another place.
     """
     if p.candidate.two_sided and _shapes(p.candidate).any():
         return False

@@ -1,4 +1,4 @@
-"""Gradient of bending rigidity from the fixed to the grasped edge."""
+"""Gradient of bending rigidity from the fixed to the grasped edge, linear or steeper between."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,7 +23,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("slope", "1", low=-1.8, high=1.8),
         Parameter(
-            "central", "1", low=-1.0, high=1.0, null=None, default=0.0, guess=0.3, role="shape"
+            "central", "1", low=0.0, high=1.0, null=None, default=0.0, guess=0.3, role="shape"
         ),
     ),
     apply=_apply,

@@ -88,7 +88,7 @@ def test_registry_holds_the_names_and_parameters_of_the_contract() -> None:
 def test_shape_parameters_come_last_and_default_to_no_change(effect: Effect) -> None:
     finer = [p for p in effect.parameters if p.role == "shape"]
     assert finer == list(effect.parameters[len(effect.parameters) - len(finer) :])
-    assert all(p.default == 0.0 and p.low <= 0.0 for p in finer)
+    assert all(p.default == p.low == 0.0 for p in finer)
     values = {p.name: v for p, v in _of(effect, _middle(effect)) if p.role != "shape"}
     stated = values | {p.name: 0.0 for p in finer}
     (plain, same) = folds([affected(effect.name, **values), affected(effect.name, **stated)])
