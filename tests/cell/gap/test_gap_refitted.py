@@ -1,10 +1,13 @@
 """Which effects are refitted, and when none is."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
 from cell.gap.fit import quiet
+from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.tasks import Simulate
 from cell.gap.forward_selection import ForwardSelection
 from cell.gap.selection import search
 from cell.gap.selection.fits import Fits
@@ -36,6 +39,19 @@ def _one_single(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_where_the_base_leaves_no_gap_only_effects_that_the_screen_shows_are_refitted() -> None:
     assert refitted(nothing, doubted=False) == {BASE}
     assert frozenset({"bump"}) in refitted(hidden(bump, 0.05), doubted=False)
+
+
+def test_every_single_effect_is_tried_with_either_sign(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[frozenset[str]] = []
+
+    def note(_simulate: Simulate, _fits: Fits, models: Sequence[Validated]) -> list[Validated]:
+        tried.extend(m.model.names for m in models)
+        return []
+
+    monkeypatch.setattr(search, "other_signs", note)
+    fits = fitted(Curves(hidden(bump, 0.2)), doubted=False, further=False)
+    assert set(tried) == {m.model.names for m in fits.of_size(1)}
+    assert len(tried) > 1
 
 
 def test_where_it_leaves_a_gap_effects_of_which_the_screen_expects_little_are_too() -> None:

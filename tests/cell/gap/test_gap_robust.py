@@ -14,6 +14,7 @@ from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence, response
 from cell.gap.fitting.starts import refit_fine
 from cell.gap.fitting.tasks import run_one
+from cell.gap.investigate import _leading
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.search import better_base
 from cell.gap.subject.subject import Request, Residuals, Run
@@ -102,6 +103,15 @@ def test_base_in_a_local_minimum_is_begun_anew_from_every_leading_model() -> Non
     assert better.scale < lost.scale
     found = validated(fitted(subject), subject)
     assert better_base(subject.simulate, Fits((found, right)), [right]) is None
+
+
+def test_a_model_leads_the_base_where_it_is_more_probable_or_predicts_clearly_better() -> None:
+    subject = Curves(hidden(wave, 0.3))
+    base, right, other = (
+        validated(fitted(subject, names), subject) for names in ((), ("wave",), ("dead",))
+    )
+    assert _leading(Fits((base, right, other))) == [right]
+    assert _leading(Fits((base, other))) == []
 
 
 def test_sample_that_both_or_one_cannot_show_answers_as_the_fit_counts_it() -> None:
