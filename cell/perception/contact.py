@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
 from cell.perception.appearance import Appearance
 from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL, share
+from drivers.strip.shape import LYING_LENGTH
 from drivers.types import Array, Image
 
 SAMPLE_SPACING = 0.0003  # m between samples along the line
@@ -56,9 +58,10 @@ class Contact:
 
 
 def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
-    """Find the first point along `line`, from the fixed end, where strip changes to desk.
+    """Find where the strip leaves the desk: the last point along `line` where lying strip ends.
 
-    In images that are shifted the line begins beside the strip, and crosses its end.
+    As `drivers.strip.shape.desk_contact` defines it, so that a hump over a crease is no contact. In
+    images that are shifted the line begins beside the strip, and crosses its end.
     `levels` (h, w) is the smoothed matte of the window whose first pixel is `origin` (2,) [px].
     """
     desk = _sample(levels, line.front - origin)
@@ -72,13 +75,26 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     counts = np.convolve(strip, np.ones(run), mode="full")  # of strip in the run up to each sample
     before, following = counts[: len(strip)], counts[run - 1 : run - 1 + len(strip)]
     ends = np.flatnonzero(strip[:-1] & (before[:-1] >= run - 1) & ~strip[1:] & (following[1:] == 0))
+    if strip[-1]:
+        ends = np.append(ends, len(strip) - 1)
     if len(ends) == 0:
-        x = float(line.x[-1]) if strip[-1] else float("nan")
-        return Contact(x, 1.0 if strip[-1] else 0.0)
-    i = int(ends[0])
+        return Contact(float("nan"), 0.0)
+    i = _lying_end(ends, np.flatnonzero(strip))
+    if i == len(strip) - 1:
+        return Contact(float(line.x[-1]), 1.0)
     part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
     confidence = _sharpness(along, i, 4 * run)
     return Contact(float(line.x[i] + part * SAMPLE_SPACING), confidence)
+
+
+def _lying_end(ends: NDArray[np.int64], strip: NDArray[np.int64]) -> int:
+    """Last of the `ends` (k,) before which strip lies for LYING_LENGTH, else the first.
+
+    Both are numbers of samples, `strip` (n,) of those that show strip.
+    """
+    begins = strip[np.searchsorted(strip, ends[:-1] + 1)]
+    lying = ends[1:][(ends[1:] - begins) * SAMPLE_SPACING >= LYING_LENGTH]
+    return int(lying[-1] if len(lying) else ends[0])
 
 
 def _sharpness(along: Array, end: int, reach: int) -> float:

@@ -1,4 +1,4 @@
-"""Signed distances of measured points from a moving midline, and their robust means."""
+"""Residuals of measured points and contacts against a moving midline, and their robust means."""
 
 import math
 from typing import Any
@@ -139,6 +139,33 @@ def signed_distances(
         low, high = around(arc, near[p])
         q = nearest(curve, low, high, x, z)
         found[p] = signed_distance(curve, q, x, z)
+
+
+@kernel
+def nearest_end(curve: Any, height: float, x: float, known: float) -> Any:
+    """x [m] nearest to `x` where lying strip rises above `height` [m], or `known` if that is."""
+    found, q = known, 1
+    while q < len(curve) and curve[q, 0] >= curve[q - 1, 0]:  # up to the fold's rightmost point
+        low, high = curve[q - 1, 1], curve[q, 1]
+        if low <= height < high:
+            share = (height - low) / (high - low)
+            place = curve[q - 1, 0] + share * (curve[q, 0] - curve[q - 1, 0])
+            if abs(place - x) < abs(found - x):
+                found = place
+        q += 1
+    return found
+
+
+@entry
+def nearest_ends(x: Any, places: Any, shapes: Any, height: float, found: Any) -> None:
+    """Replace `found` (n,) [m] by nearer ends of what lies of a moving midline, near to `x` (n,).
+
+    What lies ends wherever the midline rises above `height` [m]: at the fold, and at each hump
+    before it. `places` (n,) and `shapes` are those of `signed_distances`.
+    """
+    curves = between(shapes, places)
+    for m in range(len(x)):
+        found[m] = nearest_end(curves[m], height, x[m], found[m])
 
 
 @entry

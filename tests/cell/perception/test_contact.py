@@ -38,3 +38,20 @@ def test_a_stray_piece_before_the_strip_is_no_contact(stray: float) -> None:
 
 def test_a_fold_that_hangs_low_beyond_the_contact_is_not_searched() -> None:
     assert search((0.0, 0.3), (0.32, 0.34)).x == pytest.approx(0.3, abs=2 * SAMPLE_SPACING)
+
+
+def test_a_hump_over_a_crease_is_no_contact() -> None:
+    """As of a crease in half of a strip: it read 254 mm where the strip left the desk at 431."""
+    assert search((0.0, 0.254), (0.262, 0.431)).x == pytest.approx(0.431, abs=2 * SAMPLE_SPACING)
+    lying = search((0.0, 0.254), (0.262, 1.0))
+    assert (lying.x, lying.confidence) == (SAMPLE_SPACING * (COUNT - 1), 1.0)
+
+
+def test_strip_that_lies_less_than_its_length_beyond_a_hump_is_of_the_fold() -> None:
+    assert search((0.0, 0.254), (0.262, 0.311)).x == pytest.approx(0.254, abs=2 * SAMPLE_SPACING)
+    assert search((0.0, 0.254), (0.262, 0.313)).x == pytest.approx(0.313, abs=2 * SAMPLE_SPACING)
+
+
+def test_of_two_humps_the_last_lying_piece_counts() -> None:
+    found = search((0.0, 0.1), (0.11, 0.13), (0.14, 0.25), (0.26, 0.28))
+    assert found.x == pytest.approx(0.25, abs=2 * SAMPLE_SPACING)

@@ -8,7 +8,7 @@ from cell.gap.subject.strip.layout import Layout, Part
 from cell.gap.subject.strip.runs import Measured
 from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
 from cell.gap.subject.subject import Residuals
-from drivers.strip.curve import group_means, signed_distances
+from drivers.strip.curve import group_means, nearest_ends, signed_distances
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
     reported_force,
@@ -61,13 +61,25 @@ class Comparison:
         return average(found, self.layout.profile)
 
     def _contact_averages(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
-        """Mean and mean square (k,) of contact residuals, NaN where the contacts are different."""
-        order = self.layout.contact.order
-        time = shown_time(model.observation, self.run.contact_t[order])
+        """Mean and mean square (k,) of contact residuals, NaN where the contacts are different.
+
+        Which end of what lies an image shows beside a hump, as over a crease, depends on the hump's
+        height: a contact that is not the simulated one belongs to the nearest end.
+        """
+        order, limit = self.layout.contact.order, CONTACT_LIMIT * self.bending_length
+        measured, observation = self.run.contact_x[order], model.observation
+        time = np.asarray(shown_time(observation, self.run.contact_t[order]))
         simulated = np.interp(time, shown.t, shown.contact_x)
-        residuals = self.run.contact_x[order] - seen_contact(model.observation, simulated)
-        mean, square = average(np.asarray(residuals), self.layout.contact)
-        near = np.abs(mean) < CONTACT_LIMIT * self.bending_length
+        residuals = np.asarray(measured - seen_contact(observation, simulated))
+        other = np.abs(residuals) >= limit
+        ends = simulated[other]
+        nearest_ends(
+            ends + residuals[other], (time[other] - shown.begin) / SHAPE_PERIOD, shown.shapes,
+            self.run.contact_height, ends,
+        )  # fmt: skip
+        residuals[other] = measured[other] - seen_contact(observation, ends)
+        mean, square = average(residuals, self.layout.contact)
+        near = np.abs(mean) < limit
         return np.where(near, mean, np.nan), np.where(near, square, np.nan)
 
     def _force_averages(

@@ -6,7 +6,7 @@ import pytest
 from cell.gap.subject.strip.curves import believable, images_of
 from cell.gap.subject.strip.gripper import smooth_path
 from cell.record.columns import Profile
-from drivers.strip.curve import group_means, signed_distances
+from drivers.strip.curve import group_means, nearest_ends, signed_distances
 from drivers.types import Array
 
 RADIUS = 0.05  # m
@@ -54,6 +54,18 @@ def test_a_layer_that_is_nearer_but_elsewhere_on_the_strip_is_not_taken() -> Non
     point = np.array([[0.1, 0.002]])
     found = distances(point, np.array([arc[-1] - 0.1]), curve[None], arc)
     assert found[0] == pytest.approx(0.008, abs=1e-6)
+
+
+def test_lying_strip_ends_at_each_hump_and_at_the_fold() -> None:
+    """Up to the fold's rightmost point: its upper layer, back near the desk, is none of it."""
+    x = np.concatenate([np.linspace(0.0, 0.4, 41), np.linspace(0.39, 0.1, 30)])
+    z = np.concatenate([np.zeros(41), np.full(30, 0.02)])
+    z[20:23], z[38:41], z[60:] = 0.002, (0.002, 0.005, 0.01), 0.0005
+    shapes = np.stack([x, z], axis=1)[None].astype(np.float32)
+    seen = np.array([0.0, 0.2, 0.28, 0.29, 0.37, 0.5])
+    found = np.full(len(seen), 0.375)
+    nearest_ends(seen, np.zeros(len(seen)), shapes, 0.001, found)
+    np.testing.assert_allclose(found, [0.195, 0.195, 0.195, 0.375, 0.375, 0.375], atol=1e-6)
 
 
 def test_means_forgive_wild_values() -> None:
