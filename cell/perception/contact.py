@@ -15,7 +15,7 @@ from drivers.types import Array, Image
 SAMPLE_SPACING = 0.0003  # m between samples along the line
 FRONT_HEIGHT = -0.005  # m of height where desk shows before the strip
 AVERAGE = 9  # samples over which a sample is averaged against noise
-SURE_LENGTH = 0.004  # m of strip that must come before, and of desk that must follow
+SURE_COUNT = 13  # samples of strip that must come before, and of desk that must follow: 4 mm
 HALF_LEVEL = ZERO_LEVEL + LEVEL_SPAN // 2  # level of which half is strip
 
 
@@ -69,28 +69,29 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
         return Contact(float("nan"), 0.0)
     along = share(_average(_sample(levels, line.pixels - origin)))
     strip = along > 0.5
-    if not strip[: len(strip) // 8].any():
-        return Contact(float("nan"), 0.0)
-    run = int(SURE_LENGTH / SAMPLE_SPACING)  # samples
-    counts = np.convolve(strip, np.ones(run), mode="full")  # of strip in the run up to each sample
-    before, following = counts[: len(strip)], counts[run - 1 : run - 1 + len(strip)]
-    ends = np.flatnonzero(strip[:-1] & (before[:-1] >= run - 1) & ~strip[1:] & (following[1:] == 0))
-    if strip[-1]:
-        ends = np.append(ends, len(strip) - 1)
-    if len(ends) == 0:
+    ends = _ends(strip)
+    if len(ends) == 0 or not strip[: len(strip) // 8].any():
         return Contact(float("nan"), 0.0)
     i = _lying_end(ends, np.flatnonzero(strip))
     if i == len(strip) - 1:
         return Contact(float(line.x[-1]), 1.0)
     part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
-    confidence = _sharpness(along, i, 4 * run)
+    confidence = _sharpness(along, i, 4 * SURE_COUNT)
     return Contact(float(line.x[i] + part * SAMPLE_SPACING), confidence)
 
 
-def _lying_end(ends: NDArray[np.int64], strip: NDArray[np.int64]) -> int:
-    """Last of the `ends` (k,) before which strip lies for LYING_LENGTH, else the first.
+def _ends(strip: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Samples (k,) at which pieces of strip end, by the mask `strip` (n,); also the last sample."""
+    counts = np.convolve(strip, np.ones(SURE_COUNT), mode="full")  # in the run up to each sample
+    before, following = counts[: len(strip)], counts[SURE_COUNT - 1 :]
+    sure = (before[:-1] >= SURE_COUNT - 1) & (following[1:] == 0)
+    return np.flatnonzero(strip & np.append(sure & ~strip[1:], True))
 
-    Both are numbers of samples, `strip` (n,) of those that show strip.
+
+def _lying_end(ends: NDArray[np.int64], strip: NDArray[np.int64]) -> int:
+    """Last of the samples `ends` (k,) before which strip lies for LYING_LENGTH, else the first.
+
+    `strip` (n,) are all samples that show strip.
     """
     begins = strip[np.searchsorted(strip, ends[:-1] + 1)]
     lying = ends[1:][(ends[1:] - begins) * SAMPLE_SPACING >= LYING_LENGTH]
