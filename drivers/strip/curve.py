@@ -158,10 +158,11 @@ def nearest_end(curve: Any, height: float, x: float, known: float) -> Any:
 
 @entry
 def nearest_ends(x: Any, places: Any, shapes: Any, height: float, found: Any) -> None:
-    """Replace `found` (n,) [m] by nearer ends of what lies of a moving midline, near to `x` (n,).
+    """Replace each contact `found` (n,) [m] by the end of lying strip nearest to `x` (n,) [m].
 
-    What lies ends wherever the midline rises above `height` [m]: at the fold, and at each hump
-    before it. `places` (n,) and `shapes` are those of `signed_distances`.
+    Strip that lies ends wherever the midline rises above `height` [m]: at the fold, and at each
+    hump before it. A contact stays if no end is nearer. `places` (n,) and `shapes` are those of
+    `signed_distances`.
     """
     curves = between(shapes, places)
     for m in range(len(x)):

@@ -63,8 +63,9 @@ class Comparison:
     def _contact_averages(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
         """Mean and mean square (k,) of contact residuals, NaN where the contacts are different.
 
-        Which end of what lies an image shows beside a hump, as over a crease, depends on the hump's
-        height: a contact that is not the simulated one belongs to the nearest end.
+        A strip with a hump, as over a crease, leaves the desk there and at the fold; which of them
+        an image shows depends on the hump's height. So a contact far from the simulated one is
+        compared with the nearest place where the simulated strip leaves the desk.
         """
         order, limit = self.layout.contact.order, CONTACT_LIMIT * self.bending_length
         measured, observation = self.run.contact_x[order], model.observation
