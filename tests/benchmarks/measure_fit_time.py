@@ -2,9 +2,9 @@
 
 python -m tests.benchmarks.measure_fit_time FOLDER [--cases 12] [--jobs 2]
 
-FOLDER is that of `cell gap exam --out FOLDER --only-make`. Every case is fitted in a process of its
-own, one after another, on `--jobs` cores; the first fit is made twice and its first time left out,
-for it may compile. Nothing else should run meanwhile.
+FOLDER is that of `cell gap exam --out FOLDER --only-make`. So many cases, spread evenly over all
+kinds, are fitted each in a process of its own, one after another, on `--jobs` cores; the first fit
+is made twice and its first time left out, for it may compile. Nothing else should run meanwhile.
 """
 
 import argparse
@@ -53,12 +53,13 @@ def fit(exam: Path, case: str, jobs: int) -> Cost:
 
 
 def measure(exam: Path, most: int, jobs: int) -> Iterator[Cost]:
-    """Yield the cost of the first `most` cases whose runs are made."""
-    made = sorted(path.parent.name for path in (exam / RUNS_FOLDER).glob(f"*/{MADE}"))[:most]
+    """Yield the cost of `most` cases, evenly spaced among those whose runs are made."""
+    made = sorted(path.parent.name for path in (exam / RUNS_FOLDER).glob(f"*/{MADE}"))
     if not made:
         raise SystemExit(f"{exam}: holds no runs; make them with `cell gap exam --only-make`")
-    for case in [made[0], *made]:
-        yield fit(exam, case, jobs)
+    chosen = np.linspace(0, len(made) - 1, min(most, len(made))).round().astype(int)
+    for i in [chosen[0], *chosen]:
+        yield fit(exam, made[i], jobs)
 
 
 def main() -> None:

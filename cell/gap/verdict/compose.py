@@ -137,11 +137,14 @@ def _gap(found: Findings) -> Gap:
 
 
 def _posterior(found: Findings) -> Probable:
-    """Posterior part of a verdict; `ahead` is the lead of the accepted model and its rivals."""
+    """Posterior part of a verdict.
+
+    A set that holds all that was accepted and more effects besides does not speak against it.
+    """
     posterior, after = found.posterior, found.shown.after
     rivals = (rival.model.model.names for rival in found.judged.rivals)
     accepted_or_rival = {found.accepted.model.names, *rivals}
-    ahead = posterior.ahead(lambda names: names in accepted_or_rival)
+    ahead = posterior.ahead(lambda names: any(each <= names for each in accepted_or_rival))
     probable = posterior.models[: LISTED.sets]
     return Probable(
         models=[ProbableSet(names=sorted(m.names), p=m.p) for m in probable],

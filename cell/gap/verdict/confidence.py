@@ -25,10 +25,10 @@ CONFIDENCE_FILE = Path(__file__).with_name("confidence.yaml")
 class Signs:
     """Features of a verdict that speak for or against the named effects.
 
-    `ahead` [nats] is the lead of what is named, with its class, over the best other set; `left` the
-    rms on held-out runs in units of noise and floor, `correlation` that of neighbours in time
-    there; `unseen` the excess gap of the base there, `closed` the share of it that is gone; `law`
-    is 1 where a law is offered beside.
+    `ahead` [nats] is the lead of the best set that holds what is named, or its class, over the best
+    one without; `left` the rms on held-out runs in units of noise and floor, `correlation` that of
+    neighbours in time there; `unseen` the excess gap of the base there, `closed` the share of it
+    that is gone; `law` is 1 where a law is offered beside.
     """
 
     ahead: float

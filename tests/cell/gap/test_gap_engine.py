@@ -1,7 +1,7 @@
 """The gap engine on a subject of plain curves: it knows nothing of strips or pendulums."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.investigate import investigate
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.hold_out import held_out
+from cell.gap.selection.posterior import Posterior, Weighed
 from cell.gap.subject.subject import (
     Candidate,
     Experiment,
@@ -165,6 +166,19 @@ def test_hidden_effect_is_named_with_an_interval_that_covers_it() -> None:
     assert verdict.gap.after["angle_mrad"] == pytest.approx(10.0, rel=0.1)
     assert verdict.gap.shrink > 0.8
     assert verdict.unexplained is None
+
+
+def test_a_set_with_one_effect_more_does_not_speak_against_a_name() -> None:
+    found, verdict = judged(Curves(hidden(bump, 0.05)))
+    sets = [(frozenset({"bump"}), 100.0), (frozenset({"bump", "wave"}), 101.0), (frozenset(), 0.0)]
+    doubtful = [*sets, (frozenset({"wave"}), 99.0)]
+    for weighed, lead in ((sets, 101.0), (doubtful, 2.0)):
+        models = tuple(Weighed(names, nats, 0.25) for names, nats in weighed)
+        posterior = compose(replace(found, posterior=Posterior(models)), 0.0, 1).posterior
+        assert posterior is not None
+        assert posterior.ahead == lead
+    assert verdict.posterior is not None
+    assert verdict.posterior.inclusion["bump"] > 0.99
 
 
 def test_nothing_hidden_is_no_gap_with_detectable_sizes() -> None:
