@@ -12,9 +12,9 @@ cell/gap/verdict/confidence.yaml holds it.
 import argparse
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 from cell.campaign.study import Case, Outcome
 from cell.exam.scoring.score import RIGHT_RESULTS
@@ -26,9 +26,11 @@ from cell.exam.studies.confidence import (
     reliable,
     shares,
 )
-from cell.gap.verdict.confidence import Calibration, calibration
+from cell.gap.verdict.confidence import Calibration, Signs, calibration
 from drivers.files import replace_file
 from drivers.yaml_edit import dump_text
+
+SIGNS = {field.name for field in fields(Signs)}
 
 
 def main() -> int:
@@ -82,7 +84,7 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
     """Read the scored verdicts from `ledgers`, JSON lines of exams or of the study.
 
     A case is named after its ledger too: seeds of one number may have drawn others there. Verdicts
-    from before signs were kept have none. Lines of the study say themselves if a law is offered.
+    from before one of today's signs was kept have none.
     """
     lines = [(path, json.loads(line)) for path in ledgers
              for line in path.read_text(encoding="utf-8").splitlines()]  # fmt: skip
@@ -90,10 +92,11 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
     for path, line in lines:
         scored, without = line["outcome"], line.get("without", [])
         if scored is not None:
+            signs = scored.get("signs") or {}
             values = {
                 **scored,
                 "offered": line.get("offered"),
-                "signs": _signs(line),
+                "signs": signs if signs.keys() == SIGNS else None,
                 "case": f"{path.stem}/{scored['case']}",
                 "without": without,
                 "is_named": scored["verdict"] == "named",
@@ -101,12 +104,6 @@ def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
             }
             found.append(Outcome(Case(len(found), 0, {}), values))
     return found
-
-
-def _signs(line: Mapping[str, Any]) -> dict[str, float] | None:
-    """Signs of a verdict in a line of a ledger, with that of a law where the line has it."""
-    signs: dict[str, float] | None = line["outcome"].get("signs")
-    return {"law": float(line["offered"]), **signs} if signs and "offered" in line else signs
 
 
 if __name__ == "__main__":

@@ -203,7 +203,7 @@ def _compare(
 
 
 def _signs(verdict: Verdict) -> dict[str, float] | None:
-    if verdict.posterior is None or verdict.posterior.ahead is None:
+    if verdict.posterior is None or verdict.posterior.log_odds is None:
         return None
     return asdict(Signs.of(verdict.posterior, verdict.gap))
 

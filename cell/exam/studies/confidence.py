@@ -33,7 +33,7 @@ PAIRS = 8  # one case in so many hides two
 FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect
 OUTSIDE_SHARE = 0.2  # of the cases that a confidence speaks of: as in the exam through images
 SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which they count
-    "ahead": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
+    "log_odds": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
     "left": Weight(weight=-2.0, low=0.5, high=2.0),
     "correlated": Weight(weight=-2.0, low=0.0, high=1.0),
     "closed": Weight(weight=1.0, low=0.0, high=1.0),
@@ -88,11 +88,6 @@ def names_to_withhold(case: Case) -> list[str]:
     """Names removed from the library: the hidden or resembled effect, and its twins."""
     hidden = sorted(case.effects or case.answer)[0]
     return sorted({hidden, *registry()[hidden].looks_like})
-
-
-def _knows_of_law(values: Values) -> bool:
-    """Whether it is known of a verdict if a law was offered."""
-    return values.get("offered") is not None or "law" in (values["signs"] or {})
 
 
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
@@ -204,11 +199,8 @@ def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) 
 
 
 def calibrate(outcomes: Sequence[Outcome]) -> Values:
-    """Fit the calibration to these verdicts; its source states the loss on those left out.
-
-    To all of them, but for weights of signs: to those of which it is known if a law was offered.
-    """
-    found, without = names([o for o in outcomes if _knows_of_law(o.values)])
+    """Fit the calibration to these verdicts; its source states the loss on those left out."""
+    found, without = names(outcomes)
     counts = shares(found, without)
     source = (
         f"{len(found)} verdicts that name, {sum(not name.right for name in found)} of them wrong, "

@@ -46,16 +46,14 @@ class Posterior:
         found = {name: sum(m.p for m in self.models if name in m.names) for name in names}
         return dict(sorted(found.items(), key=lambda each: (-each[1], each[0])))
 
-    def ahead(self, of: Callable[[frozenset[str]], bool]) -> float:
-        """Lead [nats] of the best set for which `of` holds over the best other one.
-
-        Infinite where there is no other, negative infinite where it holds for none.
-        """
-        mine = [m.nats for m in self.models if of(m.names)]
-        others = [m.nats for m in self.models if not of(m.names)]
-        if not mine or not others:
-            return float("inf") if mine else float("-inf")
-        return max(mine) - max(others)
+    def log_odds(self, of: Callable[[frozenset[str]], bool]) -> float:
+        """Log-odds [nats] of the sets for which `of` holds; infinite where it holds for all."""
+        held = np.array([of(m.names) for m in self.models])
+        nats = np.array([m.nats for m in self.models])
+        for_all, for_none = bool(held.all()), not held.any()
+        if for_all or for_none:
+            return float("inf") if for_all else float("-inf")
+        return float(special.logsumexp(nats[held]) - special.logsumexp(nats[~held]))
 
     def lead(self, names: frozenset[str]) -> float:
         """Lead [nats] of the set `names` over the base."""

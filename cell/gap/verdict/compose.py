@@ -144,14 +144,14 @@ def _posterior(found: Findings) -> Probable:
     posterior, after = found.posterior, found.shown.after
     rivals = (rival.model.model.names for rival in found.judged.rivals)
     accepted_or_rival = {found.accepted.model.names, *rivals}
-    ahead = posterior.ahead(lambda names: any(each <= names for each in accepted_or_rival))
+    log_odds = posterior.log_odds(lambda names: any(each <= names for each in accepted_or_rival))
     probable = posterior.models[: LISTED.sets]
     return Probable(
         models=[ProbableSet(names=sorted(m.names), p=m.p) for m in probable],
         inclusion=posterior.inclusion,
         left=held_out_gap.rms_left(after),
         correlation=robust.correlation(after.evidence.runs, after.residuals),
-        ahead=ahead if np.isfinite(ahead) else None,
+        log_odds=log_odds if np.isfinite(log_odds) else None,
         law=found.offered is not None,
     )
 

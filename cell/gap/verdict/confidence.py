@@ -25,13 +25,13 @@ CONFIDENCE_FILE = Path(__file__).with_name("confidence.yaml")
 class Signs:
     """Features of a verdict that speak for or against the named effects.
 
-    `ahead` [nats] is the lead of the best set that holds what is named, or its class, over the best
-    one without; `left` the rms on held-out runs in units of noise and floor, `correlation` that of
-    neighbours in time there; `unseen` the excess gap of the base there, `closed` the share of it
-    that is gone; `law` is 1 where a law is offered beside.
+    `log_odds` [nats] are the posterior's of what is named, or its class; `left` the rms on held-out
+    runs in units of noise and floor, `correlation` that of neighbours in time there; `unseen` the
+    excess gap of the base there, `closed` the share of it that is gone; `law` is 1 where a law is
+    offered beside.
     """
 
-    ahead: float
+    log_odds: float
     left: float
     correlation: float
     unseen: float
@@ -40,10 +40,10 @@ class Signs:
 
     @classmethod
     def of(cls, sets: Probable, gap: Gap) -> "Signs":
-        """Features from the posterior and gap of a verdict; a lead over no set is infinite."""
-        ahead = np.inf if sets.ahead is None else sets.ahead
+        """Features from the posterior and gap of a verdict; without log-odds they are infinite."""
+        log_odds = np.inf if sets.log_odds is None else sets.log_odds
         unseen, law = gap.before["excess"], float(sets.law)
-        return cls(ahead, sets.left, sets.correlation, unseen, gap.shrink, law)
+        return cls(log_odds, sets.left, sets.correlation, unseen, gap.shrink, law)
 
     @property
     def correlated(self) -> float:

@@ -111,16 +111,16 @@ class Probable(Entry):
     """The posterior over the sets of effects that were fitted, the most probable first.
 
     `left` is the rms that no law accounts for on held-out runs, in units of noise and floor, and
-    `correlation` that of neighbours in time in it; `ahead` [nats] is the lead of the best set
-    that holds what was accepted, or its class, over the best one without, None where each has it;
-    `law` is whether a law is offered, which has fewer terms and is no less probable.
+    `correlation` that of neighbours in time in it; `log_odds` [nats] are those of the sets
+    that hold what was accepted, or its class, None where all do; `law` is whether a law is offered,
+    which has fewer terms and is no less probable.
     """
 
     models: list[ProbableSet]
     inclusion: dict[str, float]
     left: float
     correlation: float
-    ahead: float | None
+    log_odds: float | None = None
     law: bool = False
 
 

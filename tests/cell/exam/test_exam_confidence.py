@@ -34,9 +34,9 @@ def drawn(count: int, seed: int = 0) -> list[Name]:
     rng = np.random.default_rng(seed)
     found = []
     for i in range(count):
-        ahead, left = float(np.exp(rng.uniform(0.0, 5.0))), float(rng.uniform(0.5, 2.0))
-        right = bool(rng.uniform() < 0.3 + 0.13 * np.log1p(ahead))
-        found.append(Name(Signs(ahead, left, 0.0, 2.0, 1.0), right, False, str(i)))
+        log_odds, left = float(np.exp(rng.uniform(0.0, 5.0))), float(rng.uniform(0.5, 2.0))
+        right = bool(rng.uniform() < 0.3 + 0.13 * np.log1p(log_odds))
+        found.append(Name(Signs(log_odds, left, 0.0, 2.0, 1.0), right, False, str(i)))
     return found
 
 
@@ -69,7 +69,7 @@ def test_withheld_names_count_as_rarely_as_causes_outside() -> None:
 
 def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
     signs = {
-        "ahead": 9.0,
+        "log_odds": 9.0,
         "left": 0.6,
         "correlation": 0.0,
         "unseen": 2.0,
@@ -167,7 +167,7 @@ def test_verdicts_of_exams_count_as_those_of_the_study_do() -> None:
 def test_all_but_one_in_a_hundred_right_verdicts_leave_less_than_what_keeps_one_open() -> None:
     def outcome(number: int, left: float, **facts: Any) -> Outcome:
         signs = {
-            "ahead": 9.0,
+            "log_odds": 9.0,
             "left": left,
             "correlation": 0.0,
             "unseen": 2.0,

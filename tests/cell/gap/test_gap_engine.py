@@ -172,11 +172,11 @@ def test_a_set_with_one_effect_more_does_not_speak_against_a_name() -> None:
     found, verdict = judged(Curves(hidden(bump, 0.05)))
     sets = [(frozenset({"bump"}), 100.0), (frozenset({"bump", "wave"}), 101.0), (frozenset(), 0.0)]
     doubtful = [*sets, (frozenset({"wave"}), 99.0)]
-    for weighed, lead in ((sets, 101.0), (doubtful, 2.0)):
+    for weighed, odds in ((sets, 101.3133), (doubtful, 2.3133)):
         models = tuple(Weighed(names, nats, 0.25) for names, nats in weighed)
         posterior = compose(replace(found, posterior=Posterior(models)), 0.0, 1).posterior
         assert posterior is not None
-        assert posterior.ahead == lead
+        assert posterior.log_odds == pytest.approx(odds, abs=1e-4)
     assert verdict.posterior is not None
     assert verdict.posterior.inclusion["bump"] > 0.99
 

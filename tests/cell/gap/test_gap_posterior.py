@@ -64,7 +64,7 @@ def test_evidence_of_a_linear_model_is_the_density_of_its_runs() -> None:
     exact = density(subject, ("bump",)) - density(subject, ()) + chance
     assert nats(found, "bump") - nats(found) == pytest.approx(exact, abs=0.01)
     assert sum(m.p for m in found.models) == pytest.approx(1.0)
-    assert found.ahead(lambda names: "bump" in names) == pytest.approx(exact, abs=0.01)
+    assert found.log_odds(lambda names: "bump" in names) == pytest.approx(exact, abs=0.01)
 
 
 @pytest.mark.parametrize("size", [0.003, -0.003])
@@ -88,7 +88,7 @@ def test_twins_share_what_one_of_them_has() -> None:
     assert found.inclusion["bump"] == pytest.approx(0.5, abs=0.01)
     assert found.inclusion["twin"] == pytest.approx(0.5, abs=0.01)
     assert found.inclusion["wave"] < 1e-3
-    assert found.ahead(lambda names: bool(names & {"bump", "twin"})) > 100.0
+    assert found.log_odds(lambda names: bool(names & {"bump", "twin"})) > 100.0
 
 
 def test_what_the_floor_allows_is_no_effect() -> None:
@@ -141,7 +141,7 @@ def test_a_verdict_states_what_its_signs_are_worth() -> None:
 
 def test_nothing_is_stated_beyond_what_was_calibrated() -> None:
     weights = {
-        "ahead": Weight(weight=2.0, low=0.0, high=99.0, by_order=True),
+        "log_odds": Weight(weight=2.0, low=0.0, high=99.0, by_order=True),
         "left": Weight(weight=-1.0, low=1.0, high=3.0),
     }
     by = Calibration(most_left=1.0, intercept=-1.0, weights=weights, source="by hand")
