@@ -37,14 +37,14 @@ def main() -> int:
     """Print the tables; 1 where no verdict names."""
     asked = _arguments()
     outcomes = verdicts_in(asked.ledgers)
-    found, without = names(outcomes)
+    found, outside = names(outcomes)
     if not found:
         sys.stderr.write("no verdict in these ledgers names and has signs; give others\n")
         return 1
     known = [o.values for o in outcomes if o.values["is_named"] and o.values["signs"]]
     stated = [(v["confidence"], v["is_right"]) for v in known if v["confidence"] is not None]
     by = calibration()
-    counts = shares(found, without)
+    counts = shares(found, outside)
     tables = {
         "Stated then": (stated, None),
         "Stated by this version": ([(by.probability(n.signs), n.right) for n in found], counts),
@@ -53,9 +53,9 @@ def main() -> int:
     content = dict(calibrate(outcomes))
     if asked.fresh:
         outcomes = verdicts_in(asked.fresh)
-        fitted, (others, without) = Calibration.model_validate(content), names(outcomes)
+        fitted, (others, outside) = Calibration.model_validate(content), names(outcomes)
         fresh = [(fitted.probability(n.signs), n.right) for n in others]
-        tables["Of fresh cases"] = fresh, shares(others, without)
+        tables["Of fresh cases"] = fresh, shares(others, outside)
     sys.stdout.write(f"{count_verdicts(outcomes)}\n\n")
     for title, (claims, counts) in tables.items():
         sys.stdout.write(f"{title}:\n\n{reliable(claims, counts)}\n\n")

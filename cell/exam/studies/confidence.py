@@ -45,11 +45,11 @@ DOUBTFUL = 0.7  # confidence under which a wrong name does little harm
 
 
 class Name(NamedTuple):
-    """Verdict that names an effect: its signs, if it is right, if the effect was withheld, case."""
+    """Verdict that names: its signs, if it is right, if the library lacks the cause, its case."""
 
     signs: Signs
     right: bool
-    withheld: bool
+    outside: bool
     case: str
 
 
@@ -91,20 +91,26 @@ def names_to_withhold(case: Case) -> list[str]:
 
 
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
-    """Verdicts that name an effect, and the share of all cases with the effect withheld."""
+    """Verdicts that name an effect, and the share of the causes that the library lacks."""
     found = [
-        Name(Signs(**v["signs"]), v["is_right"], bool(v["without"]), v["case"])
+        Name(Signs(**v["signs"]), v["is_right"], _is_outside(v), v["case"])
         for v in (o.values for o in outcomes)
         if v["is_named"] and v["signs"]
     ]
-    return found, sum(bool(o.values["without"]) for o in outcomes) / max(len(outcomes), 1)
+    causes = [_is_outside(o.values) for o in outcomes if o.values["hidden"]]
+    return found, sum(causes) / max(len(causes), 1)
 
 
-def shares(found: Sequence[Name], without: float) -> Array:
-    """Weights (n,) of verdicts that turn the share `without` the effect into OUTSIDE_SHARE."""
-    withheld = OUTSIDE_SHARE / without if without else 1.0
-    whole = (1.0 - OUTSIDE_SHARE) / (1.0 - without or 1.0)  # `without` may be all of them
-    return np.array([withheld if name.withheld else whole for name in found])
+def _is_outside(values: Values) -> bool:
+    """Whether the library of a case lacks what is hidden."""
+    return bool(values["without"] or (values["hidden"] and not values["answer"]))
+
+
+def shares(found: Sequence[Name], outside: float) -> Array:
+    """Weights (n,) of verdicts that turn the share of causes `outside` into OUTSIDE_SHARE."""
+    lacking = OUTSIDE_SHARE / outside if outside else 1.0
+    whole = (1.0 - OUTSIDE_SHARE) / (1.0 - outside or 1.0)  # all of them may be outside
+    return np.array([lacking if name.outside else whole for name in found])
 
 
 def left_by_right(outcomes: Sequence[Outcome]) -> list[float]:
@@ -200,12 +206,12 @@ def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) 
 
 def calibrate(outcomes: Sequence[Outcome]) -> Values:
     """Fit the calibration to these verdicts; its source states the loss on those left out."""
-    found, without = names(outcomes)
-    counts = shares(found, without)
+    found, outside = names(outcomes)
+    counts = shares(found, outside)
     source = (
         f"{len(found)} verdicts that name, {sum(not name.right for name in found)} of them wrong, "
-        f"{sum(name.withheld for name in found)} with the effect withheld, counted as if that were "
-        f"so in {100 * OUTSIDE_SHARE:.0f} % of all cases."
+        f"{sum(name.outside for name in found)} of a cause that the library lacks, counted as if "
+        f"{100 * OUTSIDE_SHARE:.0f} % of all causes were such."
     )
     if found:
         stated = leave_each_out(found, counts)
@@ -244,13 +250,13 @@ def _rates(verdicts: Sequence[Values]) -> Iterator[Rate]:
 
 def judge(outcomes: Sequence[Outcome]) -> str:
     """Counts and reliability of verdicts, for effects in the library and withheld ones."""
-    (found, without), by = names(outcomes), calibration()
+    (found, outside), by = names(outcomes), calibration()
     parts = [f"{count_verdicts(outcomes)}\n"]
     groups = {"All": (False, True), "None withheld": (False,), "Withheld": (True,)}
-    for words, withheld in groups.items():
-        mine = [(by.probability(n.signs), n.right) for n in found if n.withheld in withheld]
+    for words, kinds in groups.items():
+        mine = [(by.probability(n.signs), n.right) for n in found if n.outside in kinds]
         if mine:
-            counts = shares(found, without) if len(withheld) > 1 else None
+            counts = shares(found, outside) if len(kinds) > 1 else None
             parts.append(f"{words}:\n\n{reliable(mine, counts)}\n")
     return "\n".join(parts)
 

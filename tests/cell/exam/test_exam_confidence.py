@@ -1,6 +1,5 @@
 """The calibration of the stated confidence, from verdicts held against the truth."""
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -77,16 +76,20 @@ def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
         "law": 0.0,
     }
     facts = {"case": "a", "signs": signs, "is_named": True, "without": []}
+    facts |= {"hidden": ["seam"], "answer": ["seam"]}
     values = [
         {**facts, "is_right": True},
         {**facts, "is_right": False, "without": ["seam"]},
         {**facts, "is_named": False, "is_right": None, "without": ["seam"]},
         {**facts, "case": "b", "is_right": True},
+        {**facts, "is_named": False, "is_right": None},
+        {**facts, "is_named": False, "is_right": None, "hidden": [], "answer": []},
+        {**facts, "is_named": False, "is_right": None, "hidden": ["wobble"], "answer": []},
     ]
     outcomes = [Outcome(Case(i, 0, {}), v) for i, v in enumerate(values)]
-    found, without = names(outcomes)
+    found, outside = names(outcomes)
     assert [name.right for name in found] == [True, False, True]
-    assert without == 0.5
+    assert outside == 0.5
     content = calibrate(outcomes)
     assert "3 verdicts that name, 1 of them wrong" in content["source"]
     assert Calibration.model_validate({**content, "belongs_to": "confidence.yaml"}).weights
@@ -123,22 +126,14 @@ def test_correlated_residuals_count_by_their_size() -> None:
     assert 0.0 < lost(0.4) < 0.5 * lost(0.9)
 
 
-def test_weights_are_of_verdicts_of_which_it_is_known_if_a_law_was_offered(tmp_path: Path) -> None:
-    lines = (LEDGERS / "confidence-10307.jsonl").read_text().splitlines()
-    plain = [json.loads(line) for line in lines]
-    for line in plain:
-        del line["offered"]
-    old = tmp_path / "old.jsonl"
-    old.write_text("".join(json.dumps(line) + "\n" for line in plain))
-    both = verdicts_in([LEDGERS / "confidence-10307.jsonl", old])
-    told = calibrate(both)
-    assert told["weights"] == calibrate(both[: len(lines)])["weights"]
-    assert told["weights"]["law"]["weight"] < -2.0
-    assert calibrate(both[len(lines) :])["source"].startswith("0 verdicts that name")
+def test_a_verdict_that_lacks_one_of_todays_signs_is_no_name() -> None:
+    found, outside = names(verdicts_in([LEDGERS / "images-10303.jsonl"]))
+    assert found == []
+    assert outside == pytest.approx(18 / 67)
 
 
 def test_without_a_name_the_calibration_is_its_prior() -> None:
-    facts = {"is_named": False, "signs": None, "without": ["seam"], "case": "a"}
+    facts = {"is_named": False, "signs": None, "without": ["seam"], "case": "a", "hidden": ["seam"]}
     found = Calibration.model_validate(calibrate([Outcome(Case(0, 0, {}), facts)]))
     assert {sign: w.weight for sign, w in found.weights.items()} == pytest.approx(
         {sign: w.weight for sign, w in SIGN_WEIGHTS.items()}
@@ -157,11 +152,9 @@ def test_the_package_holds_the_calibration_of_its_source() -> None:
 
 
 def test_verdicts_of_exams_count_as_those_of_the_study_do() -> None:
-    ledgers = [LEDGERS / f"{kind}-7419.jsonl" for kind in ("single", "pair")]
-    found, without = names(verdicts_in(ledgers))
-    assert len(found) == len({name.case for name in found}) == 21
-    assert (sum(name.right for name in found), without) == (20, 0.0)
-    assert names(verdicts_in([LEDGERS / "images-9201.jsonl"])) == ([], 0.0)
+    found, outside = names(verdicts_in([LEDGERS / "state-10319.jsonl"]))
+    assert len(found) == len({name.case for name in found}) == 148
+    assert (sum(name.right for name in found), outside) == (143, 0.0)
 
 
 def test_all_but_one_in_a_hundred_right_verdicts_leave_less_than_what_keeps_one_open() -> None:
