@@ -96,16 +96,16 @@ def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
 
 
 def test_verdicts_are_counted_by_what_is_hidden_and_withheld() -> None:
-    text = count_verdicts(verdicts_in([LEDGERS / "confidence-10309.jsonl"]))
+    text = count_verdicts(verdicts_in([LEDGERS / "confidence-10321.jsonl"]))
     rows = [line.strip("| ").split(" | ") for line in text.splitlines()[2:]]
     cells = [[cell.split(",")[0] for cell in row] for row in rows]
-    assert ["yes", "one", "medium", "10 of 13", "10 of 13", "0 of 13", "0 of 13"] in [
+    assert ["yes", "one", "medium", "20 of 21", "17 of 21", "0 of 21", "3 of 21"] in [
         row[:-1] for row in cells
     ]
     withheld = [row for row in cells if row[0] == "no"]
     assert {row[3].split(" of ")[0] for row in withheld} == {"0"}
-    assert sum(int(row[5].split(" of ")[0]) for row in withheld) == 7
-    assert sum(int(row[3].split(" of ")[1]) for row in cells) == 80
+    assert sum(int(row[5].split(" of ")[0]) for row in withheld) == 10
+    assert sum(int(row[3].split(" of ")[1]) for row in cells) == 120
 
 
 def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
