@@ -25,7 +25,7 @@ from cell.exam.scoring.statistics import Rate, calibration_error, rate, reliabil
 from cell.exam.scoring.targets import rate_text
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import RECORD
-from cell.gap.verdict.confidence import Calibration, Signs, Weight, calibration
+from cell.gap.verdict.confidence import LEFT_OPEN, Calibration, Signs, Weight, calibration
 from drivers.strip.effects import registry
 from drivers.types import Array
 
@@ -40,7 +40,6 @@ SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which the
     "law": Weight(weight=-2.0, low=0.0, high=1.0),
 }
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
-LEFT_OPEN = 0.01  # share of right verdicts above `most_left`, which stay open; customary
 DOUBTFUL = 0.7  # confidence under which a wrong name does little harm
 
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
@@ -98,6 +99,13 @@ def rms_left(estimate: Estimate) -> float:
     What a true model leaves has about the scale 1, so that this is where samples count as wild.
     """
     return float(np.sqrt(mean_square(clip_wild(estimate.residuals, scale=1.0))))
+
+
+def noise_rms(evidence: Evidence, share: float) -> float:
+    """Rms in units of noise and floor that noise alone exceeds in the `share` of cases."""
+    pairs = zip(evidence.runs, evidence.scales, strict=True)
+    noise = np.concatenate([run.samples.noise / scale for run, scale in pairs])
+    return float(np.sqrt(np.mean(noise**2) * special.chdtri(len(noise), share) / len(noise)))
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:

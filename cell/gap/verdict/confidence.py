@@ -18,6 +18,7 @@ from scipy import special
 from cell.gap.verdict.schema import Gap, Probable
 from drivers.settings import Settings, load
 
+LEFT_OPEN = 0.01  # share of verdicts with the true cause that leave too much; customary
 CONFIDENCE_FILE = Path(__file__).with_name("confidence.yaml")
 
 

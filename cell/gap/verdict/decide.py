@@ -10,7 +10,7 @@ from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, clip_wild, margin
 from cell.gap.subject.subject import Run
-from cell.gap.verdict.confidence import calibration
+from cell.gap.verdict.confidence import LEFT_OPEN, calibration
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind, Unexplained
 
@@ -62,8 +62,18 @@ def leaves_too_much(found: Findings) -> bool:
 
     As much may stay, too, as a law gets wrong of a large gap.
     """
-    above = held_out_gap.rms_left(found.shown.after) > calibration().most_left
+    above = held_out_gap.rms_left(found.shown.after) > most_left(found)
     return above and found.shown.shrink.value < 1.0 - found.subject.scope.left
+
+
+def most_left(found: Findings) -> float:
+    """Rms on held-out runs, in units of noise and floor, above which a verdict stays open.
+
+    As calibrated, or what noise alone may leave, where there is little floor beside it.
+    """
+    return max(
+        calibration().most_left, held_out_gap.noise_rms(found.shown.after.evidence, LEFT_OPEN)
+    )
 
 
 def gap_is_there(found: Findings) -> bool:
@@ -175,7 +185,7 @@ def _reasons(found: Findings) -> Iterator[str]:
         factor = max(judged.repeats.inflation.values())
         yield f"repeats of one condition differ by {factor:.1f} times the stated noise"
     if found.accepted.model.effects and leaves_too_much(found):
-        left, most = held_out_gap.rms_left(found.shown.after), calibration().most_left
+        left, most = held_out_gap.rms_left(found.shown.after), most_left(found)
         closed = 100.0 * found.shown.shrink.value
         yield (
             f"that is {left:.2g} times noise and floor, where a true cause leaves at most "

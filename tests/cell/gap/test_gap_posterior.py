@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from cell.gap.diagnosis.held_out_gap import noise_rms
+from cell.gap.fitting.model import evidence
 from cell.gap.fitting.projection import projection, stacked_jacobian
 from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.beliefs import Beliefs, beliefs
@@ -158,3 +160,11 @@ def test_the_base_is_believed_where_nothing_is_hidden() -> None:
     found = sets(Curves(nothing), ("bump",), ("wave",))
     assert not found.models[0].names
     assert found.models[0].p > 0.9
+
+
+def test_noise_alone_leaves_no_more_than_it_may() -> None:
+    """Of subjects with hardly a floor, one in a hundred leaves more than `noise_rms`."""
+    runs = evidence(Curves(nothing, repeats=1).runs)
+    most, count = noise_rms(runs, 0.01), sum(len(run.samples) for run in runs.runs)
+    drawn = np.random.default_rng(0).normal(size=(4000, count))
+    assert np.mean(np.sqrt(np.mean(drawn**2, axis=1)) > most) == pytest.approx(0.01, abs=0.006)
