@@ -31,7 +31,7 @@ from drivers.types import Array
 
 PAIRS = 8  # one case in so many hides two
 FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect
-OUTSIDE_SHARE = 0.2  # of the cases that a confidence speaks of: as in the exam through images
+OUTSIDE_SHARE = 0.2  # of the causes that a confidence speaks of: as in the exam through images
 SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which they count
     "log_odds": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
     "left": Weight(weight=-2.0, low=0.5, high=2.0),

@@ -102,7 +102,10 @@ def rms_left(estimate: Estimate) -> float:
 
 
 def noise_rms(evidence: Evidence, share: float) -> float:
-    """Rms in units of noise and floor that noise alone exceeds in the `share` of cases."""
+    """Rms in units of noise and floor that noise alone exceeds in the `share` of cases.
+
+    By the chi-squared distribution, as if all samples had the mean noise and were independent.
+    """
     pairs = zip(evidence.runs, evidence.scales, strict=True)
     noise = np.concatenate([run.samples.noise / scale for run, scale in pairs])
     return float(np.sqrt(np.mean(noise**2) * special.chdtri(len(noise), share) / len(noise)))

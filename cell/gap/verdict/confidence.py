@@ -77,8 +77,9 @@ class Weight(Settings):
 class Calibration(Settings):
     """Content of confidence.yaml: `intercept` and `weights` of the log-odds of a right verdict.
 
-    `most_left` is the rms on held-out runs, in units of noise and floor, above which a verdict
-    stays open. `source` names the verdicts that were used, `belongs_to` the place of the file.
+    `most_left` is the rms on held-out runs, in units of noise and floor, that all but LEFT_OPEN of
+    right verdicts stay below. `source` names the verdicts that were used, `belongs_to` the place of
+    the file.
     """
 
     most_left: float = Field(gt=0)
