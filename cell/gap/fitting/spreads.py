@@ -27,16 +27,16 @@ LEAST_CURVATURE = 0.1  # of the loss, where runs hardly bound a spread; set by h
 
 @dataclass(frozen=True, slots=True)
 class Believed:
-    """Thresholds by which a quantity counts as different from run to run.
+    """What is believed of quantities that may differ from run to run, before any run is seen.
 
-    It must gain `worth` nats, and beat those that scatter more commonly, named first, by `tie`; a
-    common one does not scatter here where its Bayes factor is below `refuted`. Source: set by hand;
-    `cell study spreads` tests it on true spreads.
+    A common one does so with probability `common`. Another must gain `worth` nats, and beat those
+    that scatter more commonly, named first, by `tie`. Source: set by hand; `cell study spreads`
+    tests it on true spreads.
     """
 
+    common: float = 0.9
     worth: float = 3.0
     tie: float = 2.0
-    refuted: float = 1 / 3
 
 
 BELIEVED = Believed()
@@ -61,20 +61,22 @@ class Spread:
 def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     """Spreads of the quantities that differ from run to run in `estimate`, common ones first.
 
-    Common ones scatter in every laboratory: they stay unless the runs refute them. Others are
-    taken in one by one while each gains enough beside those, since a slack that differs looks much
-    like a grip that does.
+    Common ones scatter in most laboratories: each has its mean spread over both hypotheses, and is
+    left out where that is below the least one sought. Others are taken in one by one while each
+    gains enough beside those, since a slack that differs looks much like a grip that does.
     """
     known = _random_unknowns(estimate)
     if not known or len(estimate.evidence.runs) < 2:
         return ()
     model, parameters = Marginal.of(estimate, known), list(known.values())
     found = _Chosen.of(model, [k for k, p in enumerate(parameters) if p.common])
-    found = _drop_refuted(_with_others(found, len(known)), parameters)
-    shares = _mean_shares(found)
-    errors = _errors(model, found.active, shares)
-    rows = zip([parameters[k] for k in found.active], shares, errors, strict=True)
-    return tuple(_spread(p, s, error) for p, s, error in rows)
+    found = _with_others(found, len(known))
+    chosen = [parameters[k] for k in found.active]
+    probable = [_probability(found, i) if p.common else 1.0 for i, p in enumerate(chosen)]
+    shares = np.array(probable) * _mean_shares(found)
+    errors = _errors(model, found.active, np.maximum(shares, SOUGHT.smallest))
+    rows = zip(chosen, shares, errors, strict=True)
+    return tuple(_spread(p, s, error) for p, s, error in rows if s >= SOUGHT.smallest)
 
 
 def _spread(p: Parameter, share: float, error: float) -> Spread:
@@ -115,17 +117,10 @@ def _with_others(found: _Chosen, count: int) -> _Chosen:
     return found
 
 
-def _drop_refuted(found: _Chosen, parameters: Sequence[Parameter]) -> _Chosen:
-    """Drop the common quantities whose Bayes factor refutes that they scatter.
-
-    Such a spread, averaged over its prior, explains the runs worse than none by a factor of three
-    (Kass and Raftery 1995).
-    """
-    kept = [
-        k for i, k in enumerate(found.active)
-        if not parameters[k].common or _bayes_factor(found, i) > BELIEVED.refuted
-    ]  # fmt: skip
-    return found if len(kept) == len(found.active) else _Chosen.of(found.model, kept)
+def _probability(found: _Chosen, i: int) -> float:
+    """Posterior probability that the common active quantity number `i` differs from run to run."""
+    odds = BELIEVED.common / (1.0 - BELIEVED.common) * _bayes_factor(found, i)
+    return odds / (1.0 + odds)
 
 
 def _bayes_factor(found: _Chosen, i: int) -> float:

@@ -21,8 +21,8 @@ class Parameter:
     so that a null at infinity is a zero here. `shape` parameters say where or how an effect acts,
     not how strongly: a probe keeps its shape whatever its amount. `random` unknowns of
     a run are drawn anew in each run; their `spread` is estimated from the runs; `common` ones
-    are expected to differ in any laboratory, unless the runs refute it. `tolerated` is the range
-    that the file states for a value of the base; None where it states a `spread` alone.
+    are expected to differ in any laboratory. `tolerated` is the range that the file states for a
+    value of the base; None where it states a `spread` alone.
     """
 
     name: str
