@@ -13,7 +13,7 @@ from drivers.errors import Fault
 
 ENDING_TIMEOUT = 1.5  # s for the arm to come to rest and the process to end
 SENDING = 20.0  # s for the log of the joints, which is sent once the arm rests
-PIECE = 50  # ticks in lock-step for each answer: many take a busy machine longer than one may
+TICKS_PER_ANSWER = 50  # in lock-step: many ticks take a busy machine longer than an answer may
 
 
 class Bridge:
@@ -70,7 +70,8 @@ class Bridge:
     def advance(self, until: int) -> None:
         """In lock-step, run all ticks of the robot up to number `until`."""
         self.check()
-        for tick in (*range(self.ticks + PIECE, until, PIECE), until):
+        first = self.ticks + TICKS_PER_ANSWER
+        for tick in (*range(first, until, TICKS_PER_ANSWER), until):
             with suppress(OSError):  # it has ended, and the answer will say so
                 self._pipe.send_bytes(encode({"until": tick}))
             self._receive_answer(self._task.settings.answer)

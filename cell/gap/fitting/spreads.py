@@ -61,8 +61,8 @@ class Spread:
 def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     """Spreads of the quantities that differ from run to run in `estimate`, common ones first.
 
-    Common ones scatter in most laboratories: each has its mean spread over both hypotheses, and is
-    left out where that is below the least one sought. Others are taken in one by one while each
+    Common ones scatter in most laboratories: each has its posterior mean, none at all included, and
+    is left out where that is below `SOUGHT.smallest`. Others are taken in one by one while each
     gains enough beside those, since a slack that differs looks much like a grip that does.
     """
     known = _random_unknowns(estimate)

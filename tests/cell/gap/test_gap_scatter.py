@@ -9,6 +9,7 @@ import pytest
 from cell.gap.diagnosis.next_experiment import repeatability_gains
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
+from cell.gap.fitting.marginal import SOUGHT
 from cell.gap.fitting.model import Model, Point, evidence
 from cell.gap.fitting.scatter import estimate_spreads, with_own_scatter, with_scatter
 from cell.gap.fitting.spreads import spreads
@@ -70,6 +71,11 @@ def test_spread_is_estimated_within_its_interval(true: float) -> None:
 
 def test_what_the_runs_refute_is_switched_off() -> None:
     assert spreads(estimate(Scattering(nothing, 0.0))) == ()
+
+
+def test_a_spread_that_coarse_runs_cannot_exclude_is_kept_small() -> None:
+    (found,) = spreads(estimate(Scattering(nothing, 0.0, seed=2, noise=2.0 * USUAL)))
+    assert SOUGHT.smallest * USUAL <= found.value < 0.2 * USUAL
 
 
 def test_a_constant_error_of_all_runs_is_no_scatter() -> None:
