@@ -72,8 +72,7 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     found = _Chosen.of(model, [k for k, p in enumerate(parameters) if p.common])
     found = _with_others(found, len(known))
     chosen = [parameters[k] for k in found.active]
-    probable = [_probability(found, i) if p.common else 1.0 for i, p in enumerate(chosen)]
-    shares = np.array(probable) * _mean_shares(found)
+    shares = np.array([_mean_share(found, i, p.common) for i, p in enumerate(chosen)])
     errors = _errors(model, found.active, np.maximum(shares, SOUGHT.smallest))
     rows = zip(chosen, shares, errors, strict=True)
     return tuple(_spread(p, s, error) for p, s, error in rows if s >= SOUGHT.smallest)
@@ -117,33 +116,31 @@ def _with_others(found: _Chosen, count: int) -> _Chosen:
     return found
 
 
-def _probability(found: _Chosen, i: int) -> float:
-    """Posterior probability that the common active quantity number `i` differs from run to run."""
-    odds = BELIEVED.common / (1.0 - BELIEVED.common) * _bayes_factor(found, i)
+def _mean_share(found: _Chosen, i: int, common: bool) -> float:
+    """Posterior mean of the share of active quantity `i`, with the others at their most likely.
+
+    Of few runs the likelihood of a spread has a long tail to the large ones, so that its peak is
+    too small in most laboratories. Of a `common` quantity the mean includes that it differs not.
+    """
+    losses = _losses(found, i)
+    likely = SPREAD_GRID * np.exp(losses.min() - losses)
+    mean = float(likely @ SPREAD_GRID / likely.sum())
+    return mean * _probability(found, i, losses) if common else mean
+
+
+def _probability(found: _Chosen, i: int, losses: Array) -> float:
+    """Posterior probability that common quantity `i` differs, by its `losses` (41,) on the grid."""
+    odds = BELIEVED.common / (1.0 - BELIEVED.common) * _bayes_factor(found, i, losses)
     return odds / (1.0 + odds)
 
 
-def _bayes_factor(found: _Chosen, i: int) -> float:
+def _bayes_factor(found: _Chosen, i: int, losses: Array) -> float:
     """Bayes factor of the runs for a spread of active quantity number `i` against none."""
     others = [k for j, k in enumerate(found.active) if j != i]
     none = found.model.loss(np.delete(found.shares, i), others)
-    likelihood = np.exp(np.clip(none + 0.5 * SPREAD_GRID**2 - _losses(found, i), -50.0, 50.0))
+    likelihood = np.exp(np.clip(none + 0.5 * SPREAD_GRID**2 - losses, -50.0, 50.0))
     prior = SPREAD_GRID * np.exp(-0.5 * SPREAD_GRID**2)  # even steps of the logarithm
     return float(prior @ likelihood / prior.sum())
-
-
-def _mean_shares(found: _Chosen) -> Array:
-    """Posterior mean (k,) of each share, with the others at their most likely values.
-
-    Of few runs the likelihood of a spread has a long tail to the large ones, so that its peak is
-    too small in most laboratories.
-    """
-    means = np.zeros(len(found.active))
-    for i in range(len(means)):
-        losses = _losses(found, i)
-        likely = SPREAD_GRID * np.exp(losses.min() - losses)
-        means[i] = float(likely @ SPREAD_GRID / likely.sum())
-    return means
 
 
 def _losses(found: _Chosen, i: int) -> Array:
