@@ -84,7 +84,7 @@ def fit(
         found = investigate(subject, held, simulate, progress)
     verdict = compose(found, time.monotonic() - began, simulate.total)
     deviates = deviations(subject.scope.base, verdict.base)
-    notes = [*map(note, copies, copies.values()), *subject.notes]
+    notes = [*verdict.notes, *map(note, copies, copies.values()), *subject.notes]
     if isinstance(subject, HasConsequences):
         notes += subject.consequences(*_values(verdict))
     verdict = verdict.model_copy(update={"notes": notes, "deviates": deviates})

@@ -85,7 +85,7 @@ def _no_gap(found: Findings, verdict: Verdict) -> str:
     sizes = f" {many} effects would have shown, from the sizes listed below on." if many else ""
     silent = undetectable(found)
     never = f" Not detectable here at any possible size: {', '.join(silent)}." if silent else ""
-    gaps = f"The model explains these runs down to their noise ({_gaps(found, verdict)})."
+    gaps = f"The model explains the fitted runs down to their noise; {change(found, verdict)}."
     return f"{gaps}{sizes}{never}"
 
 
@@ -165,16 +165,6 @@ def label(of: Quantity) -> str:
     """Name of a quantity in words."""
     words = of.key.rsplit("_", 1)[0].replace("_", " ")
     return f"{words} time" if of.unit == "ms" else words
-
-
-def _gaps(found: Findings, verdict: Verdict) -> str:
-    """Text of the gaps on held-out runs, by quantity."""
-    parts = [
-        f"{label(q)} {number(verdict.gap.before[q.key])} {q.unit}"
-        for q in found.subject.scope.quantities.values()
-        if q.key in verdict.gap.before
-    ]
-    return ", ".join(parts)
 
 
 def motion(condition: str) -> str:

@@ -15,13 +15,14 @@ from cell.gap.fitting.uncertainty import covariance, degrees_of_freedom
 from cell.gap.selection.likelihood import family_wise, likelihood_ratio, margin
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.confidence import confidence
-from cell.gap.verdict.decide import describe_rest, kind
+from cell.gap.verdict.decide import BARS, describe_rest, kind, unseen_gap
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import (
     Compared,
     Deviation,
     Gap,
     Interval,
+    Kind,
     Measured,
     NamedEffect,
     Probable,
@@ -84,6 +85,7 @@ def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
         runtime=runtime,
         simulations=simulations,
         posterior=sets,
+        notes=_notes(found, which),
     )
 
 
@@ -232,6 +234,17 @@ def _advice(found: Findings) -> list[Recommended]:
         )
         for a in found.advised.experiments
         if a.sigma >= LISTED.separation
+    ]
+
+
+def _notes(found: Findings, which: Kind) -> list[str]:
+    """Note that held-out runs show a gap where the fitted ones show none; else nothing."""
+    gap = unseen_gap(found)
+    if which != "no_gap" or gap <= BARS.seen:
+        return []
+    return [
+        f"held-out runs ({', '.join(found.held_out)}) leave {np.hypot(1.0, gap):.2g} times their "
+        "noise, which no fitted run does: make these motions again, and fit all runs"
     ]
 
 

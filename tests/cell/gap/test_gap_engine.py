@@ -188,6 +188,18 @@ def test_nothing_hidden_is_no_gap_with_detectable_sizes() -> None:
     assert 0.0 < kinds[0].detectable["bump"] < 0.02
 
 
+def test_a_gap_of_held_out_runs_alone_is_noted() -> None:
+    _, plain = judged(Curves(nothing))
+    only = {int(name[1:]) for name in plain.held_out}
+    late: Law = lambda t, s, i: 0.03 * bump(t, s, i) * (i in only)  # noqa: E731
+    _, verdict = judged(Curves(late))
+    assert verdict.verdict == "no_gap"
+    assert plain.notes == []
+    (note,) = verdict.notes
+    assert f"held-out runs ({', '.join(plain.held_out)}) leave" in note
+    assert "make these motions again" in note
+
+
 def test_detectable_size_is_found_when_it_is_there() -> None:
     size = judged(Curves(nothing))[1].detectable["bump"]
     found = [judged(Curves(hidden(bump, size), seed=seed))[1] for seed in range(1, 6)]
