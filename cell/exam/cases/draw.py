@@ -25,6 +25,7 @@ from policies.experiments.standard import standard_order
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
 PLACE_DRAWS = 4  # draws of an effect's place on each strip
+JUMP = 1.5  # times the asked gap at most, nearer to it than to the next strength
 NEARLY = 0.9  # share of medium strength that each of two effects must keep beside the other
 FOREIGN = 2  # one state-based case in so many has a plant that is not the model: a chain
 BY_HAND_PERIOD = 3  # one triple of levels in so many is moved by hand
@@ -158,7 +159,8 @@ def _visible_effect(
     for strip in [case.strip, *others]:
         for _ in range(PLACE_DRAWS):
             path = path_of(effect, find_configs(None).strip(strip), rng)
-            share = _ruler_of(case.model_copy(update={"strip": strip})).share(path, target)
+            ruler = _ruler_of(case.model_copy(update={"strip": strip}))
+            share = ruler.share(path, target, JUMP * target)
             if share is not None:
                 return strip, path.at(share)
     return None
@@ -200,11 +202,13 @@ def draw_effects(
     Raises Fault where no effect of that strip can be that strong.
     """
     strip, ruler = find_configs(None).strip(case.strip), _ruler_of(case)
+    target = STRENGTHS[level]
     effects: dict[str, Values] = {}
     for _ in range(TRIES):
         effect = registry()[str(rng.choice(sorted(registry())))]
         path = path_of(effect, strip, rng)
-        share = None if effect.name in effects else ruler.share(path, STRENGTHS[level])
+        known = effect.name in effects
+        share = None if known else ruler.share(path, target, JUMP * target)
         if share is not None:
             effects[effect.name] = path.at(share)
         if len(effects) == count:

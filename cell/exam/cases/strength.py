@@ -24,6 +24,7 @@ from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array
 
 LADDER = np.geomspace(1e-2, 1.0, 12)  # shares of the way from null to the largest believable
+ROUNDS, STEPS = 3, 6  # of refinement between two of them, each of so many shares
 BELIEVABLE = 3.0  # times the largest size that laboratories report
 Hidden = dict[str, dict[str, float]]
 """Effects by name, with their values by parameter."""
@@ -126,17 +127,23 @@ class Ruler:
         ]
         return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
 
-    def share(self, path: Path, target: float) -> float | None:
-        """Share of `path` at which the gap is `target`; None where it is never reached."""
+    def share(self, path: Path, target: float, most: float = np.inf) -> float | None:
+        """Smallest share of `path` found at which the gap is `target` or more.
+
+        None where it never is, or jumps past `most`: a slip that begins leaves much at once.
+        """
+        shares = LADDER
         try:
             if self._excess_along(path, LADDER[-1:]).max() < target:
                 return None
-            excess = self._excess_along(path, LADDER)
+            for _ in range(ROUNDS):
+                excess = self._excess_along(path, shares)
+                k = min(np.flatnonzero(excess >= target), default=len(shares) - 1)
+                found, gap = float(shares[k]), float(excess[k])
+                shares = np.geomspace(shares[max(k - 1, 0)], found, STEPS)
         except ConfigurationError:
             return None
-        k = max(1, int(np.flatnonzero(excess >= target)[0]))
-        (low, high), (a, b) = LADDER[k - 1 : k + 1], excess[k - 1 : k + 1]
-        return float(low * (high / low) ** ((target - a) / (b - a)))  # the ladder is geometric
+        return found if gap <= most else None
 
     def _excess_along(self, path: Path, shares: Array) -> Array:
         return self.excess([{path.effect.name: path.at(s)} for s in shares])

@@ -1,13 +1,15 @@
 """What is drawn for the exam can be folded, and shows."""
 
+import numpy as np
 import pytest
 
 from cell.exam.case import STRENGTHS
 from cell.exam.cases import draw
-from cell.exam.cases.draw import Draw, cases
+from cell.exam.cases.draw import Draw, cases, path_of
 from cell.exam.cases.strength import Ruler
 from cell.exam.runs.from_model import BY, MOTIONS, plant_of
 from cell.record.header import Sigma
+from drivers.strip.effects import registry
 from tests.support.gap_strip_cases import denim
 
 
@@ -30,6 +32,17 @@ def test_different_effects_keep_their_gaps(ruler: Ruler) -> None:
     beside = ruler.beside(both)
     assert beside.min() > 1.0
     assert (beside <= 1.1 * ruler.excess([{k: v} for k, v in both.items()])).all()
+
+
+def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(ruler: Ruler) -> None:
+    effect = registry()["grip_slip"]
+    path = path_of(effect, denim(), np.random.default_rng(0))
+    found = {s: ruler.share(path, target, draw.JUMP * target) for s, target in STRENGTHS.items()}
+    drawn = {s: share for s, share in found.items() if share is not None}
+    assert 1 <= len(drawn) < len(found)
+    for strength, share in drawn.items():
+        excess = ruler.excess([{"grip_slip": path.at(share)}])[0]
+        assert 1.0 <= excess / STRENGTHS[strength] <= draw.JUMP
 
 
 @pytest.mark.slow
