@@ -159,7 +159,7 @@ def _visible_effect(
     for strip in [case.strip, *others]:
         for _ in range(PLACE_DRAWS):
             path = path_of(effect, find_configs(None).strip(strip), rng)
-            ruler = _ruler_of(case.model_copy(update={"strip": strip}))
+            ruler = ruler_of(case.model_copy(update={"strip": strip}))
             share = ruler.share(path, target, JUMP * target)
             if share is not None:
                 return strip, path.at(share)
@@ -169,7 +169,7 @@ def _visible_effect(
 def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
     """Hide two effects in `case`, each of at least medium strength, alone and beside the other."""
     strong: Strength = "strong" if level == "strong" else "medium"
-    ruler = _ruler_of(case)
+    ruler = ruler_of(case)
     for _ in range(TRIES):
         both = draw_effects(case, 2, strong, rng)
         if ruler.beside(both).min() >= STRENGTHS["medium"] * NEARLY:
@@ -201,7 +201,7 @@ def draw_effects(
 
     Raises Fault where no effect of that strip can be that strong.
     """
-    strip, ruler = find_configs(None).strip(case.strip), _ruler_of(case)
+    strip, ruler = find_configs(None).strip(case.strip), ruler_of(case)
     target = STRENGTHS[level]
     effects: dict[str, Values] = {}
     for _ in range(TRIES):
@@ -216,7 +216,7 @@ def draw_effects(
     raise Fault("exam", f"{case.name}: no effect of {case.strip} is {level}")
 
 
-def _ruler_of(case: Case) -> Ruler:
+def ruler_of(case: Case) -> Ruler:
     """Ruler, which measures gaps, for the case's plant without effects and the case's motions.
 
     A slip begins at a threshold: on a strip only a little softer than the plant none might show.
