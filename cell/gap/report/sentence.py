@@ -85,8 +85,7 @@ def _no_gap(found: Findings, verdict: Verdict) -> str:
     sizes = f" {many} effects would have shown, from the sizes listed below on." if many else ""
     silent = undetectable(found)
     never = f" Not detectable here at any possible size: {', '.join(silent)}." if silent else ""
-    gaps = f"The model explains the fitted runs down to their noise; {change(found, verdict)}."
-    return f"{gaps}{sizes}{never}"
+    return f"The model explains the fitted runs down to their noise.{sizes}{never}"
 
 
 def _describe_rest(found: Findings, verdict: Verdict) -> str:
