@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from cell.exam.case import STRENGTHS, Case
-from cell.exam.cases.draw import ruler_of
+from cell.exam.cases.draw import JUMP, ruler_of
 from cell.exam.scoring.results import Ledger
 
-BARS = (0.5, 1.5)  # times the asked gap; nearer to it than to the next strength
+LEAST = 0.5  # of the asked gap, below which an effect is hardly there
 
 
 def main() -> int:
@@ -27,10 +27,9 @@ def main() -> int:
         for name, ratio in _ratios(case, asked.effects):
             sys.stdout.write(f"{case.name}  {case.plant}  {case.strength} {name}  {ratio:.2f}\n")
             ratios.append(ratio)
-    low, high = BARS
     sys.stdout.write(
-        f"{len(ratios)} effects: {sum(r < low for r in ratios)} leave less than {low:g} of the "
-        f"asked gap, {sum(r > high for r in ratios)} more than {high:g}\n"
+        f"{len(ratios)} effects: {sum(r < LEAST for r in ratios)} leave less than {LEAST:g} of "
+        f"the asked gap, {sum(r > JUMP for r in ratios)} more than {JUMP:g}\n"
     )
     return 0
 

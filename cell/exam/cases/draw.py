@@ -25,7 +25,7 @@ from policies.experiments.standard import standard_order
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
 PLACE_DRAWS = 4  # draws of an effect's place on each strip
-JUMP = 1.5  # times the asked gap at most, nearer to it than to the next strength
+JUMP = 1.5  # times the asked gap, beyond which an effect is nearer to the next strength
 NEARLY = 0.9  # share of medium strength that each of two effects must keep beside the other
 FOREIGN = 2  # one state-based case in so many has a plant that is not the model: a chain
 BY_HAND_PERIOD = 3  # one triple of levels in so many is moved by hand
@@ -207,8 +207,8 @@ def draw_effects(
     for _ in range(TRIES):
         effect = registry()[str(rng.choice(sorted(registry())))]
         path = path_of(effect, strip, rng)
-        known = effect.name in effects
-        share = None if known else ruler.share(path, target, JUMP * target)
+        is_new = effect.name not in effects
+        share = ruler.share(path, target, JUMP * target) if is_new else None
         if share is not None:
             effects[effect.name] = path.at(share)
         if len(effects) == count:

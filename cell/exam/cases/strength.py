@@ -24,7 +24,7 @@ from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array
 
 LADDER = np.geomspace(1e-2, 1.0, 12)  # shares of the way from null to the largest believable
-ROUNDS, STEPS = 3, 6  # of refinement between two of them, each of so many shares
+ROUNDS, STEPS = 3, 6  # of the search for a share: the ladder, then so many steps in between
 BELIEVABLE = 3.0  # times the largest size that laboratories report
 Hidden = dict[str, dict[str, float]]
 """Effects by name, with their values by parameter."""
@@ -130,7 +130,7 @@ class Ruler:
     def share(self, path: Path, target: float, most: float = np.inf) -> float | None:
         """Smallest share of `path` found at which the gap is `target` or more.
 
-        None where it never is, or jumps past `most`: a slip that begins leaves much at once.
+        None where no share does, or where the gap jumps past `most`, as that of a slip may.
         """
         shares = LADDER
         try:

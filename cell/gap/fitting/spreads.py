@@ -61,9 +61,9 @@ class Spread:
 def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     """Spreads of the quantities that differ from run to run in `estimate`, common ones first.
 
-    Common ones scatter in most laboratories: each has its posterior mean, none at all included, and
-    is left out where that is below `SOUGHT.smallest`. Others are taken in one by one while each
-    gains enough beside those, since a slack that differs looks much like a grip that does.
+    Common ones scatter in most laboratories: each has its posterior mean, in which no scatter
+    counts too, and is left out where that is below `SOUGHT.smallest`. Others are taken in one by
+    one while each gains enough beside those: a slack that differs looks like a grip that does.
     """
     known = _random_unknowns(estimate)
     if not known or len(estimate.evidence.runs) < 2:
@@ -119,8 +119,9 @@ def _with_others(found: _Chosen, count: int) -> _Chosen:
 def _mean_share(found: _Chosen, i: int, common: bool) -> float:
     """Posterior mean of the share of active quantity `i`, with the others at their most likely.
 
-    Of few runs the likelihood of a spread has a long tail to the large ones, so that its peak is
-    too small in most laboratories. Of a `common` quantity the mean includes that it differs not.
+    Of few runs the likelihood of a spread has a long tail to the large ones, so its peak is too
+    small in most laboratories. For a `common` quantity the mean also counts the possibility
+    that it does not differ at all.
     """
     losses = _losses(found, i)
     likely = SPREAD_GRID * np.exp(losses.min() - losses)

@@ -239,12 +239,11 @@ def _advice(found: Findings) -> list[Recommended]:
 
 def _notes(found: Findings, which: Kind) -> list[str]:
     """Note that held-out runs show a gap where the fitted ones show none; else nothing."""
-    gap = unseen_gap(found)
-    if which != "no_gap" or gap <= BARS.seen:
+    if which != "no_gap" or (gap := unseen_gap(found)) <= BARS.seen:
         return []
     return [
         f"held-out runs ({', '.join(found.held_out)}) leave {np.hypot(1.0, gap):.2g} times their "
-        "noise, which no fitted run does: make these motions again, and fit all runs"
+        "noise, which the fitted runs do not: make these motions again, and fit all runs"
     ]
 
 
