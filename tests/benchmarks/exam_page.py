@@ -1,11 +1,11 @@
-"""Puts what a ledger holds into the exam's pages, and leaves what is written by hand as it is.
+"""Puts what ledgers hold into the exam's pages, and leaves what is written by hand as it is.
 
-python -m tests.benchmarks.exam_page LEDGER [--page runbooks/exam.md]
+python -m tests.benchmarks.exam_page LEDGER... [--page runbooks/exam.md]
     [--cases runbooks/exam/cases.md]
 
-Of the tiers in LEDGER the sections are made anew: on the page the table of the bars and that by
-kind of plant, among the cases all tables and the figures. The introductions and the sections of
-other tiers stay.
+Of the tiers in the LEDGERs, taken together, the sections are made anew: on the page the table of
+the bars and that by kind of plant, among the cases all tables and the figures. The introductions
+and the sections of other tiers stay.
 """
 
 import argparse
@@ -20,9 +20,10 @@ from drivers.files import replace_file
 
 
 def main() -> int:
-    """Write the page; 1 where it has no section of a tier that the ledger holds."""
+    """Write the page; 1 where it has no section of a tier that a ledger holds."""
     asked = _arguments()
-    entries = sorted(Ledger(asked.ledger).entries, key=lambda entry: entry.case.name)
+    entries = [entry for ledger in asked.ledgers for entry in Ledger(ledger).entries]
+    entries.sort(key=lambda entry: entry.case.name)
     pages = {path: path.read_text(encoding="utf-8") for path in (asked.page, asked.cases)}
     with TemporaryDirectory() as name:
         made, *figures = write_report(entries, Path(name) / asked.cases.name)
@@ -51,7 +52,7 @@ def _section(heading: str) -> re.Pattern[str]:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("ledger", type=Path)
+    parser.add_argument("ledgers", nargs="+", type=Path)
     parser.add_argument("--page", type=Path, default=Path("runbooks/exam.md"))
     parser.add_argument("--cases", type=Path, default=Path("runbooks/exam/cases.md"))
     return parser.parse_args()
