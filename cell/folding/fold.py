@@ -33,7 +33,7 @@ from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
 from cell.orchestrator.recorder import Record, Recorder
 from cell.orchestrator.run import Observer, Run
 from cell.orchestrator.safe_stop import run_suppressed
-from cell.perception.beside import Beside, Maker, StripSight, Subject
+from cell.perception.sight_process import Maker, SightProcess, StripSight, Subject
 from cell.record.files import CALIBRATION, CHECKPOINT
 from cell.record.film import Encoder
 from cell.record.frames import Keep
@@ -142,11 +142,11 @@ def _measuring_process(context: FoldContext, devices: Devices, sight: Maker) -> 
         yield
         return
     subject = Subject(context.calibration, context.settings.perception, context.strip)
-    context.beside = Beside(subject, sight)
+    context.sight_process = SightProcess(subject, sight)
     try:
         yield
     finally:
-        context.beside.close()
+        context.sight_process.close()
 
 
 def _record_fold(

@@ -14,9 +14,9 @@ from cell.orchestrator.operator import Operator, Unattended
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion
 from cell.orchestrator.vision import Reader
-from cell.perception.beside import Beside
 from cell.perception.laid_fold import LaidFold
 from cell.perception.measurement import SeenTouch
+from cell.perception.sight_process import SightProcess
 from drivers.arm.clearance import desk_end
 from drivers.strip.file import StripFile
 from drivers.types import Pose
@@ -30,9 +30,9 @@ class FoldContext:
 
     `reader` reads images once preflight has accepted the image of the strip. `seen_touch` is the
     layer_touch once it is seen, `laid` the fold after the retreat, `predicted` the policy's latest
-    prediction. On the wall clock `beside` measures the images. The grasped edge is laid at `place`
-    [m]. The plant is not part of it. The `desk` [m] ends there for the arm's hand, 0 for none.
-    A `warning` of the preflight is for the operator.
+    prediction. On the wall clock `sight_process` measures the images. The grasped edge is laid at
+    `place` [m]. The plant is not part of it. The `desk` [m] ends there for the arm's hand, 0 for
+    none. A `warning` of the preflight is for the operator.
     """
 
     settings: CellSettings
@@ -43,7 +43,7 @@ class FoldContext:
     seen_touch: SeenTouch | None = None
     laid: LaidFold | None = None
     predicted: FoldPrediction | None = None
-    beside: Beside | None = None
+    sight_process: SightProcess | None = None
     place: float = 0.0
     desk: float = 0.0
     warning: str = ""

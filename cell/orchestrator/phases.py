@@ -27,13 +27,13 @@ from cell.orchestrator.steps import (
     turn,
     wait_for,
 )
-from cell.orchestrator.vision import Reader, ReaderBeside, StripReader
-from cell.perception.beside import INSPECT
+from cell.orchestrator.vision import ProcessReader, Reader, StripReader
 from cell.perception.checks import PreflightCheck, camera_check
 from cell.perception.laid import Loop, edge_offset, laid_length
 from cell.perception.laid_fold import LaidFold
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import inspect
+from cell.perception.sight_process import INSPECT
 from cell.perception.standing import UNWATCHED
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
@@ -74,7 +74,7 @@ def _inspect(
     cell: FoldContext, frame: Frame
 ) -> "Generator[Command, Snapshot, tuple[tuple[PreflightCheck, ...], Reader | None]]":
     """Check the strip before the grasp; returns the checks, and a reader of its images or None."""
-    if cell.beside is None:
+    if cell.sight_process is None:
         seen = inspect(frame, cell.calibration, cell.settings.perception, cell.strip)
         if seen.appearance is None:
             return seen.checks, None
@@ -82,11 +82,11 @@ def _inspect(
         reader = StripReader.of(*known)
         return (*seen.checks, reader.standing.check()), reader
     snapshot = yield Hold()
-    cell.beside.ask(INSPECT, frame, snapshot.arm.pose, snapshot.time)
-    while (checks := cell.beside.checks()) is None:
+    cell.sight_process.ask(INSPECT, frame, snapshot.arm.pose, snapshot.time)
+    while (checks := cell.sight_process.checks()) is None:
         yield Hold()
     passed = all(check.passed for check in checks)
-    return checks, ReaderBeside(cell.beside, cell.calibration.latency) if passed else None
+    return checks, ProcessReader(cell.sight_process, cell.calibration.latency) if passed else None
 
 
 def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:

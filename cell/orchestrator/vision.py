@@ -10,11 +10,11 @@ from cell.config.settings import CellSettings
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.states import State
 from cell.perception.appearance import Appearance
-from cell.perception.beside import LOOK, TRACK, Beside, Seen
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.sanity import ImageSanity
+from cell.perception.sight_process import LOOK, TRACK, Seen, SightProcess
 from cell.perception.standing import Standing
 from drivers.errors import Fault
 from drivers.protocols import Camera
@@ -87,10 +87,10 @@ class StripReader:
         return seen
 
 
-class ReaderBeside:
+class ProcessReader:
     """Reader that measures images in a separate process, as suits the wall clock."""
 
-    def __init__(self, process: Beside, latency: float) -> None:
+    def __init__(self, process: SightProcess, latency: float) -> None:
         """Measure with `process`, which has accepted an image of the strip."""
         self._process, self.latency = process, latency
 

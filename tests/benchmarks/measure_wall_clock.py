@@ -51,7 +51,7 @@ from cell.orchestrator.context import ManualContext
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from cell.orchestrator.steps import pause
-from cell.perception.beside import Seen, StripSight, Subject
+from cell.perception.sight_process import Seen, StripSight, Subject
 from drivers.arm.latest import Latest, allocate
 from drivers.arm.process import Task
 from drivers.arm.requests import go_to

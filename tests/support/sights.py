@@ -4,9 +4,9 @@ import time
 
 import numpy as np
 
-from cell.perception.beside import Seen
 from cell.perception.checks import PreflightCheck
 from cell.perception.measurement import SeenTouch, StripMeasurement
+from cell.perception.sight_process import Seen
 
 HANGS, FAILS = 250, 251
 

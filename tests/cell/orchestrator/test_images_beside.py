@@ -6,7 +6,7 @@ import cell.orchestrator.run as orchestrator
 from cell.orchestrator.run import at_most
 from cell.orchestrator.snapshot import Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
-from cell.perception.beside import Seen
+from cell.perception.sight_process import Seen
 from drivers.errors import Fault
 from drivers.types import Frame, Pose, Velocity
 from tests.support.plain_cell import Bench, plain_bench, sight_of

@@ -107,7 +107,7 @@ class StripSight:
 Maker = Callable[[Subject], Sight]
 
 
-class Beside:
+class SightProcess:
     """Handle of a process that measures one image at a time, handed over by the control loop.
 
     Image and answer lie in shared memory, which belongs to either side in turn: a message of a few

@@ -16,8 +16,8 @@ from cell.orchestrator.phases import _inspect
 from cell.orchestrator.snapshot import Hold, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View, Vision
-from cell.perception.beside import INSPECT, LOOK, TRACK, Beside, Subject
 from cell.perception.settings import PerceptionSettings
+from cell.perception.sight_process import INSPECT, LOOK, TRACK, SightProcess, Subject
 from drivers.errors import Fault
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from tests.support.sights import FAILS, HANGS, PlainSight
@@ -26,14 +26,15 @@ POSE = Pose(0.5, 0.2, 1.5)
 PATIENCE = 30.0  # s
 
 
-def started() -> Beside:
+def started() -> SightProcess:
     lens = SimpleNamespace(height=4, width=6)
     strip = Configs(CHECKOUT_CONFIGS).strip("denim")
-    return Beside(Subject(SimpleNamespace(lens=lens), PerceptionSettings(), strip), PlainSight)
+    subject = Subject(SimpleNamespace(lens=lens), PerceptionSettings(), strip)
+    return SightProcess(subject, PlainSight)
 
 
 @pytest.fixture(scope="module")
-def beside() -> Iterator[Beside]:
+def process() -> Iterator[SightProcess]:
     process = started()
     yield process
     process.close()
@@ -53,35 +54,35 @@ def awaited(look: Callable):
 
 
 @pytest.mark.parametrize(("request_", "touches"), [(LOOK, False), (TRACK, True)])
-def test_what_the_process_sees_is_what_the_loop_gets(beside, request_, touches) -> None:
-    beside.ask(request_, image(40), POSE, 3.0)
-    assert beside.since == 3.0
-    found = awaited(beside.answer)
+def test_what_the_process_sees_is_what_the_loop_gets(process, request_, touches) -> None:
+    process.ask(request_, image(40), POSE, 3.0)
+    assert process.since == 3.0
+    found = awaited(process.answer)
     here = PlainSight(None).look(image(40), POSE, touches=touches)
-    assert beside.since is None
+    assert process.since is None
     assert found.touch == here.touch
     np.testing.assert_array_equal(found.measurement.profile, here.measurement.profile)
     for name in ("stamp", "sequence", "contact_x", "contact_confidence", "tip", "gap", "gripper"):
         np.testing.assert_equal(getattr(found.measurement, name), getattr(here.measurement, name))
 
 
-def test_an_answer_is_given_once_and_not_before_it_is_asked_for(beside) -> None:
-    assert beside.answer() is None
-    beside.ask(LOOK, image(0), POSE, 3.0)
-    assert len(awaited(beside.answer).measurement.profile) == 0
-    assert beside.answer() is None
+def test_an_answer_is_given_once_and_not_before_it_is_asked_for(process) -> None:
+    assert process.answer() is None
+    process.ask(LOOK, image(0), POSE, 3.0)
+    assert len(awaited(process.answer).measurement.profile) == 0
+    assert process.answer() is None
 
 
-def test_checks_before_the_grasp_come_back_by_name(beside) -> None:
-    beside.ask(INSPECT, image(3), POSE, 3.0)
-    assert [(c.name, c.passed) for c in awaited(beside.checks)] == [("bright", False)]
+def test_checks_before_the_grasp_come_back_by_name(process) -> None:
+    process.ask(INSPECT, image(3), POSE, 3.0)
+    assert [(c.name, c.passed) for c in awaited(process.checks)] == [("bright", False)]
 
 
-def test_an_image_of_another_size_is_refused_before_it_is_handed_over(beside) -> None:
+def test_an_image_of_another_size_is_refused_before_it_is_handed_over(process) -> None:
     small = Frame(1.5, 1.52, "made", 7, np.zeros((4, 5, 3), np.uint8))
     with pytest.raises(Fault, match="image_size"):
-        beside.ask(LOOK, small, POSE, 3.0)
-    assert beside.since is None
+        process.ask(LOOK, small, POSE, 3.0)
+    assert process.since is None
 
 
 @pytest.mark.slow
@@ -118,9 +119,9 @@ class OneFrame:
         return image(40, 9) if after < 1.5 else None
 
 
-def test_a_fold_is_judged_and_then_read_by_the_process(beside) -> None:
+def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
     calibration = SimpleNamespace(latency=0.1)
-    cell = SimpleNamespace(beside=beside, calibration=calibration)
+    cell = SimpleNamespace(sight_process=process, calibration=calibration)
     arm = ArmState(1.5, 1.5, "made", POSE, ZERO_VELOCITY, POSE, moving=False, expired=False)
     hand = HandState(1.5, 1.5, "made", width=0.001, grasped=True, moving=False)
     now = Snapshot(1.6, State.PREFLIGHT, 0.0, arm, hand, View())
@@ -155,8 +156,8 @@ def test_a_fold_is_judged_and_then_read_by_the_process(beside) -> None:
     assert view.reading_since is None
 
 
-def test_a_process_that_fails_says_why(beside) -> None:
+def test_a_process_that_fails_says_why(process) -> None:
     """The last test of this process."""
-    beside.ask(LOOK, image(FAILS), POSE, 3.0)
-    awaited(lambda: beside.answer() or beside.dead or None)
-    assert beside.dead == "ZeroDivisionError: nobody foresaw this"
+    process.ask(LOOK, image(FAILS), POSE, 3.0)
+    awaited(lambda: process.answer() or process.dead or None)
+    assert process.dead == "ZeroDivisionError: nobody foresaw this"
