@@ -15,16 +15,19 @@ from tests.end_to_end.folded import Folded, fold_and_keep, request_for
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 Effects = Mapping[str, Mapping[str, float]]
-RIG: dict[str, dict[str, float]] = {
+GRIPPER: dict[str, dict[str, float]] = {
     "tcp_offset": {"x": 0.004, "z": -0.003},
     "gripper_tilt": {"angle": 0.08},
     "desk_height": {"height": 0.002},
     "control_delay": {"time": 0.03},
+}
+CAMERA: dict[str, dict[str, float]] = {
     "camera_latency": {"time": 0.03},
     "homography_scale": {"scale": 0.008},
     "homography_shift": {"x": 0.004, "z": 0.0012},
     "contact_bias": {"bias": 0.004},
 }
+RIG = GRIPPER | CAMERA
 
 
 def affected(effects: Effects, folder: Path, *, accepted: bool = True) -> Folded:
@@ -78,6 +81,14 @@ def test_rig_that_is_off_in_every_known_way_measures_like_one_that_is_not(
     run = Path(folded.result.run)
     assert replay(run).same
     assert resimulate(run).difference == pytest.approx(0.0, abs=3e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effects", [GRIPPER, CAMERA], ids=["gripper", "camera"])
+def test_accepted_effects_measure_like_none(
+    effects: Effects, denim: Folded, tmp_path: Path
+) -> None:
+    measures_like(affected(effects, tmp_path), denim)
 
 
 @pytest.mark.slow
