@@ -320,13 +320,15 @@ def _screen_further(
 def beside_base(
     simulate: Simulate, fits: Fits, base: Validated, found: Sequence[Spread], whole: Evidence
 ) -> Fits:
-    """Refit the models of `fits` beside a new `base`, with the scatter `found` in runs `whole`."""
+    """Refit `fits` beside a new `base`, by the scatter `found` in runs `whole`, of either sign."""
     known, tasks = base.estimate.evidence, []
     for fit in (m.estimate for m in fits.models if m.model.effects):
         start = with_scatter(fit, found, whole).point
         tasks.append(refit(fit.model, known, start, _secants(fit, known), ROUGH_GAIN))
     done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-    return replace(fits, models=(base, *done))
+    fits = replace(fits, models=(base, *done))
+    placed = [*fits.of_size(1), *fits.worth(2)[: BUDGET.pairs]]
+    return fits.merge(other_signs(simulate, fits, placed))
 
 
 def _secants(fit: Estimate, known: Evidence) -> tuple[Array, ...] | None:

@@ -13,7 +13,7 @@ from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import probe, ranking, table
-from cell.gap.selection.search import other_signs
+from cell.gap.selection.search import beside_base, other_signs
 from cell.gap.subject.subject import Candidate, Parameter, Scope
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import LAWS, Curves, T
@@ -106,6 +106,16 @@ def test_beside_another_effect_too() -> None:
     assert size < -0.2
     assert place == pytest.approx(0.56, abs=0.02)
     assert best([wrong, found.estimate]) is found.estimate
+
+
+def test_beside_a_revised_base_too() -> None:
+    subject = two_sided()
+    base, wrong = (validated(e, subject) for e in (at(subject), at(subject, 0.1, 0.35)))
+    again = beside_base(
+        subject.simulate, Fits((base, wrong)), base, (), base.estimate.evidence
+    ).of_size(1)
+    assert wrong.estimate.shared[2] > 0.0
+    assert [m.estimate.shared[2] < -0.2 for m in again] == [True]
 
 
 def test_an_effect_of_one_sign_alone_is_left_as_it_is() -> None:
