@@ -10,7 +10,7 @@ from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.localise import localise
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.tasks import Simulate
-from cell.gap.selection import search
+from cell.gap.selection import refinement, search
 from cell.gap.selection.choice import choose, is_exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN
@@ -43,7 +43,7 @@ class ForwardSelection:
             return fits
         singles = screened.singles[: search.BUDGET.singles]
         fits = search.fit_scores(self.simulate, fits, singles, self.subject.scope.candidates)
-        fits = fits.merge(search.other_signs(self.simulate, fits, fits.of_size(1)))
+        fits = fits.merge(refinement.other_signs(self.simulate, fits, fits.of_size(1)))
         return self._refine_laws(fits)
 
     def refit_further(self, fits: Fits) -> Fits:
@@ -71,7 +71,7 @@ class ForwardSelection:
         """Free the shape parameters of the best models, unless the best one leaves nothing."""
         if is_exhausted(fits):
             return fits
-        return fits.merge(search.shape_parameters(self.simulate, fits))
+        return fits.merge(refinement.shape_parameters(self.simulate, fits))
 
     def _accept(self, fits: Fits) -> Validated:
         """The model that would be accepted if nothing else were fitted."""
@@ -86,7 +86,7 @@ class ForwardSelection:
         """
         if not self._accept(fits).model.effects:
             return fits
-        fits = fits.merge(search.shape_parameters(self.simulate, fits))
+        fits = fits.merge(refinement.shape_parameters(self.simulate, fits))
         accepted = self._accept(fits)
         models = [accepted] if fits.best in (accepted, fits.base) else [accepted, fits.best]
         self.progress("screen beside the accepted effect", 0.5)
@@ -103,7 +103,7 @@ class ForwardSelection:
         pairs = search.shortlist(simulate, base, pairs, candidates, most)
         fits = search.fit_scores(simulate, fits, pairs, candidates)
         fits = search.extend(simulate, fits, 1, candidates, probed)
-        fits = fits.merge(search.other_signs(simulate, fits, fits.worth(2)[:most]))
+        fits = fits.merge(refinement.other_signs(simulate, fits, fits.worth(2)[:most]))
         if self._is_pair(fits) and _leaves_more(fits, anywhere=False):
             self.progress("refit triples", 0.7)
             fits = search.extend(simulate, fits, 2, candidates, probed)

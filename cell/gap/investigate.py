@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import takewhile
 
 import numpy as np
 from scipy import special
@@ -11,28 +10,21 @@ from cell.gap.diagnosis import lack_of_fit
 from cell.gap.diagnosis.detection_limit import detectable
 from cell.gap.diagnosis.drift import Repeats
 from cell.gap.diagnosis.localise import localise
-from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.scatter import clearly_differ, estimate_spreads, with_scatter, with_spreads
+from cell.gap.fitting.scatter import with_scatter, with_spreads
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.starts import refit_base, refit_fine, weak_directions
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.forward_selection import ForwardSelection, Progress
-from cell.gap.selection import search
 from cell.gap.selection.choice import leaves_nothing
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.immaterial import filling_floor, immaterial
-from cell.gap.selection.likelihood import (
-    ALPHA,
-    MIN_GAIN,
-    LikelihoodScale,
-    family_wise,
-    likelihood_scale,
-    margin,
-)
+from cell.gap.selection.likelihood import ALPHA, LikelihoodScale, family_wise, likelihood_scale
 from cell.gap.selection.posterior import posterior
+from cell.gap.selection.revision import beside_base, revised_base
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranking, table
 from cell.gap.subject.subject import Subject
@@ -62,12 +54,12 @@ def investigate(
         fits = refit_more(ForwardSelection(subject, simulate, progress, fitted, screened), fits)
         if fits.best is best_before:
             continue
-        revised = _revise_base(fits, fitted, whole, simulate)
+        revised = revised_base(simulate, fits, fitted.scatter, whole)
         if revised is not None:
             progress("refit the base beside the best", share)
             fitted = _judge_base(subject, *revised, simulate, rng)
             screened = _score_candidates(subject, fitted, screened.probed)
-            fits = search.beside_base(simulate, fits, fitted.base, fitted.scatter, whole)
+            fits = beside_base(simulate, fits, fitted.base, fitted.scatter, whole)
             fits = replace(fits, library=screened.library)
     progress("judge", 0.8)
     sets = posterior(fits, fits.scale)
@@ -176,31 +168,3 @@ def _screened_p(
         for s in singles
     }
     return family_wise(raw, list(size))
-
-
-def _revise_base(
-    fits: Fits, fitted: Fitted, whole: Evidence, simulate: Simulate
-) -> tuple[Estimate, tuple[Spread, ...]] | None:
-    """Base and spreads by the values of leading models; None where neither clearly changes.
-
-    A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it,
-    and may have stopped in a local minimum.
-    """
-    leading = _leading(fits)
-    if not leading:
-        return None
-    found = estimate_spreads(simulate, leading[0].estimate, whole)
-    better = search.better_base(simulate, fits, leading)
-    before = {s.name: s.value for s in fitted.scatter}
-    if better is None and not clearly_differ(before, {s.name: s.value for s in found}):
-        return None
-    return with_scatter(better or fits.base.estimate, found, whole), found
-
-
-def _leading(fits: Fits) -> list[Validated]:
-    """Models that lead the base: the one that predicts clearly better, and more probable ones."""
-    by = fits.scale
-    names = [fits.best.model.names] if margin(fits.best, fits.base, by).gain >= MIN_GAIN else []
-    before_base = takewhile(lambda m: m.names, posterior(fits, by).models)
-    names += [m.names for m in before_base if m.p > ALPHA]
-    return [m for name in dict.fromkeys(names) if (m := fits.of(name)) is not None]

@@ -1,21 +1,17 @@
 """Search over models of up to three effects: which are fitted, and from which starts."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
-from cell.gap.fitting.model import Evidence, Model, Point
+from cell.gap.fitting.model import Evidence, Model
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.scatter import with_scatter
-from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.starts import best, objective_of
-from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
+from cell.gap.fitting.tasks import Simulate, Task, run_all, side_by_side
 from cell.gap.selection.choice import is_exhausted
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, likelihood_ratio, margin
+from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.selection.score import Score, Start, starts
 from cell.gap.selection.screening import Probed, probe, ranking, table
 from cell.gap.subject.subject import Candidate
@@ -156,90 +152,6 @@ def _farthest(base: Estimate, begun: Sequence[Estimate], known: Estimate) -> lis
     return [e for e, gain in zip(begun, gains, strict=False) if gain >= least]
 
 
-def other_signs(simulate: Simulate, fits: Fits, models: Sequence[Validated]) -> list[Validated]:
-    """Fit to the end those of `models` whose effects have a place, with the other sign of each too.
-
-    What is stiffer here may be what is softer beside it, on another base or beside another effect.
-    """
-    tasks: list[Task[Estimate]] = []
-    for fit in (m.estimate for m in models):
-        placed = [
-            e for e in fit.model.effects if e.two_sided and any(p.shape for p in e.parameters)
-        ]
-        beside = [(e, fits.of(fit.model.names - {e.name})) for e in placed]
-        signs = [_with_other_sign(fit, e, other.estimate) for e, other in beside if other]
-        if signs:
-            same = refit(fit.model, fit.evidence, fit.point, fit.jacobians)
-            tasks.append(_best_of([same, *signs]))
-    return run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-
-
-def _best_of(tasks: Sequence[Task[Estimate]]) -> Task[Estimate]:
-    """Best of several fits of a model; yields simulations."""
-    return best((yield from side_by_side(tasks)))
-
-
-def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task[Estimate]:
-    """Fit of the model of `fit` with `effect` of the other sign, from where that gains most.
-
-    It gains that `beside` the other effects, as fitted without it. Without such a place the task
-    returns `fit`; yields simulations.
-    """
-    probed = yield from probe(beside, effect)
-    score = next(iter(ranking(table(projection(beside), [probed]))), None)
-    shared, known = beside.model.split(beside.shared)
-    fitted = fit.model.split(fit.shared)[1][effect.name]
-    for start in (score.start, score.mirrored) if score else ():
-        values = (start or {}).get(effect.name, effect.null)
-        if (values[0] - effect.null[0]) * (fitted[0] - effect.null[0]) < 0.0:
-            at = Point(fit.model.join(shared, {**known, effect.name: values}), beside.point.local)
-            return (yield from refit(fit.model, fit.evidence, at))
-    return fit
-
-
-def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
-    """Free the shape parameters of the best models; returns those that gain significantly."""
-    by = fits.scale
-    worth = [m for m in fits.worth(len(fits.best.model.effects)) if _has_shape(m.model)]
-    tasks = []
-    for m in worth:
-        fit, model = m.estimate, _with_shape(m.model)
-        shared, effects = fit.model.split(fit.shared)
-        begin = [Point(model.join(shared, v), fit.point.local) for v in _guesses(model, effects)]
-        # the start that ends lower may be the higher one after a few steps
-        tasks.append(_best_of([refit(model, fit.evidence, p, None, ROUGH_GAIN) for p in begin]))
-    done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-    return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
-
-
-def _has_shape(model: Model) -> bool:
-    return any(e.shape_parameters for e in model.effects)
-
-
-def _with_shape(model: Model) -> Model:
-    return replace(model, effects=tuple(e.with_shape() for e in model.effects))
-
-
-def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array]]:
-    """Start values (k,) by effect, with shape parameters at their start, and a little off it.
-
-    They are off by a share of their prior spread: at the start itself some do nothing yet.
-    """
-    at_start = {e.name: e.complete(effects[e.name]) for e in model.effects}
-    off_start = {}
-    for e in model.effects:
-        added = np.array([BUDGET.guess * p.spread for p in e.parameters])
-        added[: len(effects[e.name])] = 0.0
-        off_start[e.name] = at_start[e.name] + added
-    return [at_start, off_start]
-
-
-def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
-    """Whether free shape parameters gain enough over `plain`; less is asked than of an effect."""
-    ahead = margin(new, plain, by).gain > BUDGET.shapely * MIN_GAIN
-    return ahead and likelihood_ratio(new, plain, by) < ALPHA
-
-
 def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[Candidate]:
     """Candidates, with shape parameters free where a model of one effect was fitted so."""
     known = {e.name: e for m in fits.of_size(1) for e in m.model.effects}
@@ -317,32 +229,6 @@ def _screen_further(
     return ranking(table(about, again))
 
 
-def beside_base(
-    simulate: Simulate, fits: Fits, base: Validated, found: Sequence[Spread], whole: Evidence
-) -> Fits:
-    """Refit `fits` beside a new `base`, by the scatter `found` in runs `whole`, of either sign."""
-    known, tasks = base.estimate.evidence, []
-    for fit in (m.estimate for m in fits.models if m.model.effects):
-        start = with_scatter(fit, found, whole).point
-        tasks.append(refit(fit.model, known, start, _secants(fit, known), ROUGH_GAIN))
-    done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-    fits = replace(fits, models=(base, *done))
-    placed = [*fits.of_size(1), *fits.worth(2)[: BUDGET.pairs]]
-    return fits.merge(other_signs(simulate, fits, placed))
-
-
-def _secants(fit: Estimate, known: Evidence) -> tuple[Array, ...] | None:
-    """Secants (n, shared + local) of each run at `fit`, whitened by the scales of `known`.
-
-    None where the runs of `known` have other unknowns of their own.
-    """
-    pairs = list(zip(fit.evidence.runs, known.runs, strict=True))
-    if any([p.name for p in a.local] != [p.name for p in b.local] for a, b in pairs):
-        return None
-    rows = zip(fit.jacobians, fit.evidence.scales, known.scales, strict=True)
-    return tuple(jacobian * (had / has)[:, None] for jacobian, had, has in rows)
-
-
 def without_each(fits: Fits, accepted: Validated) -> list[Score]:
     """Scores of the `accepted` and of the best model, each without one of its effects.
 
@@ -379,21 +265,3 @@ def substitutes(
             beside = s.beside(fit)
             found.setdefault(beside.names, beside)
     return list(found.values())
-
-
-def better_base(simulate: Simulate, fits: Fits, leading: Sequence[Validated]) -> Estimate | None:
-    """Refit the base from its values in `leading` models; None where that is not clearly better.
-
-    A base that stopped in a local minimum leaves a gap that is none.
-    """
-    base, begin = fits.base.estimate, []
-    for fit in (m.estimate for m in leading):
-        values, _ = fit.model.split(fit.shared)
-        start = Point(values, fit.point.local)
-        begin.append(refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.begun))
-    begun = best([base, *run_all(simulate, begin)])
-    if begun is base:
-        return None
-    again = run_one(simulate, refit(base.model, base.evidence, begun.point, begun.jacobians))
-    scale = min(base.scale, again.scale)
-    return again if objective_of(again, scale) < objective_of(base, scale) - MIN_GAIN else None

@@ -11,9 +11,10 @@ from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import best
 from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.selection.fits import Fits
+from cell.gap.selection.refinement import other_signs
+from cell.gap.selection.revision import beside_base
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import probe, ranking, table
-from cell.gap.selection.search import beside_base, other_signs
 from cell.gap.subject.subject import Candidate, Parameter, Scope
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import LAWS, Curves, T

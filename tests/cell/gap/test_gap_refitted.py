@@ -9,7 +9,7 @@ from cell.gap.fit import quiet
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.tasks import Simulate
 from cell.gap.forward_selection import ForwardSelection
-from cell.gap.selection import search
+from cell.gap.selection import refinement, search
 from cell.gap.selection.fits import Fits
 from tests.cell.gap.test_gap_engine import Curves, Law, bump, hidden, judged, nothing, wave
 from tests.cell.gap.test_gap_search import Bending, leaning
@@ -48,7 +48,7 @@ def test_every_single_effect_is_tried_with_either_sign(monkeypatch: pytest.Monke
         tried.extend(m.model.names for m in models)
         return []
 
-    monkeypatch.setattr(search, "other_signs", note)
+    monkeypatch.setattr(refinement, "other_signs", note)
     fits = fitted(Curves(hidden(bump, 0.2)), doubted=False, further=False)
     assert set(tried) == {m.model.names for m in fits.of_size(1)}
     assert len(tried) > 1

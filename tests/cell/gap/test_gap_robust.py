@@ -16,7 +16,7 @@ from cell.gap.fitting.starts import refit_fine
 from cell.gap.fitting.tasks import run_one
 from cell.gap.investigate import _leading
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.search import better_base
+from cell.gap.selection.revision import better_base
 from cell.gap.subject.subject import Request, Residuals, Run
 from cell.gap.verdict.decide import kind, leaves_too_much, unexplained_part
 from drivers.types import Array

@@ -18,7 +18,7 @@ from cell.gap.fitting.uncertainty import degrees_of_freedom
 from cell.gap.report.repeats import remedies
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
-from cell.gap.selection.search import beside_base
+from cell.gap.selection.revision import beside_base
 from cell.gap.subject.subject import Parameter, Request, Residuals
 from tests.cell.gap.test_gap_engine import Curves, Law, bump, fitted, hidden, judged, nothing
 

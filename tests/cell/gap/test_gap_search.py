@@ -13,10 +13,10 @@ from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import run_one
 from cell.gap.selection.choice import leaves_nothing
 from cell.gap.selection.fits import Fits
+from cell.gap.selection.refinement import shape_parameters
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import probe, ranking, table
 from cell.gap.selection.search import (
-    shape_parameters,
     shortlist,
     substitutes,
     with_shape_parameters,
