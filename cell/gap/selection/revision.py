@@ -27,7 +27,7 @@ def revised_base(
     A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it,
     and may have stopped in a local minimum.
     """
-    leading = _leading(fits)
+    leading = leading_models(fits)
     if not leading:
         return None
     found = estimate_spreads(simulate, leading[0].estimate, whole)
@@ -38,7 +38,7 @@ def revised_base(
     return with_scatter(better or fits.base.estimate, found, whole), found
 
 
-def _leading(fits: Fits) -> list[Validated]:
+def leading_models(fits: Fits) -> list[Validated]:
     """Models that lead the base: the one that predicts clearly better, and more probable ones."""
     by = fits.scale
     names = [fits.best.model.names] if margin(fits.best, fits.base, by).gain >= MIN_GAIN else []

@@ -14,9 +14,8 @@ from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence, response
 from cell.gap.fitting.starts import refit_fine
 from cell.gap.fitting.tasks import run_one
-from cell.gap.investigate import _leading
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.revision import better_base
+from cell.gap.selection.revision import better_base, leading_models
 from cell.gap.subject.subject import Request, Residuals, Run
 from cell.gap.verdict.decide import kind, leaves_too_much, unexplained_part
 from drivers.types import Array
@@ -110,8 +109,8 @@ def test_a_model_leads_the_base_where_it_is_more_probable_or_predicts_clearly_be
     base, right, other = (
         validated(fitted(subject, names), subject) for names in ((), ("wave",), ("dead",))
     )
-    assert _leading(Fits((base, right, other))) == [right]
-    assert _leading(Fits((base, other))) == []
+    assert leading_models(Fits((base, right, other))) == [right]
+    assert leading_models(Fits((base, other))) == []
 
 
 def test_sample_that_both_or_one_cannot_show_answers_as_the_fit_counts_it() -> None:
