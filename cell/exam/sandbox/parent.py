@@ -24,7 +24,7 @@ PACKAGES = ("cell", "drivers", "policies", "calibration")
 SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/proc/self", "/proc/cpuinfo", "/proc/meminfo",
           "/proc/stat", "/sys/devices/system", "/sys/fs/cgroup")  # fmt: skip
 ALLOWED_DEVICES = ("/dev/null", "/dev/urandom", "/dev/random", "/dev/zero")
-SANDBOX_TIMEOUT = 600.0  # s
+SANDBOX_TIMEOUT = 1800.0  # s; it ends what hangs: how long a fit may take has a bar of its own
 POLL_INTERVAL = 0.02  # s
 
 
