@@ -58,9 +58,9 @@ class ForwardSelection:
                 return fits
         self.progress("refit other single effects", 0.45)
         simulate, candidates = self.simulate, self.subject.scope.candidates
-        looked = self.screened.singles[: search.BUDGET.looked]
+        looked = self.screened.singles[: search.BUDGET.probed]
         others = [s for s in looked if fits.of(frozenset(s.names)) is None]
-        base, further = fits.base.estimate, search.BUDGET.further
+        base, further = fits.base.estimate, search.BUDGET.additions
         others = search.shortlist(simulate, base, others, candidates, further)
         fits = search.fit_scores(simulate, fits, others, candidates)
         if not _leaves_more(fits, anywhere=True):
@@ -99,7 +99,7 @@ class ForwardSelection:
         self.progress("refit pairs", 0.5)
         simulate, candidates = self.simulate, self.subject.scope.candidates
         base, probed, most = fits.base.estimate, self.screened.probed, search.BUDGET.pairs
-        pairs = ranked_pairs(self.screened.known, search.BUDGET.sifted)
+        pairs = ranked_pairs(self.screened.known, search.BUDGET.screened_pairs)
         pairs = search.shortlist(simulate, base, pairs, candidates, most)
         fits = search.fit_scores(simulate, fits, pairs, candidates)
         fits = search.extend(simulate, fits, 1, candidates, probed)

@@ -24,7 +24,7 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.immaterial import filling_floor, immaterial
 from cell.gap.selection.likelihood import ALPHA, LikelihoodScale, family_wise, likelihood_scale
 from cell.gap.selection.posterior import posterior
-from cell.gap.selection.revision import beside_base, revised_base
+from cell.gap.selection.revision import refit_on_base, revised_base
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranking, table
 from cell.gap.subject.subject import Subject
@@ -59,7 +59,7 @@ def investigate(
             progress("refit the base beside the best", share)
             fitted = _judge_base(subject, *revised, simulate, rng)
             screened = _score_candidates(subject, fitted, screened.probed)
-            fits = beside_base(simulate, fits, fitted.base, fitted.scatter, whole)
+            fits = refit_on_base(simulate, fits, fitted.base, fitted.scatter, whole)
             fits = replace(fits, library=screened.library)
     progress("judge", 0.8)
     sets = posterior(fits, fits.scale)

@@ -172,7 +172,7 @@ def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
     ruler = ruler_of(case)
     for _ in range(TRIES):
         both = draw_effects(case, 2, strong, rng)
-        if ruler.beside(both).min() >= STRENGTHS["medium"] * NEARLY:
+        if ruler.of_each(both).min() >= STRENGTHS["medium"] * NEARLY:
             return _with_effects(case, strong, both)
     raise Fault("exam", f"{case.name}: no two effects of {case.strip} show beside each other")
 

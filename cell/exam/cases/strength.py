@@ -89,7 +89,7 @@ class Ruler:
         """Excess gap (k,) that each of k sets of effects leaves after the base is refitted."""
         return np.array([self._excess(left) for left in self._response_after_refit(hidden)])
 
-    def beside(self, both: Hidden) -> Array:
+    def of_each(self, both: Hidden) -> Array:
         """Excess gap (2,) of each of two effects after base and amount of the other are refitted.
 
         To first order: the part of the joint response that base and other effect do not span.

@@ -91,7 +91,7 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
     at_start = {e.name: e.complete(effects[e.name]) for e in model.effects}
     off_start = {}
     for e in model.effects:
-        added = np.array([BUDGET.guess * p.spread for p in e.parameters])
+        added = np.array([BUDGET.shape_start * p.spread for p in e.parameters])
         added[: len(effects[e.name])] = 0.0
         off_start[e.name] = at_start[e.name] + added
     return [at_start, off_start]
@@ -99,5 +99,5 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
 
 def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
     """Whether free shape parameters gain enough over `plain`; less is asked than of an effect."""
-    ahead = margin(new, plain, by).gain > BUDGET.shapely * MIN_GAIN
+    ahead = margin(new, plain, by).gain > BUDGET.shape_gain * MIN_GAIN
     return ahead and likelihood_ratio(new, plain, by) < ALPHA

@@ -56,7 +56,7 @@ def better_base(simulate: Simulate, fits: Fits, leading: Sequence[Validated]) ->
     for fit in (m.estimate for m in leading):
         values, _ = fit.model.split(fit.shared)
         start = Point(values, fit.point.local)
-        begin.append(refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.begun))
+        begin.append(refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.short_steps))
     begun = best([base, *run_all(simulate, begin)])
     if begun is base:
         return None
@@ -65,7 +65,7 @@ def better_base(simulate: Simulate, fits: Fits, leading: Sequence[Validated]) ->
     return again if objective_of(again, scale) < objective_of(base, scale) - MIN_GAIN else None
 
 
-def beside_base(
+def refit_on_base(
     simulate: Simulate, fits: Fits, base: Validated, found: Sequence[Spread], whole: Evidence
 ) -> Fits:
     """Refit the models of `fits` beside a new `base`, with the scatter `found` in runs `whole`.

@@ -33,7 +33,7 @@ def probable_rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Al
 
     Excluded is what is less than ALPHA times as probable, beyond what errors of laws may decide.
     """
-    others = [_beside(accepted, m, sets) for m in fits.of_size(len(accepted.model.effects))]
+    others = [_alternative(accepted, m, sets) for m in fits.of_size(len(accepted.model.effects))]
     found = [
         r
         for r in others
@@ -56,7 +56,7 @@ def _law_error(accepted: Validated, rival: Alternative, sets: Posterior) -> floa
     return max(0.0, min(LAW_ERROR * lead, EXPLAINED * gain))
 
 
-def _beside(accepted: Validated, other: Validated, sets: Posterior) -> Alternative:
+def _alternative(accepted: Validated, other: Validated, sets: Posterior) -> Alternative:
     return Alternative(other, sets.lead(accepted.model.names) - sets.lead(other.model.names))
 
 
@@ -71,7 +71,7 @@ def more_probable(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alte
         names = next(m.names for m in sets.models if effect not in m.names)
         other = fits.of(names)
         if names and other is not None:
-            found.append(_beside(accepted, other, sets))
+            found.append(_alternative(accepted, other, sets))
     return found
 
 

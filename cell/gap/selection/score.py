@@ -47,8 +47,8 @@ class Score:
             found.append(self.mirrored)
         return [{**self._known, **values} for values in found]
 
-    def beside(self, fit: Estimate) -> "Score":
-        """Score of these effects beside those of `fit`, to start from it."""
+    def joined_to(self, fit: Estimate) -> "Score":
+        """Score of these effects and those of `fit`, to start from it."""
         names = tuple(sorted({*fit.model.names, *self.names}))
         return replace(self, names=names, after=fit)
 

@@ -20,33 +20,23 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Effort of the search: numbers of models and steps, and shares of the best model's gain.
+    """Effort of the search: models, steps of a fit, and shares of a gain; set by hand."""
 
-    So many `singles` and `pairs` are refitted, and so many models with one effect `further`, beside
-    so many of the best (`beam`) that gain the share `worth` of what the best one does, from so many
-    effects `looked` at there, those that promise most (`extended`). Of `sifted` pairs those
-    few are chosen by a fit of `sifting` steps; starts with less than `hope` of the best one's gain
-    then are given up, the others go on to `begun` steps, and to the end with `finished` of it. A
-    shape parameter begins also at the share `guess` of its prior spread, and has to gain the share
-    `shapely` of what an effect has to. For each effect of the accepted model so many `substitutes`
-    are fitted in its place. Source: set by hand.
-    """
-
-    singles: int = 5
-    pairs: int = 3
-    further: int = 4
-    beam: int = 6
-    worth: float = 0.3
-    looked: int = 12
-    extended: int = 12
-    sifted: int = 8
-    sifting: int = 2
-    begun: int = 4
-    hope: float = 0.5
-    finished: float = 0.1
-    guess: float = 1 / 3
-    shapely: float = 0.5
-    substitutes: int = 2
+    singles: int = 5  # models of one effect that are refitted
+    pairs: int = 3  # models of two effects that are refitted
+    screened_pairs: int = 8  # pairs from which those are chosen by a few steps of a fit
+    beam: int = 6  # best models to which a further effect is added
+    beam_share: float = 0.3  # of the best model's gain that a model in the beam has
+    probed: int = 12  # effects whose response is simulated at a model of the beam
+    additions: int = 4  # effects of these that are added to a model of the beam
+    extensions: int = 12  # models of the whole beam with one effect added
+    first_steps: int = 2  # of a fit from each start
+    short_steps: int = 4  # of a fit from the best starts
+    start_share: float = 0.5  # of the best start's gain, under which a start is given up
+    finish_share: float = 0.1  # of the best model's gain, under which a fit is not finished
+    shape_start: float = 1 / 3  # of its prior spread, where a shape parameter begins too
+    shape_gain: float = 0.5  # of the gain asked of an effect, asked of shape parameters
+    substitutes: int = 2  # models in which another effect replaces one that is accepted
 
 
 BUDGET = Budget()
@@ -70,7 +60,7 @@ def fit_scores(
     begun = [e for e in run_all(simulate, tasks) if e is not None]
     every = [*(m.estimate for m in fits.models), *begun]
     scale = min(e.scale for e in every)
-    least_gain = BUDGET.finished * _gain(base, best(every), scale)
+    least_gain = BUDGET.finish_share * _gain(base, best(every), scale)
     found = run_all(
         simulate, [_finish(e, worth=_gain(base, e, scale) >= least_gain) for e in begun]
     )
@@ -101,7 +91,7 @@ def shortlist(
 def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[list[Estimate]]:
     """Estimates after the first few steps from each of `points`; yields simulations."""
     return side_by_side(
-        [refit(model, evidence, p, known, ROUGH_GAIN, BUDGET.sifting) for p, known in points]
+        [refit(model, evidence, p, known, ROUGH_GAIN, BUDGET.first_steps) for p, known in points]
     )
 
 
@@ -133,7 +123,14 @@ def _best_short_fit(
         far = [best(tried)]
     if len(far) > 1 or (far and incumbent is not None):
         more = [
-            refit(model, known, e.point, e.jacobians, ROUGH_GAIN, BUDGET.begun - BUDGET.sifting)
+            refit(
+                model,
+                known,
+                e.point,
+                e.jacobians,
+                ROUGH_GAIN,
+                BUDGET.short_steps - BUDGET.first_steps,
+            )
             for e in far
         ]
         far = [*far, *(yield from side_by_side(more))]
@@ -148,7 +145,7 @@ def _farthest(base: Estimate, begun: Sequence[Estimate], known: Estimate) -> lis
     scale = min(e.scale for e in every)
     gains = [_gain(base, e, scale) for e in every]
     most = max(gains)
-    least = min(BUDGET.hope * most, most)
+    least = min(BUDGET.start_share * most, most)
     return [e for e, gain in zip(begun, gains, strict=False) if gain >= least]
 
 
@@ -173,18 +170,18 @@ def extend(
     beam = 1 if is_exhausted(fits) else BUDGET.beam
     scale, known = fits.scale.scale, with_shape_parameters(candidates, fits)
     expected: dict[tuple[str, ...], tuple[float, Score]] = {}
-    for fit in [m.estimate for m in fits.worth(size, BUDGET.worth)[:beam]]:
+    for fit in [m.estimate for m in fits.worth(size, BUDGET.beam_share)[:beam]]:
         before, unit = objective_of(fit, scale), (fit.scale / scale) ** 2
         screened = _screen_further(simulate, fit, known, probed, fits.immaterial)
-        for s in screened[: BUDGET.further]:
-            beside = s.beside(fit)
+        for s in screened[: BUDGET.additions]:
+            joint = s.joined_to(fit)
             after = before - unit * s.gain
-            if beside.names not in expected or after < expected[beside.names][0]:
-                expected[beside.names] = after, beside
-    order = sorted(expected.values(), key=lambda each: each[0])[: BUDGET.extended]
+            if joint.names not in expected or after < expected[joint.names][0]:
+                expected[joint.names] = after, joint
+    order = sorted(expected.values(), key=lambda each: each[0])[: BUDGET.extensions]
     scores = [score for _, score in order]
     if beam > 1:
-        scores = shortlist(simulate, fits.base.estimate, scores, known, BUDGET.further)
+        scores = shortlist(simulate, fits.base.estimate, scores, known, BUDGET.additions)
     return fit_scores(simulate, fits, scores, candidates)
 
 
@@ -206,7 +203,7 @@ def extend_where_shown(
     for fit in (m.estimate for m in models):
         least = MIN_GAIN * by.inefficiency * (by.scale / fit.scale) ** 2
         found = _screen_further(simulate, fit, known, probed, fits.immaterial)
-        scores += [s.beside(fit) for s in found[: BUDGET.further] if s.gain > least]
+        scores += [s.joined_to(fit) for s in found[: BUDGET.additions] if s.gain > least]
     return fit_scores(simulate, fits, scores, candidates)
 
 
@@ -224,7 +221,7 @@ def _screen_further(
     about = projection(fit, nuisance=immaterial)
     # responses at the base mean little beside a strong effect: they only choose what is probed
     others = [p for p in probed if p.candidate.name not in fit.model.names]
-    looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.looked]}
+    looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.probed]}
     again = run_all(simulate, [probe(fit, c) for c in candidates if c.name in looked])
     return ranking(table(about, again))
 
@@ -262,6 +259,6 @@ def substitutes(
         new = [c for c in absent if fits.of(others.model.names | {c.name}) is None]
         probed = run_all(simulate, [probe(fit, c) for c in new])
         for s in ranking(table(projection(fit), probed))[: BUDGET.substitutes]:
-            beside = s.beside(fit)
-            found.setdefault(beside.names, beside)
+            joint = s.joined_to(fit)
+            found.setdefault(joint.names, joint)
     return list(found.values())

@@ -127,7 +127,7 @@ def _undo(out: Path, file: Path, cell_file: Path | None) -> Accepted:
     if not kept.exists():
         raise ConfigurationError(f"{out}: was not accepted, so there is nothing to undo")
     stored, record = read_stored(kept, Acceptance), _record(out)
-    paths = _files_by_name(stored, kept, file, cell_file, _models_beside(out, file))
+    paths = _files_by_name(stored, kept, file, cell_file, _model_paths(out, file))
     for name, path in paths.items():
         if _current_hash(path) not in (stored.after.get(name), _hash(stored.before[name])):
             raise ConfigurationError(f"{path}: has changed since the acceptance; edit it by hand")
@@ -168,7 +168,7 @@ def _restore_interrupted(out: Path, file: Path, cell_file: Path | None) -> None:
     stored = read_stored(kept, Acceptance)
     if _name(file) not in stored.before:
         return
-    paths = _files_by_name(stored, kept, file, cell_file, _models_beside(out, file))
+    paths = _files_by_name(stored, kept, file, cell_file, _model_paths(out, file))
     found = {name: _current_hash(path) for name, path in paths.items()}
     old = {name for name in paths if found[name] == _hash(stored.before[name])}
     new = {name for name in paths if found[name] == stored.after.get(name)} - old
@@ -205,7 +205,7 @@ def out_folder(out: Path) -> Path:
     return out
 
 
-def _models_beside(out: Path, file: Path) -> list[Path]:
+def _model_paths(out: Path, file: Path) -> list[Path]:
     """Paths of the models that an acceptance of the fit in `out` writes beside `file`."""
     patches = [p for p in (out / PATCH, out / LAW_PATCH, out / BASE_PATCH) if p.exists()]
     contents = [read_yaml(p) for p in patches]

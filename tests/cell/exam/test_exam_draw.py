@@ -18,10 +18,10 @@ def ruler() -> Ruler:
     return Ruler.standard(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
 
 
-def test_effects_that_cancel_leave_nothing_beside_each_other(ruler: Ruler) -> None:
+def test_effects_that_cancel_leave_nothing_of_each(ruler: Ruler) -> None:
     twins = {"camera_latency": {"time": 0.03}, "control_delay": {"time": 0.03}}
     assert ruler.excess([{k: v} for k, v in twins.items()]).min() > 1.0
-    assert ruler.beside(twins).max() < 0.3
+    assert ruler.of_each(twins).max() < 0.3
 
 
 def test_different_effects_keep_their_gaps(ruler: Ruler) -> None:
@@ -29,9 +29,9 @@ def test_different_effects_keep_their_gaps(ruler: Ruler) -> None:
         "homography_shift": {"x": 0.004, "z": 0.0},
         "hem_mass": {"mass": 0.001, "position": 0.5, "width": 0.02},
     }
-    beside = ruler.beside(both)
-    assert beside.min() > 1.0
-    assert (beside <= 1.1 * ruler.excess([{k: v} for k, v in both.items()])).all()
+    each = ruler.of_each(both)
+    assert each.min() > 1.0
+    assert (each <= 1.1 * ruler.excess([{k: v} for k, v in both.items()])).all()
 
 
 def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(ruler: Ruler) -> None:

@@ -12,7 +12,7 @@ from cell.gap.fitting.starts import best
 from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.refinement import other_signs
-from cell.gap.selection.revision import beside_base
+from cell.gap.selection.revision import refit_on_base
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import probe, ranking, table
 from cell.gap.subject.subject import Candidate, Parameter, Scope
@@ -113,7 +113,7 @@ def test_beside_a_revised_base_too() -> None:
     subject = two_sided()
     base, wrong = (validated(e, subject) for e in (at(subject), at(subject, 0.1, 0.35)))
     assert wrong.estimate.shared[2] > 0.0
-    again = beside_base(subject.simulate, Fits((base, wrong)), base, (), base.estimate.evidence)
+    again = refit_on_base(subject.simulate, Fits((base, wrong)), base, (), base.estimate.evidence)
     (found,) = again.of_size(1)
     assert found.estimate.shared[2] < -0.2
 

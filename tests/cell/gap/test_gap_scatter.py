@@ -18,7 +18,7 @@ from cell.gap.fitting.uncertainty import degrees_of_freedom
 from cell.gap.report.repeats import remedies
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
-from cell.gap.selection.revision import beside_base
+from cell.gap.selection.revision import refit_on_base
 from cell.gap.subject.subject import Parameter, Request, Residuals
 from tests.cell.gap.test_gap_engine import Curves, Law, bump, fitted, hidden, judged, nothing
 
@@ -124,7 +124,7 @@ def test_models_are_carried_to_the_scatter_that_is_found_beside_the_best() -> No
     fits = Fits(tuple(run_one(subject.simulate, validate(refitted(subject, e))) for e in still))
     found = estimate_spreads(subject.simulate, fits.best.estimate, whole)
     base = refitted(subject, with_scatter(fits.base.estimate, found, whole))
-    again = beside_base(
+    again = refit_on_base(
         subject.simulate, fits, run_one(subject.simulate, validate(base)), found, whole
     )
     assert [m.model.name for m in again.models] == ["base", "bump"]

@@ -370,10 +370,10 @@ def check_simulates(subject: MechanismSubject, origin: str) -> None:
         return
     model = copy.copy(m.model)
     model.opt.timestep = 0.5 * m.step
-    finer = replace(m, step=0.5 * m.step, model=model)
-    first = replace(subject.opened, mechanism=finer, recordings=subject.opened.recordings[:1])
-    (finer_residuals,) = MechanismSubject(first).simulate(asked)
-    change = float(np.nanmax(np.abs(residuals.mean - finer_residuals.mean) / run.samples.reading))
+    halved = replace(m, step=0.5 * m.step, model=model)
+    first = replace(subject.opened, mechanism=halved, recordings=subject.opened.recordings[:1])
+    (halved_residuals,) = MechanismSubject(first).simulate(asked)
+    change = float(np.nanmax(np.abs(residuals.mean - halved_residuals.mean) / run.samples.reading))
     if change > THIRD:
         raise ConfigurationError(
             f"{origin}: step: half of it moves run {run.name} by {change:.2g} of its noise, at "

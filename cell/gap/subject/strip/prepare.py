@@ -33,15 +33,15 @@ class Fold:
     compliance are unknown. Only strips with bending hysteresis keep the shape; they are simulated
     along `lifted_path`, which has no push. The standard runs lift first and never buckle.
 
-    Per sample (n,): `finer`, residuals of the coarse rod less those of a finer one, and `slopes`,
-    the change of residuals per unit of each quantity that differs from run to run.
+    Per sample (n,): `grid_error`, residuals of the coarse rod less those of a finer one, and
+    `slopes`, the change of residuals per unit of each quantity that differs from run to run.
     """
 
     way: HashedPath
     lifted_path: HashedPath
     comparison: Comparison
     index: int
-    finer: Array
+    grid_error: Array
     slopes: Mapping[str, Array]
 
     def drive(self, hashed: HashedModel) -> Job:
@@ -52,7 +52,7 @@ class Fold:
 
     def correct(self, found: Residuals, run: Run, local: Array) -> Residuals:
         """Residuals corrected to those of a fine rod, for values `local` (k,) of its unknowns."""
-        mean = found.mean - self.finer
+        mean = found.mean - self.grid_error
         for p, value in zip(run.local, local, strict=True):
             mean = mean + value * self.slopes[p.name]
         return Residuals(mean, found.square + mean**2 - found.mean**2)
@@ -81,11 +81,11 @@ def prepare(
 class Linearisation:
     """Linearisation of a run's residuals about a model: changes per sample (n,).
 
-    `finer` is the change from a finer rod to the coarse one, `slopes` are those per unit of each
-    quantity that differs from run to run; `length` [m] of the strip.
+    `grid_error` is the change from a finer rod to the coarse one, `slopes` are those per unit of
+    each quantity that differs from run to run; `length` [m] of the strip.
     """
 
-    finer: Array
+    grid_error: Array
     slopes: Mapping[str, Array]
     length: float
 
@@ -106,12 +106,12 @@ def linearise_folds(
     found = []
     for i, (fold, job) in enumerate(zip(folds, drives, strict=True)):
         limit = LARGEST_CHANGE * fold.comparison.layout.samples.floor
-        finer = _drop_large(grid_errors[i], limit)
+        grid_error = _drop_large(grid_errors[i], limit)
         slopes = {}
         for k, e in enumerate(scatter, start=i * len(scatter)):  # jobs are perturbed fold by fold
             residuals = fold.comparison(perturbed[k].model, motions[len(folds) + k]).mean
             slopes[e.name] = frozen(_drop_large(residuals - nominal[i], limit) / e.step)
-        found.append(Linearisation(frozen(finer), slopes, job.model.mechanics.length))
+        found.append(Linearisation(frozen(grid_error), slopes, job.model.mechanics.length))
     return found
 
 
@@ -170,9 +170,9 @@ def relinearise(run: Run, fold: Fold, about: Linearisation) -> Run:
     A strip with less damping than stated keeps swinging, where grids differ.
     """
     stated = fold.comparison.layout.samples.floor
-    floor = np.maximum(run.samples.floor, np.hypot(stated, TRUSTED * about.finer))
+    floor = np.maximum(run.samples.floor, np.hypot(stated, TRUSTED * about.grid_error))
     samples = replace(run.samples, floor=floor)
-    content = replace(fold, finer=about.finer, slopes=about.slopes)
+    content = replace(fold, grid_error=about.grid_error, slopes=about.slopes)
     common = _common_errors(fold.comparison.run, samples, about)
     return replace(run, samples=samples, content=content, common=common)
 

@@ -264,8 +264,8 @@ def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
     origin = folder / "ticks.parquet"
     x, z, pitch = (float(c[0]) for c in (run.ticks.x, run.ticks.z, run.ticks.pitch))
     if run.header.start == "hanging":
-        hangs = abs(pitch - np.pi / 2) <= HANGING_TOLERANCE
-        if np.hypot(x, z) > strip.length + START_TOLERANCE or not hangs:
+        is_hanging = abs(pitch - np.pi / 2) <= HANGING_TOLERANCE
+        if np.hypot(x, z) > strip.length + START_TOLERANCE or not is_hanging:
             raise ConfigurationError(
                 f"{origin}: x: a hanging start at x {x:.3f}, z {z:.3f} m, pitch {pitch:.2f} rad is "
                 f"out of reach of a strip of {strip.length:g} m or does not hang"

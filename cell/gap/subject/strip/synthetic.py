@@ -39,7 +39,7 @@ class Instruments:
     """Measurement errors of a cell: standard deviations of noise in [m], [s] and, if known, [N].
 
     Images come at `rate` [Hz] with points `spacing` [m] apart. `wild` is the share of points that
-    are off by up to `astray` [m], `lost` that of images.
+    are off by up to `outlier` [m], `lost` that of images.
     """
 
     contact_x: float = 0.0015
@@ -50,7 +50,7 @@ class Instruments:
     rate: float = 30.0
     spacing: float = 0.006
     wild: float = 0.005
-    astray: float = 0.05
+    outlier: float = 0.05
     lost: float = 0.02
     force: float | None = None
 
@@ -162,7 +162,7 @@ def _curve(fold: Fold, stamp: float, by: Instruments, rng: np.random.Generator) 
     points = seen_points(fold.model, curve(s))
     points = points + noise[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     wild = rng.uniform(size=len(s)) < by.wild
-    return np.asarray(points + wild[:, None] * rng.uniform(-by.astray, by.astray, (len(s), 2)))
+    return np.asarray(points + wild[:, None] * rng.uniform(-by.outlier, by.outlier, (len(s), 2)))
 
 
 def _ticks(
