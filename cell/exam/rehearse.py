@@ -128,7 +128,7 @@ def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
     return strip.model_copy(update=own)
 
 
-def way(run: MeasuredRun) -> GripperPath:
+def path_of_run(run: MeasuredRun) -> GripperPath:
     """Measured gripper path of a run, extended by a standstill, as the copy may touch later."""
     t, poses = run.measured.t, run.measured.poses
     later = t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
@@ -141,7 +141,7 @@ def sizes(
     plant: StripFile, runs: Sequence[MeasuredRun], excess: float
 ) -> tuple[list[Hidden], list[str]]:
     """Copies with each effect so large that it leaves the gap `excess`, and effects that cannot."""
-    ruler = Ruler.along(plant, [way(run) for run in runs], runs[0].measured.sigma)
+    ruler = Ruler.along(plant, [path_of_run(run) for run in runs], runs[0].measured.sigma)
     copies, unseen = [], []
     for number, (name, effect) in enumerate(sorted(registry().items())):
         if name in plant.effects:
@@ -195,7 +195,7 @@ def write_copy(made: Plan, hidden: Hidden, folder: Path) -> None:
     models = [
         differing(describe(plant, effects, run.measured.index), made.scatter, rng) for run in runs
     ]
-    folds = rod_folds(models, [way(run) for run in runs], SEGMENTS, STEP)
+    folds = rod_folds(models, [path_of_run(run) for run in runs], SEGMENTS, STEP)
     for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
         copy = replace(fold, index=run.measured.index, condition=run.condition)
         write_fold(folder / f"{number:02d}", strip.name, copy, instruments(run.measured), rng)

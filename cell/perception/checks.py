@@ -10,7 +10,7 @@ from calibration.landmarks import CameraShift, LandmarkSettings
 from cell.perception.appearance import Appearance
 from cell.perception.background import DESK_SHADE
 from cell.perception.kernels import Floats
-from cell.perception.region import way_of
+from cell.perception.region import motion_mask
 from cell.perception.resting import Samples, Underside, shares_along
 from cell.perception.segmenter import Segmenter, separation
 from cell.perception.settings import PerceptionSettings
@@ -97,11 +97,11 @@ def background_contrast(
     scene: Segmenter, calibration: Calibration, strip: StripFile
 ) -> PreflightCheck:
     """Check whether the background along the strip's motion differs from the strip's colours."""
-    way = way_of(calibration, strip.length)
-    alike = (scene.separation(way) < SEPARATION).mean(axis=0)
+    mask = motion_mask(calibration, strip.length)
+    alike = (scene.separation(mask) < SEPARATION).mean(axis=0)
     share = float(alike.mean())
-    place = np.zeros(way.shape, dtype=np.float32)
-    place[way > 0] = alike
+    place = np.zeros(mask.shape, dtype=np.float32)
+    place[mask > 0] = alike
     x, z = calibration.to_plane(_heaviest(place)[None])[0]
     if share > MOSTLY:
         return PreflightCheck(

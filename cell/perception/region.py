@@ -19,7 +19,7 @@ FOLD = 0.09  # m of height that is always looked at
 FINGER_SIZE = (0.045, 0.020)  # m: length along the approach, half width
 LOW_HEIGHT = 0.012  # m of height: free of the resting strip
 HIGH_HEIGHT = 0.09  # below the waiting hand
-WAY = (0.3, 0.85, 1.02, 0.5)  # of its length: where a strip moves, from, free of hand, to, up to
+SWEPT = (0.3, 0.85, 1.02, 0.5)  # of its length: where a strip moves, from, free of hand, to, up to
 HAND_SIZE = (0.60, 0.100)  # m: hand and what carries it
 
 
@@ -70,12 +70,12 @@ def whole(image: Image) -> Region:
     return Region(0, 0, image.shape[1], image.shape[0])
 
 
-def way_of(calibration: Calibration, length: float) -> Image:
+def motion_mask(calibration: Calibration, length: float) -> Image:
     """Mask (height, width) of the background along the motion of a strip, `length` [m] long.
 
     Above the desk; where the hand waits before the grasp only the low part.
     """
-    start, middle, end, top = (share * length for share in WAY)
+    start, middle, end, top = (share * length for share in SWEPT)
     outline = [(start, LOW_HEIGHT), (end, LOW_HEIGHT), (end, HIGH_HEIGHT)]
     outline += [(middle, HIGH_HEIGHT), (middle, top), (start, top)]
     return _fill(calibration, np.array(outline))

@@ -18,7 +18,7 @@ from cell.perception.kernels import (
 )
 from cell.perception.levels import ZERO_LEVEL
 from cell.perception.palette import palette
-from cell.perception.region import Region, way_of
+from cell.perception.region import Region, motion_mask
 from cell.perception.resting import face_height
 from cell.perception.sizes import Sizes
 from drivers.strip.file import StripFile
@@ -122,7 +122,7 @@ def learn(
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
     about = Sizes.of(calibration, PATCH_PX).light
     behind = learn_background(image, calibration, place, about)
-    colours, scene = palette(samples), behind.image[way_of(calibration, strip.length) > 0]
+    colours, scene = palette(samples), behind.image[motion_mask(calibration, strip.length) > 0]
     return Segmenter(colours, behind, sensor, smooth, _share_noise(colours, scene, smooth) * sensor)
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from cell.gap.subject.strip.reported_path import reported_path
 from cell.gap.subject.strip.subject import Strip
 from cell.gap.subject.strip.synthetic import Fold, Instruments, rod_folds, write_fold
-from cell.gap.subject.strip.ways import way_of
 from cell.gap.subject.subject import Request, Residuals
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.file import StripFile
@@ -31,7 +31,7 @@ def folds(names: Sequence[str], effects: Effects | None = None, **changes: float
     """Standard motions of a denim that has `effects` and `changes`."""
     plant = denim().model_copy(update=changes)
     models = [describe(plant, effects or {}, i) for i in range(len(names))]
-    made = rod_folds(models, [way_of(STANDARD[n].of(0.6)) for n in names], SEGMENTS, STEP)
+    made = rod_folds(models, [reported_path(STANDARD[n].of(0.6)) for n in names], SEGMENTS, STEP)
     return [
         replace(f, index=i, condition=n) for i, (f, n) in enumerate(zip(made, names, strict=True))
     ]

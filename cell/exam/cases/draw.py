@@ -10,10 +10,10 @@ from cell.exam.case import STRENGTHS, Case, Kind, Scattered, Strength, Tier, Val
 from cell.exam.cases.strength import Path, Ruler
 from cell.exam.causes import causes
 from cell.exam.progress import Progress, quiet
-from cell.exam.runs.by_hand import ways_by_hand
+from cell.exam.runs.by_hand import paths_by_hand
 from cell.exam.runs.from_model import BY, MOTIONS, scale_strip
 from cell.exam.runs.through_images import refusal
-from cell.gap.subject.strip.ways import way_of
+from cell.gap.subject.strip.reported_path import reported_path
 from cell.parallel import workers
 from cell.record.header import Sigma
 from drivers.errors import Fault
@@ -240,7 +240,7 @@ def _cached_ruler(
     sigma = Sigma.model_validate(BY.sigma())
     if hand is None:
         return Ruler.standard(plant, MOTIONS, sigma)
-    return Ruler.along(plant, ways_by_hand(plant.length, hand, len(MOTIONS)), sigma)
+    return Ruler.along(plant, paths_by_hand(plant.length, hand, len(MOTIONS)), sigma)
 
 
 def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
@@ -249,7 +249,7 @@ def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
     order = standard_order(np.random.default_rng(0))
     if hand is None:
         return Ruler.standard(plant, order, sigma)
-    led = [way_of(by_hand(plant.length, hand, i)) for i in range(len(order))]
+    led = [reported_path(by_hand(plant.length, hand, i)) for i in range(len(order))]
     return Ruler.along(plant, led, sigma)
 
 

@@ -80,9 +80,9 @@ class Ruler:
         return cls(plant, [made[name] for name in motions])
 
     @classmethod
-    def along(cls, plant: StripFile, ways: Sequence[GripperPath], sigma: Sigma) -> Self:
-        """Ruler on the gripper paths `ways`."""
-        seen = measured_along(ways, plant, sigma, 0)
+    def along(cls, plant: StripFile, paths: Sequence[GripperPath], sigma: Sigma) -> Self:
+        """Ruler on these gripper paths."""
+        seen = measured_along(paths, plant, sigma, 0)
         return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(seen)])
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:

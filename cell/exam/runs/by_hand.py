@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cell.gap.subject.strip.ways import ROW_STRIDE
+from cell.gap.subject.strip.reported_path import ROW_STRIDE
 from drivers.geometry import arc_lengths
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
@@ -13,7 +13,7 @@ TREMOR = 0.0002  # m, one sigma in x and in z
 SHIVER = (1.0, 5.0)  # Hz
 
 
-def ways_by_hand(length: float, seed: int, count: int) -> list[GripperPath]:
+def paths_by_hand(length: float, seed: int, count: int) -> list[GripperPath]:
     """Gripper paths of `count` motions by hand over a strip of `length` [m], set by `seed`."""
     return [_reported_path(length, generator(seed, i)) for i in range(count)]
 

@@ -10,11 +10,11 @@ import numpy as np
 from cell.config.places import find_configs
 from cell.exam.case import Case
 from cell.exam.causes import cause_of
-from cell.exam.runs.by_hand import ways_by_hand
+from cell.exam.runs.by_hand import paths_by_hand
 from cell.exam.runs.scatter import RunScatter
 from cell.exam.runs.specimen import Specimen
+from cell.gap.subject.strip.reported_path import reported_path
 from cell.gap.subject.strip.synthetic import Fold, Instruments, rod_folds, write_fold
-from cell.gap.subject.strip.ways import way_of
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
@@ -31,11 +31,11 @@ TARE_STREAM = 78  # of the case's generators, of what tares left
 
 
 class CaseMotion(NamedTuple):
-    """One motion of a case: `name` and `condition` of its run, and the gripper's reported `way`."""
+    """One motion of a case: `name` and `condition` of its run, and the gripper's `path`."""
 
     name: str
     condition: str
-    way: GripperPath
+    path: GripperPath
 
 
 def plant_of(case: Case) -> StripFile:
@@ -59,11 +59,11 @@ def make_runs(case: Case, folder: Path) -> None:
         after_tare(RunScatter.draw(case.scatter, case.seed, i).in_rig(model), case, i)
         for i, model in enumerate(bare)
     ]
-    ways = [motion.way for motion in motions]
+    paths = [motion.path for motion in motions]
     if case.engine == "chain":
-        folds = _fold_on_chain(case, models, ways)
+        folds = _fold_on_chain(case, models, paths)
     else:
-        folds = rod_folds(models, ways, SEGMENTS, ROD_STEP)
+        folds = rod_folds(models, paths, SEGMENTS, ROD_STEP)
     by = replace(BY, force=case.force)
     for index, (motion, bare_fold) in enumerate(zip(motions, folds, strict=True)):
         fold = replace(bare_fold, index=index, condition=motion.condition)
@@ -84,25 +84,25 @@ def motions_of(case: Case, length: float) -> list[CaseMotion]:
     names = MOTIONS * case.repeats
     if case.motions == "standard":
         return [_standard_motion(name, length) for name in names]
-    ways = ways_by_hand(length, case.seed, len(names))
-    return [CaseMotion("by-hand", f"by-hand-{i}", way) for i, way in enumerate(ways, start=1)]
+    paths = paths_by_hand(length, case.seed, len(names))
+    return [CaseMotion("by-hand", f"by-hand-{i}", path) for i, path in enumerate(paths, start=1)]
 
 
 def _standard_motion(name: str, length: float) -> CaseMotion:
     """Standard motion `name` over a strip of `length` [m]."""
-    return CaseMotion(name, MOTION + name, way_of(STANDARD[name].of(length)))
+    return CaseMotion(name, MOTION + name, reported_path(STANDARD[name].of(length)))
 
 
 def _fold_on_chain(
-    case: Case, models: Sequence[StripModel], ways: Sequence[GripperPath]
+    case: Case, models: Sequence[StripModel], paths: Sequence[GripperPath]
 ) -> list[Fold]:
     """Simulate the folds of `case` in a fine chain under its hidden causes."""
     hidden = [cause_of(name, values) for name, values in case.causes.items()]
     specimen = Specimen(LINKS, hidden, case.seed)
     folds = []
-    for model, way in zip(models, ways, strict=True):
-        motion = simulate(specimen, model, way.t, way.poses, dt=CHAIN_STEP, shapes=True)
+    for model, path in zip(models, paths, strict=True):
+        motion = simulate(specimen, model, path.t, path.poses, dt=CHAIN_STEP, shapes=True)
         thinned = replace(motion, shapes=motion.shapes[SHAPE_STRIDE - 1 :: SHAPE_STRIDE])
         kept = motion.t[SHAPE_STRIDE - 1 :: SHAPE_STRIDE]
-        folds.append(Fold(way, model, thinned, kept, specimen.arc()[0]))
+        folds.append(Fold(path, model, thinned, kept, specimen.arc()[0]))
     return folds

@@ -17,8 +17,8 @@ from cell.exam.causes import cause_of, causes
 from cell.exam.runs.from_model import MOTIONS
 from cell.exam.runs.specimen import Specimen
 from cell.gap.fit import fit
+from cell.gap.subject.strip.reported_path import reported_path
 from cell.gap.subject.strip.synthetic import Fold, Instruments, write_fold
-from cell.gap.subject.strip.ways import way_of
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from policies.experiments.standard import STANDARD
@@ -46,15 +46,15 @@ def measure(case: Values) -> Values:
     with TemporaryDirectory() as place:
         runs = Path(place) / "runs"
         for index, motion in enumerate(MOTIONS):
-            way = way_of(STANDARD[motion].of(known.length))
+            path = reported_path(STANDARD[motion].of(known.length))
             plant = Specimen(LINKS, [cause_of(case["cause"], case["values"])], 7)
             model = describe(known, {}, index)
-            moved = simulate(plant, model, way.t, way.poses, dt=STEP, shapes=True)
+            moved = simulate(plant, model, path.t, path.poses, dt=STEP, shapes=True)
             arc = np.linspace(0.0, known.length, moved.shapes.shape[1])
-            fold = Fold(way, model, moved, moved.t, arc, index, MOTION + motion)
+            fold = Fold(path, model, moved, moved.t, arc, index, MOTION + motion)
             write_fold(runs / f"{index:02d}-{motion}", known.name, fold, BY, rng)
-        path = find_configs(None).strip_path(case["strip"])
-        gap = fit([runs], path, Path(place) / "out").gap.before
+        strip_file = find_configs(None).strip_path(case["strip"])
+        gap = fit([runs], strip_file, Path(place) / "out").gap.before
     return {"excess": gap["excess"], "profile": 1e-3 * gap["profile_mm"],
             "contact": 1e-3 * gap["contact_x_mm"]}  # fmt: skip
 

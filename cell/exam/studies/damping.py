@@ -16,10 +16,10 @@ import numpy as np
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.places import find_configs
-from cell.exam.runs.by_hand import ways_by_hand
+from cell.exam.runs.by_hand import paths_by_hand
 from cell.gap.fit import fit
+from cell.gap.subject.strip.reported_path import reported_path
 from cell.gap.subject.strip.synthetic import Fold, Instruments, write_fold
-from cell.gap.subject.strip.ways import way_of
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.rod.motions import GripperPath
@@ -51,27 +51,27 @@ def measure(case: Values) -> Values:
     configs = find_configs(None)
     strip = configs.strip(case["strip"])
     with TemporaryDirectory() as place:
-        for index, (condition, way) in enumerate(_ways(case, strip.length)):
+        for index, (condition, path) in enumerate(_paths(case, strip.length)):
             model, chain = describe(strip, index=index), Chain(LINKS)
-            made = simulate(chain, model, way.t, way.poses, dt=STEP, shapes=True)
-            fold = Fold(way, model, made, made.t, chain.arc()[0], index, condition)
+            made = simulate(chain, model, path.t, path.poses, dt=STEP, shapes=True)
+            fold = Fold(path, model, made, made.t, chain.arc()[0], index, condition)
             folder = Path(place) / "runs" / f"{index:02d}"
             write_fold(folder, strip.name, fold, Instruments(), Quiet(np.random.PCG64(1)))
-        path = configs.strip_path(strip.name)
-        base = fit([Path(place) / "runs"], path, Path(place) / "out").base
+        strip_file = configs.strip_path(strip.name)
+        base = fit([Path(place) / "runs"], strip_file, Path(place) / "out").base
     return {
         "length": base["bending_length"].value / strip.bending_length - 1.0,
         "damping": base["retardation_time"].value / strip.retardation_time - 1.0,
     }
 
 
-def _ways(case: Values, length: float) -> list[tuple[str, GripperPath]]:
+def _paths(case: Values, length: float) -> list[tuple[str, GripperPath]]:
     """Condition and gripper path of each motion of `case` over a strip of `length` [m]."""
     names = standard_order(np.random.default_rng(case["order"]))
     if case["motions"] == "standard":
-        return [(MOTION + name, way_of(STANDARD[name].of(length))) for name in names]
-    ways = ways_by_hand(length, case["order"], len(names))
-    return [(f"by-hand-{i}", way) for i, way in enumerate(ways, start=1)]
+        return [(MOTION + name, reported_path(STANDARD[name].of(length))) for name in names]
+    paths = paths_by_hand(length, case["order"], len(names))
+    return [(f"by-hand-{i}", path) for i, path in enumerate(paths, start=1)]
 
 
 def model_error(outcomes: Sequence[Outcome]) -> Values:

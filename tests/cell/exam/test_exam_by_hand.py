@@ -7,7 +7,7 @@ import pytest
 
 from cell.exam.cases import draw
 from cell.exam.runs import from_model, through_images
-from cell.exam.runs.by_hand import ways_by_hand
+from cell.exam.runs.by_hand import paths_by_hand
 from cell.record.files import RUN
 from drivers.settings import read_yaml
 from policies.registry import MOTION, make_policy
@@ -19,47 +19,47 @@ BENT = 8.0  # m/s^2, of a hand that starts, stops and shivers
 
 
 @pytest.fixture(scope="module")
-def ways():
-    return ways_by_hand(LENGTH, 3, MANY)
+def paths():
+    return paths_by_hand(LENGTH, 3, MANY)
 
 
-def test_every_motion_goes_from_the_grasped_edge_to_over_the_fixed_one(ways) -> None:
-    for way in ways:
-        np.testing.assert_allclose(way.poses[0], [LENGTH, 0.0, 0.0], atol=1e-9)
-        x, z, pitch = way.poses[-1]
+def test_every_motion_goes_from_the_grasped_edge_to_over_the_fixed_one(paths) -> None:
+    for path in paths:
+        np.testing.assert_allclose(path.poses[0], [LENGTH, 0.0, 0.0], atol=1e-9)
+        x, z, pitch = path.poses[-1]
         assert -1e-3 < x < 0.05 * LENGTH
         assert 0.0 < z < 0.1 * LENGTH
         assert pitch == pytest.approx(np.pi / 2)
 
 
-def test_no_motion_pulls_the_strip_off_or_pushes_into_the_desk(ways) -> None:
-    for way in ways:
-        assert np.hypot(*way.poses[:, :2].T).max() < 1.001 * LENGTH
-        assert way.poses[:, 1].min() > -1e-6
-        assert way.poses[:, 1].max() > 0.35 * LENGTH
+def test_no_motion_pulls_the_strip_off_or_pushes_into_the_desk(paths) -> None:
+    for path in paths:
+        assert np.hypot(*path.poses[:, :2].T).max() < 1.001 * LENGTH
+        assert path.poses[:, 1].min() > -1e-6
+        assert path.poses[:, 1].max() > 0.35 * LENGTH
 
 
-def test_a_hand_is_neither_faster_nor_rougher_than_a_hand(ways) -> None:
-    for way in ways:
-        velocity = np.diff(way.poses[:, :2], axis=0) / np.diff(way.t)[:, None]
+def test_a_hand_is_neither_faster_nor_rougher_than_a_hand(paths) -> None:
+    for path in paths:
+        velocity = np.diff(path.poses[:, :2], axis=0) / np.diff(path.t)[:, None]
         assert np.hypot(*velocity.T).max() < FASTEST
-        assert np.abs(np.diff(velocity, axis=0) / np.diff(way.t)[1:, None]).max() < BENT
+        assert np.abs(np.diff(velocity, axis=0) / np.diff(path.t)[1:, None]).max() < BENT
 
 
-def test_some_rest_and_some_go_back(ways) -> None:
-    speeds = [np.hypot(*np.diff(w.poses[:, :2], axis=0).T) / np.diff(w.t) for w in ways]
+def test_some_rest_and_some_go_back(paths) -> None:
+    speeds = [np.hypot(*np.diff(w.poses[:, :2], axis=0).T) / np.diff(w.t) for w in paths]
     resting = [float(np.mean(v[100:-100] < 0.02)) > 0.03 for v in speeds]
-    back = [bool((np.diff(w.poses[:, 0])[100:-100] > 2e-4).any()) for w in ways]
+    back = [bool((np.diff(w.poses[:, 0])[100:-100] > 2e-4).any()) for w in paths]
     assert 0.2 < np.mean(resting) < 1.0
     assert 0.2 < np.mean(back) < 0.8
 
 
-def test_the_same_seed_moves_alike_and_no_two_motions_are_alike(ways) -> None:
-    again = ways_by_hand(LENGTH, 3, MANY)
-    assert all(np.array_equal(a.poses, b.poses) for a, b in zip(ways, again, strict=True))
-    assert len({len(way.t) for way in ways}) > MANY // 2
-    other = ways_by_hand(LENGTH, 4, 1)[0]
-    assert other.poses.tobytes() not in {way.poses.tobytes() for way in ways}
+def test_the_same_seed_moves_alike_and_no_two_motions_are_alike(paths) -> None:
+    again = paths_by_hand(LENGTH, 3, MANY)
+    assert all(np.array_equal(a.poses, b.poses) for a, b in zip(paths, again, strict=True))
+    assert len({len(path.t) for path in paths}) > MANY // 2
+    other = paths_by_hand(LENGTH, 4, 1)[0]
+    assert other.poses.tobytes() not in {path.poses.tobytes() for path in paths}
 
 
 def test_runs_by_hand_repeat_no_condition(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

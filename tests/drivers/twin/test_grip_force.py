@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.gap.subject.strip.ways import way_of
+from cell.gap.subject.strip.reported_path import reported_path
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.observation import mean_force
@@ -42,8 +42,8 @@ def test_a_strip_at_rest_weighs_on_the_gripper_what_hangs_from_it(engine: str) -
 
 
 def test_both_engines_feel_the_same_force_in_a_fold() -> None:
-    way = way_of(STANDARD["normal"].of(DENIM.length))
-    rod, chain = (simulate(e, describe(DENIM), way.t, way.poses) for e in ENGINES.values())
+    path = reported_path(STANDARD["normal"].of(DENIM.length))
+    rod, chain = (simulate(e, describe(DENIM), path.t, path.poses) for e in ENGINES.values())
     assert rod.touch is not None
     t = np.arange(1.5, rod.touch.time - 0.2, 0.01)
     first, second = (at(motion, t) for motion in (rod, chain))

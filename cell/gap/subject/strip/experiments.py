@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from cell.gap.subject.strip.curves import Images
+from cell.gap.subject.strip.reported_path import reported_path
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
 from cell.gap.subject.strip.synthetic import Fold, rod_folds
-from cell.gap.subject.strip.ways import way_of
 from cell.record.header import Sigma
 from drivers.geometry import arc_lengths
 from drivers.strip.describe import describe
@@ -27,18 +27,18 @@ SEGMENTS, STEP = 100, 0.005  # of the rod: a plan need not be finer
 
 def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
     """Simulated, noise-free run of `strip` for each standard motion, all with number `index`."""
-    ways = [way_of(standard.of(strip.length)) for standard in STANDARD.values()]
+    paths = [reported_path(standard.of(strip.length)) for standard in STANDARD.values()]
     return [
         MeasuredRun(name, MOTION + name, measured, ())
-        for name, measured in zip(STANDARD, measured_along(ways, strip, sigma, index), strict=True)
+        for name, measured in zip(STANDARD, measured_along(paths, strip, sigma, index), strict=True)
     ]
 
 
 def measured_along(
-    ways: Sequence[GripperPath], strip: StripFile, sigma: Sigma, index: int
+    paths: Sequence[GripperPath], strip: StripFile, sigma: Sigma, index: int
 ) -> list[Measured]:
-    """Simulated, noise-free measurements of `strip` along each of the gripper paths `ways`."""
-    folds = rod_folds([describe(strip, index=index)] * len(ways), ways, SEGMENTS, STEP)
+    """Simulated, noise-free measurements of `strip` along each of these gripper `paths`."""
+    folds = rod_folds([describe(strip, index=index)] * len(paths), paths, SEGMENTS, STEP)
     return [_measure(fold, sigma, index) for fold in folds]
 
 
@@ -49,19 +49,19 @@ def minutes(run: MeasuredRun) -> float:
 
 def _measure(fold: Fold, sigma: Sigma, index: int) -> Measured:
     """Noise-free measurements of a simulated fold, up to its touch."""
-    way, touch = fold.way, fold.motion.touch
-    end = float(way.t[-1]) if touch is None else touch.time
-    travel = arc_lengths(way.poses[:, :2])
+    path, touch = fold.path, fold.motion.touch
+    end = float(path.t[-1]) if touch is None else touch.time
+    travel = arc_lengths(path.poses[:, :2])
     observation = fold.model.observation
     height = observation.contact_height
     following = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGE_PERIOD))
     chosen = np.unique(np.minimum(following, len(fold.shape_t) - 1))
     shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
-    force_t = way.t[way.t <= end] if sigma.force is not None else np.empty(0)
+    force_t = path.t[path.t <= end] if sigma.force is not None else np.empty(0)
     motion_force = mean_force(fold.motion.t, fold.motion.grip_force)
     force = reported_force(observation, force_t, fold.motion.t, motion_force)
     return Measured(
-        t=way.t, poses=way.poses, travel=frozen(travel), hanging=False, index=index,
+        t=path.t, poses=path.poses, travel=frozen(travel), hanging=False, index=index,
         contact_height=height, sigma=sigma, contact_t=stamps,
         contact_x=frozen([desk_contact(shape, height) for shape in shapes]),
         images=_images(stamps, shapes, fold.arc, height),

@@ -37,7 +37,7 @@ class Fold:
     `slopes`, the change of residuals per unit of each quantity that differs from run to run.
     """
 
-    way: HashedPath
+    path: HashedPath
     lifted_path: HashedPath
     comparison: Comparison
     index: int
@@ -47,8 +47,8 @@ class Fold:
     def drive(self, hashed: HashedModel) -> Job:
         """Simulation of the model along the path that suits it."""
         has_hysteresis = hashed.model.mechanics.law.yield_curvature > 0.0
-        way = self.lifted_path if has_hysteresis else self.way
-        return Job.of(hashed, way, self.comparison.run.contact_height)
+        path = self.lifted_path if has_hysteresis else self.path
+        return Job.of(hashed, path, self.comparison.run.contact_height)
 
     def correct(self, found: Residuals, run: Run, local: Array) -> Residuals:
         """Residuals corrected to those of a fine rod, for values `local` (k,) of its unknowns."""
@@ -186,33 +186,33 @@ def _drop_large(change: Array, limit: Array) -> Array:
 def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
     chosen = layout(run, strip.length, floors)
     kept = run.t <= run.end + LATER
-    way = GripperPath(run.t[kept], run.poses[kept], run.hanging)
+    path = GripperPath(run.t[kept], run.poses[kept], run.hanging)
     comparison = Comparison(run, chosen, strip.length, strip.bending_length)
     nothing = np.zeros(len(chosen.samples))
-    whole, path = HashedPath.of(way), _lifted_path(way, run)
-    lifted = whole if path is way else HashedPath.of(path)
-    return Fold(whole, lifted, comparison, run.index, nothing, {})
+    whole, lifted = HashedPath.of(path), _lifted_path(path, run)
+    lifted_path = whole if lifted is path else HashedPath.of(lifted)
+    return Fold(whole, lifted_path, comparison, run.index, nothing, {})
 
 
-def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:
-    """Measured path `way`, changed to rise before it moves in: the lying strip is never pushed.
+def _lifted_path(path: GripperPath, run: Measured) -> GripperPath:
+    """Measured `path`, changed to rise before it moves in: the lying strip is never pushed.
 
-    A strip lifted by z draws the grip in by about z^2: so does this path, until it joins `way`.
+    A strip lifted by z draws the grip in by about z^2: so does this one, until it joins `path`.
     """
-    travel = run.travel[: len(way.t)]
+    travel = run.travel[: len(path.t)]
     share = travel / LEAVING_TRAVEL
     early = share < 1.0
-    if way.hanging or early.all() or not _pushes_strip(way, travel):
-        return way
-    poses, begin = way.poses.copy(), way.poses[0, 0]
+    if path.hanging or early.all() or not _pushes_strip(path, travel):
+        return path
+    poses, begin = path.poses.copy(), path.poses[0, 0]
     drawn = share**2 + (1.0 - share) * share**8  # with the measured direction in the end
     poses[early, 0] = begin + drawn[early] * (poses[~early, 0][0] - begin)
-    return GripperPath(way.t, poses)
+    return GripperPath(path.t, poses)
 
 
-def _pushes_strip(way: GripperPath, travel: Array) -> bool:
+def _pushes_strip(path: GripperPath, travel: Array) -> bool:
     """Whether the grip moves inwards before the strip has left the desk."""
     along, up = (
-        np.interp(LEAVING_TRAVEL, travel, column) - column[0] for column in way.poses.T[:2]
+        np.interp(LEAVING_TRAVEL, travel, column) - column[0] for column in path.poses.T[:2]
     )
     return bool(-along > STEEP * up)

@@ -23,11 +23,11 @@ def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
     leaders: list[Fold] = []
     found = {}
     folds = [cast(Fold, run.content) for run in runs]
-    for fold in sorted(folds, key=lambda f: -f.way.path.t[-1]):
+    for fold in sorted(folds, key=lambda f: -f.path.rows.t[-1]):
         leader = next((f for f in leaders if _is_replicate(f, fold)), fold)
         if leader is fold:
             leaders.append(fold)
-        found[fold.way.digest] = leader
+        found[fold.path.digest] = leader
     return found
 
 
@@ -35,10 +35,10 @@ def _is_replicate(longer: Fold, fold: Fold) -> bool:
     """Whether the path of `longer` can be simulated in place of `fold`, which ends no later."""
     if longer.comparison.run.contact_height != fold.comparison.run.contact_height:
         return False
-    first, second = longer.way.path, fold.way.path
+    first, second = longer.path.rows, fold.path.rows
     if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > SAME_START:
         return False
-    return _is_near(first, second) and _is_near(longer.lifted_path.path, fold.lifted_path.path)
+    return _is_near(first, second) and _is_near(longer.lifted_path.rows, fold.lifted_path.rows)
 
 
 def _is_near(longer: GripperPath, path: GripperPath) -> bool:

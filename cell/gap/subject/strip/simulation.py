@@ -49,7 +49,7 @@ ROUGH = Resolution(100, 0.01, 1e-4)
 class HashedPath:
     """A reported gripper path with the `digest` of its numbers, for the many jobs along it."""
 
-    path: GripperPath
+    rows: GripperPath
     digest: bytes
 
     @classmethod
@@ -81,15 +81,15 @@ class Job:
     """Simulation to run: a model along a reported gripper path; equal keys give equal motions."""
 
     model: StripModel
-    way: GripperPath
+    path: GripperPath
     key: bytes
 
     @classmethod
-    def of(cls, hashed: HashedModel, way: HashedPath, contact_height: float) -> Self:
+    def of(cls, hashed: HashedModel, path: HashedPath, contact_height: float) -> Self:
         """Job with a key of all that its motion depends on; `contact_height` [m] ends contact."""
         seen = replace(hashed.model.observation, contact_height=contact_height)
-        key = hashed.digest + way.digest + struct.pack("<d", contact_height)
-        return cls(replace(hashed.model, observation=seen), way.path, key)
+        key = hashed.digest + path.digest + struct.pack("<d", contact_height)
+        return cls(replace(hashed.model, observation=seen), path.rows, key)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +145,7 @@ class Simulation:
 
         Lanes of a vector then end together: one that takes more effort makes the others wait.
         """
-        order = sorted(wanted, key=lambda k: -wanted[k].way.duration)
+        order = sorted(wanted, key=lambda k: -wanted[k].path.duration)
         share_of_thread = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._jobs))  # whole lanes
         size = max(LANE_COUNT, min(AT_ONCE, share_of_thread))
         batches = [
@@ -171,9 +171,9 @@ class Simulation:
 
     def _simulate_together(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
         rod = Rod(self.grain.segments, strict=False, tolerance=self.grain.tolerance)
-        models, ways, dt = [d.model for d in drives], [d.way for d in drives], self.grain.dt
+        models, paths, dt = [d.model for d in drives], [d.path for d in drives], self.grain.dt
         every = max(1, round(SHAPE_PERIOD / dt))
-        motions = simulate_all(rod, models, ways, dt=dt, every=every, precision=np.float32)
+        motions = simulate_all(rod, models, paths, dt=dt, every=every, precision=np.float32)
         return [
             None if failed else self._condense(motion)
             for motion, failed in zip(motions, rod.failed, strict=True)

@@ -136,7 +136,7 @@ class Strip:
         Looks at one motion stay together, in the order in which they are asked.
         """
         first = {look.motion: i for i, look in reversed(list(enumerate(asked)))}
-        order = sorted(asked, key=lambda k: (k.rough, asked[k][1].way.duration, first[k.motion]))
+        order = sorted(asked, key=lambda k: (k.rough, asked[k][1].path.duration, first[k.motion]))
         found: dict[Look, Residuals] = {}
         with ThreadPoolExecutor(self._jobs) as pool:
             for rough, group in groupby(order, key=lambda look: look.rough):
@@ -196,7 +196,7 @@ class Strip:
 
     def _simulated_fold(self, request: Request, fold: Fold) -> Fold:
         """Fold whose path is simulated: for a rough request, one that stands for all replicates."""
-        return self._replicates.get(fold.way.digest, fold) if request.rough else fold
+        return self._replicates.get(fold.path.digest, fold) if request.rough else fold
 
     def _model(self, request: Request, fold: Fold) -> HashedModel:
         """Model of a request; the number of the run counts only where something ages."""

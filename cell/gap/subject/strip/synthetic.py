@@ -63,12 +63,12 @@ class Instruments:
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """Simulated fold: the reported path `way`, the `model` of strip and rig, the true motion.
+    """Simulated fold: the reported `path`, the `model` of strip and rig, the true motion.
 
     `shape_t` (m,) [s] are the times of the motion's shapes, `arc` (nodes,) [m] their places.
     """
 
-    way: GripperPath
+    path: GripperPath
     model: StripModel
     motion: StripMotion
     shape_t: Array
@@ -78,16 +78,16 @@ class Fold:
 
 
 def rod_folds(
-    models: Sequence[StripModel], ways: Sequence[GripperPath], segments: int = 200,
+    models: Sequence[StripModel], paths: Sequence[GripperPath], segments: int = 200,
     dt: float = 0.0025,
 ) -> list[Fold]:  # fmt: skip
-    """Simulate folds with the rod engine, each of `models` along its own path of `ways`."""
+    """Simulate folds with the rod engine, each of `models` along its own of `paths`."""
     every = max(1, round(SHAPE_INTERVAL / dt))
-    motions = simulate_all(Rod(segments), models, ways, dt=dt, every=every)
+    motions = simulate_all(Rod(segments), models, paths, dt=dt, every=every)
     return [
-        Fold(way, model, motion, motion.t[every - 1 :: every][: len(motion.shapes)],
+        Fold(path, model, motion, motion.t[every - 1 :: every][: len(motion.shapes)],
              lattice(model.mechanics.length, segments))
-        for way, model, motion in zip(ways, models, motions, strict=True)
+        for path, model, motion in zip(paths, models, motions, strict=True)
     ]  # fmt: skip
 
 
@@ -97,7 +97,7 @@ def write_fold(
     """Write `fold` as a measured run of `strip`, with errors, into the new `folder`."""
     folder.mkdir(parents=True)
     touch = _touch(fold, by, rng)
-    end = fold.way.t[-1] if touch is None else min(touch.time + TIME_AFTER_TOUCH, fold.way.t[-1])
+    end = fold.path.t[-1] if touch is None else min(touch.time + TIME_AFTER_TOUCH, fold.path.t[-1])
     stamps = _stamps(end, by, rng)
     points = [_curve(fold, stamp, by, rng) for stamp in stamps]
     write_document(folder / RUN, _header(strip, fold, by))
@@ -108,7 +108,7 @@ def write_fold(
 
 def _header(strip: str, fold: Fold, by: Instruments) -> dict[str, Any]:
     header: dict[str, Any] = {"schema": SCHEMA, "strip": strip, "sigma": by.sigma()}
-    header |= {"start": "hanging" if fold.way.hanging else "flat", "index": fold.index}
+    header |= {"start": "hanging" if fold.path.hanging else "flat", "index": fold.index}
     header |= {"condition": fold.condition} if fold.condition else {}
     return header | {"camera_hz": by.rate}
 
@@ -132,7 +132,7 @@ def _touch(fold: Fold, by: Instruments, rng: np.random.Generator) -> Touch | Non
         return None
     grip = np.array([np.interp(touch.time, fold.motion.t, c) for c in fold.motion.poses.T])
     stamp = seen_touch(fold.model, touch, grip, grip).time
-    reported = np.array([np.interp(stamp, fold.way.t, c) for c in fold.way.poses.T])
+    reported = np.array([np.interp(stamp, fold.path.t, c) for c in fold.path.poses.T])
     seen = seen_touch(fold.model, touch, grip, reported)
     # equal errors of l1 and l2 whose difference, the displacement, has its stated noise
     l1, l2 = rng.normal([seen.to_grasped, seen.to_fixed], by.displacement / np.sqrt(2))
@@ -169,8 +169,8 @@ def _ticks(
     fold: Fold, end: float, stamps: Array, by: Instruments, rng: np.random.Generator
 ) -> pa.Table:
     """Table of ticks up to `end` [s], with contacts at the `stamps` (k,) [s] of the images."""
-    t = fold.way.t[fold.way.t <= end]
-    poses = fold.way.poses[: len(t)]
+    t = fold.path.t[fold.path.t <= end]
+    poses = fold.path.poses[: len(t)]
     true = np.array([_contact(fold, stamp) for stamp in stamps])
     seen = np.asarray(seen_contact(fold.model.observation, true))
     measured = seen + rng.normal(0.0, by.contact_x, len(stamps))

@@ -32,8 +32,8 @@ def jobs(plain: int, rich: int) -> dict[bytes, Job]:
     order = np.random.default_rng(1).permutation(len(which))
     found = []
     for k in order:
-        way = HashedPath.of(GripperPath(np.array([0.0, 1.0 + 0.1 * k]), np.zeros((2, 3))))
-        found.append(Job.of(models[which[k]], way, 0.001))
+        path = HashedPath.of(GripperPath(np.array([0.0, 1.0 + 0.1 * k]), np.zeros((2, 3))))
+        found.append(Job.of(models[which[k]], path, 0.001))
     return {job.key: job for job in found}
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from cell.gap.fit import fit
+from cell.gap.subject.strip.reported_path import reported_path
 from cell.gap.subject.strip.synthetic import Fold, rod_folds
-from cell.gap.subject.strip.ways import way_of
 from cell.gap.verdict.schema import Verdict
 from drivers.strip.describe import describe
 from drivers.strip.rod.motions import GripperPath
@@ -23,27 +23,27 @@ PAUSE = 1.0  # s after the lift
 YIELD = 10.0  # 1/m
 
 
-def paused(way: GripperPath) -> tuple[GripperPath, float]:
-    """The way with a pause at the height of take-over, and when [s] the pause is over."""
-    row = int(np.argmax(way.poses[:, 1] >= TAKEOVER_HEIGHT))
+def paused(path: GripperPath) -> tuple[GripperPath, float]:
+    """The path with a pause at the height of take-over, and when [s] the pause is over."""
+    row = int(np.argmax(path.poses[:, 1] >= TAKEOVER_HEIGHT))
     rest = np.arange(0.01, PAUSE, 0.01)
-    t = np.concatenate([way.t[: row + 1], way.t[row] + rest, way.t[row + 1 :] + PAUSE])
-    still = np.repeat(way.poses[row : row + 1], len(rest), axis=0)
-    poses = np.concatenate([way.poses[: row + 1], still, way.poses[row + 1 :]])
-    return way._replace(t=t, poses=poses), float(way.t[row]) + PAUSE
+    t = np.concatenate([path.t[: row + 1], path.t[row] + rest, path.t[row + 1 :] + PAUSE])
+    still = np.repeat(path.poses[row : row + 1], len(rest), axis=0)
+    poses = np.concatenate([path.poses[: row + 1], still, path.poses[row + 1 :]])
+    return path._replace(t=t, poses=poses), float(path.t[row]) + PAUSE
 
 
 def hanging(fold: Fold, begin: float) -> Fold:
     """What is measured of a fold from `begin` [s] on."""
-    motion, way, touch = fold.motion, fold.way, fold.motion.touch
-    rows, moved, shown = way.t >= begin, motion.t > begin, fold.shape_t > begin
+    motion, path, touch = fold.motion, fold.path, fold.motion.touch
+    rows, moved, shown = path.t >= begin, motion.t > begin, fold.shape_t > begin
     series = ("poses", "contact_x", "tip", "holding_force", "grip_force")
     kept = {n: getattr(motion, n)[moved] for n in series}
     kept |= {"t": motion.t[moved] - begin, "shapes": motion.shapes[shown]}
     kept["touch"] = None if touch is None else replace(touch, time=touch.time - begin)
     return replace(
         fold,
-        way=GripperPath(way.t[rows] - begin, way.poses[rows], hanging=True),
+        path=GripperPath(path.t[rows] - begin, path.poses[rows], hanging=True),
         motion=replace(motion, **kept),
         shape_t=fold.shape_t[shown] - begin,
     )
@@ -56,11 +56,11 @@ def verdict(tmp_path_factory: pytest.TempPathFactory) -> Verdict:
     plant = denim().model_copy(update={"retardation_time": 0.05})
     yarns = {"bending_hysteresis": {"yield_curvature": YIELD}}
     models = [describe(plant, yarns, i) for i in range(len(NAMES))]
-    ways = [paused(way_of(STANDARD[name].of(0.6))) for name in NAMES]
-    made = rod_folds(models, [way for way, _ in ways], SEGMENTS, STEP)
+    paths = [paused(reported_path(STANDARD[name].of(0.6))) for name in NAMES]
+    made = rod_folds(models, [path for path, _ in paths], SEGMENTS, STEP)
     cut = [
         replace(hanging(fold, begin), index=i, condition=name)
-        for i, (fold, (_, begin), name) in enumerate(zip(made, ways, NAMES, strict=True))
+        for i, (fold, (_, begin), name) in enumerate(zip(made, paths, NAMES, strict=True))
     ]
     written(root / "runs", cut)
     return fit([root / "runs"], Path(STRIP), root / "out", jobs=1)

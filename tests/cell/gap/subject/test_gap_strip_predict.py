@@ -11,10 +11,10 @@ from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import subject
 from cell.gap.subject.strip.layout import GRIP_TRAVEL, SNAP, Floors
 from cell.gap.subject.strip.prepare import Fold
+from cell.gap.subject.strip.reported_path import reported_path
 from cell.gap.subject.strip.scope import PLACE_ERROR, UNTRUE, scope
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.strip.synthetic import rod_folds
-from cell.gap.subject.strip.ways import way_of
 from cell.gap.subject.subject import Request, Run
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
@@ -227,8 +227,8 @@ def test_a_strip_that_hangs_at_the_start_is_predicted_too(tmp_path: Path) -> Non
     share = np.clip(t / 2.5, 0.0, 1.0)
     share = share * share * (3 - 2 * share)
     poses = np.column_stack([0.5 - 0.2 * share, 0.10 + 0.2 * share, np.full(len(t), np.pi / 2)])
-    ways = [GripperPath(t, poses, hanging=True)] * 2
-    made = rod_folds([describe(denim())] * 2, ways, segments=150, dt=0.004)
+    paths = [GripperPath(t, poses, hanging=True)] * 2
+    made = rod_folds([describe(denim())] * 2, paths, segments=150, dt=0.004)
     written(tmp_path / "runs", [replace(f, index=i, condition="c") for i, f in enumerate(made)])
     strip = open_strip(STRIP, find_runs([tmp_path / "runs"]))
     assert in_noise(strip, residuals(strip), "profile") < 1.5
@@ -249,19 +249,21 @@ def in_profile(strip: Strip, runs: Sequence[Run], effects: Sequence[Effects]) ->
 
 
 def test_strip_with_hysteresis_is_simulated_without_the_buckle_of_a_push(tmp_path: Path) -> None:
-    way = way_of(motion(triangular(0.6), WHOLE, 0.1))
-    (made,) = rod_folds([describe(denim())], [way], segments=150, dt=0.004)
+    path = reported_path(motion(triangular(0.6), WHOLE, 0.1))
+    (made,) = rod_folds([describe(denim())], [path], segments=150, dt=0.004)
     written(tmp_path / "runs", [replace(made, condition="triangular", index=i) for i in range(2)])
     strip = open_strip(STRIP, find_runs([tmp_path / "runs"]))
     yarns = {"bending_hysteresis": np.array([48.0, 8.0])}
     rubbed = [yarns, yarns | {"crease": np.array([0.03, 0.57])}]
-    pushed = [replace(r, content=replace(r.content, lifted_path=r.content.way)) for r in strip.runs]
+    pushed = [
+        replace(r, content=replace(r.content, lifted_path=r.content.path)) for r in strip.runs
+    ]
     assert in_profile(strip, pushed, rubbed) > 4 * in_profile(strip, strip.runs, rubbed)
 
 
 def test_standard_runs_never_buckle_and_are_simulated_as_they_were_made(plain: Strip) -> None:
     for run in plain.runs:
-        assert run.content.lifted_path is run.content.way, run.name
+        assert run.content.lifted_path is run.content.path, run.name
     for seam in ({}, {"seam": np.array([4.7, 0.52, 0.09])}):
         slack = {"length_error": np.array([5e-5])}
         assert in_profile(plain, plain.runs, [seam, seam | slack]) < 1e-4

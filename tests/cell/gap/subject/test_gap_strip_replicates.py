@@ -118,5 +118,5 @@ def test_a_response_along_the_path_of_a_replicate_is_that_along_its_own(strip: S
 def test_a_run_along_another_path_is_no_replicate(strip: Strip) -> None:
     first, other, second = (run.content for run in strip.runs)
     leaders = strip._replicates
-    assert leaders[other.way.digest] is other
-    assert leaders[first.way.digest] is leaders[second.way.digest]
+    assert leaders[other.path.digest] is other
+    assert leaders[first.path.digest] is leaders[second.path.digest]

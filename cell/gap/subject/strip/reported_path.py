@@ -14,7 +14,7 @@ CORNER_TIME = 0.04  # s before and after a corner in which the arm turns its vel
 DWELL_TIME = 0.6  # s at the end of a motion in which the arm stays
 
 
-def way_of(motion: Motion) -> GripperPath:
+def reported_path(motion: Motion) -> GripperPath:
     """Reported times (m,) [s] from 0 and poses (m, 3) of `motion`, from rest to rest."""
     t = np.arange(0.0, motion.duration + 2 * CORNER_TIME + DWELL_TIME, STEP)
     half = round(CORNER_TIME / STEP)
