@@ -18,7 +18,7 @@ def ruler() -> Ruler:
     return Ruler.standard(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
 
 
-def test_effects_that_cancel_leave_nothing_of_each(ruler: Ruler) -> None:
+def test_effects_that_cancel_each_leave_next_to_nothing(ruler: Ruler) -> None:
     twins = {"camera_latency": {"time": 0.03}, "control_delay": {"time": 0.03}}
     assert ruler.excess([{k: v} for k, v in twins.items()]).min() > 1.0
     assert ruler.of_each(twins).max() < 0.3
