@@ -71,13 +71,9 @@ def floor_room(name: str) -> str:
     return name if room in {"calibration", "cell.gap", "drivers", "policies"} else room
 
 
-def sizes() -> dict[str, int]:
-    """Lines of code of every room to depth two."""
-    found: dict[str, int] = {}
-    for name, path in modules():
-        room = inner_room(name)
-        found[room] = found.get(room, 0) + len(path.read_text(encoding="utf-8").splitlines())
-    return found
+def lines(path: Path) -> int:
+    """Lines of a file."""
+    return len(path.read_text(encoding="utf-8").splitlines())
 
 
 def edges(room) -> Edges:
