@@ -202,6 +202,13 @@ class CameraFile(Settings):
 OPENCV = "!!opencv-matrix"  # a tag of OpenCV's files, which no other reader of YAML knows
 NODE_NAMES = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
 COEFFICIENTS = (4, 5)  # plumb bob, without and with k3
+# keys of OpenCV's files that give the coefficients another meaning, and values that do not
+MODEL_KEYS = {
+    "fisheye_model": "0",
+    "distortion_model": "plumb_bob",
+    "camera_model": "pinhole",
+    "xi": "0",
+}
 
 
 def write_camera_info(lens: Lens, name: str, path: Path) -> None:
@@ -238,6 +245,7 @@ def _read_opencv(path: Path, text: str) -> Lens:
         missing = [name for name in NODE_NAMES if store.getNode(name).empty()]
         if missing:
             raise ConfigurationError(f"{path}: {missing[0]}: is missing; add it")
+        _check_model(path, store)
         width, height = (int(store.getNode(name).real()) for name in NODE_NAMES[:2])
         matrix, distortion = (np.array(store.getNode(name).mat()) for name in NODE_NAMES[2:])
         store.release()
@@ -246,6 +254,21 @@ def _read_opencv(path: Path, text: str) -> Lens:
             f"{path}: cannot be read as a file of OpenCV; write it with cv2.FileStorage"
         ) from None
     return _check_matrices(path, (width, height), matrix.astype(np.float64), distortion.ravel())
+
+
+def _check_model(path: Path, store: cv2.FileStorage) -> None:
+    """Refuse a file whose coefficients are those of another model, such as a fisheye's."""
+    for key, allowed in MODEL_KEYS.items():
+        node = store.getNode(key)
+        if node.empty():
+            continue
+        value = node.string() if node.isString() else f"{node.real():g}"
+        if node.isMap() or value != allowed:
+            stated = "stated" if node.isMap() else value
+            raise ConfigurationError(
+                f"{path}: {key}: is {stated}, another model than plumb bob (k1 k2 p1 p2 k3), "
+                "which alone is read; calibrate with this model"
+            )
 
 
 def _check_matrices(path: Path, size: tuple[int, int], matrix: Array, distortion: Array) -> Lens:

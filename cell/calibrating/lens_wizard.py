@@ -34,6 +34,7 @@ from cell.devices.devices import Devices
 from cell.orchestrator.interrupt import Interrupted
 from cell.orchestrator.operator import Answer, Ask, Operator, Question
 from drivers.errors import ConfigurationError, Fault
+from drivers.files import read_text
 from drivers.types import Frame
 
 PERIOD = 0.1  # s between images that are looked at
@@ -123,7 +124,7 @@ def lens_again(folder: Path, without: Collection[int], out: Path | None) -> Lens
 def newest_lens(folder: Path, camera: str) -> Path:
     """Newest lens file of `camera` under `folder`; raises ConfigurationError without one."""
     for path in sorted(folder.glob(f"*/{ROS}"), reverse=True):
-        if f"camera_name: {camera}\n" in path.read_text(encoding="utf-8"):
+        if f"camera_name: {camera}\n" in read_text(path):
             return path
     raise ConfigurationError(
         f"--lens: {folder} holds no lens of camera {camera}; run `cell calibrate camera` first, "

@@ -80,15 +80,32 @@ def test_opencv_file_without_a_part_is_one_clear_line(
         read_lens(path)
 
 
-def test_fisheye_file_of_opencv_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("fisheye_model", 1, "fisheye_model: is 1, another model than plumb bob"),
+        ("xi", 1.2, "xi: is 1.2, another model"),
+        ("xi", np.array([[1.2]]), "xi: is stated, another model"),
+        ("distortion_model", "equidistant", "distortion_model: is equidistant"),
+        ("distortion_coefficients", np.zeros((1, 8)), "are 8 numbers, allowed are 4 or 5"),
+        ("fisheye_model", 0, None),
+        ("distortion_model", "plumb_bob", None),
+    ],
+)
+def test_opencv_file_of_another_lens_model_is_refused_by_its_name(
+    tmp_path: Path, key: str, value: object, message: str | None
+) -> None:
     path = tmp_path / "camera.yaml"
     store = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
-    store.write("image_width", 1280)
-    store.write("image_height", 720)
-    store.write("camera_matrix", np.eye(3))
-    store.write("distortion_coefficients", np.zeros((1, 8)))
+    stated = {"image_width": 1280, "image_height": 720, "camera_matrix": np.array(MATRIX)}
+    stated |= {"distortion_coefficients": np.zeros((1, 4)), key: value}
+    for name, content in stated.items():
+        store.write(name, content)
     store.release()
-    with pytest.raises(ConfigurationError, match="are 8 numbers, allowed are 4 or 5"):
+    if message is None:
+        assert not read_lens(path).distortion.any()
+        return
+    with pytest.raises(ConfigurationError, match=message):
         read_lens(path)
 
 

@@ -57,6 +57,13 @@ def test_two_points_that_decide_are_too_few() -> None:
     assert "2 held-out points, at least 3 must decide; touch more" in verdict.reasons
 
 
+def test_map_whose_halves_differ_is_refused_though_its_held_out_points_agree() -> None:
+    verdict = touch_verdict(_points(noise=0.6, seed=1), LENS, SETTINGS)
+    (reason,) = verdict.reasons
+    assert reason.startswith("maps from two halves of the points differ by 1.66 mm, allowed 1.50")
+    assert verdict.worst_mm < SETTINGS.worst_mm
+
+
 def test_points_on_one_side_are_refused() -> None:
     many = TouchSettings(columns=12)
     lying = [p for p in _points(settings=many) if p.place[0] < 0.3]

@@ -1,6 +1,7 @@
 """`cell calibrate` and its wizards at the command line: refusals in a line, exit codes, JSON."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,16 @@ def test_homography_without_a_lens_says_what_to_run_first(monkeypatch, capsys, t
     line = refused(monkeypatch, capsys, "calibrate", "homography", *CONFIGS)
     assert "run `cell calibrate camera` first" in line
     assert list(tmp_path.iterdir()) == []
+
+
+def test_pipe_in_the_place_of_a_lens_is_refused_and_never_opened(
+    monkeypatch, capsys, tmp_path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "calibrations" / "one").mkdir(parents=True)
+    os.mkfifo(tmp_path / "calibrations" / "one" / "camera_info.yaml")
+    line = refused(monkeypatch, capsys, "calibrate", "homography", *CONFIGS)
+    assert "camera_info.yaml: cannot be read: is a pipe, must be a regular file" in line
 
 
 @pytest.mark.parametrize("kind", ["camera", "homography"])
