@@ -13,11 +13,11 @@ from scipy.interpolate import PchipInterpolator
 from calibration.calibration import Calibration, load_calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.perception.appearance import Appearance
 from cell.perception.held_end import PROFILE_CONFIDENCE, Held, HeldEnd
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch
 from cell.perception.preflight import inspect
+from cell.perception.scene import Appearance
 from cell.perception.settings import PerceptionSettings
 from cell.record.documents import write_document
 from cell.record.files import CALIBRATION, OVERLAY, RESULT, RUN

@@ -14,7 +14,7 @@ from cell.orchestrator.operator import Operator, Unattended
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion
 from cell.orchestrator.vision import Reader
-from cell.perception.laid_fold import LaidFold
+from cell.perception.laid import LaidFold
 from cell.perception.measurement import SeenTouch
 from cell.perception.sight_process import SightProcess
 from drivers.arm.clearance import desk_end

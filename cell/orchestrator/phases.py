@@ -28,13 +28,11 @@ from cell.orchestrator.steps import (
     wait_for,
 )
 from cell.orchestrator.vision import ProcessReader, Reader, StripReader
-from cell.perception.checks import PreflightCheck, camera_check
-from cell.perception.laid import Loop, edge_offset, laid_length
-from cell.perception.laid_fold import LaidFold
+from cell.perception.camera_watch import UNWATCHED
+from cell.perception.laid import LaidFold, Loop, edge_offset, laid_length
 from cell.perception.measurement import SeenTouch, StripMeasurement
-from cell.perception.preflight import inspect
+from cell.perception.preflight import PreflightCheck, camera_check, inspect
 from cell.perception.sight_process import INSPECT
-from cell.perception.standing import UNWATCHED
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower

@@ -9,13 +9,12 @@ from cell.config.monitor_limits import MonitorLimits
 from cell.config.settings import CellSettings
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.states import State
-from cell.perception.appearance import Appearance
+from cell.perception.camera_watch import ImageSanity, Standing
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.perception import Perception
-from cell.perception.sanity import ImageSanity
+from cell.perception.scene import Appearance
 from cell.perception.sight_process import LOOK, TRACK, Seen, SightProcess
-from cell.perception.standing import Standing
 from drivers.errors import Fault
 from drivers.protocols import Camera
 from drivers.strip.file import StripFile

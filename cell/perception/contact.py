@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
-from cell.perception.appearance import Appearance
-from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL, share
+from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL, share
+from cell.perception.scene import Appearance
 from drivers.strip.shape import LYING_LENGTH
 from drivers.types import Array, Image
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.perception.appearance import Appearance
 from cell.perception.measurement import StripMeasurement
 from cell.perception.perception import Perception
+from cell.perception.scene import Appearance
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Pose

@@ -2,12 +2,25 @@
 
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
 from drivers.strip.rod.compiled import entry, kernel
 from drivers.types import Array, Image
+
+ZERO_LEVEL, LEVEL_SPAN = 48, 160  # grey levels: all background, and from there to all strip
+
+
+def soft(levels: Image) -> Image:
+    """Matte levels (h, w), smoothed to half the noise without moving borders."""
+    return np.asarray(cv2.GaussianBlur(levels, (3, 3), 0), dtype=np.uint8)
+
+
+def share(levels: Array | Image) -> Array:
+    """Shares of strip (...,) from matte grey levels (...,): 0 to 1 and slightly beyond."""
+    return np.asarray((np.asarray(levels, dtype=np.float64) - ZERO_LEVEL) / LEVEL_SPAN)
+
 
 CELL_PX = 8  # px, side of a cell, by which change is detected
 PATCH_PX = 2 * CELL_PX  # px, side of a patch, by which light is read

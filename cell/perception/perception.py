@@ -6,16 +6,14 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.perception.appearance import Appearance
 from cell.perception.contact import Contact, SearchLine, find_contact
-from cell.perception.kernels import CELL_PX, PATCH_PX
-from cell.perception.levels import soft
+from cell.perception.kernels import CELL_PX, PATCH_PX, soft
 from cell.perception.measurement import StripMeasurement
 from cell.perception.profile import Geometry, midline_points, order_points, resample
-from cell.perception.region import STRIP_START, Region, strip_region, without_hand, zones
+from cell.perception.region import STRIP_START, Region, Sizes, strip_region, without_hand, zones
+from cell.perception.scene import Appearance
 from cell.perception.settings import PerceptionSettings
 from cell.perception.silhouette import Grip, Side, outer_side, silhouette
-from cell.perception.sizes import Sizes
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Gap, fold_tip, layer_gap
 from drivers.types import Array, Frame, Image, Pose

@@ -2,28 +2,213 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.perception.appearance import Appearance
-from cell.perception.checks import (
-    PreflightCheck,
-    background_contrast,
-    check_exposure,
-    desk_contrast,
-    lies_there,
-    rests_well,
-    size,
-    solid,
-    thin_enough,
+from calibration.landmarks import CameraShift, LandmarkSettings
+from cell.perception.kernels import ZERO_LEVEL, Floats, soft
+from cell.perception.region import Region, motion_mask
+from cell.perception.resting import (
+    Samples,
+    Underside,
+    inner_pixels,
+    resting_line,
+    samples,
+    shares_along,
+    underside,
 )
-from cell.perception.levels import ZERO_LEVEL, soft
-from cell.perception.region import Region
-from cell.perception.resting import inner_pixels, resting_line, samples, underside
-from cell.perception.segmenter import Segmenter, learn, resting_place, sensor_noise
+from cell.perception.scene import (
+    DESK_SHADE,
+    Appearance,
+    Segmenter,
+    learn,
+    resting_place,
+    sensor_noise,
+    separation,
+)
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
-from drivers.types import Frame, Image, frozen
+from drivers.types import Array, Frame, Image, frozen
+
+MOSTLY = 0.5  # share of the background from which what is taken for the strip is the background
+THICKEST = 0.008  # m; from there on the desk before it is looked for within its cut edge
+WHITE_LEVEL, BLACK_LEVEL = 252.0, 12.0  # grey levels from which a pixel has no colour
+BURNT = 0.1  # share of pixels that may be so
+SOLID = 0.5  # share of strip that every part of it shows
+ALIKE_SHARE = 0.04  # share of the background that may look like the strip
+SEPARATION = 3.0  # separation from what is behind it, standard deviations
+END_LENGTH = 0.01  # m at the free edge, which need not be seen
+PRESENT_SHARE = 0.9  # share of its place along which the strip is seen at least
+BLOT_SIZE = 61  # px over which what looks like the strip is counted
+
+
+@dataclass(frozen=True, slots=True)
+class PreflightCheck:
+    """Result of one named check: the finding, and the remedy for a failure."""
+
+    name: str
+    passed: bool
+    reason: str
+    remedy: str
+
+
+def size(image: Image, calibration: Calibration) -> PreflightCheck:
+    """Check whether the image (h, w, 3) has the calibration's size."""
+    lens = calibration.lens
+    return PreflightCheck(
+        "picture fits calibration",
+        image.shape[:2] == (lens.height, lens.width),
+        f"the picture is {image.shape[1]} x {image.shape[0]} pixels, "
+        f"the calibration is for {lens.width} x {lens.height}",
+        "set the camera to the calibrated size, or calibrate again",
+    )
+
+
+def thin_enough(strip: StripFile) -> PreflightCheck:
+    """Check whether the strip is thin enough for perception."""
+    return PreflightCheck(
+        "thickness",
+        strip.thickness <= THICKEST,
+        f"the strip is {1e3 * strip.thickness:.1f} mm thick, its edge is found in images up to "
+        f"{1e3 * THICKEST:.1f} mm",
+        "fold a thinner strip, or correct `thickness` in its file",
+    )
+
+
+def desk_contrast(scene: Segmenter, desk: Array, settings: PerceptionSettings) -> PreflightCheck:
+    """Check whether each of the strip's colours differs from the desk (3,), lit or in shadow."""
+    apart = min(float(np.linalg.norm(colour - desk)) for colour in scene.colours)
+    shade = np.array([DESK_SHADE], dtype=np.float32)
+    away = min(float(separation(c, desk[None], shade, scene.smooth)[0]) for c in scene.colours)
+    mostly = "" if away >= settings.separation else ", mostly as a desk and its shadow do"
+    return PreflightCheck(
+        "contrast",
+        apart >= settings.contrast and away >= settings.separation,
+        f"strip and desk differ by {apart:.0f} grey levels{mostly}, {settings.contrast:.0f} "
+        f"are needed; their separation is {away:.1f}, {settings.separation:.1f} is needed",
+        "check that a strip lies there; lay a mat under it that has another colour, not only "
+        "another brightness",
+    )
+
+
+def solid(levels: Image, calibration: Calibration, strip: StripFile, rise: float) -> PreflightCheck:
+    """Check whether every part of the strip stands out from the desk in `levels` (h, w).
+
+    These are the smoothed matte; the strip's midline rests at a height `rise` [m].
+    """
+    least = float(np.quantile(shares_along(levels, calibration, strip, rise), 0.05))
+    return PreflightCheck(
+        "solid",
+        least >= SOLID,
+        f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip stands out from the "
+        f"desk, {100 * SOLID:.0f} % are needed; part of its pattern looks like the desk",
+        "lay a mat under it that differs from each of its colours",
+    )
+
+
+def background_contrast(
+    scene: Segmenter, calibration: Calibration, strip: StripFile
+) -> PreflightCheck:
+    """Check whether the background along the strip's motion differs from the strip's colours."""
+    mask = motion_mask(calibration, strip.length)
+    alike = (scene.separation(mask) < SEPARATION).mean(axis=0)
+    share = float(alike.mean())
+    place = np.zeros(mask.shape, dtype=np.float32)
+    place[mask > 0] = alike
+    x, z = calibration.to_plane(_heaviest(place)[None])[0]
+    if share > MOSTLY:
+        return PreflightCheck(
+            "contrast",
+            False,
+            f"what lies in the strip's place looks like {100 * share:.0f} % of the background",
+            "check that a strip lies there, its side on the marked line; if it does, hang a cloth "
+            "of another colour behind the desk",
+        )
+    return PreflightCheck(
+        "background",
+        share <= ALIKE_SHARE,
+        f"{100 * share:.0f} % of what is behind the strip's way has its colour, allowed "
+        f"{100 * ALIKE_SHARE:.0f} %; most of it at x = {1e3 * x:.0f} mm, z = {1e3 * z:.0f} mm",
+        "take away or cover what stands there, or hang a cloth of another colour behind the desk",
+    )
+
+
+def check_exposure(seen: Samples) -> PreflightCheck:
+    """Check whether strip, desk and backdrop are neither over- nor underexposed."""
+    pixels = np.vstack([seen.strip, seen.desk, seen.backdrop])
+    white = (pixels > WHITE_LEVEL).any(axis=1).mean()
+    black = (pixels < BLACK_LEVEL).all(axis=1).mean()
+    return PreflightCheck(
+        "exposure",
+        max(white, black) <= BURNT,
+        f"{100 * white:.0f} % of the picture is burnt out and {100 * black:.0f} % black, allowed "
+        f"{100 * BURNT:.0f} % of each",
+        "expose shorter where it is burnt out, longer or with more light where it is black",
+    )
+
+
+def lies_there(seen: Underside, strip: StripFile, *, clear: bool) -> PreflightCheck:
+    """Check whether the strip is seen along its expected place; `clear` where it can be."""
+    there = float(seen.present[seen.x < strip.length - END_LENGTH].mean())
+    return PreflightCheck(
+        "strip lies there",
+        clear and there > PRESENT_SHARE,
+        f"seen along {100 * there:.0f} % of its place",
+        "lay the strip along the x-axis, its fixed edge at x = 0, its side on the marked line",
+    )
+
+
+def rests_well(
+    seen: Underside, appearance: Appearance, settings: PerceptionSettings, strip: StripFile
+) -> tuple[PreflightCheck, ...]:
+    """Check whether the strip lies flat, in the calibrated plane, with the stated length."""
+    x, z = seen.x[seen.present], seen.z[seen.present]
+    bump = float(np.abs(z - appearance.rest_height(x)).max())
+    high = float(np.abs(appearance.rest_height(x)).max())
+    flat = PreflightCheck(
+        "flat and straight",
+        bump <= settings.flatness,
+        f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, "
+        f"allowed {1e3 * settings.flatness:.1f} mm",
+        "smooth the strip out, lay it straight along the line",
+    )
+    level = PreflightCheck(
+        "on the desk plane",
+        high <= settings.level,
+        f"its edge lies {1e3 * high:.1f} mm off z = 0, allowed {1e3 * settings.level:.1f} mm",
+        "lay the near edge on the marked line; if it is, calibrate the camera again",
+    )
+    error = seen.end - strip.length
+    length = PreflightCheck(
+        "length",
+        abs(error) <= settings.length_tolerance,
+        f"its free edge is at x = {1e3 * seen.end:.0f} mm, stated length "
+        f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * settings.length_tolerance:.0f} mm",
+        "push the fixed edge to x = 0, or state the strip's own length",
+    )
+    return flat, level, length
+
+
+def _heaviest(alike: Floats) -> Array:
+    """Pixel (2,), u and v, around which most of the mask `alike` (h, w) lies."""
+    near = cv2.blur(alike, (BLOT_SIZE, BLOT_SIZE))
+    v, u = np.unravel_index(int(np.argmax(near)), near.shape)
+    return np.array([float(u), float(v)])
+
+
+def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightCheck:
+    """Check whether the `shift` of the landmarks shows that the camera has been moved."""
+    seen = np.isfinite([shift.x, shift.z]).all()
+    desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
+    moved = f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}"
+    return PreflightCheck(
+        "camera stands where it was calibrated",
+        bool(seen and shift.distance <= settings.moved_mm),
+        f"{moved}, allowed {settings.moved_mm:.1f} mm" if seen else "the gripper is not seen there",
+        "look whether camera, zoom, focus or robot were touched; fasten them, calibrate again",
+    )
+
 
 MARGINS = (0.005, 0.002)  # m about the resting strip: before its height is known, then its blur
 

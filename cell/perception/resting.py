@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
-from cell.perception.levels import share
+from cell.perception.kernels import share
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image
 

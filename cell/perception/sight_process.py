@@ -17,13 +17,12 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.perception.checks import PreflightCheck
+from cell.perception.camera_watch import Standing
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.perception import Perception
-from cell.perception.preflight import inspect
+from cell.perception.preflight import PreflightCheck, inspect
 from cell.perception.settings import PerceptionSettings
-from cell.perception.standing import Standing
 from drivers.errors import Fault
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Pose

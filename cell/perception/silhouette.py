@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.perception.kernels import Offsets, silhouette_of
-from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
-from cell.perception.sizes import Sizes
+from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL, Offsets, silhouette_of
+from cell.perception.region import Sizes
 from drivers.types import Array, Image
 
 SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk

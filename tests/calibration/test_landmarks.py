@@ -16,7 +16,7 @@ from calibration.landmarks import (
     remember,
 )
 from calibration.lens import Lens
-from cell.perception.checks import camera_check
+from cell.perception.preflight import camera_check
 from drivers.errors import ConfigurationError
 from drivers.strip.model import Observation
 from drivers.twin.camera import optics_now

@@ -4,8 +4,8 @@ import time
 
 import numpy as np
 
-from cell.perception.checks import PreflightCheck
 from cell.perception.measurement import SeenTouch, StripMeasurement
+from cell.perception.preflight import PreflightCheck
 from cell.perception.sight_process import Seen
 
 HANGS, FAILS = 250, 251

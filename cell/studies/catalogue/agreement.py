@@ -12,8 +12,7 @@ from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.unknown import unknown_strip
 from cell.exam.causes import cause_of
-from cell.perception.agreement import agreement
-from cell.perception.measured_fold import MeasuredFold
+from cell.perception.agreement import MeasuredFold, agreement
 from cell.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stretchy
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile

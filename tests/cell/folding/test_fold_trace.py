@@ -14,7 +14,7 @@ from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
-from cell.perception.measured_fold import MeasuredFold
+from cell.perception.agreement import MeasuredFold
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.record.header import Result
 from drivers.types import ZERO_VELOCITY, ArmState, Array, HandState, Pose

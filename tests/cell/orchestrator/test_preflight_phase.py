@@ -10,8 +10,8 @@ from cell.orchestrator.context import FoldContext
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.states import Event
 from cell.orchestrator.steps import Pictured
-from cell.perception.checks import PreflightCheck
-from cell.perception.standing import CAMERA_WATCHED, UNWATCHED
+from cell.perception.camera_watch import CAMERA_WATCHED, UNWATCHED
+from cell.perception.preflight import PreflightCheck
 from drivers.types import Frame
 from policies.registry import make_policy
 from tests.cell.orchestrator.test_monitors import GOOD, POSE

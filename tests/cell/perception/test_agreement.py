@@ -6,8 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cell.perception.agreement import Agreement, agreement, agreement_limits
-from cell.perception.measured_fold import BINS, FEWEST_IMAGES, MeasuredFold
+from cell.perception.agreement import (
+    BINS,
+    FEWEST_IMAGES,
+    Agreement,
+    MeasuredFold,
+    agreement,
+    agreement_limits,
+)
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile

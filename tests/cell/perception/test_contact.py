@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cell.perception.contact import SAMPLE_SPACING, Contact, SearchLine, find_contact
-from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
+from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL
 from drivers.types import Array
 
 COUNT, ROW, FRONT = 2000, 20, 35

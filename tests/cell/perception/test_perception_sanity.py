@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cell.perception.sanity import ImageSanity
+from cell.perception.camera_watch import ImageSanity
 from drivers.types import Frame, Pose
 
 HERE = Pose(0.6, 0.1, 0.0)

@@ -5,12 +5,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cell.perception.background import Background
-from cell.perception.kernels import CELL_PX, EVEN_LIGHT, SHADE, discriminants
-from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL, share
-from cell.perception.palette import palette
+from cell.perception.kernels import (
+    CELL_PX,
+    EVEN_LIGHT,
+    LEVEL_SPAN,
+    SHADE,
+    ZERO_LEVEL,
+    discriminants,
+    share,
+)
 from cell.perception.region import Region
-from cell.perception.segmenter import Segmenter, sensor_noise
+from cell.perception.scene import Background, Segmenter, palette, sensor_noise
 from drivers.types import Array, Image
 
 RED, BLUE = np.array([30.0, 30.0, 180.0]), np.array([170.0, 60.0, 30.0])

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from cell.perception.levels import LEVEL_SPAN, ZERO_LEVEL
+from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL
+from cell.perception.region import Sizes
 from cell.perception.silhouette import Grip, Side, outer_side, silhouette
-from cell.perception.sizes import Sizes
 from drivers.types import Image
 
 HEIGHT, WIDTH = 320, 700

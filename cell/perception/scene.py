@@ -1,0 +1,331 @@
+"""What is learnt before a fold: the strip's colours, the background, and how to tell them apart."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.calibration import Calibration
+from cell.perception.kernels import (
+    CELL_PX,
+    EVEN_LIGHT,
+    LEAST_SEPARATION,
+    PATCH_PX,
+    ZERO_LEVEL,
+    Floats,
+    bridge,
+    brightness,
+    changed_cells,
+    discriminants,
+    segment,
+)
+from cell.perception.region import Region, Sizes, motion_mask
+from cell.perception.resting import face_height
+from drivers.strip.file import StripFile
+from drivers.types import Array, Image, frozen
+
+MOST_COLOURS = 4  # colours that a strip may have
+COLOUR_SPREAD = 6.0  # grey levels by which weave and noise scatter one colour
+SHADE = 0.06  # share of brightness by which weave and light vary over a resting strip
+OTHER_COLOUR = 3.0  # standard deviations from which a sample is of another colour
+BLENDS = 0.08  # share of samples that may lie between colours
+ROUNDS = 12
+
+Indices = NDArray[np.signedinteger[Any]]
+
+
+def palette(samples: Array) -> Array:
+    """Smallest set of colours (k, 3), most frequent first, that explains `samples` (n, 3).
+
+    At most MOST_COLOURS. Samples between two colours, as at the border of a stripe, may stay
+    unexplained.
+    """
+    colours = np.median(samples, axis=0)[None]
+    while match_none(samples, colours).mean() > BLENDS and len(colours) < MOST_COLOURS:
+        colours = _refine(samples, np.vstack([colours, _farthest(samples, colours)]))
+    nearest = _standard_distances(samples, colours).argmin(axis=1)
+    frequent = np.argsort(-np.bincount(nearest, minlength=len(colours)), kind="stable")
+    return frozen(colours[frequent])
+
+
+def match_none(samples: Array, colours: Array) -> NDArray[np.bool_]:
+    """Mask (n,) of the samples (n, 3) that match none of the colours (k, 3)."""
+    return np.asarray(_standard_distances(samples, colours).min(axis=1) > OTHER_COLOUR)
+
+
+def _standard_distances(samples: Array, colours: Array) -> Array:
+    """Distances (n, k) [sigma] of `samples` from `colours`; brightness counts less than colour."""
+    away = samples[:, None] - colours
+    bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
+    along = (away * bright).sum(axis=2)
+    aside = (away**2).sum(axis=2) - along**2
+    stretch = COLOUR_SPREAD**2 + SHADE**2 * (colours**2).sum(axis=1)
+    return np.asarray(np.sqrt(np.maximum(aside, 0.0) / COLOUR_SPREAD**2 + along**2 / stretch))
+
+
+def _farthest(samples: Array, colours: Array) -> Array:
+    """Median colour (3,) of the twentieth of the samples nearest to the worst explained one."""
+    distance = _standard_distances(samples, colours).min(axis=1)
+    worst = samples[int(np.argmax(distance))]
+    near = np.argsort(np.linalg.norm(samples - worst, axis=1), kind="stable")
+    return np.asarray(np.median(samples[near[: max(len(samples) // 20, 1)]], axis=0))
+
+
+def _refine(samples: Array, colours: Array) -> Array:
+    """Move each colour (k, 3) to the median of its nearest samples, until convergence."""
+    for _ in range(ROUNDS):
+        nearest: Indices = _standard_distances(samples, colours).argmin(axis=1)
+        medians = colours.copy()
+        for k in np.unique(nearest):
+            medians[k] = np.median(samples[nearest == k], axis=0)
+        if np.allclose(medians, colours, atol=0.1):
+            break
+        colours = medians
+    return colours
+
+
+EDGE = 3  # rows of desk that are averaged to either side of the strip
+END_MARGIN = 0.012  # m past the strip's free edge that are replaced too
+DARKEST = 3.0  # summed grey levels, to which darker patches are raised: their ratio is noise
+LIFTED_SHADE, DESK_SHADE = 0.06, 0.15  # shares of brightness by which evened light may be off
+
+
+@dataclass(frozen=True, slots=True)
+class Background:
+    """The scene without the strip: `image` (height, width, 3) BGR of the whole picture.
+
+    `shade` (height, width) is the share of brightness by which the light may still differ after
+    it was evened out: more on the desk, where the strip throws its own shadow. Light is the median
+    over `about` (odd) by `about` patches.
+    """
+
+    image: Image
+    shade: Floats
+    about: int
+
+    def light(self, image: Image, region: Region, visible: Image) -> Floats:
+        """Relative brightness (n + 2, m + 2) of the cells of `region` and a border of one cell.
+
+        EVEN_LIGHT where unchanged since preflight. Shadow and flicker are smooth, a strip is thin:
+        the median over a neighbourhood is light only. Pixels where `visible` (h, w) is 0, such as
+        the hand, are not used.
+        """
+        rows, columns = region.cells(PATCH_PX)
+        patches = (region.left, region.top, rows, columns)
+        now, then = brightness(image, *patches), brightness(self.image, *patches)
+        middles = slice(PATCH_PX // 2, None, PATCH_PX)
+        clear = visible[middles, middles] > 0
+        known = np.ones((rows, columns), np.float32)
+        known[: clear.shape[0], : clear.shape[1]] = clear
+        ratio = np.asarray(now / np.maximum(then, DARKEST), dtype=np.float32)
+        ratio = self._fill_holes(ratio, known)
+        steps = np.rint(np.clip(EVEN_LIGHT * ratio, 1, 255)).astype(np.uint8)
+        smooth = cv2.blur(cv2.medianBlur(steps, self.about).astype(np.float32), (3, 3))
+        cells = cv2.resize(smooth, (columns * PATCH_PX // CELL_PX, rows * PATCH_PX // CELL_PX))
+        n, m = region.cells(CELL_PX)
+        return np.asarray(cv2.copyMakeBorder(cells[:n, :m], 1, 1, 1, 1, cv2.BORDER_REPLICATE))
+
+    def _fill_holes(self, values: Floats, known: Floats) -> Floats:
+        """Replace unknown `values` (n, m) by the mean of known neighbours, or by 1 without any."""
+        if known.all():
+            return values
+        size = (3 * self.about, 3 * self.about)
+        weight = cv2.blur(known, size)
+        mean = cv2.blur(values * known, size) / np.maximum(weight, 1e-6)
+        return np.where(known > 0, values, np.where(weight > 1e-4, mean, 1)).astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Rectangle [m] in the plane of the near edge in which the resting strip appears.
+
+    From x = 0 to `length`, between the heights `low` and `high`, its blur and shadow included; its
+    midline lies `rise` over the desk's.
+    """
+
+    length: float
+    rise: float
+    low: float
+    high: float
+
+
+def learn_background(
+    image: Image, calibration: Calibration, place: Place, about: int
+) -> Background:
+    """Background of `image` (height, width, 3), with the strip at `place` interpolated over."""
+    x = np.linspace(0.0, place.length + END_MARGIN, 60)
+    ends = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
+    columns = np.arange(max(int(ends[0]), 0), min(int(ends[1]) + 1, image.shape[1] - 1))
+    bottom, top = (
+        np.interp(columns, *calibration.to_image(np.column_stack([x, np.full_like(x, z)])).T)
+        for z in (place.low, place.high)
+    )
+    empty = image.copy()
+    first = np.maximum(np.floor(top).astype(int), EDGE)
+    last = np.minimum(np.ceil(bottom).astype(int), image.shape[0] - EDGE - 1)
+    bridge(empty, columns, first, last, EDGE)
+    edge = np.interp(np.arange(image.shape[1]), columns, top) - EDGE
+    lying = np.arange(image.shape[0])[:, None] >= edge[None]
+    shade = np.where(lying, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
+    return Background(empty, shade, about)
+
+
+LEAST_NOISE = 2.5  # grey levels, assumed of any camera: weave, demosaicing and rounding add to it
+GAUSSIAN = (2 / np.pi) ** 0.5  # mean absolute value over standard deviation
+CHANGE_RATIO = 1.2  # times the noise's mean difference in a cell, from which the cell changed
+DIFFERENCE = 2**0.5  # of two noisy pictures: the background is one too
+NOISE_SHARE = 0.5  # of its noise is left in a picture after `soft`
+AVERAGING_WINDOW = 5  # px over which a picture is averaged to leave its noise
+SCALE_ENDS = (20, 235)  # grey levels beyond which a camera clips its noise
+
+
+@dataclass(frozen=True, slots=True)
+class Segmenter:
+    """Segmentation model of a scene: `colours` (k, 3) BGR of the strip, and the `background`.
+
+    `sensor` [grey levels] is the noise of a pixel's difference from the background, `smooth` what
+    is left of it where borders are read, `noise` that of the pixel's share of strip: standard
+    deviations.
+    """
+
+    colours: Array
+    background: Background
+    sensor: float
+    smooth: float
+    noise: float
+
+    def levels(self, image: Image, region: Region, visible: Image) -> tuple[Image, Region]:
+        """Matte levels (h, w) of the strip in `image` (height, width, 3), and their region.
+
+        That is the part of `region`, in whole cells, that holds all but background. Only cells
+        that differ from the background in this light, and their neighbours, are compared with the
+        strip's colours. Pixels masked out by `visible`, of the region's size, are background.
+        """
+        image = np.ascontiguousarray(image)
+        light = self.background.light(image, region, visible)
+        cells = self._changed_cells(image, light, region)
+        j, i, columns, rows = cv2.boundingRect(cells)
+        part = Region(
+            region.left + CELL_PX * j,
+            region.top + CELL_PX * i,
+            min(region.left + CELL_PX * (j + columns), region.right),
+            min(region.top + CELL_PX * (i + rows), region.bottom),
+        )
+        found = segment(
+            image,
+            self.background.image,
+            self.background.shade,
+            np.ascontiguousarray(light[i : i + rows + 2, j : j + columns + 2]),
+            np.ascontiguousarray(cells[i : i + rows, j : j + columns]),
+            _floats(self.colours),
+            self.smooth**2,
+            (part.left, part.top),
+        )
+        h, w = part.bottom - part.top, part.right - part.left
+        clear = visible[CELL_PX * i : CELL_PX * i + h, CELL_PX * j : CELL_PX * j + w]
+        return cv2.max(cv2.min(found[:h, :w], clear), ZERO_LEVEL), part
+
+    def _changed_cells(self, image: Image, light: Floats, region: Region) -> Image:
+        """Mask (n, m) of the cells that differ from the background, and of their neighbours."""
+        height = image.shape[0]
+        cells = changed_cells(
+            image.reshape(height, -1),
+            self.background.image.reshape(height, -1),
+            np.rint(light[1:-1, 1:-1]).astype(np.uint8),
+            region.left,
+            region.top,
+            CHANGE_RATIO * GAUSSIAN * self.sensor,
+        )
+        cells = cv2.dilate(cells, np.ones((3, 3), np.uint8))
+        cells[0, 0] |= not cells.any()  # never an empty part
+        return np.asarray(cells)
+
+    def separation(self, where: Image) -> Floats:
+        """Separation (k, n) [sigma] of the k colours from the background in the mask's n pixels."""
+        behind, shade = self.background.image[where > 0], self.background.shade[where > 0]
+        return np.stack([separation(c, behind, shade, self.smooth) for c in self.colours])
+
+
+def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float) -> Floats:
+    """Separation (n,) of `colour` (3,) from scene colours (n, 3), in standard deviations."""
+    found = discriminants(_floats(colour), _floats(scene), shade, sensor**2)
+    return np.sqrt(found[:, 2])
+
+
+def learn(
+    image: Image,
+    noise: float,
+    samples: Array,
+    calibration: Calibration,
+    strip: StripFile,
+    place: Place,
+) -> Segmenter:
+    """Learn the segmentation model from `image` (h, w, 3) with the strip at `place`.
+
+    `samples` (n, 3) are pixels of the strip, `noise` [grey levels] is that of the image.
+    """
+    sensor = max(noise, LEAST_NOISE) * DIFFERENCE
+    smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
+    about = Sizes.of(calibration, PATCH_PX).light
+    behind = learn_background(image, calibration, place, about)
+    colours, scene = palette(samples), behind.image[motion_mask(calibration, strip.length) > 0]
+    return Segmenter(colours, behind, sensor, smooth, _share_noise(colours, scene, smooth) * sensor)
+
+
+def resting_place(calibration: Calibration, strip: StripFile, rise: float, margin: float) -> Place:
+    """Place where `strip` rests, its midline `rise` [m] over the desk's, with a `margin` [m]."""
+    half = strip.thickness / 2
+    top = half + face_height(calibration, strip)
+    return Place(strip.length, rise, rise - half - margin, rise + top + margin)
+
+
+def sensor_noise(image: Image) -> float:
+    """Standard deviation [grey levels] of the sensor noise in `image` (h, w, 3).
+
+    The median over cells of the deviation from a moving average. Cells at either end of the scale
+    are left out, since they show none.
+    """
+    seen = image.astype(np.float32)
+    rest = seen - cv2.blur(seen, (AVERAGING_WINDOW, AVERAGING_WINDOW))
+    size = (image.shape[1] // CELL_PX, image.shape[0] // CELL_PX)
+    power = cv2.resize(rest * rest, size, interpolation=cv2.INTER_AREA)
+    level = cv2.resize(seen, size, interpolation=cv2.INTER_AREA)
+    good = power[(level > SCALE_ENDS[0]) & (level < SCALE_ENDS[1])]
+    return float(np.sqrt(np.median(good) / (1 - AVERAGING_WINDOW**-2))) if len(good) else 0.0
+
+
+def _share_noise(colours: Array, behind: Image, smooth: float) -> float:
+    """Noise of a pixel's share of strip per grey level of sensor noise, for the worst colour.
+
+    `colours` (k, 3) are the strip's, `behind` (n, 3) those of the scene.
+    """
+    scene, worst = _floats(behind), 0.0
+    shade = np.full(len(scene), LIFTED_SHADE, dtype=np.float32)
+    for colour in _floats(colours):
+        _, _, reach, size = discriminants(colour, scene, shade, smooth**2).T
+        distinct = reach > LEAST_SEPARATION**2
+        if distinct.any():
+            worst = max(worst, float(np.median(size[distinct] / reach[distinct])))
+    return worst
+
+
+def _floats(values: Array | Image | Floats) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class Appearance:
+    """Appearance model learnt before a fold: the `scene`, and the `rest` line of the strip in it.
+
+    `rest` (k,) are polynomial coefficients, constant first, of the resting midline's height [m]
+    over x [m] as the homography maps it.
+    """
+
+    scene: Segmenter
+    rest: Array
+
+    def rest_height(self, x: Array) -> Array:
+        """Height (n,) [m] of the resting midline at x (n,) [m]."""
+        return np.asarray(np.polynomial.polynomial.polyval(x, self.rest))
