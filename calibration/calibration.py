@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import Field
 
 from calibration.homography import Homography, Viewpoint, viewpoint
@@ -17,6 +16,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import write_file
 from drivers.settings import Settings, load
 from drivers.types import Array
+from drivers.yaml_text import dump_yaml
 
 NotNegative = Annotated[float, Field(ge=0)]
 OPTIONAL_KEYS = ("contact_bias", "locks", "landmarks", "accepted_anyway")
@@ -141,7 +141,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     """
     facts = {name: getattr(calibration, name) for name in KEYWORDS}
     file = _signed_file(calibration.lens, calibration.homography, facts)
-    content = yaml.safe_dump(file.content(), sort_keys=False)
+    content = dump_yaml(file.content())
     write_file(path, content)
 
 

@@ -13,11 +13,11 @@ from pydantic import Field
 from calibration.homography import Homography
 from calibration.lens import Lens
 from drivers.errors import ConfigurationError
-from drivers.pictures import LARGEST_SIDE, sides
+from drivers.readers import LARGEST_SIDE, picture_sides
 from drivers.settings import Settings
 from drivers.types import Array, Frame, Image, Pose
 
-TIP_SIDE, DESK_SIDE = 96, 28  # px, sides of the patches
+TIP_SIDE, DESK_SIDE = 96, 28  # px, picture_sides of the patches
 SEARCH_RADIUS = 40  # px by which a landmark is looked for around its place
 DESK_HEIGHTS = (0.010, 0.060)  # m, z over which the desk's edge is searched, above a lying strip
 DESK_RANGE, DESK_PATCHES = (0.05, 0.55), 7  # m, x over which patches of the desk's edge lie
@@ -63,7 +63,7 @@ class Landmark(Settings):
             content = b64decode(self.png, validate=True)
         except ValueError:
             content = b""
-        if not all(0 < side <= LARGEST_SIDE for side in sides(content)):
+        if not all(0 < side <= LARGEST_SIDE for side in picture_sides(content)):
             raise ConfigurationError("landmarks: png: is no picture; calibrate again")
         image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
         if image is None:

@@ -8,13 +8,14 @@ from typing import Annotated, Any, Literal, Self
 
 import cv2
 import numpy as np
-import yaml
 from pydantic import Field
 
 from drivers.errors import ConfigurationError
-from drivers.files import read_text, write_file
+from drivers.files import write_file
+from drivers.readers import read_text
 from drivers.settings import Settings, load
 from drivers.types import Array, frozen
+from drivers.yaml_text import dump_yaml
 
 CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 MINIMUM_VIEWS = 3
@@ -213,7 +214,7 @@ MODEL_KEYS = {
 
 def write_camera_info(lens: Lens, name: str, path: Path) -> None:
     """Write `lens` of the camera `name` as ROS camera_info; ConfigurationError where it cannot."""
-    content = yaml.safe_dump(CameraFile.of(lens, name).content(), sort_keys=False)
+    content = dump_yaml(CameraFile.of(lens, name).content())
     write_file(path, content)
 
 

@@ -1,4 +1,4 @@
-"""Base of all settings, and reading of YAML and JSON files with errors in one line."""
+"""Base of all settings, and their validation with one line for each error."""
 
 import json
 import operator
@@ -8,15 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
-import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 
 from drivers.errors import ConfigurationError, suggestion
-from drivers.files import TEXT, read_text
-from drivers.yaml_loader import BoundedLoader
+from drivers.readers import SCHEMA, read_yaml
 
-SCHEMA = 1
 BOUND_WORDS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
 COMPARED = {"ge": operator.ge, "gt": operator.gt, "le": operator.le, "lt": operator.lt}
 OUT_OF_RANGE = {"greater_than_equal", "greater_than", "less_than_equal", "less_than"}
@@ -42,41 +39,6 @@ class Settings(BaseModel):
 
 
 S = TypeVar("S", bound=BaseModel)
-
-
-def read_yaml(path: Path) -> dict[str, Any]:
-    """Mapping in a YAML file; a missing, broken or non-mapping file is a ConfigurationError."""
-    return parse_yaml(read_text(path), str(path))
-
-
-def parse_yaml(text: str, path: str) -> dict[str, Any]:
-    """Mapping in YAML `text`; raises ConfigurationError, with `path`, for any other content."""
-    try:
-        content = yaml.load(text, BoundedLoader)  # noqa: S506  a safe loader, bounded besides
-    except yaml.YAMLError as error:
-        raise ConfigurationError(f"{path}: is not valid YAML: {_yaml_place(error)}") from None
-    except (ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{path}: is not valid YAML: {error}") from None
-    except (AttributeError, LookupError, TypeError, ArithmeticError):
-        # what the loader's own constructors raise for `!!timestamp x`, `!!int ""`, `!!bool x`
-        raise ConfigurationError(
-            f"{path}: is not valid YAML: a value is not what its !! tag says; leave tags out"
-        ) from None
-    if not isinstance(content, dict):
-        raise ConfigurationError(f"{path}: must be a mapping of keys to values")
-    return content
-
-
-def read_json(path: Path, most: int = TEXT) -> dict[str, Any]:
-    """Mapping in a JSON file of at most `most` bytes; raises ConfigurationError for any other."""
-    text = read_text(path, most)
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{path}: is not valid JSON: {error}") from None
-    if not isinstance(content, dict):
-        raise ConfigurationError(f"{path}: must be a mapping of keys to values")
-    return content
 
 
 def parse(content: object, model: type[S], origin: str) -> S:
@@ -202,9 +164,3 @@ def _model_in(annotation: Any) -> Any:
         return None  # keys of its own stand between
     found = {inner for inner in map(_model_in, get_args(annotation)) if inner is not None}
     return found.pop() if len(found) == 1 else None
-
-
-def _yaml_place(error: yaml.YAMLError) -> str:
-    mark = getattr(error, "problem_mark", None)
-    problem = getattr(error, "problem", None) or "cannot be parsed"
-    return f"line {mark.line + 1}: {problem}" if mark is not None else str(problem)

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, read_bytes, write_file
+from drivers.files import write_file
+from drivers.readers import MEGABYTE, read_bytes
 from drivers.settings import Settings, parse
 
 WEIGHT_COUNT = 101  # of the paper's network: (3 + 1) 20 + 20 + 1

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import cv2
-import yaml
 from pydantic import ConfigDict, Field
 
 from calibration.board import BoardSettings
@@ -16,10 +15,11 @@ from calibration.wizard.latency import LatencySettings, LatencySteps
 from calibration.wizard.news import News, TouchNews, ViewNews, Watcher, nobody
 from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, append_line, read_text, write_file, writing
-from drivers.pictures import read_picture
-from drivers.settings import Settings, load, parse, read_json
+from drivers.files import append_line, write_file, writing
+from drivers.readers import MEGABYTE, read_json, read_picture, read_text
+from drivers.settings import Settings, load, parse
 from drivers.types import Image
+from drivers.yaml_text import dump_yaml
 
 LARGEST_LOG = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes less than one
 LARGEST_SIDE = 16_384  # px
@@ -288,4 +288,4 @@ def write_image(path: Path, image: Image) -> None:
 
 def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
     """Write `content` as YAML; a place that cannot be written is a ConfigurationError."""
-    write_file(path, yaml.safe_dump(dict(content), sort_keys=False), MAKE_ROOM)
+    write_file(path, dump_yaml(content), MAKE_ROOM)

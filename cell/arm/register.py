@@ -10,6 +10,7 @@ from cell.config.places import Configs
 from drivers.errors import CellError, ConfigurationError
 from drivers.files import replace_file
 from drivers.installation import Mounting
+from drivers.readers import read_text
 from drivers.types import Array
 
 TOUCH_POINTS = (
@@ -59,7 +60,7 @@ def write_mounting(configs: Configs, mounting: Mounting) -> Path:
     Raises ConfigurationError where the file has no such line.
     """
     path = configs.folder / "cell.yaml"
-    text = path.read_text(encoding="utf-8")
+    text = read_text(path)
     found = MOUNTING_LINE.search(text)
     if found is None:
         raise ConfigurationError(

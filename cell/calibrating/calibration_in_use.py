@@ -7,9 +7,9 @@ from typing import Any
 from calibration.calibration import Calibration
 from cell.devices.devices import Devices
 from drivers.errors import ConfigurationError, PreflightRefused
-from drivers.files import read_text, write_file
-from drivers.settings import read_yaml
-from drivers.yaml_edit import edit_text
+from drivers.files import write_file
+from drivers.readers import read_text, read_yaml
+from drivers.yaml_text import edit_yaml
 
 DAY = 86400.0  # s
 CLOCK_TOLERANCE = 1.0  # days by which two clocks, or their time zones, may differ
@@ -52,7 +52,7 @@ def use_calibration(cell_file: Path, calibration: Path) -> None:
     Raises ConfigurationError for a file that cannot be read or written.
     """
     content = {**read_yaml(cell_file), "calibration": str(calibration.resolve())}
-    text = edit_text(read_text(cell_file), content)
+    text = edit_yaml(read_text(cell_file), content)
     write_file(cell_file, text, f"write `calibration: {calibration.resolve()}` into it by hand")
 
 

@@ -34,7 +34,7 @@ from cell.devices.devices import Devices
 from cell.orchestrator.interrupt import Interrupted
 from cell.orchestrator.operator import Answer, Ask, Operator, Question
 from drivers.errors import ConfigurationError, Fault
-from drivers.files import read_text
+from drivers.readers import read_text
 from drivers.types import Frame
 
 PERIOD = 0.1  # s between images that are looked at

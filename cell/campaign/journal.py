@@ -13,7 +13,8 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, read_bytes, replace_file, writing
+from drivers.files import replace_file, writing
+from drivers.readers import MEGABYTE, read_bytes
 
 LARGEST_RECORD = 16 * MEGABYTE  # of one record
 State = Literal["measured", "failed", "set_aside"]

@@ -35,7 +35,8 @@ from cell.gap.subject.strip.subject import Strip
 from cell.gap.subject.strip.synthetic import Instruments, rod_folds, write_fold
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file, writing
-from drivers.settings import Settings, parse, read_json
+from drivers.readers import read_json
+from drivers.settings import Settings, parse
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile

@@ -43,7 +43,8 @@ from cell.report.page import write_report
 from cell.report.viz.watch import Mode, watching
 from drivers.arm.clearance import desk_end
 from drivers.errors import CellError, Fault
-from drivers.files import MEGABYTE, read_bytes, replace_file
+from drivers.files import replace_file
+from drivers.readers import MEGABYTE, read_bytes
 from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 from policies.policy import Policy

@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-import yaml
-
 from drivers.files import write_file
 from drivers.strip.file import Provenance, StripFile
+from drivers.yaml_text import dump_yaml
 from policies.prediction import FoldPrediction
 
 LEARNED = "learned.yaml"
@@ -48,5 +47,5 @@ def offer(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:
     learned = learned_strip(strip, predicted, folder.name)
     content = learned.model_dump(mode="json", by_alias=True)
     path = folder / LEARNED
-    write_file(path, yaml.safe_dump(content, sort_keys=False, width=100))
+    write_file(path, dump_yaml(content))
     return path

@@ -22,8 +22,7 @@ from cell.gap.subject.run_folders import TABLES, RunFolder, find_runs, read_tabl
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.schema import Entry
 from drivers.errors import ConfigurationError
-from drivers.files import TEXT, read_bytes
-from drivers.settings import read_yaml
+from drivers.readers import LARGEST_TEXT, read_bytes, read_yaml
 from drivers.types import Array
 
 INPUT_FILES = ("run.yaml", "result.yaml", *TABLES)
@@ -68,7 +67,7 @@ class Check(Entry):
 
 def inputs_digest(file: Path, runs: Sequence[RunFolder]) -> str:
     """Hash of all that a fit of `runs` reads: the description `file`, its model, the recordings."""
-    content = hashlib.sha256(read_bytes(file, TEXT))
+    content = hashlib.sha256(read_bytes(file, LARGEST_TEXT))
     model = file.parent / str(read_yaml(file).get("model", "."))
     content.update(model.read_bytes() if model.is_file() else b"")
     for run in runs:

@@ -36,7 +36,7 @@ from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
 from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
-from drivers.yaml_edit import dump_text
+from drivers.yaml_text import dump_yaml
 
 Overlay = Callable[[Findings, Verdict, Path], None]
 """Writes a recording of measured and simulated runs to a path, for a viewer."""
@@ -112,7 +112,7 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     if found.offered is not None:
         terms = {name: {"amount": value} for name, value in found.offered.terms.items()}
         law_patch, _ = found.subject.patch(found.offered.base, terms, source)
-        write_file(out / LAW_PATCH, dump_text(law_patch))
+        write_file(out / LAW_PATCH, dump_yaml(law_patch))
         _write_model(found, out / LAW_MODEL_PATCH, found.offered.base, terms)
     offers_values = bool(verdict.deviates) and not found.accepted.model.effects
     if verdict.verdict == "named" or offers_values:
@@ -123,10 +123,10 @@ def _write_patches(found: Findings, verdict: Verdict, out: Path, source: str, na
     """Write the patch of values and effects of `verdict` as `name`, its model, and the cell's."""
     base, effects = _values(verdict)
     patch, cell_patch = found.subject.patch(base, effects, source)
-    write_file(out / name, dump_text(patch))
+    write_file(out / name, dump_yaml(patch))
     _write_model(found, out / MODEL_PATCH, base, effects)
     if cell_patch is not None:
-        write_file(out / CELL_PATCH, dump_text(cell_patch))
+        write_file(out / CELL_PATCH, dump_yaml(cell_patch))
 
 
 def _write_model(found: Findings, path: Path, base: Mapping[str, float], effects: Effects) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.subject import Subject
 from drivers.errors import ConfigurationError
-from drivers.settings import read_yaml
+from drivers.readers import read_yaml
 
 
 def open_subject(

@@ -9,9 +9,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from cell.record.json_lines import json_line, read_json_lines
+from cell.record.json_lines import json_line
 from drivers.errors import ConfigurationError
 from drivers.files import append_line, lock_folders, replace_file, sync_folder, writing
+from drivers.readers import read_json_lines
 
 NEWEST = 200  # experiences that are kept in use
 Offset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]  # m

@@ -6,9 +6,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from drivers.files import replace_file
+from drivers.yaml_text import dump_yaml
 
 
 def plain(value: object) -> Any:
@@ -39,5 +38,5 @@ def _scalar(value: object) -> str | int | float | None:
 
 def write_document(path: Path, content: Mapping[str, Any]) -> None:
     """Write `content` as YAML to `path` atomically; it is on disk on return."""
-    text = yaml.safe_dump(plain(content), sort_keys=False, allow_unicode=True, width=100)
+    text = dump_yaml(plain(content))
     replace_file(path, text.encode(errors="backslashreplace"))

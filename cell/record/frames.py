@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cell.record.json_lines import read_json_lines
 from cell.record.origin import lift_time
 from drivers.errors import ConfigurationError
+from drivers.readers import read_json_lines
 from drivers.types import Frame, Image
 
 Keep = Literal["all", "key", "none"]
@@ -64,7 +64,7 @@ def encode(image: Image) -> bytes:
 
 def decode(path: Path) -> Image:
     """Read the image (h, w, 3) in the file at `path`; ConfigurationError for any other file."""
-    from drivers.pictures import read_picture
+    from drivers.readers import read_picture
 
     return read_picture(path, LARGEST_SIDE)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way
 from cell.record.scalars import Scalar, read_scalars
 from drivers.errors import ConfigurationError
-from drivers.files import read_text
+from drivers.readers import read_text
 
 Values = dict[str, Scalar]
 

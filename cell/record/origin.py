@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from cell.record.files import EVENTS
-from cell.record.json_lines import read_json_lines
+from drivers.readers import read_json_lines
 
 ORIGIN = "origin"  # t = 0 of the run's tables
 LIFT = "lift"  # t = 0 of its streams and images, where that is another moment

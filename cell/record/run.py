@@ -22,12 +22,11 @@ from cell.record.files import (
 )
 from cell.record.frames import FrameNote, read_frames, read_index
 from cell.record.header import Header, Result
-from cell.record.json_lines import read_json_lines
 from cell.record.origin import moment, origin_of
-from cell.record.parquet_file import read_parquet
 from cell.record.stream import TICK_ROWS, read_stream
 from cell.record.tables import Tables, assemble
 from drivers.errors import ConfigurationError
+from drivers.readers import read_json_lines, read_parquet
 from drivers.settings import load
 from drivers.types import Array, Frame, frozen
 

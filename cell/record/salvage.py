@@ -12,11 +12,11 @@ from cell.record.columns import Profile, Sights, Ticks
 from cell.record.files import PROFILE, RUN, TICK_STREAM, TICKS, check_run
 from cell.record.frames import FrameNote, read_frame
 from cell.record.header import Header
-from cell.record.parquet_file import read_parquet
 from cell.record.run import Event, Run, read_result, tables_from_streams
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS
 from cell.record.tables import Tables, profile_table, tick_table
 from drivers.errors import ConfigurationError
+from drivers.readers import read_parquet
 from drivers.settings import load
 from drivers.types import Array, Frame, frozen
 

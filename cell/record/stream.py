@@ -7,7 +7,8 @@ from typing import Any, Self
 import pyarrow as pa
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, new_file, read_bytes, write_all
+from drivers.files import new_file, write_all
+from drivers.readers import MEGABYTE, read_bytes
 
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 LARGEST_STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten

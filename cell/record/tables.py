@@ -13,7 +13,7 @@ from cell.record.origin import lift_time
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS, read_stream
 from drivers.errors import ConfigurationError
 from drivers.files import replacing
-from drivers.settings import SCHEMA
+from drivers.readers import SCHEMA
 from drivers.types import Array
 
 TIME_ROUNDING = 1e-9  # s

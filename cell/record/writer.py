@@ -22,7 +22,8 @@ from cell.record.tables import assemble, joint_table, write_parquet, write_table
 from cell.record.tick import Tick
 from drivers.errors import ConfigurationError, Fault
 from drivers.files import new_file, write_all
-from drivers.settings import SCHEMA, parse
+from drivers.readers import SCHEMA
+from drivers.settings import parse
 from drivers.types import Array, Frame
 
 

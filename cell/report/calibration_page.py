@@ -14,8 +14,7 @@ from cell.report.overlay import KeyPicture
 from cell.report.verdict import Verdict
 from cell.report.words import millimetres, milliseconds
 from drivers.files import write_file
-from drivers.pictures import read_picture
-from drivers.settings import read_yaml
+from drivers.readers import read_picture, read_yaml
 
 # mm, the error of a measured curve (`sigma.profile`) that a calibration must not exceed
 GOOD_RESIDUAL = 1.0

@@ -6,9 +6,10 @@ from typing import Any
 
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
+from drivers.readers import read_text
 from drivers.settings import parse
 from drivers.strip.file import StripFile
-from drivers.yaml_edit import dump_text, edit_text
+from drivers.yaml_text import dump_yaml, edit_yaml
 
 
 def with_measured(
@@ -26,7 +27,7 @@ def with_measured(
 def rewrite(path: Path, content: Mapping[str, Any]) -> None:
     """Check `content` and replace the strip file at `path` by it; ConfigurationError if invalid."""
     parse(content, StripFile, str(path))
-    write_file(path, edit_text(path.read_text(encoding="utf-8"), content))
+    write_file(path, edit_yaml(read_text(path), content))
 
 
 def create(path: Path, content: Mapping[str, Any]) -> None:
@@ -34,7 +35,7 @@ def create(path: Path, content: Mapping[str, Any]) -> None:
     parse(content, StripFile, str(path))
     if path.exists():
         raise ConfigurationError(f"{path}: is there already; choose another name or edit the file")
-    write_file(path, dump_text(content))
+    write_file(path, dump_yaml(content))
 
 
 SOURCED = ("areal_density", "bending_length", "retardation_time", "thickness")

@@ -9,7 +9,7 @@ from cell.strips.edit import rewrite, with_measured
 from cell.strips.measurement import Measurement
 from cell.strips.picture import picture
 from drivers.files import replace_file, writing
-from drivers.settings import read_yaml
+from drivers.readers import read_yaml
 
 MEASUREMENT_FILE = "measurement.json"
 

@@ -10,7 +10,7 @@ import numpy as np
 from cell.perception.midline import Midline, extract_midline
 from drivers.errors import ConfigurationError
 from drivers.geometry import arc_lengths
-from drivers.pictures import read_picture
+from drivers.readers import read_picture
 from drivers.robust import robust_sigma
 from drivers.types import Array, Image
 

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.files import read_bytes, replace_file, writing
+from drivers.files import replace_file, writing
+from drivers.readers import read_bytes
 from drivers.types import Array
 from policies.adaptive.bias import untrained_spread
 from policies.adaptive.critic import ARRAY_NAMES, OUTPUTS, Critic

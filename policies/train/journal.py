@@ -10,7 +10,8 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, append_line, read_text, write_file, writing
+from drivers.files import append_line, write_file, writing
+from drivers.readers import MEGABYTE, read_text
 from policies.train.settings import TrainingSettings
 
 Line = dict[str, Any]

@@ -35,7 +35,8 @@ from cell.gap.verdict.schema import read_verdict
 from cell.record.files import RESULT, RUN
 from cell.record.run import read_run
 from drivers.errors import CellError
-from drivers.settings import load, read_yaml
+from drivers.readers import read_yaml
+from drivers.settings import load
 from drivers.strip.describe import load_strip
 from policies.checkpoint import load_checkpoint
 from tests.support.gap_strip_cases import folds, written

@@ -28,7 +28,7 @@ from cell.exam.studies.confidence import (
 )
 from cell.gap.verdict.confidence import Calibration, Signs, calibration
 from drivers.files import replace_file
-from drivers.yaml_edit import dump_text
+from drivers.yaml_text import dump_yaml
 
 SIGNS = {field.name for field in fields(Signs)}
 
@@ -64,7 +64,7 @@ def main() -> int:
         names_of = ", ".join(path.name for path in asked.ledgers)
         content["source"] += f" From {names_of}."
         content.pop("belongs_to")
-        replace_file(asked.fit, dump_text(content).encode())
+        replace_file(asked.fit, dump_yaml(content).encode())
     return 0
 
 

@@ -14,7 +14,7 @@ from calibration.landmarks import Landmark
 from calibration.lens import Lens, read_lens, write_camera_info
 from calibration.wizard.session import read_latency, read_rows
 from drivers.errors import ConfigurationError
-from drivers.pictures import read_picture, sides
+from drivers.readers import picture_sides, read_picture
 from drivers.types import frozen
 from tests.support.board_sessions import LENS
 
@@ -71,7 +71,7 @@ def test_chunk_of_gigabytes_is_refused_before_memory_is_set_aside(tmp_path: Path
     at = whole.index(b"IDAT") - 4
     content = whole[:at] + b"\x93" + whole[at + 1 :]  # 2.5 GB, by one byte
     (tmp_path / "p.png").write_bytes(content)
-    assert (sides(whole), sides(content)) == ((144, 4), (0, 0))
+    assert (picture_sides(whole), picture_sides(content)) == ((144, 4), (0, 0))
     with pytest.raises(ConfigurationError, match="not a picture"):
         read_picture(tmp_path / "p.png")
     mark = Landmark(kind="tip", left=0, top=0, png=b64encode(content).decode("ascii"))

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.files import read_bytes, read_text
-from drivers.settings import Settings, load, read_yaml
+from drivers.readers import read_bytes, read_text, read_yaml
+from drivers.settings import Settings, load
 
 BOMB = "a: &a [x, x]\n" + "".join(
     f"{chr(98 + i)}: &{chr(98 + i)} [*{chr(97 + i)}, *{chr(97 + i)}]\n" for i in range(24)

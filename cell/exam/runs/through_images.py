@@ -34,7 +34,7 @@ from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from drivers.errors import Fault
 from drivers.files import writing
-from drivers.settings import read_yaml
+from drivers.readers import read_yaml
 from drivers.strip.file import StripFile
 from drivers.twin.open import PlantOptions
 from drivers.twin.settings import WrenchSettings

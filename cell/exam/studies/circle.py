@@ -24,7 +24,7 @@ from cell.folding.standard_runs import fold_runs, standard_requests
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import accept
 from drivers.files import replace_file
-from drivers.yaml_edit import dump_text
+from drivers.yaml_text import dump_yaml
 
 SEEDS_BEFORE, SEEDS_STANDARD, SEEDS_AFTER = 0, 1000, 2000  # first seeds
 SEEDS_NEXT = 10_000  # of the next time round
@@ -101,7 +101,7 @@ def measure(case: Values) -> Values:
         if hidden := HIDDEN_VALUES[case["hidden"]]:
             content = configs.strip(case["strip"]).model_dump(mode="json", by_alias=True)
             plant = work / "plant.yaml"
-            replace_file(plant, dump_text(content | {"effects": hidden}).encode())
+            replace_file(plant, dump_yaml(content | {"effects": hidden}).encode())
         circle = Circle(case["strip"], plant, work, case["scatter"])
         before = circle.fold("before", first + SEEDS_BEFORE, count)
         named = circle.learn(first + SEEDS_STANDARD)

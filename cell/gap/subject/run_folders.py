@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from cell.record.files import JOINTS
-from cell.record.parquet_file import read_parquet
 from drivers.errors import ConfigurationError
-from drivers.settings import SCHEMA
+from drivers.readers import SCHEMA, read_parquet
 from drivers.types import Array
 
 HEADER_FILE = "run.yaml"
@@ -135,9 +134,7 @@ def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None
 
 def read_table(path: Path) -> dict[str, Array]:
     """Numeric columns (n,) of a Parquet file; ConfigurationError for a missing or broken file."""
-    table = read_parquet(
-        path, "is missing; add it", "is not a whole Parquet file; write it again", newer=""
-    )
+    table = read_parquet(path)
     columns = {}
     for name in table.column_names:
         try:

@@ -13,11 +13,12 @@ from cell.config.settings import CellSettings
 from cell.gap.subject.mechanism.file import MechanismFile
 from cell.gap.verdict.stored import Acceptance, FitRecord, Patch, read_stored
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, lock_folders, read_bytes, read_text, write_file
-from drivers.settings import load, parse, read_yaml
+from drivers.files import lock_folders, write_file
+from drivers.readers import MEGABYTE, read_bytes, read_text, read_yaml
+from drivers.settings import load, parse
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects
-from drivers.yaml_edit import edit_text
+from drivers.yaml_text import edit_yaml
 
 RECORD, ACCEPTED = "fit.json", "accepted.json"
 PATCH, CELL_PATCH, LAW_PATCH = "patch.yaml", "cell-patch.yaml", "law-patch.yaml"
@@ -82,7 +83,7 @@ def _changes(
     out: Path, patch: Path, file: Path, cell_file: Path | None, *, law: bool
 ) -> dict[Path, str]:
     """New text by path: of the model that the patch names, of `file`, and of the cell file."""
-    changes = {file: edit_text(read_text(file), read_yaml(patch))}
+    changes = {file: edit_yaml(read_text(file), read_yaml(patch))}
     cell_patch = out / CELL_PATCH
     if cell_patch.exists() and not law:
         if cell_file is None:
@@ -235,7 +236,7 @@ def _with_cell(path: Path, patch: Path) -> str:
             old: dict[str, Any] = content.get(key) or {}
             merged[key] = old | {k: (old.get(k) or {}) | part for k, part in parts.items()}
     _check_cell(merged, path)
-    return edit_text(read_text(path), merged)
+    return edit_yaml(read_text(path), merged)
 
 
 def _check_cell(content: Mapping[str, object], path: Path) -> None:

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE
-from drivers.settings import parse, read_json
+from drivers.readers import MEGABYTE, read_json
+from drivers.settings import parse
 
 LARGEST_VERDICT = 8 * MEGABYTE
 Kind = Literal["named", "ambiguous", "no_gap", "unexplained"]

@@ -6,8 +6,8 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from drivers.files import MEGABYTE
-from drivers.settings import Settings, parse, read_json
+from drivers.readers import MEGABYTE, read_json
+from drivers.settings import Settings, parse
 
 STORED = 4 * MEGABYTE
 

@@ -11,10 +11,8 @@ import pyarrow as pa
 
 from cell.record.exchange.mapping import MAPPING
 from cell.record.files import RESULT, RUN
-from cell.record.parquet_file import read_parquet
 from drivers.errors import ConfigurationError, suggestion
-from drivers.files import MEGABYTE, read_bytes
-from drivers.settings import read_json
+from drivers.readers import MEGABYTE, read_bytes, read_json, read_parquet
 from drivers.types import Array
 
 INFO = "meta/info.json"

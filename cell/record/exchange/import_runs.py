@@ -18,8 +18,9 @@ from cell.record.run import read_run
 from cell.record.tables import place_contacts, write_parquet
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file, writing
-from drivers.settings import load, parse, parse_yaml
+from drivers.settings import load, parse
 from drivers.types import Array
+from drivers.yaml_text import parse_yaml
 
 NEEDED_COLUMNS = ("t", "x", "z")
 LONGEST_INTERVAL = 0.2  # s between rows of the gripper; slower ones are in another unit than stated

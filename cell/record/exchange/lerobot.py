@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-import yaml
 
 from cell.record.documents import plain
 from cell.record.exchange.episodes import DATA, EPISODE, EPISODES, INFO, POINTS_TABLE, TOUCH
@@ -22,8 +21,10 @@ from cell.record.exchange.outgoing import Outgoing, mapping_of
 from cell.record.files import RESULT, RUN
 from cell.record.tables import place_rows
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, read_bytes, replace_file
+from drivers.files import replace_file
+from drivers.readers import MEGABYTE, read_bytes
 from drivers.types import Array
+from drivers.yaml_text import dump_yaml
 
 TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
 VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
@@ -53,7 +54,7 @@ def write_lerobot(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
     _write(out / TASKS, _tasks(parts))
     _write_json(out / STATS, _stats(all_columns))
     _write_json(out / INFO, _info(parts, features, begin))
-    text = yaml.safe_dump(plain(mapping_of(parts, _name)), sort_keys=False)
+    text = dump_yaml(plain(mapping_of(parts, _name)))
     replace_file(out / "meta" / MAPPING, text.encode())
     return (out,)
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
-import yaml
 
 from cell.record.documents import plain
 from cell.record.exchange.mapping import MAPPING
@@ -21,7 +20,9 @@ from cell.record.exchange.outgoing import Outgoing, mapping_of
 from cell.record.files import CALIBRATION, RESULT, RUN
 from cell.record.frames import encode
 from drivers.errors import ConfigurationError, suggestion
-from drivers.files import MEGABYTE, read_bytes, replacing
+from drivers.files import replacing
+from drivers.readers import MEGABYTE, read_bytes
+from drivers.yaml_text import dump_yaml
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Schema
@@ -54,7 +55,7 @@ def _write(part: Outgoing, path: Path) -> Path:
                     ATTACHMENT_TIME, ATTACHMENT_TIME, name, "application/yaml", content
                 )
         names = mapping_of([part], lambda table, column: (f"/{table}", column))
-        text = yaml.safe_dump(plain(names), sort_keys=False)
+        text = dump_yaml(plain(names))
         writer.add_attachment(
             ATTACHMENT_TIME, ATTACHMENT_TIME, MAPPING, "application/yaml", text.encode()
         )

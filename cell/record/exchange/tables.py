@@ -13,9 +13,8 @@ import pyarrow as pa
 import pyarrow.csv as pc
 
 from cell.record.exchange.mapping import COUNTS, FACTORS, LENGTHS, MAPPING, MEASURES, Column, Table
-from cell.record.parquet_file import read_parquet
 from drivers.errors import ConfigurationError, suggestion
-from drivers.files import MEGABYTE, read_bytes, read_text
+from drivers.readers import MEGABYTE, read_bytes, read_parquet, read_text
 from drivers.types import Array, frozen
 
 LARGEST_TABLE = 64 * MEGABYTE

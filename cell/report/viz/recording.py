@@ -17,7 +17,6 @@ from calibration.calibration import Calibration
 from cell.perception.measurement import StripMeasurement
 from cell.record.files import EVENTS, FILM, REBUILT, RECORDING, RESULT, RUN, is_under_way
 from cell.record.frames import read_index
-from cell.record.json_lines import read_json_lines
 from cell.record.origin import origin_of
 from cell.record.outlook import COLUMN_NAMES
 from cell.record.salvage import Salvage
@@ -28,6 +27,7 @@ from cell.report.viz.playback import LogLine, TickView, moments_of
 from cell.report.viz.saving import saving, send_blueprint
 from drivers.errors import ConfigurationError
 from drivers.files import replacing
+from drivers.readers import read_json_lines
 from drivers.settings import parse
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image

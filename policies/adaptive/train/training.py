@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, read_bytes, replace_file, writing
+from drivers.files import replace_file, writing
+from drivers.readers import MEGABYTE, read_bytes
 from policies.adaptive.checkpoint import load_critic, save_critic
 from policies.adaptive.critic import Critic
 from policies.adaptive.train.piece import Piece, concatenate, explore

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.settings import read_yaml
+from drivers.readers import read_yaml
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 

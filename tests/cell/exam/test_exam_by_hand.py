@@ -9,7 +9,7 @@ from cell.exam.cases import draw
 from cell.exam.runs import from_model, through_images
 from cell.exam.runs.by_hand import paths_by_hand
 from cell.record.files import RUN
-from drivers.settings import read_yaml
+from drivers.readers import read_yaml
 from policies.registry import MOTION, make_policy
 from tests.support.exam_cases import case
 

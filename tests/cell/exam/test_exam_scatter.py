@@ -10,7 +10,7 @@ from cell.exam.runs import from_model
 from cell.exam.runs.scatter import GRASP, LEVELS, RunScatter
 from cell.exam.scoring.results import Entry
 from cell.record.files import RUN, TICKS
-from drivers.settings import read_yaml
+from drivers.readers import read_yaml
 from drivers.strip.describe import describe
 from tests.support.exam_cases import case
 from tests.support.gap_strip_cases import denim

@@ -25,7 +25,7 @@ from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.law import LAW_TERMS, with_law
 from drivers.types import Array
-from drivers.yaml_edit import dump_text
+from drivers.yaml_text import dump_yaml
 from tests.cell.gap import test_gap_engine as engine
 from tests.cell.gap.test_gap_engine import (
     Curves,
@@ -196,7 +196,7 @@ def fitted(tmp_path: Path) -> tuple[Path, Path]:
     out.mkdir()
     law = {"term_speed": {"amount": 0.7}}
     content, _ = patch_file(denim(), {"bending_length": 0.018}, law, "test")
-    (out / LAW_PATCH).write_text(dump_text(content), encoding="utf-8")
+    (out / LAW_PATCH).write_text(dump_yaml(content), encoding="utf-8")
     record = {"file_sha256": sha256(file), "effects": [], "law": {"terms": {"term_speed": 0.7}}}
     (out / RECORD).write_text(json.dumps(record), encoding="utf-8")
     return out, file
@@ -229,7 +229,7 @@ def test_a_law_on_top_of_one_adds_up() -> None:
 @pytest.mark.parametrize("law", [{"term_magic": 1.0}, {"term_clock": 5.0}])
 def test_a_law_that_no_engine_knows_or_no_strip_has_is_refused(law, tmp_path: Path) -> None:
     content = {**denim().model_dump(mode="json", by_alias=True), "law": law}
-    (tmp_path / "s.yaml").write_text(dump_text(content), encoding="utf-8")
+    (tmp_path / "s.yaml").write_text(dump_yaml(content), encoding="utf-8")
     with pytest.raises(ConfigurationError, match="law"):
         load_strip(tmp_path / "s.yaml")
 

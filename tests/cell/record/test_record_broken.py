@@ -13,7 +13,6 @@ import yaml
 from cell.record.documents import write_document
 from cell.record.files import SIGHT_STREAM
 from cell.record.frames import INDEX, read_index
-from cell.record.parquet_file import read_parquet
 from cell.record.run import read_run
 from cell.record.stream import SIGHT_ROWS, read_stream
 from cell.record.writer import RunWriter
@@ -21,6 +20,7 @@ from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file
+from drivers.readers import read_parquet
 from tests.cell.conftest import HEADER
 from tests.support.listed_runs import list_runs
 
@@ -76,8 +76,8 @@ def test_columns_whose_names_are_no_text_are_refused_in_one_line(tmp_path) -> No
     packed = tmp_path / "sights.parquet"
     pq.write_table(empty, packed, store_schema=False)
     packed.write_bytes(packed.read_bytes().replace(b"profile_z", b"pro\xcfile_z"))
-    with pytest.raises(ConfigurationError, match=r"cannot be read"):
-        read_parquet(packed, broken="cannot be read")
+    with pytest.raises(ConfigurationError, match=r"not a whole Parquet file"):
+        read_parquet(packed)
 
 
 @pytest.mark.parametrize("line", ['{"stamp": 1.0}', '{"sequence": "x", "stamp": 1, "arrival": 2}'])

@@ -18,13 +18,13 @@ from cell.config.places import find_configs
 from cell.folding.replay import replay
 from cell.record.columns import Profile
 from cell.record.frames import INDEX, digest
-from cell.record.parquet_file import read_parquet
 from cell.record.run import read_run
 from cell.record.salvage import Salvage
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
 from drivers.errors import ConfigurationError
+from drivers.readers import read_parquet
 from tests.cell.conftest import HEADER, RESULT, MadeFold
 from tests.support.listed_runs import list_runs
 

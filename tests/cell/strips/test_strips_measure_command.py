@@ -12,7 +12,7 @@ import yaml
 from cell.__main__ import main
 from cell.config.places import CHECKOUT_CONFIGS
 from drivers.strip.describe import load_strip
-from drivers.yaml_edit import edit_text
+from drivers.yaml_text import edit_yaml
 from tests.support.hanging_photographs import Scene, photograph
 
 
@@ -212,6 +212,6 @@ def test_strips_of_the_package_itself_are_not_written(monkeypatch, capsys, confi
 def test_edited_file_says_the_new_content_whatever_its_style(text: str) -> None:
     content = yaml.safe_load(text)
     content |= {"bending_length": 0.0213, "provenance": [{"key": "bending_length", "source": "m"}]}
-    new = edit_text(text, content)
+    new = edit_yaml(text, content)
     assert yaml.safe_load(new) == content
     assert ("# long" in new) == ("# long" in text)

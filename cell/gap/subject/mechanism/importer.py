@@ -8,7 +8,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
-import yaml
 from pydantic import Field
 
 from cell.gap.subject.run_folders import read_table
@@ -16,6 +15,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import write_file
 from drivers.settings import Settings, load
 from drivers.types import Array
+from drivers.yaml_text import dump_yaml
 
 
 class ColumnSpec(Settings):
@@ -69,4 +69,4 @@ def write_run(out: Path, columns: Mapping[str, Array], head: Mapping[str, Any]) 
     pq.write_table(
         pa.table({n: np.asarray(v) for n, v in columns.items()}), out / "signals.parquet"
     )
-    write_file(out / "run.yaml", yaml.safe_dump({"schema": 1, **head}, sort_keys=False))
+    write_file(out / "run.yaml", dump_yaml({"schema": 1, **head}))

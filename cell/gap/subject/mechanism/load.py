@@ -27,7 +27,8 @@ from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from cell.gap.subject.mechanism.runs import Recording, Signal, pace, read_recording, repeat_noise
 from cell.gap.subject.run_folders import HEADER_FILE, RunFolder, check_indices
 from drivers.errors import ConfigurationError
-from drivers.settings import load, read_yaml
+from drivers.readers import read_yaml
+from drivers.settings import load
 from drivers.types import Array
 
 SMOOTH = 0.02  # rad/s over which compiled dry friction changes sign in a simulation

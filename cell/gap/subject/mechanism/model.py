@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, read_text
+from drivers.readers import MEGABYTE, read_text
 from drivers.types import Array
 
 ASSETS = ("file", "meshdir", "texturedir", "assetdir", "filename")

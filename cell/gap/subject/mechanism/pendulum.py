@@ -28,7 +28,8 @@ from cell.gap.subject.run_folders import (
 )
 from cell.gap.subject.subject import Parameter
 from drivers.errors import ConfigurationError
-from drivers.settings import load, read_yaml
+from drivers.readers import read_yaml
+from drivers.settings import load
 from drivers.types import Array, frozen
 
 SWING_STEP = 0.08  # rad of the fastest small swing in one step

@@ -23,7 +23,7 @@ from cell.gap.subject.run_folders import (
 )
 from cell.gap.subject.subject import Samples, Words
 from drivers.errors import ConfigurationError
-from drivers.settings import read_yaml
+from drivers.readers import read_yaml
 from drivers.types import Array, frozen
 
 ROWS = 5_000_000  # of a table; more is a mistake, or must be thinned

@@ -50,7 +50,7 @@ from cell.gap.subject.subject import (
     Words,
 )
 from drivers.errors import ConfigurationError
-from drivers.settings import read_yaml
+from drivers.readers import read_yaml
 from drivers.types import Array
 
 BLOCK = 0.4  # rad of the fastest signal in one sample

@@ -15,7 +15,7 @@ import numpy as np
 from cell.gap.subject.mechanism.importer import write_run
 from drivers.files import replace_file
 from drivers.types import Array
-from drivers.yaml_edit import dump_text
+from drivers.yaml_text import dump_yaml
 
 RUNS, SPAN, STEP, EVERY = 8, 4.0, 4e-4, 10  # number, s, s, steps per reading
 LINK, CENTRE = 0.3, 0.15  # m, length of a link and distance of its centre of mass from its joint
@@ -212,7 +212,7 @@ def make_runs(
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(folder / "chain.xml", chain.xml().encode())
     file = folder / "chain.yaml"
-    replace_file(file, dump_text(chain.file(tracking=tracked)).encode())
+    replace_file(file, dump_yaml(chain.file(tracking=tracked)).encode())
     for k in range(RUNS):
         model = _model_with(hidden, chain, size)
         model.dof_damping[:] *= 1.0 + 0.02 * rng.standard_normal(joints)

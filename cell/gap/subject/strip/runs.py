@@ -19,7 +19,7 @@ from cell.record.run import Run as Recorded
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.geometry import arc_lengths
-from drivers.settings import read_yaml
+from drivers.readers import read_yaml
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Touch
 from drivers.types import Array, frozen

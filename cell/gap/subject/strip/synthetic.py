@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from cell.record.tables import place_contacts, write_parquet
-from drivers.settings import SCHEMA
+from drivers.readers import SCHEMA
 from drivers.strip.engine import StripMotion
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (

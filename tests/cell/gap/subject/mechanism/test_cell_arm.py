@@ -24,7 +24,7 @@ from drivers.fci_server.posture import Posture
 from drivers.fci_server.trailing import Trailing
 from drivers.franka.dynamics import arm_mjcf
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
-from drivers.yaml_edit import dump_text
+from drivers.yaml_text import dump_yaml
 
 pytestmark = pytest.mark.slow
 
@@ -125,8 +125,8 @@ def test_load_and_delay_are_accepted_into_the_cell(soft, tmp_path):
     base = {p.name: p.start for p in soft.scope.base}
     effects = {"payload": {"mass": 0.3}, "control_delay": {"time": 0.006}}
     patch, of_cell = soft.patch(base, effects, "test")
-    (out / "patch.yaml").write_text(dump_text(patch))
-    (out / "cell-patch.yaml").write_text(dump_text(of_cell))
+    (out / "patch.yaml").write_text(dump_yaml(patch))
+    (out / "cell-patch.yaml").write_text(dump_yaml(of_cell))
     (out / "model-patch.xml").write_text(soft.model_text(base, effects))
     stated = {"file_sha256": sha256(file), "effects": list(effects)}
     (out / "fit.json").write_text(json.dumps(stated))

@@ -12,7 +12,7 @@ from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
 from cell.gap.verdict.accept import MODEL_PATCH, PATCH, RECORD, accept, sha256, undo
-from drivers.yaml_edit import dump_text
+from drivers.yaml_text import dump_yaml
 from tests.support.mechanisms import FORWARD, make_arm
 
 NAMED = {
@@ -41,7 +41,7 @@ def written(arm: MechanismSubject, out: Path, file: Path) -> None:
     out.mkdir()
     effects = {**NAMED, **RIG}
     patch, _ = arm.patch(BASE, effects, "test")
-    (out / PATCH).write_text(dump_text(patch))
+    (out / PATCH).write_text(dump_yaml(patch))
     (out / MODEL_PATCH).write_text(arm.model_text(BASE, effects))
     record = {"schema": 1, "file_sha256": sha256(file), "effects": sorted(effects)}
     (out / RECORD).write_text(json.dumps(record))

@@ -1,4 +1,4 @@
-"""Files that persons write keep comments, order and notation where a command changes them."""
+"""YAML is read within bounds, its numbers in every notation; an edit keeps what people wrote."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS
-from drivers.yaml_edit import edit_text
+from drivers.yaml_text import dump_yaml, edit_yaml, parse_yaml
 
 COMMENTED = """\
 # The strip of the second shelf.
@@ -30,7 +30,7 @@ provenance:
 
 def test_what_does_not_change_stays_as_it_is_written() -> None:
     content = yaml.safe_load(COMMENTED)
-    new = edit_text(COMMENTED, content | {"thickness": 0.0012, "bending_length": 0.021})
+    new = edit_yaml(COMMENTED, content | {"thickness": 0.0012, "bending_length": 0.021})
     assert new.splitlines()[:3] == COMMENTED.splitlines()[:3]
     assert "thickness: 0.0012     # calipers, three places" in new
     assert new.splitlines()[4:-1] == COMMENTED.splitlines()[4:]
@@ -40,7 +40,7 @@ def test_what_does_not_change_stays_as_it_is_written() -> None:
 def test_an_entry_put_before_others_leaves_them() -> None:
     content = yaml.safe_load(COMMENTED)
     measured = {"key": "length", "source": "ruler"}
-    new = edit_text(COMMENTED, content | {"provenance": [measured, *content["provenance"]]})
+    new = edit_yaml(COMMENTED, content | {"provenance": [measured, *content["provenance"]]})
     assert yaml.safe_load(new)["provenance"][0] == measured
     assert "source: 'calipers'" in new
     assert "      balance, ten\n      pieces" in new
@@ -53,18 +53,38 @@ def test_an_entry_put_before_others_leaves_them() -> None:
 )
 def test_files_of_the_cell_are_written_as_they_are(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
-    changed = edit_text(text, yaml.safe_load(text) | {"bending_length": 0.02})
+    changed = edit_yaml(text, yaml.safe_load(text) | {"bending_length": 0.02})
     other = [a for a, b in zip(text.splitlines(), changed.splitlines(), strict=True) if a != b]
     assert [line.partition(":")[0] for line in other] == ["bending_length"]
 
 
 def test_cell_file_keeps_its_comments_beside_a_new_effect() -> None:
     text = (CHECKOUT_CONFIGS / "cell.yaml").read_text(encoding="utf-8")
-    new = edit_text(text, yaml.safe_load(text) | {"effects": {"desk_tilt": {"angle": 0.004}}})
+    new = edit_yaml(text, yaml.safe_load(text) | {"effects": {"desk_tilt": {"angle": 0.004}}})
     assert {*text.splitlines()} - {*new.splitlines()} == {"effects: {}"}
     assert yaml.safe_load(new)["effects"] == {"desk_tilt": {"angle": 0.004}}
 
 
 @pytest.mark.parametrize("text", ["", "[1, 2]\n", "a: !!python/name:os.system x\n", "a: [1\n"])
 def test_what_cannot_be_edited_is_written_anew(text: str) -> None:
-    assert yaml.safe_load(edit_text(text, {"a": 2})) == {"a": 2}
+    assert yaml.safe_load(edit_yaml(text, {"a": 2})) == {"a": 2}
+
+
+@pytest.mark.parametrize(
+    "text", ["1e3", "1E3", "+1e+3", "1.e3", "1.0e3", "1.0e+3", "1000.", ".1e4"]
+)
+def test_every_notation_of_a_number_is_one(text: str) -> None:
+    assert parse_yaml(f"a: {text}", "") == {"a": 1000.0}
+
+
+def test_a_number_with_an_exponent_stays_as_it_is_written() -> None:
+    assert edit_yaml("a: 1e3  # by eye\n", {"a": 1e3, "b": 2}) == "a: 1e3  # by eye\nb: 2\n"
+
+
+@pytest.mark.parametrize("text", ["12e345678901", "1234567e8901", "1e3", "0x1f", "12", "e3", "1e"])
+def test_text_is_read_as_it_was_dumped(text: str) -> None:
+    assert parse_yaml(dump_yaml({"id": text}), "") == {"id": text}
+
+
+def test_an_identifier_of_digits_and_an_e_is_text() -> None:
+    assert parse_yaml("id: 12e345678901", "") == {"id": "12e345678901"}

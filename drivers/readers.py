@@ -1,0 +1,244 @@
+"""Readers of files from outside: regular files only, of bounded size, depth and digits.
+
+The libraries behind them are imported when they are used, for commands that go without.
+"""
+
+import json
+import os
+import stat
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from drivers.errors import ConfigurationError
+from drivers.yaml_text import parse_yaml
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from drivers.types import Image
+
+SCHEMA = 1  # newest version of the cell's files that this program reads
+MEGABYTE = 1_000_000
+LARGEST_TEXT = 200_000  # bytes, a generous bound on a file that a person writes
+LARGEST_PICTURE = 64 * MEGABYTE
+LARGEST_LINES = 32 * MEGABYTE  # of JSON lines; a fold of two minutes writes half of one
+LARGEST_TABLE, LARGEST_UNPACKED = 64 * MEGABYTE, 256 * MEGABYTE  # a fold's profile is below one
+MOST_ROWS = 1_000_000  # of a table
+MOST_LINES = 200_000
+LINE_DEPTH = 16  # of nested lists and mappings in a line of JSON
+LINE_DIGITS = 18  # of a whole number that fits 64 bits
+LARGEST_SIDE = 16_384  # px, of any camera or phone; a few bytes can declare gigabytes
+PNG_SIGNATURE, JPEG_SIGNATURE = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
+CHUNK_FRAME = 12  # bytes of a PNG chunk around its data: length, type, checksum
+# second bytes of the JPEG markers that begin a frame, whose header holds height and width
+FRAME_MARKERS = (*range(0xC0, 0xC4), *range(0xC5, 0xC8), *range(0xC9, 0xCC), *range(0xCD, 0xD0))
+SPECIAL_FILES = {
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+def read_bytes(path: Path, most: int) -> bytes:
+    """Content of the regular file at `path`, at most `most` bytes.
+
+    Raises ConfigurationError for a file that is missing, too large, unreadable or not regular. A
+    pipe or a device is never opened, because reading it could block for ever.
+    """
+    try:
+        _check_regular(path, path.stat())
+        with open(path, "rb", opener=_open_nonblocking) as file:
+            _check_regular(path, os.fstat(file.fileno()))
+            content = file.read(most + 1)
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise ConfigurationError(f"{str(path)!r}: cannot be read: {error}") from None
+    if len(content) > most:
+        raise ConfigurationError(
+            f"{path}: is larger than {most / MEGABYTE:g} MB, the most that is read; "
+            "is it the right file?"
+        )
+    return content
+
+
+def read_text(path: Path, most: int = LARGEST_TEXT) -> str:
+    """Content of the file at `path` as UTF-8 text; ConfigurationError where it cannot be read."""
+    try:
+        return read_bytes(path, most).decode("utf-8")
+    except UnicodeDecodeError:
+        raise ConfigurationError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Mapping in a YAML file; a missing, broken or non-mapping file is a ConfigurationError."""
+    return parse_yaml(read_text(path), str(path))
+
+
+def read_json(path: Path, most: int = LARGEST_TEXT) -> dict[str, Any]:
+    """Mapping in a JSON file of at most `most` bytes; raises ConfigurationError for any other."""
+    text = read_text(path, most)
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{path}: is not valid JSON: {error}") from None
+    if not isinstance(content, dict):
+        raise ConfigurationError(f"{path}: must be a mapping of keys to values")
+    return content
+
+
+def read_json_lines(path: Path, most: int = LARGEST_LINES) -> list[dict[str, Any]]:
+    """Mappings in the lines of a JSON-lines file of at most `most` bytes; empty without a file.
+
+    Other lines are skipped, such as a truncated last one. Raises ConfigurationError for a file that
+    is not regular, or too large.
+    """
+    if not path.exists():
+        return []
+    lines: list[dict[str, Any]] = []
+    for line in read_bytes(path, most).split(b"\n", MOST_LINES)[:MOST_LINES]:
+        try:
+            content = json.loads(line, parse_int=_integer)
+        except (ValueError, RecursionError):
+            continue
+        shallow = line.count(b"{") + line.count(b"[") <= LINE_DEPTH  # as all lines of a run are
+        if isinstance(content, dict) and (shallow or _is_flat(content, LINE_DEPTH)):
+            lines.append(content)
+    return lines
+
+
+def read_parquet(path: Path) -> "pa.Table":
+    """The Parquet table at `path`; ConfigurationError when missing, broken or of a newer schema."""
+    import pyarrow as pa
+
+    if not path.exists():
+        raise ConfigurationError(f"{path}: is missing; add it")
+    content = read_bytes(path, LARGEST_TABLE)
+    try:
+        table = _parquet_table(content)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        reason = (str(error).splitlines() or ["no reason given"])[0]
+        raise ConfigurationError(
+            f"{path}: is not a whole Parquet file: {reason}; write it again"
+        ) from None
+    schema = (table.schema.metadata or {}).get(b"schema", b"1")
+    if not (schema.isdigit() and len(schema) < 9 and 0 < int(schema) <= SCHEMA):
+        raise ConfigurationError(
+            f"{path}: schema: is {schema.decode(errors='replace')}, this version reads {SCHEMA}; "
+            "update the cell"
+        )
+    return table
+
+
+def read_picture(path: Path, side: int = LARGEST_SIDE) -> "Image":
+    """The picture (height, width, 3) in BGR at `path`, no side longer than `side` [px].
+
+    Raises ConfigurationError for a file that is missing, not regular, no whole PNG or JPEG, or
+    larger; nothing is decoded before its sides are known.
+    """
+    content = read_bytes(path, LARGEST_PICTURE)
+    width, height = picture_sides(content)
+    if max(width, height) > side:
+        raise ConfigurationError(
+            f"{path}: is {width} x {height} px, at most {side} px are read; make it smaller"
+        )
+    image = _decode(content) if min(width, height) > 0 else None
+    if image is None:
+        raise ConfigurationError(f"{path}: is not a picture that can be read; give a JPEG or PNG")
+    return image
+
+
+def picture_sides(content: bytes) -> tuple[int, int]:
+    """Width and height [px] that the header of a PNG or JPEG declares; zeros for other content.
+
+    Zeros too for a PNG that ends within a chunk: OpenCV allocates what the chunk declares.
+    """
+    if content.startswith(PNG_SIGNATURE) and content[12:16] == b"IHDR":
+        if not _holds_its_chunks(content):
+            return 0, 0
+        return int.from_bytes(content[16:20]), int.from_bytes(content[20:24])
+    return _jpeg_sides(content) if content.startswith(JPEG_SIGNATURE) else (0, 0)
+
+
+def _open_nonblocking(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
+
+
+def _check_regular(path: Path, found: os.stat_result) -> None:
+    kind = stat.S_IFMT(found.st_mode)
+    if kind in SPECIAL_FILES:
+        raise ConfigurationError(
+            f"{path}: cannot be read: is {SPECIAL_FILES[kind]}, must be a regular file"
+        )
+
+
+def _is_flat(value: object, depth: int) -> bool:
+    """Whether lists and mappings are nested at most `depth` deep."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if not isinstance(value, list):
+        return True
+    return depth > 0 and all(_is_flat(item, depth - 1) for item in value)
+
+
+def _integer(text: str) -> int | float:
+    """Parse a whole number; as a float where it is too large for any index, count or time."""
+    return int(text) if len(text) <= LINE_DIGITS else float(text)
+
+
+def _parquet_table(content: bytes) -> "pa.Table":
+    """The table in a Parquet file's `content`; ValueError where it declares too much memory."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    file = pq.ParquetFile(pa.BufferReader(content))
+    declared: Any = file.metadata
+    unpacked = sum(declared.row_group(i).total_byte_size for i in range(declared.num_row_groups))
+    if declared.num_rows > MOST_ROWS or unpacked > LARGEST_UNPACKED:
+        raise ValueError(
+            f"it states {declared.num_rows} rows and {unpacked / MEGABYTE:.0f} MB, at most "
+            f"{MOST_ROWS} and {LARGEST_UNPACKED // MEGABYTE} MB are read"
+        )
+    table = file.read(use_threads=False)
+    table.validate(full=True)
+    _ = table.schema.names  # raises ValueError where they are no text
+    return table
+
+
+def _jpeg_sides(jpeg: bytes) -> tuple[int, int]:
+    """Width and height [px] in the first frame header of a JPEG; zeros where there is none."""
+    at = len(JPEG_SIGNATURE)
+    while at + 9 <= len(jpeg) and jpeg[at] == 0xFF:
+        if jpeg[at + 1] in FRAME_MARKERS:
+            height, width = jpeg[at + 5 : at + 7], jpeg[at + 7 : at + 9]
+            return int.from_bytes(width), int.from_bytes(height)
+        is_fill = jpeg[at + 1] == 0xFF
+        at += 1 if is_fill else 2 + int.from_bytes(jpeg[at + 2 : at + 4])
+    return 0, 0
+
+
+def _holds_its_chunks(png: bytes) -> bool:
+    """Whether a PNG contains the whole data of each of its chunks."""
+    at = len(PNG_SIGNATURE)
+    while at + CHUNK_FRAME <= len(png):
+        ends = png[at + 4 : at + 8] == b"IEND"
+        at += CHUNK_FRAME + int.from_bytes(png[at : at + 4])
+        if ends:
+            break
+    return at <= len(png)
+
+
+def _decode(content: bytes) -> "Image | None":
+    """The picture (height, width, 3) in BGR; None where broken, without messages of OpenCV."""
+    import cv2
+    import numpy as np
+
+    before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        return None
+    finally:
+        cv2.utils.logging.setLogLevel(before)
+    return None if image is None else np.asarray(image, dtype=np.uint8)

@@ -1,0 +1,220 @@
+"""YAML text: parsed within bounds, dumped, and edited so that comments and order stay."""
+
+import io
+import re
+from collections.abc import Hashable, Mapping, MutableMapping, MutableSequence, Sequence
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from yaml.composer import Composer
+
+from drivers.errors import ConfigurationError
+
+if TYPE_CHECKING or not yaml.__with_libyaml__:
+    _Loader = yaml.SafeLoader
+else:
+
+    class _Loader(Composer, yaml.CSafeLoader):
+        """Parser in C, eight times as fast, and composer in Python: in C, deep nests overflow."""
+
+        def __init__(self, stream: Any) -> None:
+            yaml.CSafeLoader.__init__(self, stream)
+            Composer.__init__(self)
+
+
+DEPTH = 32  # of nested lists and mappings
+MOST_NODES = 10_000  # once every alias is written out
+MOST_DIGITS = 64  # of a number
+FLOAT_TAG = "tag:yaml.org,2002:float"
+NUMBER_TAGS = ("tag:yaml.org,2002:int", FLOAT_TAG)
+WORDLESS = ("tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:binary")  # no key in JSON either
+# Numbers of YAML 1.2 that are text in YAML 1.1, which PyYAML speaks. Without dot and sign few
+# digits are taken: an identifier of 12 digits, one of them an e, is text.
+EXPONENTS = re.compile(
+    r"[-+]?(?:(?:\d+\.\d*|\.\d+)[eE][-+]?\d+|\d+[eE][-+]\d+|\d{1,7}[eE]\d{1,3})$"
+)
+LINE_WIDTH = 100
+INSET = re.compile(r"^  +- ", re.MULTILINE)  # entries of lists stand further in than their key
+
+
+def parse_yaml(text: str, path: str) -> dict[str, Any]:
+    """Mapping in YAML `text`; raises ConfigurationError, with `path`, for any other content."""
+    try:
+        content = yaml.load(text, BoundedLoader)  # noqa: S506  a safe loader, bounded besides
+    except yaml.YAMLError as error:
+        raise ConfigurationError(f"{path}: is not valid YAML: {_place(error)}") from None
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{path}: is not valid YAML: {error}") from None
+    except (AttributeError, LookupError, TypeError, ArithmeticError):
+        # what the loader's own constructors raise for `!!timestamp x`, `!!int ""`, `!!bool x`
+        raise ConfigurationError(
+            f"{path}: is not valid YAML: a value is not what its !! tag says; leave tags out"
+        ) from None
+    if not isinstance(content, dict):
+        raise ConfigurationError(f"{path}: must be a mapping of keys to values")
+    return content
+
+
+def dump_yaml(content: Mapping[str, Any]) -> str:
+    """`content`, of plain values, as the text of a YAML file that `parse_yaml` reads as it is."""
+    return yaml.dump(
+        dict(content), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=LINE_WIDTH
+    )
+
+
+def edit_yaml(text: str, content: Mapping[str, Any]) -> str:
+    """YAML `text` edited to hold `content`; parts that do not change stay as they are written.
+
+    A text that cannot be edited so is written anew.
+    """
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    editor = YAML()
+    editor.preserve_quotes = True
+    editor.width = LINE_WIDTH
+    if INSET.search(text):
+        editor.indent(mapping=2, sequence=4, offset=2)
+    try:
+        document = editor.load(text)
+        _change(document, content)
+        sink = io.StringIO()
+        editor.dump(document, sink)
+        new = sink.getvalue()
+        return new if parse_yaml(new, "") == dict(content) else dump_yaml(content)
+    except (YAMLError, ConfigurationError, TypeError, ValueError):
+        return dump_yaml(content)
+
+
+class BoundedLoader(_Loader):
+    """Safe YAML loader that refuses duplicate keys and bounds depth, size and digits of numbers.
+
+    Size counts aliases written out; 1e3 is read as a number. Raises yaml.MarkedYAMLError at the
+    place where a bound is exceeded.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        super().__init__(stream)
+        self._depth = 0
+        self._nodes = 0
+        self._sizes: dict[str, int] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """The next node of the document; an alias counts as often as the node it stands for."""
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        anchor: Any = getattr(event, "anchor", None)
+        if self.check_event(yaml.AliasEvent):
+            if anchor in self.anchors and anchor not in self._sizes:
+                raise _error_at(
+                    event, f"alias {anchor!r} stands within what it names; write it out"
+                )
+            self._count(event, self._sizes.get(anchor, 1))
+            return super().compose_node(parent, index)
+        before = self._nodes
+        self._count(event, 1)
+        self._depth += 1
+        if self._depth > DEPTH:
+            raise _error_at(event, f"is nested more than {DEPTH} deep")
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if anchor is not None:
+            self._sizes[anchor] = self._nodes - before
+        return node
+
+    def compose_scalar_node(self, anchor: Any) -> Any:
+        """The next scalar; a number with too many digits is refused before it is converted."""
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        node = super().compose_scalar_node(anchor)
+        if node.tag in NUMBER_TAGS and len(node.value) > MOST_DIGITS:
+            raise _error_at(
+                event, f"is a number of {len(node.value)} digits, at most {MOST_DIGITS}"
+            )
+        return node
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Mapping of `node`; MarkedYAMLError for a key that is no word or is given twice."""
+        seen: set[Hashable] = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode) or key.tag in WORDLESS:
+                problem = "a key must be a word"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+            if key.value in seen:
+                problem = f"key {key.value!r} is given twice; keep one"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+    def _count(self, event: Any, nodes: int) -> None:
+        self._nodes += nodes
+        if self._nodes > MOST_NODES:
+            raise _error_at(event, f"holds more than {MOST_NODES} values, aliases written out")
+
+
+def _error_at(event: Any, text: str) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=text, problem_mark=event.start_mark)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Safe dumper that quotes text which `BoundedLoader` would read as a number."""
+
+
+BoundedLoader.add_implicit_resolver(FLOAT_TAG, EXPONENTS, list("-+.0123456789"))
+_Dumper.add_implicit_resolver(FLOAT_TAG, EXPONENTS, list("-+.0123456789"))
+
+
+def _place(error: yaml.YAMLError) -> str:
+    mark = getattr(error, "problem_mark", None)
+    problem = getattr(error, "problem", None) or "cannot be parsed"
+    return f"line {mark.line + 1}: {problem}" if mark is not None else str(problem)
+
+
+def _change(node: Any, value: Any) -> None:
+    """Make the mapping or list `node` hold `value`, touching only what differs."""
+    if isinstance(value, Mapping):
+        _change_mapping(node, value)
+    else:
+        _change_list(node, value)
+
+
+def _change_mapping(node: Any, value: Mapping[str, Any]) -> None:
+    _check(node, MutableMapping)
+    for key in [key for key in node if key not in value]:
+        del node[key]
+    for key, item in value.items():
+        node[key] = _merge(node.get(key), item)
+
+
+def _change_list(node: Any, value: Sequence[Any]) -> None:
+    _check(node, MutableSequence)
+    added = len(value) - len(node)
+    if added > 0 and _nearly_equal(node, value[added:], besides=1):
+        # new entries in front: the others keep their comments
+        for item in reversed(value[:added]):
+            node.insert(0, item)
+    elif added:
+        node[:] = list(value)
+    for i, item in enumerate(value):
+        node[i] = _merge(node[i], item)
+
+
+def _nearly_equal(node: Sequence[Any], value: Sequence[Any], besides: int) -> bool:
+    """Whether two lists of equal length differ in at most `besides` entries."""
+    return len([1 for one, other in zip(node, value, strict=True) if one != other]) <= besides
+
+
+def _merge(old: Any, new: Any) -> Any:
+    """`old` where it equals `new`, changed in place where it can be, or else `new`."""
+    if old == new and isinstance(old, bool) == isinstance(new, bool):
+        return old
+    if isinstance(old, MutableMapping) and isinstance(new, Mapping):
+        _change(old, new)
+        return old
+    if isinstance(old, MutableSequence) and isinstance(new, list | tuple):
+        _change(old, new)
+        return old
+    return new
+
+
+def _check(node: Any, kind: type) -> None:
+    if not isinstance(node, kind):
+        raise TypeError(f"is {type(node).__name__}, not {kind.__name__}")
