@@ -7,7 +7,7 @@ from typing import TypeVar
 from drivers.errors import ConfigurationError
 
 T = TypeVar("T")
-GROUP = "folding_cell"  # before a dot and the kind: effects, policies, causes, arms, cameras
+GROUP = "folding_cell"  # before a dot and the kind, such as effects, policies, arms, cameras
 
 
 def plugin_names(kind: str) -> tuple[str, ...]:

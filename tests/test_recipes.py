@@ -241,10 +241,8 @@ def test_an_effect_is_a_package_of_one_file(installed: Path) -> None:
     assert [float(group[0][0]) for group in tried.probes] == [0.1, 0.5]
 
 
-def test_an_effect_of_a_mechanism_is_a_file(
-    installed: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    only(installed, monkeypatch, cell.gap.subject.mechanism.effects, "magnet", MECHANISM_EFFECT)
+def test_an_effect_of_a_mechanism_is_a_package_of_one_file(installed: Path) -> None:
+    install(installed, "mechanism_effects", "magnet", MECHANISM_EFFECT, "EFFECT")
     file, runs = make_arm(installed / "arm", 2, content=PRESCRIBED, span=0.5)
     arm = open_mechanism(file, find_runs([runs]))
     run, base = arm.runs[0], np.array([p.start for p in arm.scope.base])

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.mechanism.importer import write_run
 from cell.gap.subject.mechanism.pendulum import mechanism_of
-from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from cell.gap.subject.run_folders import read_table
 from drivers.readers import read_yaml
 from drivers.settings import load

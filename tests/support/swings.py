@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import yaml
 
 from cell.gap.fitting.tasks import Simulate
-from cell.gap.subject.mechanism.pendulum_file import PendulumFile
+from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.subject import Request, Residuals
 from drivers.types import Array
 

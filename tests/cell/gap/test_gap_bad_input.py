@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from cell.gap.fit import fit
-from cell.gap.subject.mechanism.pendulum_file import PendulumFile
+from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.strip.simulation import Simulation
 from drivers.errors import ConfigurationError

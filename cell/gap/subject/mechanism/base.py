@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Fields, scale_gain
+from cell.gap.subject.mechanism.fields import Fields, scale_gain
 from cell.gap.subject.mechanism.file import MechanismFile, UncertainSpec
 from cell.gap.subject.mechanism.model import Mechanism, number_of
 from cell.gap.subject.subject import Parameter

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
+from cell.gap.subject.mechanism.fields import Fields
 from cell.gap.subject.mechanism.model import Joint, Mechanism
 from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
@@ -15,13 +16,6 @@ MODES = ("forward", "prescribed", "planar")
 SIZES_PER_SPREAD = 25.0  # typical sizes of a parameter in its prior spread
 STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
-
-
-class Fields(Protocol):
-    """Arrays of a model by MuJoCo's names (`dof_damping`, `opt.gravity`), to be edited in place."""
-
-    def __getitem__(self, name: str) -> Array:
-        """Array of the field called `name`, to be edited in place."""
 
 
 @dataclass(slots=True)
@@ -176,13 +170,6 @@ def add_to(field: str) -> Callable[[Mechanism, Array, Fields], None]:
                 fields[field].reshape(mechanism.model.nv, -1)[joint.dof, 0] += value
 
     return edit
-
-
-def scale_gain(fields: Fields, actuator: int, factor: float) -> None:
-    """Multiply an actuator's gain and bias by a `factor`."""
-    if factor != 1.0:
-        fields["actuator_gainprm"][actuator, :3] *= factor
-        fields["actuator_biasprm"][actuator, :3] *= factor
 
 
 def readings_of(known: Sequence[tuple[Effect, Array]], mechanism: Mechanism) -> Readings:

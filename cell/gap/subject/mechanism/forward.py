@@ -1,5 +1,10 @@
-"""Simulates runs of a mechanism with MuJoCo, many at once, and reads its sensors."""
+"""Simulates runs of a mechanism with MuJoCo, many at once, and reads its sensors.
 
+Elastic gears or play split each joint into motor and link.
+"""
+
+import copy
+import xml.etree.ElementTree as ET
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,16 +14,25 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 
 from cell.gap.subject.interpolate import interpolate
-from cell.gap.subject.mechanism.case import BatchFields, Case
 from cell.gap.subject.mechanism.effects import torques
-from cell.gap.subject.mechanism.load import Opened
-from cell.gap.subject.mechanism.runs import Recording
-from cell.gap.subject.mechanism.variant import Variant
+from cell.gap.subject.mechanism.engine import Case, Content, Engine
+from cell.gap.subject.mechanism.fields import BatchFields, ModelFields
+from cell.gap.subject.mechanism.load import Opened, start_of
+from cell.gap.subject.mechanism.model import Mechanism, compile_model
+from cell.gap.subject.mechanism.runs import Cut, Recording
 from drivers.types import Array, frozen
 
 TOGETHER = 256  # simulations of a batch
 POSITION_LIMIT = 1e4  # rad or m that no mechanism reaches
 TIME_ROUNDING = 1e-9  # s by which a command may be stamped late of the grid
+FLEX = "__flex"
+SHARE = 1e-3  # of a joint's inertia that its motor has where the model states none
+DAMPED = 0.02  # of critical damping, in the gear
+STIFFEST = 1e6  # N m/rad per kg m^2 of a joint's inertia, of a gear that does not twist
+LEAST_COMPLIANCE = 1e-12  # rad/(N m), against division by zero
+BODY = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
+DOF = ("dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss")
+ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
 CONST = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "qpos_spring")
 
 
@@ -57,14 +71,22 @@ def commands_of(recording: Recording, inputs: Sequence[str], actuators: Sequence
     return Commands(frozen(t), frozen(u))
 
 
-class Forward:
+class Forward(Engine):
     """Predicts a mechanism's signals by simulation, with MuJoCo's forces and `laws`."""
 
     def __init__(self, opened: Opened, jobs: int, laws: frozenset[str]) -> None:
-        self._mechanism, self._signals, self._mix = opened.mechanism, opened.signals, opened.mix
+        super().__init__(opened)
+        self._signals, self._mix = opened.signals, opened.mix
         self._jobs, self._laws = jobs, laws
         self._settle = round((opened.file.start.settle or 0.0) / self._mechanism.step)
-        self._variant: Variant | None = None
+        self._split_model: SplitModel | None = None
+
+    def _content(self, recording: Recording, made: Cut, width: float) -> Content:  # noqa: ARG002
+        """Content of a run that is simulated forward: its commands, and its start."""
+        file = self._opened.file
+        commands = commands_of(recording, tuple(file.inputs), self._mechanism.actuators, file.hold)
+        return Content(made, recording.load, commands=commands,
+                       start=start_of(self._opened, recording))  # fmt: skip
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
         """Signals (signals, k) of each case at its readings; None where its simulation is lost."""
@@ -143,11 +165,11 @@ class Forward:
         """Add to `states` what elasticity or play changes: a split model less its rigid twin."""
         rows = [i for i, c in enumerate(cases) if _has_soft_gears(c)]
         some, u = [cases[i] for i in rows], control[rows]
-        if self._variant is None:
-            self._variant = Variant(self._mechanism)
+        if self._split_model is None:
+            self._split_model = SplitModel(self._mechanism)
         found = []
-        for rigid, embed in ((False, self._variant.motor), (True, None)):
-            models = [self._variant.model(case, rigid=rigid) for case in some]
+        for rigid, embed in ((False, self._split_model.motor), (True, None)):
+            models = [self._split_model.model(case, rigid=rigid) for case in some]
             batch = Batch(models[0], len(some), self._jobs)
             batch.set_models(models)
             found.append(self._run(batch, some, u, embed))
@@ -208,3 +230,96 @@ class Forward:
 def _has_soft_gears(case: Case) -> bool:
     gears = (case.readings.elastic, case.readings.gap)
     return any(values is not None and bool(np.any(values)) for values in gears)
+
+
+class SplitModel:
+    """Model of a mechanism with each joint split; `motor` (joints,) are indices of motor states."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+        base = mechanism.model
+        self._model = compile_model(_split(mechanism), "split", base.nuser_jnt, mechanism.step)
+        self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
+            self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+        names = [j.name for j in mechanism.joints]
+        self._joint = np.array([self._model.joint(n).id for n in names])
+        self._flex = np.array([self._model.joint(n + FLEX).id for n in names])
+        self._body = np.array([self._model.body(n).id for n in _body_names(base)])
+        self.motor: Array = self._model.jnt_dofadr[self._joint]
+
+    def model(self, case: Case, *, rigid: bool) -> Any:
+        """Model of a case, split, or its `rigid` twin with the same integrator."""
+        edited = copy.copy(self._mechanism.model)
+        fields = ModelFields(edited)
+        case.edit(fields)
+        fields.finish()
+        if rigid:
+            edited.opt.integrator = self._model.opt.integrator
+            mujoco.mj_setConst(edited, mujoco.MjData(edited))
+            return edited
+        found = copy.copy(self._model)
+        for name in BODY:
+            getattr(found, name)[self._body] = getattr(edited, name)
+        for name in DOF:
+            getattr(found, name)[self.motor] = getattr(edited, name)
+        for name in ACTUATOR:
+            getattr(found, name)[:] = getattr(edited, name)
+        self._set_gears(found, edited, case)
+        mujoco.mj_setConst(found, mujoco.MjData(found))
+        return found
+
+    def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
+        """Write stiffness, play and values of compiled torques to the split joints of `found`."""
+        inertia = self._mechanism.inertia
+        dof = self._model.jnt_dofadr[self._flex]
+        elastic, gap = case.readings.elastic, case.readings.gap
+        compliance = np.zeros(len(inertia)) if elastic is None else elastic
+        stiffness = np.minimum(1.0 / np.maximum(compliance, LEAST_COMPLIANCE), STIFFEST * inertia)
+        found.jnt_stiffness[self._joint] = edited.jnt_stiffness
+        found.qpos_spring[self.motor] = edited.qpos_spring
+        motor_inertia = np.maximum(found.dof_armature[self.motor], SHARE * inertia)
+        found.dof_armature[self.motor] = motor_inertia
+        if gap is not None and np.any(gap):
+            has_play = gap > 0.0
+            stiffness = np.where(has_play, 0.0, stiffness)
+            found.jnt_range[self._flex] = 0.5 * np.outer(gap, (-1.0, 1.0)) * has_play[:, None]
+            found.jnt_limited[self._flex] = has_play
+        found.jnt_stiffness[self._flex] = stiffness
+        found.dof_damping[dof] = 2.0 * DAMPED * np.sqrt(np.maximum(stiffness, 1.0) * motor_inertia)
+        found.jnt_user[:] = 0.0
+        found.jnt_user[self._joint] = edited.jnt_user
+        # what `passive.HEAD` describes, for the split joints
+        found.jnt_user[:, 0] = found.njnt
+        found.jnt_user[:, 1], found.jnt_user[:, 2] = found.jnt_qposadr, found.jnt_dofadr
+        found.jnt_user[:, 3] = float(np.mean(edited.jnt_user[:, 3]))
+
+
+def _body_names(model: Any) -> list[str]:
+    """Names of all bodies in order; a body without a name is called by its number."""
+    return [model.body(i).name or f"body{FLEX}_{i}" for i in range(model.nbody)]
+
+
+def _split(mechanism: Mechanism) -> str:
+    """MJCF text of the model with a flexible joint between each joint and its body."""
+    spec = mujoco.MjSpec.from_string(mechanism.xml)
+    root = ET.fromstring(spec.to_xml())  # noqa: S314  our own text
+    bodies = list(root.iter("body"))
+    for body, name in zip(bodies, _body_names(mechanism.model)[1:], strict=True):
+        body.set("name", name)
+    for body in bodies:
+        joint = body.find("joint")
+        if joint is None or not joint.get("name"):
+            continue
+        inner = ET.Element("body", {k: v for k, v in body.attrib.items() if k == "name"})
+        for child in list(body):
+            if child is not joint:
+                body.remove(child)
+                inner.append(child)
+        body.set("name", f"{body.get('name', '')}{FLEX}_{joint.get('name')}")
+        kept = {k: v for k, v in joint.attrib.items() if k in ("type", "axis", "pos", "class")}
+        inner.insert(0, ET.Element("joint", {**kept, "name": joint.get("name", "") + FLEX}))
+        inertial = {"pos": "0 0 0", "mass": "1e-6", "diaginertia": "1e-9 1e-9 1e-9"}
+        body.insert(0, ET.Element("inertial", inertial))
+        body.append(inner)
+    return ET.tostring(root, encoding="unicode")

@@ -9,9 +9,8 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.base import Base, base_of
-from cell.gap.subject.mechanism.effects import torques
-from cell.gap.subject.mechanism.file import MechanismFile, SignalSpec
-from cell.gap.subject.mechanism.library import check_effects
+from cell.gap.subject.mechanism.effects import check_effects, torques
+from cell.gap.subject.mechanism.file import MechanismFile, PendulumFile, SignalSpec
 from cell.gap.subject.mechanism.model import (
     LIGHT,
     Joint,
@@ -23,9 +22,9 @@ from cell.gap.subject.mechanism.model import (
     read_xml,
 )
 from cell.gap.subject.mechanism.passive import HEAD
-from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from cell.gap.subject.mechanism.runs import Recording, Signal, pace, read_recording, repeat_noise
 from cell.gap.subject.run_folders import HEADER_FILE, RunFolder, check_indices
+from cell.gap.subject.subject import Parameter
 from drivers.errors import ConfigurationError
 from drivers.readers import read_yaml
 from drivers.settings import load
@@ -36,6 +35,7 @@ SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
 FLOOR = 0.02  # of a torque's standard deviation: modelling error of rigid bodies
 FORWARD_FLOOR = 5e-5  # rad or m, error of integration
 LIMITLESS = 1e12  # N m or N, force range of an actuator that states none
+LEAST = 8  # readings of which the rate at the start is taken
 RATE_READINGS = 300  # of a recording, from which typical rates are taken
 
 
@@ -251,3 +251,37 @@ def _rms_rates(recordings: Sequence[Recording], column: str) -> tuple[float, flo
         rates.append(np.mean(v**2))
         accelerations.append(np.mean(np.gradient(v, t) ** 2))
     return float(np.sqrt(np.mean(rates))), float(np.sqrt(np.mean(accelerations)))
+
+
+def start_of(opened: Opened, recording: Recording) -> tuple[Array, Array]:
+    """Positions [rad or m] and rates (joints,) of the joints at the start of a recording."""
+    spec, n = opened.file.start, len(opened.mechanism.joints)
+    at = [k for k, s in enumerate(opened.signals) if s.kind == "position"]
+    inverse = np.linalg.pinv(opened.mix[at]) if at else np.zeros((n, 0))
+    near = max(LEAST, int(np.searchsorted(recording.t, 0.5 / opened.pace)))
+    places, slopes = [], []
+    for k in at:
+        x = recording.columns[opened.signals[k].name][:near]
+        known = np.isfinite(x)
+        fitted = np.polynomial.Polynomial.fit(recording.t[:near][known], x[known], 3)
+        places.append(float(x[known][0]))
+        slopes.append(float(fitted.deriv()(0.0)))
+    rates = slopes if recording.rates is None else recording.rates
+    q = inverse @ places if spec.position == "measured" else np.full(n, spec.position)
+    v = inverse @ rates if spec.velocity == "measured" else np.full(n, spec.velocity)
+    return q, v
+
+
+def initial_state(opened: Opened, start: tuple[Array, Array]) -> tuple[Parameter, ...]:
+    """Unknown positions and rates (joints,) about a `start`; none if it is exact or settles."""
+    spec, pace = opened.file.start, opened.pace
+    if spec.spread == 0.0 or spec.settle:
+        return ()
+    wide = np.inf if spec.spread is None else spec.spread
+    rows = (("angle", start[0], "rad", 1.0), ("rate", start[1], "rad/s", pace))
+    return tuple(
+        Parameter(f"{name}_{joint.name}", unit, float(value), -np.inf, np.inf, step=1e-5 * times,
+                  spread=wide * times)
+        for name, values, unit, times in rows
+        for joint, value in zip(opened.mechanism.joints, values, strict=True)
+    )  # fmt: skip

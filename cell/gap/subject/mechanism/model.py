@@ -60,6 +60,11 @@ class Mechanism:
     trackings: tuple[tuple[str, int], ...] = ()
 
     @property
+    def last_body(self) -> int:
+        """Number of the last body that a joint moves."""
+        return int(np.max(self.model.jnt_bodyid))
+
+    @property
     def torque(self) -> Array:
         """Typical torque [N m] of each joint (joints,)."""
         return np.array([j.torque for j in self.joints])
@@ -73,6 +78,14 @@ class Mechanism:
     def inertia(self) -> Array:
         """Inertia [kg m^2] that each joint moves (joints,)."""
         return np.array([j.inertia for j in self.joints])
+
+
+def tip(mechanism: Mechanism, body: int) -> Array:
+    """Position (3,) [m] in a body's frame of its end: farthest site or twice the centre of mass."""
+    model = mechanism.model
+    places = [model.site_pos[i] for i in range(model.nsite) if model.site_bodyid[i] == body]
+    places.append(2.0 * model.body_ipos[body])
+    return np.array(max(places, key=lambda p: float(np.linalg.norm(p))))
 
 
 def read_xml(path: Path, folder: Path) -> str:

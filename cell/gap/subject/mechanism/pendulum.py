@@ -7,14 +7,12 @@ from typing import Any
 import numpy as np
 
 from cell.gap.subject.mechanism.base import Base
-from cell.gap.subject.mechanism.chain import fastest, fields_of, levers
-from cell.gap.subject.mechanism.effect import Fields
-from cell.gap.subject.mechanism.effects import torques
-from cell.gap.subject.mechanism.file import MechanismFile
-from cell.gap.subject.mechanism.library import check_effects
+from cell.gap.subject.mechanism.effects import check_effects, torques
+from cell.gap.subject.mechanism.fields import Fields
+from cell.gap.subject.mechanism.file import MechanismFile, PendulumFile
 from cell.gap.subject.mechanism.load import FORWARD_FLOOR, SMOOTH, Opened, zone_of
 from cell.gap.subject.mechanism.model import Joint, Mechanism, compile_model
-from cell.gap.subject.mechanism.pendulum_file import PendulumFile
+from cell.gap.subject.mechanism.planar_chain import fastest, fields_of, levers
 from cell.gap.subject.mechanism.runs import Recording, Signal, check_angle
 from cell.gap.subject.run_folders import (
     HEADER_FILE,

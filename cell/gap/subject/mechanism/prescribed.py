@@ -5,7 +5,7 @@ import ctypes
 from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,12 +17,16 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, filtfilt, welch
 
-from cell.gap.subject.mechanism.case import Case, ModelFields
+from cell.gap.subject.blocks import average
 from cell.gap.subject.mechanism.effect import Effect, Readings
 from cell.gap.subject.mechanism.effects import registry, torques
+from cell.gap.subject.mechanism.engine import Case, Content, Engine
+from cell.gap.subject.mechanism.fields import ModelFields
+from cell.gap.subject.mechanism.load import Opened
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.passive import without_clock
-from cell.gap.subject.mechanism.runs import Recording
+from cell.gap.subject.mechanism.runs import Cut, Recording, phases
+from cell.gap.subject.subject import Samples, Words
 from drivers.types import Array, frozen
 
 ORDER = 3  # of the Butterworth filter, run forth and back
@@ -159,22 +163,50 @@ def _near_gaps(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return np.convolve(around, np.ones(2 * reach + 1), "valid") > 0.5
 
 
-class Prescribed:
+class Prescribed(Engine):
     """Predicts the torques of actuators along a measured motion, by inverse dynamics."""
 
-    def __init__(self, mechanism: Mechanism, jobs: int) -> None:
-        self._mechanism = mechanism
+    notes = ("torques of the measured motion are compared; the motion itself is not simulated",)
+
+    def __init__(self, opened: Opened, jobs: int, laws: frozenset[str]) -> None:  # noqa: ARG002
+        super().__init__(opened)
         self._known: OrderedDict[bytes, Array] = OrderedDict()
         self._jobs = jobs
-        self._model = copy.copy(mechanism.model)
+        self._model = copy.copy(self._mechanism.model)
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        self._joints = [j.name for j in self._mechanism.joints]
+        self._cutoff = cutoff_of(opened.recordings, self._joints, opened.pace)
+
+    def prepare(self, recording: Recording) -> tuple[Content, Samples]:
+        """Content and samples of a run, with the noise that the measured motion adds to torques."""
+        content, known = super().prepare(recording)
+        error = self._encoder_error(content.motion, content.cut.t)
+        _, squares = average(error, content.cut.edges)  # torques come first
+        more = np.sqrt(np.concatenate([squares, np.zeros(len(known) - len(squares))]))
+        noise, reading = np.hypot(known.noise, more), np.hypot(known.reading, more)
+        return content, replace(known, noise=noise, reading=reading)
+
+    def _content(self, recording: Recording, made: Cut, width: float) -> Content:
+        """Content of a run with its motion: filtered torques, without those near gaps."""
+        names = [s.name for s in self._opened.signals]
+        motion = motion_of(recording, self._joints, names, self._cutoff, width)
+        filtered = motion.below_cutoff(motion.torques, made.t)
+        good = np.all([np.interp(made.t, motion.t, k) == 1.0 for k in motion.known], axis=0)
+        made = replace(made, values=filtered).keep(good)
+        return Content(made, recording.load, motion=motion)
+
+    def _phases(self, content: Content) -> Words:
+        """Phase (b,) of each sample, by the speed of the motion in typical rates of the joints."""
+        made, motion = content.cut, content.motion
+        speed = np.interp(made.t, motion.t, motion.v @ (1.0 / self._mechanism.rate))
+        return phases(average(speed[None], made.edges)[0])
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
         """Torques (signals, k) of each case at its readings."""
         with without_clock(), ThreadPoolExecutor(self._jobs) as pool:
             return list(pool.map(self._torque, cases))
 
-    def encoder_error(self, motion: Motion, t: Array) -> Array:
+    def _encoder_error(self, motion: Motion, t: Array) -> Array:
         """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder noise."""
         model, q, v, a = self._model, motion.q, motion.v, motion.a
         plain = _inverse_dynamics(model, q, v, a)

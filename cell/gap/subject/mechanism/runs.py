@@ -89,6 +89,12 @@ class Cut:
     values: Array
     edges: NDArray[np.int64]
 
+    def keep(self, good: NDArray[np.bool_]) -> "Cut":
+        """Only those readings that are `good` (k,), without samples that become empty."""
+        block = np.repeat(np.arange(len(self.edges) - 1), np.diff(self.edges))[good]
+        edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
+        return Cut(self.t[good], self.values[:, good], edges)
+
 
 def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]) -> Recording:
     """Read the recording in a run folder; ConfigurationError, in one line, for a broken one."""

@@ -8,31 +8,35 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cell.gap.subject.blocks import average
 from cell.gap.subject.mechanism.base import stated_fields
-from cell.gap.subject.mechanism.bodies import add_point
-from cell.gap.subject.mechanism.case import Case, Content
-from cell.gap.subject.mechanism.chain import PlanarChain
-from cell.gap.subject.mechanism.effect import Effect, Fields, readings_of
-from cell.gap.subject.mechanism.effects import torques
-from cell.gap.subject.mechanism.forward import Forward, commands_of
-from cell.gap.subject.mechanism.gripper_path import cell_patch, sentences, shift
-from cell.gap.subject.mechanism.library import (
+from cell.gap.subject.mechanism.effect import Effect, readings_of
+from cell.gap.subject.mechanism.effects import (
     accepted_parameters,
     candidates,
     describing_terms,
     effect_of,
     group_by_effect,
     ordered_values,
+    torques,
 )
-from cell.gap.subject.mechanism.load import Opened, open_all
-from cell.gap.subject.mechanism.patch import accepted_xml, patch_file, patch_pendulum
+from cell.gap.subject.mechanism.engine import Case, Content, Engine
+from cell.gap.subject.mechanism.fields import Fields, add_point
+from cell.gap.subject.mechanism.forward import Forward
+from cell.gap.subject.mechanism.load import Opened, initial_state, open_all
+from cell.gap.subject.mechanism.patch import (
+    accepted_xml,
+    cell_patch,
+    gripper_sentences,
+    gripper_shift,
+    patch_file,
+    patch_pendulum,
+)
 from cell.gap.subject.mechanism.pendulum import open_swings, plans
-from cell.gap.subject.mechanism.prescribed import Prescribed, cutoff_of, motion_of
-from cell.gap.subject.mechanism.runs import Cut, Recording, cut, falls, phases, samples, width_of
-from cell.gap.subject.mechanism.start import initial_state, start_of
+from cell.gap.subject.mechanism.planar_chain import PlanarChain
+from cell.gap.subject.mechanism.prescribed import Prescribed
+from cell.gap.subject.mechanism.runs import Cut, Recording
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.scene import Signal as Drawn
@@ -44,16 +48,17 @@ from cell.gap.subject.subject import (
     Request,
     Residuals,
     Run,
-    Samples,
     Scattering,
     Scope,
-    Words,
 )
 from drivers.errors import ConfigurationError
 from drivers.readers import read_yaml
 from drivers.types import Array
 
-BLOCK = 0.4  # rad of the fastest signal in one sample
+ENGINES: Mapping[str, type[Forward | Prescribed]] = {
+    "forward": Forward, "prescribed": Prescribed, "planar": PlanarChain,
+}  # fmt: skip
+"""Engine by the mode of a mechanism."""
 # rms gap that is tolerated, of positions [rad, m] and rates; of torques a share of their spread: in
 # geared drives they follow from current or duty, with constants, ripple and supply known to 10-20 %
 TOLERANCE = {"position": 1e-3, "velocity": 1e-2, "torque": 0.2, "tracking": 1e-4, "site": 1e-3,
@@ -70,26 +75,14 @@ class MechanismSubject:
 
     def __init__(self, opened: Opened, jobs: int = 1, without: Sequence[str] = ()) -> None:
         self.opened, self.name = opened, opened.file.name
-        self._mechanism = m = opened.mechanism
-        self._engine: Prescribed | Forward
-        if m.mode == "prescribed":
-            self._engine = Prescribed(m, jobs)
-            joints = [j.name for j in m.joints]
-            self._cutoff = cutoff_of(opened.recordings, joints, opened.pace)
-        else:
-            engine = PlanarChain if m.mode == "planar" else Forward
-            self._engine = engine(opened, jobs, self._compiled_effects())
+        self._mechanism = opened.mechanism
+        engine = ENGINES[opened.mechanism.mode]
+        self._engine: Engine = engine(opened, jobs, self._compiled_effects())
+        self.notes = self._engine.notes
         self.scope = self._scope_without(without)
         self._by_run = [(i, f"{b.parameter.name}_run") for i, b in enumerate(opened.base)
                         if b.by_run is not None]  # fmt: skip
         self.runs = tuple(self._run(r) for r in opened.recordings)
-
-    @property
-    def notes(self) -> Sequence[str]:
-        """Remarks for the operator on how runs are compared."""
-        if self._mechanism.mode != "prescribed":
-            return ()
-        return ("torques of the measured motion are compared; the motion itself is not simulated",)
 
     def _compiled_effects(self) -> frozenset[str]:
         """Effects and terms whose laws a simulation must add to MuJoCo's own forces."""
@@ -130,19 +123,7 @@ class MechanismSubject:
     def _run(self, recording: Recording) -> Run:
         """Run for the engine: samples with their phases, and the run's own unknowns."""
         o = self.opened
-        width = width_of(recording, BLOCK / o.pace)
-        made = cut(recording, [s.name for s in o.signals], width)
-        if self._mechanism.mode == "prescribed":
-            content = self._with_motion(recording, made, width)
-        else:
-            content = self._with_commands(recording, made)
-        signals = o.signals
-        if recording.sigma is not None:
-            signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
-        known = samples(signals, content.cut, self._phases(content))
-        if isinstance(self._engine, Prescribed):
-            error = self._engine.encoder_error(content.motion, content.cut.t)
-            known = _with_motion_noise(known, error, content.cut)
+        content, known = self._engine.prepare(recording)
         local = () if content.start is None else initial_state(o, content.start)
         local += tuple(
             Parameter(name, o.base[i].parameter.unit, 0.0, -np.inf, np.inf,
@@ -150,34 +131,6 @@ class MechanismSubject:
                       common=True) for i, name in self._by_run
         )  # fmt: skip
         return Run(recording.name, recording.condition, known, local, content, recording.index)
-
-    def _with_motion(self, recording: Recording, made: Cut, width: float) -> Content:
-        """Content of a run with prescribed motion: filtered torques, without those near gaps."""
-        joints, signals = self._mechanism.joints, self.opened.signals
-        motion = motion_of(recording, [j.name for j in joints], [s.name for s in signals],
-                           self._cutoff, width)  # fmt: skip
-        filtered = motion.below_cutoff(motion.torques, made.t)
-        good = np.all([np.interp(made.t, motion.t, k) == 1.0 for k in motion.known], axis=0)
-        made = _keep_readings(replace(made, values=filtered), good)
-        return Content(made, recording.load, motion=motion)
-
-    def _with_commands(self, recording: Recording, made: Cut) -> Content:
-        """Content of a run that is simulated forward: its commands, and its start."""
-        file = self.opened.file
-        commands = commands_of(recording, tuple(file.inputs), self._mechanism.actuators, file.hold)
-        start = start_of(self.opened, recording)
-        return Content(made, recording.load, commands=commands, start=start)
-
-    def _phases(self, content: Content) -> Words:
-        """Phase (b,) of each sample, by the height of a chain or by the speed of the motion."""
-        m, made, motion = self._mechanism, content.cut, content.motion
-        if m.mode == "planar":
-            return falls(-m.torque @ np.cos(made.values), made.edges)
-        if motion is None:
-            speed = np.gradient(made.values[0], made.t)
-        else:
-            speed = np.interp(made.t, motion.t, motion.v @ (1.0 / m.rate))
-        return phases(average(speed[None], made.edges)[0])
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Residuals of `requests`, measured minus simulated; NaN where a simulation is lost."""
@@ -292,7 +245,7 @@ class MechanismSubject:
         for name, values in effects.items():
             ordered = ordered_values(effect_of(name), self._mechanism, values)
             shifts = [self._shift(run, name, ordered, base) for run in self.runs]
-            words += sentences(name, np.concatenate(shifts))
+            words += gripper_sentences(name, np.concatenate(shifts))
         return words
 
     def _shift(self, run: Run, name: str, values: Array, base: Mapping[str, float]) -> Array:
@@ -308,7 +261,7 @@ class MechanismSubject:
         changed = with_effect - without
         readings = readings_of([(effect_of(name), values)], self._mechanism)
         n = len(self._mechanism.torques)  # trackings follow torques
-        return shift(self.opened, q.T, (changed[:n], changed[n:]), readings)
+        return gripper_shift(self.opened, q.T, (changed[:n], changed[n:]), readings)
 
     def model_text(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
@@ -317,20 +270,6 @@ class MechanismSubject:
         if self.opened.pendulum is not None:
             return None
         return accepted_xml(self.opened, base, effects)
-
-
-def _keep_readings(made: Cut, good: NDArray[np.bool_]) -> Cut:
-    """Cut with only those readings that are `good` (k,), and without samples that become empty."""
-    block = np.repeat(np.arange(len(made.edges) - 1), np.diff(made.edges))[good]
-    edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
-    return replace(made, t=made.t[good], values=made.values[:, good], edges=edges)
-
-
-def _with_motion_noise(known: Samples, error: Array, made: Cut) -> Samples:
-    """Samples whose torque noise includes that by the measured motion, `error` (torques, k)."""
-    _, squares = average(error, made.edges)  # torques come first
-    more = np.sqrt(np.concatenate([squares, np.zeros(len(known) - len(squares))]))
-    return replace(known, noise=np.hypot(known.noise, more), reading=np.hypot(known.reading, more))
 
 
 def _content_of(run: Run) -> Content:

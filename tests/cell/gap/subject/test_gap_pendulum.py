@@ -12,10 +12,10 @@ import pytest
 import yaml
 
 from cell.gap.fit import fit
-from cell.gap.subject.mechanism.chain import fields_of, levers
 from cell.gap.subject.mechanism.effects import registry
+from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.mechanism.pendulum import mechanism_of, open_recordings, recording
-from cell.gap.subject.mechanism.pendulum_file import PendulumFile
+from cell.gap.subject.mechanism.planar_chain import fields_of, levers
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request
 from drivers.errors import ConfigurationError

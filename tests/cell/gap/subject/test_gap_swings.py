@@ -12,9 +12,9 @@ import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import fit
+from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.mechanism.patch import patch_pendulum
 from cell.gap.subject.mechanism.pendulum import load_pendulum, mechanism_of, open_recordings
-from cell.gap.subject.mechanism.pendulum_file import PendulumFile
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request, Residuals
 from cell.gap.verdict.accept import accept, undo

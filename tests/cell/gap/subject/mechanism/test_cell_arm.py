@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
-from cell.gap.subject.mechanism.gripper_path import cell_patch
+from cell.gap.subject.mechanism.patch import cell_patch
 from cell.gap.subject.mechanism.subject import open_mechanism
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.subject import Request

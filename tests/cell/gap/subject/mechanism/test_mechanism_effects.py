@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.mechanism import forward
-from cell.gap.subject.mechanism.effects import registry
-from cell.gap.subject.mechanism.library import describing_terms, effect_of
+from cell.gap.subject.mechanism.effects import describing_terms, effect_of, registry
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request, Residuals

@@ -9,8 +9,8 @@ import yaml
 from cell.gap.fit import fit
 from cell.gap.subject.blocks import average
 from cell.gap.subject.mechanism import prescribed, synthetic
+from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.importer import write_run
-from cell.gap.subject.mechanism.library import effect_of, ordered_values
 from cell.gap.subject.mechanism.prescribed import cutoff_of, motion_of
 from cell.gap.subject.mechanism.runs import Recording
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism

@@ -31,13 +31,12 @@ def _load_dry(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 def _term(name: str, sentence: str, law: Callable[..., Array],
           size: Callable[[Mechanism], Array], modes: tuple[str, ...]) -> Effect:  # fmt: skip
     """Term of one parameter per joint, of a hundredth of `size` in typical torque."""
-
     return Effect(f"term_{name}", sentence, "model", "a description",
                   lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True), "",
                   keys=1, law=law, modes=modes)  # fmt: skip
 
 
-TERMS = (
+EFFECTS = (
     _term("constant", "a steady torque", _constant, lambda m: m.torque, MODES),
     _term("cubic", "rate^3", _cubic, lambda m: m.torque / m.rate**3, MODES),
     _term("cubic_spring", "angle^3", _cubic_spring, lambda m: m.torque, MODES),

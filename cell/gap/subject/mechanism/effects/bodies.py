@@ -1,0 +1,127 @@
+"""Effects on bodies: their mass and its place, the air, and gravity in a tilted frame."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint, single
+from cell.gap.subject.mechanism.fields import Fields, add_point
+from cell.gap.subject.mechanism.model import Mechanism, tip
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+AIR = 1.2  # kg/m^3
+
+
+def _payload_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    last = mechanism.last_body
+    return single("mass", "kg", 0.01 * float(mechanism.model.body_mass[last]))
+
+
+def _edit_payload(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    (mass,) = values
+    if mass != 0.0:
+        last = mechanism.last_body
+        add_point(fields, last, mass, tip(mechanism, last))
+
+
+def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    size = 0.01 * max(float(np.abs(mechanism.model.body_ipos).max()), 0.01)
+    return tuple(p for axis in "xyz" for p in single(axis, "m", size, signed=True))
+
+
+def _edit_com(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    for k, value in enumerate(values):
+        if value != 0.0:
+            fields["body_ipos"][mechanism.last_body, k] += value
+
+
+def _drag_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """One parameter: a share of air's density, or a chain's drag per length and squared speed."""
+    if mechanism.mode == "planar":
+        return single("coefficient", "kg/m^2", 0.01)
+    return single("coefficient", "1", 0.02)
+
+
+def _edit_drag(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    (coefficient,) = values
+    if coefficient == 0.0:
+        return
+    if mechanism.mode == "planar":
+        fields["chain.drag"][...] += coefficient
+    else:
+        fields["opt.density"][...] = fields["opt.density"] + AIR * coefficient
+
+
+def _lean(fields: Fields, x: float, y: float) -> None:
+    """Rotate the gravity of a model by `x` [rad] about x, then by `y` [rad] about y."""
+    if x == 0.0 and y == 0.0:
+        return
+    gx, gy, gz = (float(g) for g in fields["opt.gravity"])
+    gy, gz = gy * np.cos(x) - gz * np.sin(x), gy * np.sin(x) + gz * np.cos(x)
+    gx, gz = gx * np.cos(y) + gz * np.sin(y), gz * np.cos(y) - gx * np.sin(y)
+    fields["opt.gravity"][:] = gx, gy, gz
+
+
+ARMATURE = Effect(
+    name="armature",
+    sentence="drives have rotor inertia that the model lacks",
+    of="model",
+    source="MJCF joint/armature: rotor inertia times the gear ratio squared",
+    parameters=lambda m: per_joint(m, "inertia", "kg m^2", 0.01 * m.inertia, signed=False),
+    edit=add_to("dof_armature"),
+    revealed_by="fast starts and stops",
+    error_of="armature",
+)
+PAYLOAD = Effect(
+    name="payload",
+    sentence="the last body carries a mass that the model lacks",
+    of="model",
+    source="point mass at the farthest site or geom of the last body",
+    parameters=_payload_parameters,
+    edit=_edit_payload,
+    revealed_by="the same motion at several speeds",
+)
+COM_ERROR = Effect(
+    name="com_error",
+    sentence="the last body's centre of mass is not where the model has it",
+    of="model",
+    source="first moments of a rigid body",
+    parameters=_com_parameters,
+    edit=_edit_com,
+    revealed_by="slow motion through many poses",
+    error_of="com",
+)
+AIR_DRAG = Effect(
+    name="air_drag",
+    sentence="the air brakes the bodies with the square of their speed",
+    of="model",
+    source="MuJoCo, fluid forces: ellipsoid model on geoms, or boxes of equal inertia; on chains "
+    "normal to the links, as on cylinders in cross flow",
+    parameters=_drag_parameters,
+    edit=_edit_drag,
+    modes=MODES,
+    revealed_by="large and fast motion against small",
+)
+BASE_TILT = Effect(
+    name="base_tilt",
+    sentence="the base stands tilted",
+    of="rig",
+    source="rotation of gravity about x, then y",
+    parameters=lambda _: tuple(
+        p for axis in "xy" for p in single(axis, "rad", 0.002, signed=True, high=150.0)
+    ),
+    edit=lambda _, values, fields: _lean(fields, *map(float, values)),
+    revealed_by="hold still in several poses, with a level on the base",
+)
+FRAME_TILT = replace(
+    BASE_TILT,
+    name="frame_tilt",
+    sentence="the frame stands tilted",
+    source="rotation of gravity in the plane of motion",
+    parameters=lambda _: single("angle", "rad", 0.002, signed=True, high=100.0),
+    edit=lambda _, values, fields: _lean(fields, 0.0, -float(values[0])),
+    modes=("planar",),
+    revealed_by="let it hang still and read the angle",
+)
+EFFECTS = (ARMATURE, PAYLOAD, COM_ERROR, AIR_DRAG, BASE_TILT, FRAME_TILT)

@@ -1,0 +1,160 @@
+"""Effects of drives and sensors: torques, commands and readings that are not as stated."""
+
+from typing import Any
+
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import (
+    MODES,
+    Effect,
+    Readings,
+    driven_joints,
+    per_encoder,
+    per_joint,
+    put_by_encoder,
+    single,
+)
+from cell.gap.subject.mechanism.fields import Fields, scale_gain
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+ORDER = 6.0  # periods of a torque ripple in a turn, where nothing says otherwise
+
+
+def _edit_constant(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    for joint, error in zip(driven_joints(mechanism), values, strict=True):
+        scale_gain(fields, joint.actuator, 1.0 + error)
+
+
+def _bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    return p[at] + 0.0 * q
+
+
+def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    orders = [Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, step=0.01, spread=ORDER,
+                        shape=True) for j in mechanism.joints]  # fmt: skip
+    size = 0.04 * np.ones(len(mechanism.joints))
+    phases = per_joint(mechanism, "phase", "rad", size, signed=True, shape=True, high=100.0)
+    return (*orders, *phases)
+
+
+def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    return p[at] * np.sin(p[at + 1] * q + p[at + 2])
+
+
+def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    return tuple(
+        Parameter(f"torque_{j.name}", "N m", 0.0, 0.0, 20.0 / j.torque, step=1e-3 / j.torque,
+                  spread=1.0 / j.torque, inverse=True)
+        for j in driven_joints(mechanism)
+    )  # fmt: skip
+
+
+def _edit_saturation(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    for joint, inverse in zip(driven_joints(mechanism), values, strict=True):
+        if inverse != 0.0:
+            most = 1.0 / inverse
+            low, high = fields["actuator_forcerange"][joint.actuator]
+            fields["actuator_forcerange"][joint.actuator] = (max(low, -most), min(high, most))
+
+
+def _delay_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    forward = mechanism.mode == "forward" and bool(mechanism.actuators)
+    if not (forward or mechanism.trackings):
+        return ()
+    return single("time", "s", 0.1 * mechanism.step)
+
+
+def _delay_commands(mechanism: Mechanism, values: Array, readings: Readings) -> None:
+    readings.command += float(values[0])
+
+
+def _delay_readings(mechanism: Mechanism, values: Array, readings: Readings) -> None:
+    readings.delay += float(values[0])
+
+
+TORQUE_CONSTANT = Effect(
+    name="torque_constant",
+    sentence="motors give another torque for their current than stated",
+    of="rig",
+    source="torque = (1 + error) k i",
+    parameters=lambda m: tuple(
+        Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, step=1e-5, spread=0.25)
+        for j in driven_joints(m)
+    ),
+    edit=_edit_constant,
+    revealed_by="a known weight on the tip",
+    error_of="gain",
+)
+TORQUE_BIAS = Effect(
+    name="torque_bias",
+    sentence="a drive adds a constant torque, or its sensor reads one",
+    of="rig",
+    source="offset of a current sensor",
+    parameters=lambda m: per_joint(m, "torque", "N m", 0.01 * m.torque, signed=True),
+    keys=1,
+    law=_bias_law,
+    revealed_by="hold still in several poses",
+)
+TORQUE_RIPPLE = Effect(
+    name="torque_ripple",
+    sentence="a drive's torque ripples with its angle",
+    of="model",
+    source="cogging: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43",
+    parameters=lambda m: per_joint(m, "amplitude", "N m", 0.01 * m.torque),
+    shape=_ripple_shape,
+    keys=3,
+    law=_ripple_law,
+    revealed_by="slow turns at a constant rate",
+)
+SATURATION = Effect(
+    name="saturation",
+    sentence="a drive gives no more than a largest torque",
+    of="rig",
+    source="MJCF actuator/forcerange",
+    parameters=_saturation_parameters,
+    edit=_edit_saturation,
+    revealed_by="fast starts and stops",
+    modes=("forward",),
+    probes=(12.5, 25.0, 50.0),
+)
+CONTROL_DELAY = Effect(
+    name="control_delay",
+    sentence="commands take effect late",
+    of="rig",
+    source="transport delay",
+    parameters=_delay_parameters,
+    read=_delay_commands,
+    revealed_by="fast starts and stops",
+)
+SENSOR_DELAY = Effect(
+    name="sensor_delay",
+    sentence="readings are stamped late",
+    of="rig",
+    source="transport delay",
+    parameters=lambda m: single("time", "s", 0.1 * m.step),
+    read=_delay_readings,
+    revealed_by="fast motion there and back",
+)
+ENCODER_BIAS = Effect(
+    name="encoder_bias",
+    sentence="encoders read a constant too much or too little",
+    of="rig",
+    source="zero of an encoder",
+    parameters=lambda m: per_encoder(m, "bias", "rad", 0.03),
+    read=put_by_encoder("bias"),
+    modes=MODES,
+    revealed_by="hold still in several poses",
+)
+ENCODER_SCALE = Effect(
+    name="encoder_scale",
+    sentence="encoders count too much or too little a turn",
+    of="rig",
+    source="scale of an encoder",
+    parameters=lambda m: per_encoder(m, "scale", "1", 0.02),
+    read=put_by_encoder("scale"),
+    revealed_by="large motion to both stops",
+)
+EFFECTS = (TORQUE_CONSTANT, TORQUE_BIAS, TORQUE_RIPPLE, SATURATION, CONTROL_DELAY, SENSOR_DELAY,
+           ENCODER_BIAS, ENCODER_SCALE)  # fmt: skip

@@ -1,0 +1,150 @@
+"""Effects of friction: dry, quadratic, before sliding, and of contacts."""
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint, single
+from cell.gap.subject.mechanism.fields import Fields
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+STRIBECK = 0.1  # of the typical rate, where a Stribeck peak begins
+# rad or m within which a joint yields whatever its stiffness: beyond, it is a spring, no friction.
+# Source: Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30: motions of microns at the
+# teeth of a gear, of millimetres at the tip of an arm
+YIELD = 0.02
+
+
+def _dry_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Friction torque of each joint, and its share per load where the load of gears is known."""
+    torques = per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque)
+    return torques + (_loads(mechanism) if mechanism.mode == "prescribed" else ())
+
+
+def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    ones = np.ones(len(mechanism.joints))
+    return per_joint(mechanism, "load", "1", 0.01 * ones, high=100.0)
+
+
+def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Shape of each joint's law: load, asymmetry, Stribeck peak; none for a pendulum."""
+    if mechanism.mode == "planar":
+        return ()
+    ones = np.ones(len(mechanism.joints))
+    rates = [
+        Parameter(f"stribeck_velocity_{j.name}", "rad/s" if j.hinge else "m/s",
+                  v, 0.1 * v, 10.0 * v, step=0.01 * v, spread=v, shape=True)
+        for j, v in zip(mechanism.joints, STRIBECK * mechanism.rate, strict=True)
+    ]  # fmt: skip
+    return (
+        *(_loads(mechanism) if mechanism.mode == "forward" else ()),
+        *per_joint(mechanism, "asymmetry", "1", 0.02 * ones, signed=True, shape=True, high=45.0),
+        *per_joint(mechanism, "stribeck_torque", "N m", 0.01 * mechanism.torque, shape=True),
+        *rates,
+    )
+
+
+def _dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    size = p[at] + p[at + 1] * abs(load)
+    if p[at + 3] != 0.0:
+        size += p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
+    sign = np.tanh(v / p[3])
+    return -size * (sign + p[at + 2] * abs(sign))
+
+
+def _dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Largest torque [N m] by which friction can hold a joint that stands."""
+    return p[at] + p[at + 1] * abs(load) + p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
+
+
+def _quadratic_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    return -p[at] * abs(v) * v
+
+
+def _presliding_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    return tuple(
+        Parameter(f"torque_{j.name}", "N m", 0.05 * j.torque, 0.001 * j.torque, j.torque,
+                  step=0.001 * j.torque, spread=0.1 * j.torque, shape=True)
+        for j in mechanism.joints
+    )  # fmt: skip
+
+
+def _presliding_path(mechanism: Mechanism, values: Array, q: Array, v: Array) -> Array:
+    stiffness, torque = PRESLIDING.table(mechanism, values)
+    return np.asarray(_yielding(q, stiffness, np.minimum(torque, YIELD * stiffness)))
+
+
+@numba.njit  # type: ignore[untyped-decorator]
+def _yielding(q: Array, stiffness: Array, most: Array) -> Array:
+    """Torques (m, joints) of elastic, perfectly plastic elements along a motion q (m, joints)."""
+    out = np.zeros_like(q)
+    for j in range(q.shape[1]):
+        if stiffness[j] == 0.0:
+            continue
+        torque = 0.0
+        for k in range(1, q.shape[0]):
+            torque -= stiffness[j] * (q[k, j] - q[k - 1, j])
+            torque = min(max(torque, -most[j]), most[j])
+            out[k, j] = torque
+    return out
+
+
+def _edit_pairs(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    if values[0] != 0.0:
+        fields["pair_friction"][:, :2] += values[0]
+
+
+DRY_FRICTION = Effect(
+    name="dry_friction",
+    sentence="joints rub like dry friction",
+    of="model",
+    source="Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30; load: arXiv 2410.08650",
+    parameters=_dry_parameters,
+    shape=_dry_shape,
+    keys=5,
+    law=_dry_law,
+    edit=add_to("dof_frictionloss"),
+    holds=_dry_limit,
+    native=lambda m: m.native,
+    modes=MODES,
+    revealed_by="slow motion there and back: the torque jumps with the sign of the rate",
+)
+QUADRATIC_DAMPING = Effect(
+    name="quadratic_damping",
+    sentence="joints brake with the square of their rate",
+    of="model",
+    source="fluid damping at high Reynolds numbers; MJCF joint/damping",
+    parameters=lambda m: per_joint(m, "coefficient", "N m s^2", 0.01 * m.torque / m.rate**2),
+    keys=1,
+    law=_quadratic_law,
+    edit=add_to("dof_dampingpoly"),
+    modes=MODES,
+    revealed_by="fast motion against slow",
+)
+PRESLIDING = Effect(
+    name="presliding",
+    sentence="joints yield like springs before they slide",
+    of="model",
+    source="Dahl 1968, TOR-0158; Prandtl's elastic, perfectly plastic element",
+    parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.1 * m.torque, high=1000.0),
+    shape=_presliding_shape,
+    path=_presliding_path,
+    modes=("prescribed",),
+    revealed_by="small motion there and back",
+)
+CONTACT_FRICTION = Effect(
+    name="contact_friction",
+    sentence="contacts rub more or less than stated",
+    of="model",
+    source="Coulomb; MJCF pair/friction",
+    parameters=lambda m: (
+        single("coefficient", "1", 0.01, signed=True, high=50.0) if m.model.npair else ()
+    ),
+    edit=_edit_pairs,
+    revealed_by="slide slowly along the contact",
+    modes=("forward",),
+)
+EFFECTS = (DRY_FRICTION, QUADRATIC_DAMPING, PRESLIDING, CONTACT_FRICTION)
