@@ -11,7 +11,7 @@ from typing import Literal
 import pyarrow as pa
 
 from calibration.calibration import Calibration, load_calibration
-from cell.config.places import cache_folder, find_configs
+from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import Request
 from cell.folding.fold import fold as run_fold
@@ -21,12 +21,12 @@ from cell.gap.fit import fit, quiet
 from cell.gap.report.overlay import write_overlay
 from cell.gap.verdict.schema import Verdict
 from cell.gap.verdict.schema import read_verdict as load_verdict
-from cell.record.catalogue import Catalogue
 from cell.record.columns import Profile, Sights, Ticks
 from cell.record.exchange.export_runs import Format
 from cell.record.exchange.export_runs import export_runs as write_out
 from cell.record.exchange.import_runs import import_runs as take_in
 from cell.record.listing import RunRow
+from cell.record.listing import list_runs as read_rows
 from cell.record.run import Run
 from cell.record.run import read_run as load_run
 from drivers.strip.effects import registry
@@ -83,8 +83,7 @@ def list_runs(folder: Place = "runs", where: str = "", sort: str = "") -> tuple[
 
     Oldest first, or by the column `sort`, downwards with a leading `-`.
     """
-    with Catalogue(Path(folder), cache_folder() / "catalogue") as found:
-        return found.rows(where, sort)
+    return read_rows(Path(folder), where, sort)
 
 
 def table(part: Ticks | Profile | Sights) -> pa.Table:

@@ -3,14 +3,16 @@
 import errno
 import fcntl
 import os
+import shutil
 import stat
 import time
-from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from io import FileIO
 from pathlib import Path
 
 from drivers.errors import ConfigurationError
+from drivers.readers import read_text
 
 LOCK_TIMEOUT = 10.0  # s for another command to finish
 POLL_INTERVAL = 0.02  # s between looks whether it has
@@ -51,6 +53,73 @@ def write_file(path: Path, content: str | bytes, remedy: str = "") -> None:
     with writing(path, remedy):
         path.parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, whole)
+
+
+def change_file(path: Path, change: Callable[[str], str], remedy: str = "") -> None:
+    """Replace the text in the file at `path` by `change` of it, of "" where there is no file.
+
+    Its folder is locked from reading to writing: no command undoes what another one changes
+    meanwhile. Raises ConfigurationError where it cannot be read or written, and then leaves it.
+    """
+    with writing(path, remedy):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with lock_folders([path.parent]):
+            text = read_text(path) if path.exists() else ""
+            replace_file(path, change(text).encode(errors="backslashreplace"))
+
+
+@contextmanager
+def scratch_folder(parent: Path) -> Iterator[Path]:
+    """Context with a new, hidden folder in `parent`; it is removed, with all that is left in it.
+
+    So is a `parent` that was made for it and in which nothing is left.
+    """
+    parent_is_new = not parent.exists()
+    with writing(parent):
+        parent.mkdir(parents=True, exist_ok=True)
+        scratch = parent / f".{os.urandom(6).hex()}.part"
+        scratch.mkdir()
+    try:
+        yield scratch
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+        if parent_is_new:
+            with suppress(OSError):
+                parent.rmdir()
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """Context with an empty folder that becomes the new folder `path` once the block ends well.
+
+    Until then nobody sees it, and whatever ends the block early leaves nothing of it. Raises
+    ConfigurationError where something is at `path`, before the block or after it.
+    """
+    check_free(path)
+    with scratch_folder(path.parent) as scratch:
+        made = scratch / path.name
+        with writing(path):
+            made.mkdir()
+            yield made
+        move_folder(made, path)
+
+
+def move_folder(made: Path, path: Path) -> None:
+    """Move the folder `made` to `path`; ConfigurationError where something is there already."""
+    check_free(path)
+    try:
+        made.rename(path)  # which replaces an empty folder at most
+    except OSError as error:
+        if error.errno in {errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR}:
+            check_free(path)
+        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+    sync_folder(path.parent)
+
+
+def check_free(path: Path) -> None:
+    """Raise ConfigurationError where something is at `path`, a broken link included."""
+    if os.path.lexists(path):
+        raise ConfigurationError(f"{path}: is there already; name another --out")
 
 
 @contextmanager

@@ -8,9 +8,8 @@ import numpy as np
 
 from cell.config.places import Configs
 from drivers.errors import CellError, ConfigurationError
-from drivers.files import replace_file
+from drivers.files import change_file
 from drivers.installation import Mounting
-from drivers.readers import read_text
 from drivers.types import Array
 
 TOUCH_POINTS = (
@@ -60,7 +59,12 @@ def write_mounting(configs: Configs, mounting: Mounting) -> Path:
     Raises ConfigurationError where the file has no such line.
     """
     path = configs.folder / "cell.yaml"
-    text = read_text(path)
+    change_file(path, lambda text: _with_mounting(text, mounting, path))
+    configs.cell()
+    return path
+
+
+def _with_mounting(text: str, mounting: Mounting, path: Path) -> str:
     found = MOUNTING_LINE.search(text)
     if found is None:
         raise ConfigurationError(
@@ -68,10 +72,7 @@ def write_mounting(configs: Configs, mounting: Mounting) -> Path:
         )
     indent, date = found["indent"], datetime.now(UTC).date().isoformat()
     old = f"{indent}# until {date}: {found[0].strip()}"
-    changed = f"{text[: found.start()]}{old}\n{indent}{_line(mounting)}{text[found.end() :]}"
-    replace_file(path, changed.encode())
-    configs.cell()
-    return path
+    return f"{text[: found.start()]}{old}\n{indent}{_line(mounting)}{text[found.end() :]}"
 
 
 def _line(mounting: Mounting) -> str:

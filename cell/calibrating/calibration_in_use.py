@@ -7,9 +7,8 @@ from typing import Any
 from calibration.calibration import Calibration
 from cell.devices.devices import Devices
 from drivers.errors import ConfigurationError, PreflightRefused
-from drivers.files import write_file
-from drivers.readers import read_text, read_yaml
-from drivers.yaml_text import edit_yaml
+from drivers.files import change_file
+from drivers.yaml_text import edit_yaml, parse_yaml
 
 DAY = 86400.0  # s
 CLOCK_TOLERANCE = 1.0  # days by which two clocks, or their time zones, may differ
@@ -51,9 +50,12 @@ def use_calibration(cell_file: Path, calibration: Path) -> None:
 
     Raises ConfigurationError for a file that cannot be read or written.
     """
-    content = {**read_yaml(cell_file), "calibration": str(calibration.resolve())}
-    text = edit_yaml(read_text(cell_file), content)
-    write_file(cell_file, text, f"write `calibration: {calibration.resolve()}` into it by hand")
+    named = {"calibration": str(calibration.resolve())}
+    change_file(
+        cell_file,
+        lambda text: edit_yaml(text, parse_yaml(text, str(cell_file)) | named),
+        f"write `calibration: {calibration.resolve()}` into it by hand",
+    )
 
 
 def check_current(

@@ -89,9 +89,8 @@ def note(
     text: Annotated[str | None, typer.Option(help="The note, in place of an earlier one.")] = None,
 ) -> None:
     """Tag runs, or write a note on them; both are kept in the run and found by `cell runs`."""
-    from cell.record.documents import write_document
-    from cell.record.files import NOTES, check_run
-    from cell.record.listing import read_row
+    from cell.record.files import check_run
+    from cell.record.notes import annotate
 
     if not tag and not untag and text is None:
         raise ConfigurationError("--tag, --untag, --text: give one at least, as --tag good")
@@ -101,11 +100,8 @@ def note(
     for run in runs:
         check_run(run)
     for run in runs:
-        row = read_row(run)
-        tags = sorted({*row.tags.split(), *(tag or ())} - set(untag or ()))
-        content = {"schema": 1, "tags": " ".join(tags), "note": row.note if text is None else text}
-        write_document(run / NOTES, content)
-        sys.stdout.write(f"{run}: {' '.join(tags) or 'no tags'}\n")
+        tags = annotate(run, tag or (), untag or (), text)
+        sys.stdout.write(f"{run}: {tags or 'no tags'}\n")
 
 
 def viz(run: Run) -> None:

@@ -1,10 +1,8 @@
 """The command `cell runs`: lists and filters the runs of a folder, or deletes old ones."""
 
 import csv
-import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from math import isnan
 from pathlib import Path
@@ -12,16 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Json, Runs, print_json
+from cell.cli.options import Json, Runs, busy, print_json
 from cell.report.words import plural
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from cell.record.catalogue import Catalogue
     from cell.record.listing import RunRow
 
 MEGABYTE = 1e6
-MANY = 200  # runs to read, from which on progress is reported
 
 
 def runs(
@@ -32,9 +28,6 @@ def runs(
     sort: Annotated[
         str, typer.Option(help="Column to sort by, as edge_offset; -COLUMN downwards.")
     ] = "",
-    sql: Annotated[
-        str | None, typer.Option(help="Any SELECT over the table `runs`, instead of the list.")
-    ] = None,
     as_csv: Annotated[bool, typer.Option("--csv", help="All columns as CSV, in SI units.")] = False,
     html: Annotated[
         Path | None, typer.Option(help="Write the list there as one page with thumbnails.")
@@ -50,16 +43,13 @@ def runs(
     as_json: Json = False,
 ) -> None:
     """List the runs in a folder; with --keep or --older-than, those that may go."""
-    from cell.record.listing import remove, to_prune
+    from cell.record.listing import list_runs, remove, to_prune
 
     pruning = keep is not None or older_than is not None or delete
-    if (pruning and sql is not None) or (delete and html is not None):
-        raise ConfigurationError("--keep, --older-than, --delete: go without --sql and --html")
-    with _catalogue(folder) as catalogue:
-        if sql is not None:
-            _print_query(*catalogue.query(sql), as_csv=as_csv, as_json=as_json)
-            return
-        rows = catalogue.rows(where, sort)
+    if delete and html is not None:
+        raise ConfigurationError("--keep, --older-than, --delete: go without --html")
+    with busy("reading the runs"):
+        rows = list_runs(folder, where, sort)
     if pruning:
         age = None if older_than is None else timedelta(days=_require_number(older_than))
         rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=age)
@@ -76,24 +66,6 @@ def runs(
         sys.stderr.write(f"{plural(len(rows), 'run')} may go; nothing was deleted, add --delete\n")
 
 
-@contextmanager
-def _catalogue(folder: Path) -> "Iterator[Catalogue]":
-    """Open the index of `folder`, which reports its progress where it has many runs to read."""
-    from cell.config.places import cache_folder
-    from cell.record.catalogue import Catalogue
-
-    with Catalogue(folder, cache_folder() / "catalogue", _progress()) as catalogue:
-        yield catalogue
-
-
-def _progress() -> Callable[[int, int], None]:
-    def report(done: int, total: int) -> None:
-        if total > MANY and done % MANY == 0:
-            sys.stderr.write(f"cell: reading new runs, {done} of {total}\n")
-
-    return report
-
-
 def _require_number(stated: float) -> float:
     if isnan(stated):
         raise ConfigurationError("--older-than: is nan; give a number of days")
@@ -102,9 +74,11 @@ def _require_number(stated: float) -> float:
 
 def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
     if as_csv:
-        from cell.record.catalogue import RUN_COLUMNS, values_of
+        from cell.record.listing import COLUMNS, values_of
 
-        _write_csv(RUN_COLUMNS, [values_of(row) for row in rows])
+        writer = csv.writer(sys.stdout, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(map(values_of, rows))
     elif as_json:
         for row in rows:
             print_json(_row_facts(row))
@@ -127,26 +101,6 @@ def _row_facts(row: "RunRow") -> dict[str, Any]:
     if row.tags or row.note:
         facts |= {"tags": row.tags.split(), "note": row.note}
     return facts
-
-
-def _print_query(
-    columns: Sequence[str], rows: Sequence[Sequence[Any]], *, as_csv: bool, as_json: bool
-) -> None:
-    if as_csv:
-        _write_csv(columns, rows)
-    elif as_json:
-        for row in rows:
-            sys.stdout.write(json.dumps(dict(zip(columns, row, strict=True)), default=str) + "\n")
-    else:
-        from cell.cli.table import print_table
-
-        print_table(columns, [["" if v is None else str(v) for v in row] for row in rows])
-
-
-def _write_csv(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
 
 
 def _print_table(rows: "Sequence[RunRow]") -> None:

@@ -1,6 +1,5 @@
 """Reads a film of a fold, made without the cell's arm, into a run folder."""
 
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +26,7 @@ from cell.record.tables import Tables, place_contacts, profile_table, write_tabl
 from cell.record.writer import sight_row
 from cell.report.overlay import draw_sight
 from drivers.errors import ConfigurationError
+from drivers.files import check_free, new_folder
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image
 
@@ -70,24 +70,19 @@ def observe(
     settings = cell.perception
     if isinstance(calibration, Path):
         calibration = load_calibration(calibration)
-    if folder.exists():
-        raise ConfigurationError(f"{folder}: is there already; name another --out")
+    check_free(folder)
     frames = _frames(film, calibration)
     first = next(frames)
     appearance = _appearance(first, film, calibration, settings, strip)
     follow = HeldEnd(calibration, settings, strip, appearance)
-    folder.mkdir(parents=True)
-    try:
-        with FilmWriter(folder / OVERLAY) as overlay:
+    with new_folder(folder) as made:
+        with FilmWriter(made / OVERLAY) as overlay:
             overlay.add(first.stamp, first.image)
             layers = LayerTouch(settings, strip)
             read, touch = _read(frames, follow, layers, calibration, overlay, progress)
         _check_enough(read, film)
-        _write(folder, read, strip, calibration, touch)
-        write_document(folder / RUN, _header(cell, strip, calibration))
-    except ConfigurationError:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
+        _write(made, read, strip, calibration, touch)
+        write_document(made / RUN, _header(cell, strip, calibration))
     return Observed(folder, len(read), sum(map(_is_confident, read)), touch)
 
 

@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from itertools import count
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -97,8 +98,8 @@ class Memory:
         with self._file_lock():
             if not self.path.exists():
                 return None
-            number = 1 + sum(1 for _ in self.folder.glob(f"{self.path.stem}.forgotten-*"))
-            aside = self.path.with_name(f"{self.path.stem}.forgotten-{number}")
+            names = (f"{self.path.stem}.forgotten-{number}" for number in count(1))
+            aside = next(p for p in map(self.path.with_name, names) if not os.path.lexists(p))
             self.path.rename(aside)
             sync_folder(self.folder)
             return aside

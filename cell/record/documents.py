@@ -38,5 +38,4 @@ def _scalar(value: object) -> str | int | float | None:
 
 def write_document(path: Path, content: Mapping[str, Any]) -> None:
     """Write `content` as YAML to `path` atomically; it is on disk on return."""
-    text = dump_yaml(plain(content))
-    replace_file(path, text.encode(errors="backslashreplace"))
+    replace_file(path, dump_yaml(plain(content)).encode(errors="backslashreplace"))

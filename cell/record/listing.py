@@ -1,23 +1,29 @@
-"""Listing and pruning of the runs in a folder."""
+"""Listing, filtering and pruning of the runs in a folder, always from their files as they are."""
 
 import os
 import re
 import shutil
-from collections.abc import Sequence
-from dataclasses import dataclass
+import sqlite3
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import closing
+from dataclasses import astuple, dataclass, fields
 from datetime import UTC, datetime, timedelta
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way
-from cell.record.scalars import Scalar, read_scalars
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, suggestion
+from drivers.files import lock_folders
 from drivers.readers import read_text
-
-Values = dict[str, Scalar]
+from drivers.yaml_text import parse_yaml
 
 BEGAN = re.compile(r"(\d{8}T\d{6}Z)-")
 UNDER_WAY, DIED, BROKEN = "under way", "died", "broken"
+HEADER_KEYS = frozenset(
+    {"strip", "policy", "seed", "speed", "start", "condition", "drivers", "calibration"}
+)
+LARGEST_INTEGER = 2**63 - 1  # of SQLite
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +60,70 @@ class RunRow:
 
     @property
     def name(self) -> str:
-        """Name of the run's folder."""
-        return self.folder.name
+        """Name of the run's folder, with bytes that are no UTF-8 as escapes."""
+        return self.folder.name.encode(errors="backslashreplace").decode()
+
+
+COLUMNS = ("run", *(field.name for field in fields(RunRow)[1:]))  # the folder by its name
+
+
+def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]:
+    """Runs directly under `root` for which the SQL expression `where` holds, oldest first.
+
+    `sort` is the column to sort by instead, downwards with a leading `-`; runs without a value come
+    last. Raises ConfigurationError for a `root` that is no folder or a run itself, and for what is
+    no such expression or column.
+    """
+    if not root.is_dir():
+        raise ConfigurationError(f"{root}: is not a folder; name one with --runs")
+    if is_run(root):
+        raise ConfigurationError(
+            f"{root}: is a run; name the folder that it lies in with --runs, as "
+            f"{root.resolve().parent}"
+        )
+    try:
+        rows = [read_row(folder) for folder in root.iterdir() if is_run(folder)]
+    except OSError as error:
+        raise ConfigurationError(f"{root}: cannot be listed: {error.strerror}") from None
+    rows.sort(key=lambda row: (row.began, row.name))
+    return _select(rows, where, sort) if where or sort else tuple(rows)
+
+
+def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]:
+    """Filter and sort `rows` in a database in memory, which holds nothing else."""
+    key = sort.removeprefix("-")
+    if key and key not in COLUMNS:
+        raise ConfigurationError(
+            f"--sort: unknown column {key!r}{suggestion(key, COLUMNS)}; "
+            f"allowed: {', '.join(COLUMNS)}"
+        )
+    order = f"{key} IS NULL, {key} {'DESC' if sort.startswith('-') else 'ASC'}, " if key else ""
+    with closing(sqlite3.connect(":memory:")) as base:
+        base.execute(f"CREATE TABLE runs (place, {', '.join(COLUMNS)})")
+        marks = ", ".join("?" * (1 + len(COLUMNS)))
+        base.executemany(
+            f"INSERT INTO runs VALUES ({marks})",  # noqa: S608
+            ((place, *map(_storable, values_of(row))) for place, row in enumerate(rows)),
+        )
+        try:
+            found = base.execute(
+                f"SELECT place FROM runs WHERE ({where or 1}\n) ORDER BY {order}place"  # noqa: S608
+            ).fetchall()
+        except (sqlite3.Error, sqlite3.Warning, ValueError) as error:
+            raise ConfigurationError(
+                f"--where: {error}; columns of runs: {', '.join(COLUMNS)}"
+            ) from None
+    return tuple(rows[place] for (place,) in found if place in range(len(rows)))
+
+
+def _storable(value: Any) -> Any:
+    """`value` as SQLite can hold it: a seed of twenty digits as a float."""
+    return float(value) if isinstance(value, int) and abs(value) > LARGEST_INTEGER else value
+
+
+def values_of(row: RunRow) -> tuple[Any, ...]:
+    """Values of `row` in the columns COLUMNS, in SI units."""
+    return (row.name, row.began.isoformat(), *astuple(row)[2:])
 
 
 def runs_before(folder: Path, strip: str, most: int) -> tuple[RunRow, ...]:
@@ -97,10 +165,11 @@ def to_prune(
 
 
 def remove(rows: Sequence[RunRow]) -> int:
-    """Delete the folders of `rows`; returns the bytes freed.
+    """Delete the folders of `rows`, each locked and read once more; returns the bytes freed.
 
     Raises ConfigurationError for a folder that is not a run, is one under way, or a link to one;
-    and, once all others are gone, for those that could not be removed.
+    and, once all others are gone, for those that changed since `rows` were read or could not be
+    removed.
     """
     for row in rows:
         if row.folder.is_symlink() or not is_run(row.folder) or is_under_way(row.folder):
@@ -108,18 +177,25 @@ def remove(rows: Sequence[RunRow]) -> int:
     left = []
     for row in rows:
         try:
-            shutil.rmtree(row.folder)
+            with lock_folders([row.folder]):
+                if read_row(row.folder) == row:
+                    shutil.rmtree(row.folder)
+                else:
+                    left.append(f"{row.folder}: has just been changed; it was left alone")
         except OSError as error:
             left.append(f"{row.folder}: cannot be removed: {error.strerror}")
+        except ConfigurationError as error:
+            left.append(str(error))
     if left:
         raise ConfigurationError("\n".join(left))
     return sum(row.size for row in rows)
 
 
 def read_row(folder: Path) -> RunRow:
-    """Read the row of the run in `folder` from its YAML files."""
-    header, result, notes = (_values(folder / name) for name in (RUN, RESULT, NOTES))
-    stated, final, notes = header or {}, result or {}, notes or {}
+    """Read the row of the run in `folder` from its YAML files; what is unreadable is empty."""
+    header = _document(folder / RUN, HEADER_KEYS)
+    result, notes = _document(folder / RESULT), _document(folder / NOTES)
+    stated, final, remarks = header or {}, result or {}, notes or {}
     return RunRow(
         folder=folder,
         began=_start_time(folder),
@@ -131,22 +207,24 @@ def read_row(folder: Path) -> RunRow:
         duration=_number(final.get("duration")),
         size=_size(folder),
         touch=_number(final.get("t_layer_touch")),
-        predicted=_number(final.get("foretold.displacement")),
-        like_model=_boolean(final.get("agreement.like_model")),
+        predicted=_number(_part(final, "foretold").get("displacement")),
+        like_model=_boolean(_part(final, "agreement").get("like_model")),
         reason=_text(final.get("reason")),
         seed=_integer(stated.get("seed")),
         speed=_number(stated.get("speed")),
         start=_text(stated.get("start")) or "flat",
         condition=_text(stated.get("condition")),
-        arm=_text(stated.get("drivers.arm")),
-        camera=_text(stated.get("drivers.camera")),
-        calibration=_text(stated.get("calibration.id")),
-        tags=_text(notes.get("tags")),
-        note=_text(notes.get("note")),
+        arm=_text(_part(stated, "drivers").get("arm")),
+        camera=_text(_part(stated, "drivers").get("camera")),
+        calibration=_text(_part(stated, "calibration").get("id")),
+        tags=_text(remarks.get("tags")),
+        note=_text(remarks.get("note")),
     )
 
 
-def _outcome(folder: Path, header: Values | None, result: Values | None) -> str:
+def _outcome(
+    folder: Path, header: Mapping[str, Any] | None, result: Mapping[str, Any] | None
+) -> str:
     if header is None:
         return BROKEN
     if is_under_way(folder):
@@ -156,13 +234,23 @@ def _outcome(folder: Path, header: Values | None, result: Values | None) -> str:
     return _text(result.get("outcome")) or BROKEN
 
 
-def _values(path: Path) -> Values | None:
-    if not path.exists():
-        return None
+def _document(path: Path, keys: Collection[str] = ()) -> dict[str, Any] | None:
+    """The mapping in the YAML file at `path`; None where there is none that can be read.
+
+    With `keys` only those of the outermost level, where each begins a line: of a run's header that
+    is a tenth, and the rest is what takes the time.
+    """
     try:
-        return read_scalars(read_text(path))
-    except (ConfigurationError, ValueError):
+        text = read_text(path)
+        blocks = [b for b in re.split(r"(?m)^(?=\w)", text) if b.partition(":")[0] in keys]
+        return parse_yaml("".join(blocks) or text, str(path))
+    except ConfigurationError:
         return None
+
+
+def _part(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    part = content.get(key)
+    return part if isinstance(part, dict) else {}
 
 
 def _size(folder: Path) -> int:
@@ -199,20 +287,21 @@ def _moment(stamp: str) -> datetime | None:
         return None
 
 
-def _number(value: Scalar) -> float | None:
-    return value if isinstance(value, float) and isfinite(value) else None
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        return None
+    return float(value)
 
 
-def _integer(value: Scalar) -> int | None:
-    number = _number(value)
-    return None if number is None or number != int(number) else int(number)
+def _integer(value: object) -> int | None:
+    return value if isinstance(value, int) and not isinstance(value, bool) else None
 
 
-def _boolean(value: Scalar) -> bool | None:
+def _boolean(value: object) -> bool | None:
     return value if isinstance(value, bool) else None
 
 
-def _text(value: Scalar) -> str:
-    if isinstance(value, float):
-        return f"{value:g}"
-    return value if isinstance(value, str) else ""
+def _text(value: object) -> str:
+    if value is None or isinstance(value, bool | list | dict):
+        return ""
+    return f"{value:g}" if isinstance(value, float) else str(value)

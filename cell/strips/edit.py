@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import ConfigurationError
-from drivers.files import write_file
-from drivers.readers import read_text
+from drivers.files import change_file
 from drivers.settings import parse
 from drivers.strip.file import StripFile
-from drivers.yaml_text import dump_yaml, edit_yaml
+from drivers.yaml_text import dump_yaml
 
 
 def with_measured(
@@ -24,18 +23,18 @@ def with_measured(
     return {**content, key: value, "provenance": [measured, *kept]}
 
 
-def rewrite(path: Path, content: Mapping[str, Any]) -> None:
-    """Check `content` and replace the strip file at `path` by it; ConfigurationError if invalid."""
-    parse(content, StripFile, str(path))
-    write_file(path, edit_yaml(read_text(path), content))
-
-
 def create(path: Path, content: Mapping[str, Any]) -> None:
     """Check `content` and write it to a new strip file at `path`; an existing one is refused."""
     parse(content, StripFile, str(path))
-    if path.exists():
-        raise ConfigurationError(f"{path}: is there already; choose another name or edit the file")
-    write_file(path, dump_yaml(content))
+
+    def make(_: str) -> str:
+        if path.exists():
+            raise ConfigurationError(
+                f"{path}: is there already; choose another name or edit the file"
+            )
+        return dump_yaml(content)
+
+    change_file(path, make)
 
 
 SOURCED = ("areal_density", "bending_length", "retardation_time", "thickness")

@@ -5,11 +5,13 @@ from datetime import date
 from pathlib import Path
 
 from cell.record.documents import plain
-from cell.strips.edit import rewrite, with_measured
+from cell.strips.edit import with_measured
 from cell.strips.measurement import Measurement
 from cell.strips.picture import picture
-from drivers.files import replace_file, writing
-from drivers.readers import read_yaml
+from drivers.files import change_file, replace_file, writing
+from drivers.settings import parse
+from drivers.strip.file import StripFile
+from drivers.yaml_text import edit_yaml, parse_yaml
 
 MEASUREMENT_FILE = "measurement.json"
 
@@ -46,5 +48,11 @@ def put_into(path: Path, measurement: Measurement, today: date) -> None:
         f"95 % between {pooled.low:.4g} and {pooled.high:.4g} m; "
         f"born {measurement.bending.prior.kind.value}; some yarn friction is in it"
     )
-    content = read_yaml(path)
-    rewrite(path, with_measured(content, "bending_length", measurement.value, source, note))
+
+    def change(text: str) -> str:
+        content = parse_yaml(text, str(path))
+        content = with_measured(content, "bending_length", measurement.value, source, note)
+        parse(content, StripFile, str(path))
+        return edit_yaml(text, content)
+
+    change_file(path, change)

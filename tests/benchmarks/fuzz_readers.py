@@ -35,6 +35,7 @@ from cell.gap.subject.strip.runs import read_runs
 from cell.gap.verdict.accept import accept, sha256, undo
 from cell.gap.verdict.schema import read_verdict
 from cell.record.header import Header, Result
+from cell.record.listing import list_runs
 from cell.record.run import read_run
 from cell.record.salvage import Salvage
 from cell.record.truth import read_truth, write_truth
@@ -47,7 +48,6 @@ from drivers.strip.describe import load_plant, load_strip
 from policies.checkpoint import load_checkpoint
 from tests.cell.conftest import HEADER, RESULT, MadeFold, straight_camera
 from tests.support.hostile_files import Spoiled, copied, documents, spoilers
-from tests.support.listed_runs import list_runs
 
 LONGEST = 2.0  # s of processor time for one input
 PAGE = 0.8  # s for a whole folder's page where LONGEST holds; a slower machine has more

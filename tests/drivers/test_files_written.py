@@ -2,6 +2,7 @@
 
 import ast
 import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,15 @@ from calibration.wizard.board_print import print_board
 from cell.record.files import RECORDING
 from cell.report.viz.recording import open_recording
 from drivers.errors import ConfigurationError
-from drivers.files import append_line, new_file, own_file, replace_file, replacing
+from drivers.files import (
+    append_line,
+    change_file,
+    new_file,
+    new_folder,
+    own_file,
+    replace_file,
+    replacing,
+)
 
 ROOT = Path(__file__).parents[2]
 DOOR = "drivers/files.py"
@@ -95,6 +104,43 @@ def test_what_fails_on_the_way_leaves_the_old_file_and_nothing_else(tmp_path: Pa
         scratch.unlink()
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
     assert place.read_text() == "old"
+
+
+@pytest.mark.parametrize("end", [KeyboardInterrupt, ConfigurationError])
+def test_folder_that_ends_early_leaves_nothing_and_blocks_nothing(tmp_path: Path, end) -> None:
+    place = tmp_path / "runs" / "made"
+
+    def fail(folder: Path) -> None:
+        (folder / "half").touch()
+        raise end
+
+    with pytest.raises(end), new_folder(place) as made:
+        fail(made)
+    assert list(tmp_path.iterdir()) == []
+    with new_folder(place) as made:
+        (made / "whole").touch()
+        assert not place.exists()
+    assert [path.name for path in place.iterdir()] == ["whole"]
+    with pytest.raises(ConfigurationError, match="is there already"), new_folder(place):
+        pytest.fail("was made")
+
+
+def test_folder_that_another_one_made_meanwhile_stays(tmp_path: Path) -> None:
+    place = tmp_path / "made"
+    theirs = tmp_path / "elsewhere"
+    theirs.mkdir()
+    (theirs / "theirs").touch()
+    with pytest.raises(ConfigurationError, match="is there already"), new_folder(place):
+        theirs.rename(place)
+    assert [path.name for path in place.iterdir()] == ["theirs"]
+    assert list(tmp_path.iterdir()) == [place]
+
+
+def test_changes_of_one_file_at_once_are_all_kept(tmp_path: Path) -> None:
+    place = tmp_path / "file"
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda n: change_file(place, lambda old: f"{old}{n}"), range(8)))
+    assert sorted(place.read_text()) == list("01234567")
 
 
 def test_printing_the_board_overwrites_nothing(tmp_path: Path, outside: Path) -> None:

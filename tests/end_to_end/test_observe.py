@@ -40,6 +40,12 @@ def off(seen: Run, own: Run, begin: float) -> np.ndarray:
 def test_a_film_by_another_encoder_gives_the_profiles_of_the_cell(tmp_path: Path) -> None:
     own, film, begin = filmed("denim", "triangular", tmp_path)
     again = encoded_again(film, "libx265")
+
+    def interrupt(_time: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        observe(again, own.folder / CALIBRATION, "denim", tmp_path / "seen", None, interrupt)
     found = observe(again, own.folder / CALIBRATION, "denim", tmp_path / "seen")
     seen = read_run(found.folder)
     error = off(seen, own, begin)

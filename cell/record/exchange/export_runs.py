@@ -1,6 +1,5 @@
 """Export of recorded runs to the formats of other programs."""
 
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
@@ -14,7 +13,7 @@ from cell.record.exchange.mapping import MAPPING
 from cell.record.exchange.outgoing import Outgoing, mapping_of, outgoing
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
+from drivers.files import check_free, new_folder, replace_file
 from drivers.types import Array
 
 Format = Literal["csv", "lerobot", "mcap"]
@@ -26,20 +25,16 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
     All is written, or nothing. Raises ConfigurationError for runs that cannot be read or do not go
     together, an `out` that is there already, or a library that is missing.
     """
-    if out.exists():
-        raise ConfigurationError(f"{out}: is there already; name another folder")
+    check_free(out)
     if kind == "mcap":
         require_library("mcap")
     parts = outgoing([read_run(folder) for folder in folders])
     names = [part.run.name for part in parts]
     if len(set(names)) < len(names):
         raise ConfigurationError(f"two runs are named {max(names, key=names.count)}; rename one")
-    try:
-        with writing(out):
-            return _write(parts, kind, out)
-    except BaseException:
-        shutil.rmtree(out, ignore_errors=True)
-        raise
+    with new_folder(out) as made:
+        paths = _write(parts, kind, made)
+    return tuple(out / path.relative_to(made) for path in paths)
 
 
 def _write(parts: Sequence[Outgoing], kind: Format, out: Path) -> tuple[Path, ...]:

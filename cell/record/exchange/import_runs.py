@@ -17,7 +17,7 @@ from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_run
 from cell.record.run import read_run
 from cell.record.tables import place_contacts, write_parquet
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
+from drivers.files import check_free, move_folder, replace_file, scratch_folder, writing
 from drivers.settings import load, parse
 from drivers.types import Array
 from drivers.yaml_text import parse_yaml
@@ -37,23 +37,36 @@ def import_runs(places: Sequence[Path], mapping: Path | None, out: Path) -> tupl
     """
     stated = None if mapping is None else _with_needed(load(mapping, Mapping), str(mapping))
     sources = (source for place in places for source in _sources(place, mapping))
-    made: list[Path] = []
-    try:
+    with scratch_folder(out) as scratch:
+        made: list[Path] = []
         for index, source in enumerate(sources):
-            how, target = stated or _own_mapping(source), out / source.name
-            with writing(target):
-                if target.exists():
-                    raise ConfigurationError(f"{target}: is there already; name another --out")
-                made.append(target)
-                _import(source, how, index, target, documents=stated is None)
-            _check_readable(target, source)
+            how, run = stated or _own_mapping(source), scratch / source.name
+            check_free(out / run.name)
+            if run in made:
+                raise ConfigurationError(
+                    f"{source.path}: is the second run named {run.name}; rename one"
+                )
+            made.append(run)
+            with writing(out):
+                _import(source, how, index, run, documents=stated is None)
+            _check_readable(run, source)
+        if not made:
+            raise ConfigurationError(f"{places[0]}: holds no tables")
+        return _move_all(made, out)
+
+
+def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
+    """Move the runs `made` to the folder `out`, all or none; returns their folders there."""
+    moved: list[Path] = []
+    try:
+        for run in made:
+            move_folder(run, out / run.name)
+            moved.append(out / run.name)
     except BaseException:
-        for target in made:
-            shutil.rmtree(target, ignore_errors=True)
+        for run in moved:
+            shutil.rmtree(run, ignore_errors=True)
         raise
-    if not made:
-        raise ConfigurationError(f"{places[0]}: holds no tables")
-    return tuple(made)
+    return tuple(moved)
 
 
 def _check_readable(run: Path, source: Source) -> None:
@@ -128,7 +141,7 @@ def _import(source: Source, how: Mapping, index: int, target: Path, *, documents
         seen = read_columns(source, how.contact, how.contact.columns.items())
         placed = place_contacts(ticks["t"], seen["t"] - begin, seen["contact_x"])
         ticks |= dict(zip(("contact_x", "contact_t"), placed, strict=True))
-    target.mkdir(parents=True)
+    target.mkdir()
     write_document(target / RUN, _header(source.name, how, index))
     write_parquet(target / TICKS, pa.table(ticks))
     write_parquet(target / PROFILE, pa.table(_profile(source, how, begin)))

@@ -36,8 +36,7 @@ Row = dict[str, Any]
 
 
 def write_mcap(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
-    """Write a file for each run into the new folder `out`, its mapping as an attachment."""
-    out.mkdir(parents=True)
+    """Write a file for each run into the folder `out`, its mapping as an attachment."""
     return tuple(_write(part, out / f"{part.run.name}.mcap") for part in parts)
 
 

@@ -215,7 +215,7 @@ def test_a_fold_imports_no_solvers() -> None:
             "--only-judge: runs holds no runs of an",
         ),
         (("runs", "--delete"), "--keep, --older-than: give one"),
-        (("runs", "--keep", "1", "--delete", "--html", "page"), "go without --sql and --html"),
+        (("runs", "--keep", "1", "--delete", "--html", "page"), "go without --html"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )

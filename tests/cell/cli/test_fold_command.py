@@ -117,7 +117,7 @@ def test_a_defect_of_the_program_is_one_line_and_no_traceback(
     def defect(*_: object, **__: object) -> None:
         raise ZeroDivisionError("nobody foresaw this")
 
-    monkeypatch.setattr("cell.record.catalogue.Catalogue.rows", defect)
+    monkeypatch.setattr("cell.record.listing.list_runs", defect)
     monkeypatch.setattr("sys.argv", ["cell", "runs", "--runs", str(tmp_path)])
     with pytest.raises(SystemExit) as ended:
         main()

@@ -264,3 +264,21 @@ def test_run_that_is_there_already_is_kept(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="is there already"):
         import_runs(folders, how, tmp_path / "runs")
     assert list((tmp_path / "runs").iterdir()) == [kept]
+
+
+def test_two_imports_to_one_place_leave_the_run_of_the_first(tmp_path, monkeypatch) -> None:
+    """The second one finishes while the first still reads: it is there to stay."""
+    folders, how = [plain(tmp_path / name) for name in ("a", "b")], in_metres(tmp_path)
+    finished = []
+
+    def write(path: Path, content: object) -> None:
+        if not finished:
+            monkeypatch.undo()
+            finished.extend(import_runs(folders[1:], how, tmp_path / "runs"))
+        write_document(path, content)
+
+    monkeypatch.setattr("cell.record.exchange.import_runs.write_document", write)
+    with pytest.raises(ConfigurationError, match="is there already"):
+        import_runs(folders, how, tmp_path / "runs")
+    assert list((tmp_path / "runs").iterdir()) == finished
+    assert len(read_run(finished[0]).ticks.t) > 0

@@ -67,6 +67,20 @@ def test_forgetting_sets_aside_and_loses_nothing(tmp_path: Path) -> None:
     assert memory.experiences() == ()
 
 
+def test_forgetting_again_overwrites_nothing_that_was_set_aside(tmp_path: Path) -> None:
+    memory, kept = Memory("cell", tmp_path), {}
+    for number in range(3):
+        memory.add(Experience(f"r{number}", "adaptive", "denim", "a", "camera"))
+        content, aside = memory.path.read_bytes(), memory.forget()
+        assert aside is not None
+        kept[aside] = content
+        if number == 1:
+            first = next(iter(kept))
+            first.unlink()  # the operator moves it elsewhere
+            del kept[first]
+    assert {path: path.read_bytes() for path in kept} == kept
+
+
 def test_switched_off_stays_off_until_switched_on(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
     memory.switch(on=False)

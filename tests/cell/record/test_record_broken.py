@@ -13,6 +13,7 @@ import yaml
 from cell.record.documents import write_document
 from cell.record.files import SIGHT_STREAM
 from cell.record.frames import INDEX, read_index
+from cell.record.listing import list_runs
 from cell.record.run import read_run
 from cell.record.stream import SIGHT_ROWS, read_stream
 from cell.record.writer import RunWriter
@@ -22,7 +23,6 @@ from drivers.errors import ConfigurationError
 from drivers.files import replace_file
 from drivers.readers import read_parquet
 from tests.cell.conftest import HEADER
-from tests.support.listed_runs import list_runs
 
 
 def test_what_is_learned_in_a_run_is_on_disk_once_it_has_ended(tmp_path) -> None:

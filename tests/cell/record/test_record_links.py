@@ -7,13 +7,12 @@ from pathlib import Path
 import pytest
 
 from cell.record.files import REBUILT, RECORDING, REPORT, is_under_way
-from cell.record.listing import remove, to_prune
+from cell.record.listing import list_runs, remove, to_prune
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
 from drivers.errors import ConfigurationError
 from tests.cell.conftest import HEADER
-from tests.support.listed_runs import list_runs
 
 
 @pytest.fixture

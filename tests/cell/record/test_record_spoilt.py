@@ -18,6 +18,7 @@ from cell.config.places import find_configs
 from cell.folding.replay import replay
 from cell.record.columns import Profile
 from cell.record.frames import INDEX, digest
+from cell.record.listing import list_runs
 from cell.record.run import read_run
 from cell.record.salvage import Salvage
 from cell.record.writer import RunWriter
@@ -26,7 +27,6 @@ from cell.report.viz.recording import viz_from_run
 from drivers.errors import ConfigurationError
 from drivers.readers import read_parquet
 from tests.cell.conftest import HEADER, RESULT, MadeFold
-from tests.support.listed_runs import list_runs
 
 
 @pytest.fixture(scope="module")

@@ -1,3 +1,4 @@
+import json
 import os
 import subprocess
 import sys
@@ -6,13 +7,14 @@ from pathlib import Path
 
 import pytest
 import yaml
+from typer.testing import CliRunner
 
 import cell
-from cell.record.listing import remove, to_prune
+from cell.cli.app import app
+from cell.record.listing import list_runs, remove, to_prune
 from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError
 from tests.cell.conftest import HEADER
-from tests.support.listed_runs import list_runs
 
 NOW = datetime(2026, 11, 20, 12, 0, 0, tzinfo=UTC)
 
@@ -95,6 +97,96 @@ def test_run_under_way_is_neither_chosen_nor_removed(tmp_path):
         remove(rows)
     writer.close()
     assert writer.folder.is_dir()
+
+
+@pytest.fixture
+def thirty(tmp_path):
+    for number in range(30):
+        outcome = "layer_touch" if number % 5 else "overspeed"
+        folder = tmp_path / f"20261120T0000{number:02d}Z-denim-fold-{number:04x}"
+        folder.mkdir()
+        (folder / "run.yaml").write_text(f"schema: 1\nstrip: s{number % 3}\nseed: {number}\n")
+        (folder / "result.yaml").write_text(
+            f"outcome: {outcome}\ndisplacement: {number}e-4\nedge_offset: {-number * 1e-5}\n"
+        )
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("where", "sort", "seeds"),
+    [("outcome = 'layer_touch' and abs(displacement) > 0.002", "-edge_offset",
+      [21, 22, 23, 24, 26, 27, 28, 29]),
+     ("seed between 3 and 5 or seed in (7, 9)", "-seed", [9, 7, 5, 4, 3]),
+     ("not strip like 's%' or note is null or seed < 2  -- a remark", "", [0, 1]),
+     ("predicted is not null", "", []), ("strip", "-began", [])],
+)  # fmt: skip
+def test_runs_are_filtered_and_sorted(thirty, where, sort, seeds):
+    assert [row.seed for row in list_runs(thirty, where, sort)] == seeds
+
+
+@pytest.mark.parametrize(
+    "where", ["1); DELETE FROM runs; --", "nothing = 1", "(", "load_extension('x')", "seed = \0"]
+)
+def test_filter_that_is_no_expression_is_refused_with_the_columns(thirty, where):
+    with pytest.raises(ConfigurationError, match=r"--where: .*columns of runs: run, began, strip"):
+        list_runs(thirty, where)
+    assert len(list_runs(thirty)) == 30
+
+
+def test_unknown_column_to_sort_by_names_the_nearest(thirty):
+    with pytest.raises(ConfigurationError, match="did you mean 'displacement'"):
+        list_runs(thirty, sort="-displacment")
+
+
+def test_command_lists_as_table_csv_and_json(thirty, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "160")
+    some = ("runs", "--runs", str(thirty), "--where", "seed < 3")
+    table = CliRunner().invoke(app, some).stdout
+    assert "edge mm" in table
+    assert "-0.0" in table
+    printed = CliRunner().invoke(app, [*some, "--json"]).stdout
+    lines = [json.loads(line) for line in printed.splitlines()]
+    assert [line["edge_offset"] for line in lines] == [0.0, -1e-5, -2e-5]
+    content = CliRunner().invoke(app, [*some, "--csv"]).stdout.splitlines()
+    assert content[0].startswith("run,began,strip,policy,outcome,displacement,edge_offset")
+    assert len(content) == 4
+
+
+def test_tag_changed_in_place_within_the_clock_s_grain_is_seen(thirty):
+    """An editor that does not rename: same inode, same size, same stamps."""
+    notes = next(iter(sorted(thirty.iterdir()))) / "notes.yaml"
+    notes.write_text("schema: 1\ntags: junk\n")
+    assert len(list_runs(thirty, "tags LIKE '%junk%'")) == 1
+    stamps = notes.stat()
+    notes.write_text("schema: 1\ntags: keep\n")
+    os.utime(notes, ns=(stamps.st_atime_ns, stamps.st_mtime_ns))
+    assert list_runs(thirty, "tags LIKE '%junk%'") == ()
+
+
+def test_run_that_changed_since_it_was_chosen_is_not_deleted(thirty):
+    chosen = to_prune(list_runs(thirty), NOW, keep=28)
+    (chosen[0].folder / "notes.yaml").write_text("schema: 1\ntags: keep\n")
+    with pytest.raises(ConfigurationError, match="has just been changed; it was left alone"):
+        remove(chosen)
+    assert [row.folder.exists() for row in chosen] == [True, False]
+
+
+def test_one_bad_run_does_not_spoil_the_list(thirty):
+    (thirty / "20261121T000000Z-a").mkdir()
+    names = os.fsencode(thirty) + b"/20261121T000001Z-\xff"
+    os.mkdir(names)  # noqa: PTH102
+    for folder, text in ((b"/20261121T000000Z-a", b"9" * 20), (b"/20261121T000001Z-\xff", b"1")):
+        Path(os.fsdecode(os.fsencode(thirty) + folder + b"/run.yaml")).write_bytes(
+            b"schema: 1\nstrip: felt\nseed: " + text
+        )
+    last = sorted(thirty.iterdir())[0]
+    (last / "run.yaml").write_text("strip: " + "[" * 100_000)
+    (last / "result.yaml").write_text("- " * 90_000)
+    for options in ((), ("--csv",), ("--json",), ("--where", "seed > 3", "--sort", "seed")):
+        done = CliRunner().invoke(app, ["runs", "--runs", str(thirty), *options])
+        assert done.exit_code == 0, done.exception
+        assert "felt" in done.stdout
+    assert list_runs(thirty)[0].outcome == "broken"
 
 
 def test_listing_needs_none_of_the_heavy_libraries():

@@ -13,6 +13,7 @@ import pytest
 
 from calibration.calibration import load_calibration
 from cell.gap.report.page import write_report as write_gap_report
+from cell.record.listing import list_runs
 from cell.record.run import read_run
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
@@ -29,7 +30,6 @@ from tests.cell.gap.test_gap_engine import Curves, bump, hidden, judged
 from tests.cell.studies.benchmark.test_benchmark import measured
 from tests.cell.studies.test_studies import filled
 from tests.support.browser import FOUND, LOOKS, Browser, Look, browser
-from tests.support.listed_runs import list_runs
 
 pytestmark = [
     pytest.mark.slow,

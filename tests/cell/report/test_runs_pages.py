@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,10 @@ import yaml
 from typer.testing import CliRunner
 
 from cell.cli.app import app
-from cell.record.listing import read_row
+from cell.record.listing import list_runs, read_row
+from cell.record.notes import annotate
 from cell.report.page import write_report
-from tests.support.listed_runs import list_runs
+from drivers.errors import ConfigurationError
 
 
 @pytest.fixture(scope="module")
@@ -101,3 +103,19 @@ def test_bad_tag_is_refused_and_nothing_is_written(three: list[Path]) -> None:
     done = CliRunner().invoke(app, ["note", str(three[0]), "--tag", "two words"])
     assert "is no tag" in str(done.exception)
     assert not (three[0] / "notes.yaml").exists()
+
+
+@pytest.mark.parametrize("text", ["tags: [", "tags: {a: 1}", "- junk", "schema: 2"])
+def test_notes_that_cannot_be_read_are_left_as_they_are(three: list[Path], text: str) -> None:
+    notes = three[0] / "notes.yaml"
+    notes.write_text(text)
+    done = CliRunner().invoke(app, ["note", str(three[0]), "--tag", "good"])
+    assert isinstance(done.exception, ConfigurationError)
+    assert str(notes) in str(done.exception)
+    assert notes.read_text() == text
+
+
+def test_four_tags_at_once_are_all_kept(three: list[Path]) -> None:
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda tag: annotate(three[0], [tag]), "abcd"))
+    assert read_row(three[0]).tags == "a b c d"
