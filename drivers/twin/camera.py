@@ -8,9 +8,7 @@ import numpy as np
 from drivers.errors import Fault
 from drivers.protocols import Clock
 from drivers.strip.model import Observation
-from drivers.twin.renderer.look import StripLook
-from drivers.twin.renderer.looks.green_mat import LOOK as PLAIN
-from drivers.twin.renderer.looks.look import Look
+from drivers.twin.renderer.looks import PLAIN, Look, StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene

@@ -14,8 +14,7 @@ from drivers.twin.camera import TwinCamera, Visible
 from drivers.twin.chain.engine import Chain
 from drivers.twin.clock import Turn, TwinClock
 from drivers.twin.hand import TwinHand
-from drivers.twin.renderer.look import StripLook
-from drivers.twin.renderer.looks import looks
+from drivers.twin.renderer.looks import LOOKS, StripLook
 from drivers.twin.scene import Truth
 from drivers.twin.settings import TwinSettings
 from drivers.twin.world import Plant, World
@@ -111,7 +110,7 @@ def open_desk(
     home = Pose(model.stated_length, settings.arm.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)
     world = World(model, plant_engine, settings.world, home, settings.hand.opening)
-    look = looks()[settings.look]
+    look = LOOKS[settings.look]
     camera = TwinCamera(
         staging.view(world),
         clock,

@@ -16,8 +16,7 @@ from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
 from cell.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from drivers.strip.describe import load_strip
-from drivers.twin.renderer.looks import looks
-from drivers.twin.renderer.looks.look import Look
+from drivers.twin.renderer.looks import LOOKS, Look
 from drivers.twin.settings import CameraSettings
 from drivers.types import Image
 from policies.fixed_paths import triangular
@@ -59,12 +58,12 @@ def main(out: Path, name: str) -> None:
     """A picture of few colours, small enough for a runbook."""
     strip = load_strip(STRIPS / f"{name}.yaml")
     fold = simulate_fold(strip, triangular(strip.length), 0.1)
-    tiles = [tile(look, fold) for look in looks().values()]
+    tiles = [tile(look, fold) for look in LOOKS.values()]
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
     rows = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
     picture = Picture.fromarray(cv2.cvtColor(np.vstack(rows), cv2.COLOR_BGR2RGB))
     picture.quantize(COLOURS, kmeans=4, dither=Picture.Dither.NONE).save(out, optimize=True)
-    print(f"{len(looks())} looks drawn to {out}, {out.stat().st_size / 1e3:.0f} kB")
+    print(f"{len(LOOKS)} looks drawn to {out}, {out.stat().st_size / 1e3:.0f} kB")
 
 
 if __name__ == "__main__":

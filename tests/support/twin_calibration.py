@@ -14,7 +14,7 @@ from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
 from drivers.errors import Fault
 from drivers.twin.board import Held, board_frame, held_before
-from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings

@@ -27,7 +27,7 @@ from cell.studies.kit.rollouts import Kept, stepper
 from cell.studies.kit.sights import fold_of
 from cell.studies.kit.twin_fold import FoldCamera
 from drivers.strip.describe import describe
-from drivers.twin.renderer.looks import looks
+from drivers.twin.renderer.looks import LOOKS
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import load_critic
 from policies.adaptive.fabrics import plain
@@ -44,7 +44,7 @@ def image_and_reading(seed: int, look: str) -> Mapping[str, list[float]]:
     configs = find_configs(None)
     strip, camera = configs.strip("denim"), configs.cell().twin.camera
     settings, made = PerceptionSettings(), fold_of("denim", triangular(strip.length), FOLD_SPEED)
-    twin = FoldCamera(strip, camera, seed, looks()[look])
+    twin = FoldCamera(strip, camera, seed, LOOKS[look])
     found = inspect(twin.flat(strip), cached_calibration(), settings, strip)
     if found.appearance is None:
         return {}
@@ -99,7 +99,7 @@ COST_PARTS: dict[str, Callable[[int, str], Mapping[str, list[float]]]] = {
 def draw(number: int, _rng: np.random.Generator) -> Values:
     """Draw case `number`; cases go through parts of a fold, images through looks too."""
     seed, part = divmod(number, len(COST_PARTS))
-    look = list(looks())[seed % len(looks())] if part == 0 else next(iter(looks()))
+    look = list(LOOKS)[seed % len(LOOKS)] if part == 0 else next(iter(LOOKS))
     return {"part": list(COST_PARTS)[part], "look": look, "noise": seed}
 
 

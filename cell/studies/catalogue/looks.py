@@ -9,7 +9,7 @@ from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.studies.kit.folds import cached_calibration, configs_with_twin, facts, fold_strip
-from drivers.twin.renderer.looks import looks
+from drivers.twin.renderer.looks import LOOKS
 
 ALLOWED_MM = 6.0  # mm of displacement
 
@@ -17,8 +17,8 @@ ALLOWED_MM = 6.0  # mm of displacement
 def draw(number: int, _rng: np.random.Generator) -> Values:
     """Draw case `number`; cases go through the looks, then through the cell's strips."""
     strips = find_configs(None).strip_names()
-    strip, look = divmod(number, len(looks()))
-    return {"look": list(looks())[look], "strip": strips[strip % len(strips)]}
+    strip, look = divmod(number, len(LOOKS))
+    return {"look": list(LOOKS)[look], "strip": strips[strip % len(strips)]}
 
 
 def measure(case: Values) -> Values:

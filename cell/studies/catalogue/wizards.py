@@ -18,7 +18,7 @@ from calibration.wizard.touches import TouchSettings
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Study, Values
 from drivers.twin.board import Held, board_frame, held_before
-from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene

@@ -20,7 +20,7 @@ from cell.folding.correct import with_correction
 from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
 from drivers.strip.file import StripFile
-from drivers.twin.renderer.looks import DEFAULT_LOOK
+from drivers.twin.renderer.looks import PLAIN
 
 SPECIMEN_NAME = "studied"
 
@@ -72,7 +72,7 @@ def _request(
 
 
 def configs_with_twin(
-    folder: Path, look: str = DEFAULT_LOOK, camera: Mapping[str, float] = MappingProxyType({})
+    folder: Path, look: str = PLAIN.name, camera: Mapping[str, float] = MappingProxyType({})
 ) -> Path:
     """Copy the configuration to `folder`/configs, with other `look` and `camera` of its twin."""
     configs = find_configs(None)

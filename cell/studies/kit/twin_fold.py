@@ -8,9 +8,7 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Touch, desk_contact
 from drivers.twin.chain.engine import Chain
-from drivers.twin.renderer.look import StripLook
-from drivers.twin.renderer.looks.green_mat import LOOK as PLAIN
-from drivers.twin.renderer.looks.look import Look
+from drivers.twin.renderer.looks import PLAIN, Look, StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings

@@ -66,25 +66,19 @@ class Optics:
 
     def project(self, points: Array) -> Array:
         """Pixels (..., 2) of points (..., 3) of the cell frame [m]."""
-        seen = (points - self.centre) @ self.rotation.T
-        return self._through_lens(seen[..., 0], seen[..., 1], seen[..., 2])
+        right, down, forward = np.moveaxis((points - self.centre) @ self.rotation.T, -1, 0)
+        inverse = 1 / forward
+        a, b = right * inverse, down * inverse
+        k1, k2 = self.distortion
+        r2 = a * a + b * b
+        scale = (1 + r2 * (k1 + k2 * r2)) * self.focal
+        return np.stack([a * scale + self.principal[0], b * scale + self.principal[1]], axis=-1)
 
     def plane(self, points: Array, y: float = 0.0) -> Array:
         """Pixels (..., 2) of points (..., 2) of x, z [m] in the plane at `y` [m]."""
         flat = np.array(points, dtype=np.float64).reshape(-1, 2)
         camera = self.centre, self.rotation, self.focal, self.principal, self.distortion
         return plane(flat, y, *camera).reshape(points.shape)
-
-    def _through_lens(self, right: Array, down: Array, forward: Array) -> Array:
-        inverse = 1 / forward
-        a, b = right * inverse, down * inverse
-        k1, k2 = self.distortion
-        r2 = a * a + b * b
-        scale = (1 + r2 * (k1 + k2 * r2)) * self.focal
-        pixels = np.empty((*a.shape, 2))
-        pixels[..., 0] = a * scale + self.principal[0]
-        pixels[..., 1] = b * scale + self.principal[1]
-        return pixels
 
     def seen_from(self, origin: tuple[int, int]) -> Self:
         """The camera with pixels counted from `origin` (u, v)."""

@@ -1,11 +1,15 @@
 """Renderer of the twin's camera frames."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.errors import ConfigurationError
-from drivers.twin.renderer.curve import Curve, expose
+from drivers.strip.model import CONTACT_HEIGHT
+from drivers.strip.shape import desk_contact
 from drivers.twin.renderer.gripper import (
     Outline,
     draw_hand,
@@ -15,22 +19,30 @@ from drivers.twin.renderer.gripper import (
     outlines,
 )
 from drivers.twin.renderer.kernels import splat
-from drivers.twin.renderer.lamps import arm_shadow, dim, flicker
-from drivers.twin.renderer.lint import draw_lint
-from drivers.twin.renderer.look import StripLook
-from drivers.twin.renderer.looks.green_mat import LOOK as PLAIN
-from drivers.twin.renderer.looks.look import Look
+from drivers.twin.renderer.light import arm_shadow, dim, flicker, shadow_band, shadow_profile
+from drivers.twin.renderer.looks import PLAIN, Look, StripLook
 from drivers.twin.renderer.optics import Optics
-from drivers.twin.renderer.ribbon import PITCH, faces, near_edge, project, weave
+from drivers.twin.renderer.ribbon import (
+    CUT,
+    PITCH,
+    Cloud,
+    Curve,
+    expose,
+    faces,
+    near_edge,
+    project,
+    weave,
+)
 from drivers.twin.renderer.sensor import blur, noise_bank, reach
-from drivers.twin.renderer.shadow import shadow_band, shadow_profile
-from drivers.twin.renderer.splat import Cloud
-from drivers.twin.renderer.stage import bgr, stage
-from drivers.twin.renderer.window import Window
+from drivers.twin.renderer.stage import bgr, fill, stage
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Image, Pose, frozen
+from drivers.types import Array, Image, Pose, frozen
 
+T = TypeVar("T", bound=np.generic)
+# m by which an abrupt end looks further along (lint) or back (glare) than one that lifts evenly.
+ABRUPT_LINT, ABRUPT_GLARE = 0.0003, 0.0008
+PILE = 0.0009  # m that it reaches over the lowest strip, more than lens and pixels blur
 _SPECK = Scene(
     stamp=0.0,
     points=frozen(np.linspace((0.0, 0.0), (0.01, 0.0), 9)),
@@ -39,6 +51,58 @@ _SPECK = Scene(
     finger_width=0.0,
     holds_strip=False,
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Columns `left` to `right` and rows `top` to `bottom` of an image of `size` (width, height).
+
+    `margin` [px] at its sides serves the blur alone and is not put back.
+    """
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+    size: tuple[int, int]
+    margin: int
+
+    @classmethod
+    def around(
+        cls, extents: Sequence[tuple[Array, Array]], size: tuple[int, int], margin: int
+    ) -> Self | None:
+        """Window around points (u, v) [px] and twice the margin; None where it misses the image."""
+        shown = [extent for extent in extents if len(extent[0])]
+        if not shown:
+            return None
+        left, top = (int(min(pair[j].min() for pair in shown)) - 2 * margin for j in range(2))
+        right, bottom = (
+            int(max(pair[j].max() for pair in shown)) + 2 * margin + 1 for j in range(2)
+        )
+        window = cls(
+            max(left, 0), max(top, 0), min(right, size[0]), min(bottom, size[1]), size, margin
+        )
+        return window if window.left < window.right and window.top < window.bottom else None
+
+    @property
+    def origin(self) -> tuple[int, int]:
+        """First pixel (u, v) of the window."""
+        return self.left, self.top
+
+    def of(self, image: NDArray[T]) -> NDArray[T]:
+        """View of the window's part of `image`."""
+        return image[self.top : self.bottom, self.left : self.right]
+
+    def put(self, part: Image, image: Image) -> None:
+        """Copy `part` into `image`, without the margin at sides that lie inside the image."""
+        above, left = (self.margin if side > 0 else 0 for side in (self.top, self.left))
+        right = self.right - (self.margin if self.right < self.size[0] else 0)
+        bottom = self.bottom - (self.margin if self.bottom < self.size[1] else 0)
+        rows = slice(self.top + above, max(bottom, self.top + above))
+        columns = slice(self.left + left, max(right, self.left + left))
+        image[rows, columns] = part[
+            above : above + rows.stop - rows.start, left : left + columns.stop - columns.start
+        ]
 
 
 class Renderer:
@@ -59,7 +123,7 @@ class Renderer:
     ) -> None:
         """Draw the background; `optics` are those of `settings` unless given.
 
-        `contact_bias` [m] shifts the apparent desk contact, see `lint`.
+        `contact_bias` [m] shifts the apparent desk contact, see `draw_lint`.
         `surround` is the look of the cell about the strip, its colours over those of `settings`.
         """
         settings = apply_look(settings, surround)
@@ -151,3 +215,38 @@ def apply_look(settings: CameraSettings, look: Look) -> CameraSettings:
     """`settings` with the colours of `look` in place of their own."""
     around = settings.surroundings.model_copy(update=dict(look.colours))
     return settings.model_copy(update={"surroundings": around})
+
+
+def draw_lint(
+    image: Image, empty: Image, scene: Scene, optics: Optics, bias: float, look: tuple[Array, float]
+) -> None:
+    """Draw lint or glare that shifts the apparent contact of `scene` by `bias` [m] along x.
+
+    Lint of the strip's colour in front of its near edge closes the wedge between strip and desk,
+    so that the strip seems to leave it later. Glare of the desk hides the foot of the edge, so that
+    it seems to leave it earlier. The upper outline stays unchanged.
+    `empty` (h, w, 3) shows the same region without a strip; `look` is the strip's colour (3,) BGR
+    in its light, and its thickness [m].
+    """
+    colour, thickness = look
+    if bias == 0 or not (scene.points[:, 1] > CONTACT_HEIGHT).any():
+        return
+    contact = desk_contact(scene.points, CONTACT_HEIGHT)
+    low, high = -thickness / 2, CONTACT_HEIGHT - thickness / 2 + PILE
+    if bias > 0:
+        left, right = contact - PILE, contact + max(bias - ABRUPT_LINT, 0.0)
+    else:
+        left, right = contact + min(bias + ABRUPT_GLARE, 0.0), contact + PILE
+    outline = optics.plane(np.array([(left, low), (right, low), (right, high), (left, high)]))
+    if bias > 0:
+        fill(image, outline, CUT * colour)
+    else:
+        _lay_bare(image, empty, outline)
+
+
+def _lay_bare(image: Image, empty: Image, outline: Array) -> None:
+    """Show `empty` (h, w, 3) inside the `outline` (m, 2) [px] on `image` (h, w, 3), in place."""
+    cover = np.zeros_like(image)
+    fill(cover, outline, np.full(3, 255.0))
+    share = cover / 255.0
+    image[:] = share * empty + (1.0 - share) * image + 0.5

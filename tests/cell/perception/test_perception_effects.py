@@ -18,7 +18,7 @@ from drivers.strip.describe import describe, load_strip
 from drivers.strip.model import Observation, Rig, StripModel
 from drivers.strip.observation import seen_contact, seen_points, true_points
 from drivers.twin.camera import optics_now
-from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array

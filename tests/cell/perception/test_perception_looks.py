@@ -13,8 +13,7 @@ from cell.perception.settings import PerceptionSettings
 from cell.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
-from drivers.twin.renderer.looks import looks
-from drivers.twin.renderer.looks.look import Box, Look
+from drivers.twin.renderer.looks import LOOKS, Box, Look
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
@@ -54,7 +53,7 @@ def _reader(
     look: str, strip: str, thickness: float | None = None
 ) -> tuple[Perception, FoldCamera, TwinFold]:
     fold = _fold(strip, thickness)
-    camera = FoldCamera(fold.strip, CAMERA, look=looks()[look])
+    camera = FoldCamera(fold.strip, CAMERA, look=LOOKS[look])
     judged = _judged_by(camera, fold.strip)
     assert judged.passed, [check for check in judged.checks if not check.passed]
     assert judged.appearance is not None
@@ -99,21 +98,21 @@ def test_strip_as_thick_as_is_allowed_is_read_as_it_is(look: str) -> None:
 
 
 def test_grey_strip_on_a_grey_desk_is_refused_because_its_shadow_looks_like_it() -> None:
-    refused = _refusals(_judged(looks()["grey-desk"], _strip("interlock")))
+    refused = _refusals(_judged(LOOKS["grey-desk"], _strip("interlock")))
     assert "as a desk and its shadow do" in refused["contrast"]
 
 
 def test_dark_strip_on_a_dark_desk_is_refused_for_contrast() -> None:
-    assert "contrast" in _refusals(_judged(looks()["dark-on-dark"], _strip("tablecloth")))
+    assert "contrast" in _refusals(_judged(LOOKS["dark-on-dark"], _strip("tablecloth")))
 
 
 def test_strip_with_parts_that_look_like_the_desk_is_refused_as_not_solid() -> None:
-    refused = _refusals(_judged(looks()["white-checks"], _strip("denim")))
+    refused = _refusals(_judged(LOOKS["white-checks"], _strip("denim")))
     assert "pattern looks like the desk" in refused["solid"]
 
 
 def test_thing_of_the_strips_colour_behind_its_way_is_refused_with_its_place() -> None:
-    room = looks()["grey-desk"].colours
+    room = LOOKS["grey-desk"].colours
     box = Box((0.25, 0.15, 0.0), (0.40, 0.2, 0.2), (38, 58, 108))
     judged = _judged(Look("box", "", room, things=(box,)), _strip("denim"))
     reason = _refusals(judged)["background"]
@@ -124,18 +123,18 @@ def test_thing_of_the_strips_colour_behind_its_way_is_refused_with_its_place() -
 
 def test_burnt_out_picture_is_refused_for_exposure() -> None:
     bright = CAMERA.model_copy(update={"gain": 1.5})
-    assert "exposure" in _refusals(_judged(looks()["grey-desk"], _strip("tablecloth"), bright))
+    assert "exposure" in _refusals(_judged(LOOKS["grey-desk"], _strip("tablecloth"), bright))
 
 
 def test_strip_thicker_than_images_are_read_for_is_refused_for_its_thickness() -> None:
     thick = _strip("denim").model_copy(update={"thickness": 0.02})
-    refused = _refusals(_judged(looks()["green-mat"], thick))
+    refused = _refusals(_judged(LOOKS["green-mat"], thick))
     assert list(refused) == ["thickness"]
     assert "20.0 mm thick" in refused["thickness"]
 
 
 def test_refusal_tells_what_to_do() -> None:
-    checks = _judged(looks()["white-checks"], _strip("interlock")).checks
+    checks = _judged(LOOKS["white-checks"], _strip("interlock")).checks
     assert all(check.remedy for check in checks)
     assert not all(check.passed for check in checks)
 
@@ -149,7 +148,7 @@ def test_blank_image_before_a_learnt_scene_is_no_exception_and_no_confidence(lev
 
 
 def test_pin_of_the_calibration_is_found_in_shadow_and_flicker() -> None:
-    renderer = Renderer(CAMERA, NO_STRIP, 0, surround=looks()["workshop"])
+    renderer = Renderer(CAMERA, NO_STRIP, 0, surround=LOOKS["workshop"])
     optics = Optics.of(CAMERA)
     for x, z in ((0.1, 0.05), (0.3, 0.2), (0.4, 0.12), (0.55, 0.1)):
         pose = Pose(x, z, np.pi / 2)

@@ -9,7 +9,7 @@ from cell.perception.preflight import Preflight, inspect
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
-from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings

@@ -11,7 +11,7 @@ from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
 from cell.perception.sight_process import StripSight, Subject
 from drivers.strip.describe import load_strip
-from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings

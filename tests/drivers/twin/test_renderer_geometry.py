@@ -10,10 +10,10 @@ import pytest
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.twin.board import Held, board_frame, held_before
-from drivers.twin.renderer.curve import smooth, through_nodes
-from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.renderer.ribbon import smooth, through_nodes
 from drivers.twin.settings import CameraSettings
 from tests.support.rendered_cell import empty, midline, scene
 

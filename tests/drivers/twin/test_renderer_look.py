@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
-from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings

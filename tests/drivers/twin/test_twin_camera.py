@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import Fault
 from drivers.strip.model import Observation
 from drivers.twin.camera import TwinCamera
-from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import StripLook
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
 from tests.support.rendered_cell import scene

@@ -5,7 +5,7 @@ import pytest
 
 from drivers.twin.renderer import kernels
 from drivers.twin.renderer.kernels import FULL, splat
-from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from tests.support.rendered_cell import scene

@@ -1,16 +1,11 @@
-"""The twin's cell in other looks: named, found by scanning, drawn as they say."""
-
-import pkgutil
+"""The twin's cell in other looks: named, and drawn as they say."""
 
 import numpy as np
 import pytest
 
-import drivers.twin.renderer.looks as folder
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
-from drivers.twin.renderer.look import StripLook
-from drivers.twin.renderer.looks import DEFAULT_LOOK, looks
-from drivers.twin.renderer.looks.look import Box, Flicker, Look, Pattern
+from drivers.twin.renderer.looks import LOOKS, PLAIN, Box, Flicker, Look, Pattern, StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
@@ -28,22 +23,15 @@ def _drawn(look: Look, at: Scene, settings: CameraSettings = SMALL) -> Array:
     return Renderer(settings, strip, 0, surround=look).render([at], 0).astype(float)
 
 
-def test_every_file_of_the_folder_is_one_look_that_says_what_it_is() -> None:
-    files = {name for _, name, _ in pkgutil.iter_modules(folder.__path__)} - {"look"}
-    assert {name.replace("-", "_") for name in looks()} == files
-    assert next(iter(looks())) == DEFAULT_LOOK
-    assert all(look.name == name and look.says for name, look in looks().items())
-
-
 def test_unknown_look_is_refused_with_the_names_of_all() -> None:
     with pytest.raises(ConfigurationError, match="there is no look 'fog'") as told:
         parse({"look": "fog"}, TwinSettings, "cell.yaml: twin")
-    assert all(name in str(told.value) for name in looks())
+    assert all(name in str(told.value) for name in LOOKS)
 
 
 def test_plain_look_leaves_no_trace_in_what_is_kept_of_a_cell() -> None:
     assert "look" not in TwinSettings().model_dump(mode="json")
-    assert "look" not in TwinSettings(look=DEFAULT_LOOK).model_dump_json()
+    assert "look" not in TwinSettings(look=PLAIN.name).model_dump_json()
     assert TwinSettings(look="clutter").model_dump(mode="json")["look"] == "clutter"
 
 
@@ -51,9 +39,9 @@ def test_camera_stays_itself_in_any_look() -> None:
     assert TwinSettings(look="clutter").camera.identity == TwinSettings().camera.identity
 
 
-@pytest.mark.parametrize("name", [name for name in looks() if name != DEFAULT_LOOK])
+@pytest.mark.parametrize("name", [name for name in LOOKS if name != PLAIN.name])
 def test_every_look_shows_another_picture_than_the_plain_one(name: str) -> None:
-    plain, other = (_drawn(looks()[it], scene("lifted")) for it in (DEFAULT_LOOK, name))
+    plain, other = (_drawn(LOOKS[it], scene("lifted")) for it in (PLAIN.name, name))
     assert np.abs(plain - other).mean() > 5
 
 
@@ -79,7 +67,7 @@ def test_strip_without_pattern_has_the_colour_of_its_file_alone() -> None:
 
 def test_things_stand_still_behind_the_strip_and_never_before_it() -> None:
     wall = Look("wall", "", things=(Box((0.0, 0.1, 0.0), (0.6, 0.2, 0.3), (250, 250, 250)),))
-    bare, covered = (_drawn(look, scene("lifted"), QUIET) for look in (looks()[DEFAULT_LOOK], wall))
+    bare, covered = (_drawn(look, scene("lifted"), QUIET) for look in (PLAIN, wall))
     points, _ = midline("lifted")
     optics = Optics.of(QUIET)
     u, v = optics.plane(points[60:300:20], 0.02).round().astype(int).T
@@ -92,7 +80,7 @@ def test_things_stand_still_behind_the_strip_and_never_before_it() -> None:
 
 
 def test_shadow_of_the_arm_moves_with_it() -> None:
-    look = looks()["arm-shadow"]
+    look = LOOKS["arm-shadow"]
     bare = Look("bare", "", look.colours)
     share = [
         _drawn(look, at) / np.maximum(_drawn(bare, at), 1)
@@ -105,7 +93,7 @@ def test_shadow_of_the_arm_moves_with_it() -> None:
 
 def test_light_flickers_at_twice_the_mains_and_by_its_depth() -> None:
     look = Look("lamp", "", flicker=Flicker(mains=50.0, depth=0.4, readout=0.0))
-    still = _drawn(looks()[DEFAULT_LOOK], empty(0.3, 5.0)).mean()
+    still = _drawn(PLAIN, empty(0.3, 5.0)).mean()
     stamps = np.arange(0.0, 0.02, 0.001)
     bright = [_drawn(look, _at(stamp)).mean() / still for stamp in stamps]
     assert np.allclose(bright[:10], bright[10:], atol=0.01)  # a period is 10 ms
@@ -116,7 +104,7 @@ def test_light_flickers_at_twice_the_mains_and_by_its_depth() -> None:
 
 def test_rolling_shutter_shows_flicker_as_bands() -> None:
     look = Look("lamp", "", flicker=Flicker(mains=50.0, depth=0.4, readout=0.010))
-    share = _drawn(look, _at(0.0)) / np.maximum(_drawn(looks()[DEFAULT_LOOK], _at(0.0)), 1)
+    share = _drawn(look, _at(0.0)) / np.maximum(_drawn(PLAIN, _at(0.0)), 1)
     rows = share.mean(axis=(1, 2))
     assert rows.max() - rows.min() > 0.25
     assert np.ptp(share, axis=1).max() < 0.05

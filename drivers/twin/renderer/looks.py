@@ -1,0 +1,233 @@
+"""Looks of the cell: what surrounds the strip, how it is lit, and what is printed on the strip."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Self
+
+import numpy as np
+
+from drivers.strip.file import StripFile
+from drivers.types import Array
+
+Colour = tuple[int, int, int]
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A box parallel to the axes of the cell frame: low and high corner [m], its sRGB colour."""
+
+    low: Point
+    high: Point
+    colour: Colour
+
+
+@dataclass(frozen=True, slots=True)
+class Cable:
+    """A cable through `points` [m], `thickness` [m] across, of one sRGB colour."""
+
+    points: tuple[Point, ...]
+    thickness: float
+    colour: Colour
+
+
+Thing = Box | Cable
+
+
+@dataclass(frozen=True, slots=True)
+class Lamp:
+    """A lamp at `place` [m] that casts the arm's shadow; `size` [m] is its radius.
+
+    `share` is its fraction of the light at the desk.
+    """
+
+    place: Point
+    size: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Flicker:
+    """Flickering light: it dims by the share `depth` twice per period of the `mains` [Hz].
+
+    A rolling shutter reads the image from top to bottom in `readout` [s].
+    """
+
+    mains: float
+    depth: float
+    readout: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """Printed pattern: colours that alternate with the strip's own every `pitch` [m].
+
+    `across` alternates along the strip's length, `along` over its width, `checks` in both.
+    `own` scales the brightness of the strip's own colour.
+    """
+
+    kind: Literal["across", "along", "checks"] = "across"
+    pitch: float = 0.02
+    others: tuple[Colour, ...] = ()
+    own: float = 1.0
+
+    @property
+    def plain(self) -> bool:
+        """Whether the strip keeps the one colour that its file states."""
+        return not self.others and self.own == 1.0
+
+    def colours(self, stated: Colour) -> Array:
+        """BGR colours (k, 3) of the pattern, the strip's own first."""
+        own = np.array(stated, dtype=np.float64) * self.own
+        return np.array([own, *self.others], dtype=np.float64)[:, ::-1]
+
+
+UNIFORM = Pattern()
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Visual appearance of the cell, as differences from the plain green cell.
+
+    `says` describes it to the operator; `colours` are sRGB by key of the twin's surroundings;
+    `things` are static objects around the strip.
+    """
+
+    name: str
+    says: str
+    colours: Mapping[str, Colour] = field(default_factory=dict)
+    things: tuple[Thing, ...] = ()
+    lamp: Lamp | None = None
+    flicker: Flicker | None = None
+    pattern: Pattern = UNIFORM
+
+
+@dataclass(frozen=True, slots=True)
+class StripLook:
+    """Visual appearance of a strip: `colour` (sRGB, 0..255), `thickness` [m] and `width` [m].
+
+    `pattern` is printed on it.
+    """
+
+    colour: tuple[int, int, int]
+    thickness: float
+    width: float
+    pattern: Pattern = UNIFORM
+
+    @classmethod
+    def of(cls, strip: StripFile, pattern: Pattern = UNIFORM) -> Self:
+        """The look that a strip or plant file states, `pattern` printed on it."""
+        return cls(strip.colour, strip.thickness, strip.width, pattern)
+
+    def tint(self, s: Array, y: Array) -> Array | None:
+        """BGR colours (n, 3) at arc lengths and depths (n,) [m]; None for a strip of one colour."""
+        if self.pattern.plain:
+            return None
+        i, j = (np.floor(place / self.pattern.pitch).astype(np.int64) for place in (s, y))
+        colours = self.pattern.colours(self.colour)
+        part = {"across": i, "along": j, "checks": i + j}[self.pattern.kind]
+        return np.asarray(colours[part % len(colours)])
+
+
+THINGS: tuple[Thing, ...] = (
+    Box((-0.55, 1.05, 0.30), (0.40, 1.15, 0.33), (150, 128, 98)),  # a shelf on the wall
+    Box((-0.30, 1.02, 0.33), (-0.16, 1.10, 0.52), (196, 150, 60)),  # a folder on it
+    Box((-0.14, 1.02, 0.33), (-0.05, 1.10, 0.48), (150, 190, 205)),
+    Box((0.55, 0.75, 0.00), (1.05, 0.95, 0.34), (190, 160, 118)),  # a carton behind the desk
+    Box((0.66, 0.74, 0.10), (0.94, 0.75, 0.20), (236, 232, 222)),  # its label
+    Box((0.02, 0.30, 0.00), (0.13, 0.40, 0.17), (170, 196, 160)),  # a tin
+    Box((0.20, 0.26, 0.00), (0.33, 0.34, 0.055), (214, 120, 48)),  # a tool box
+    Box((0.22, 0.28, 0.055), (0.31, 0.32, 0.068), (180, 182, 184)),  # its handle
+    Box((0.445, 0.20, 0.00), (0.452, 0.21, 0.235), (198, 200, 202)),  # a steel ruler on edge
+    Box((0.49, 0.36, 0.00), (0.56, 0.43, 0.12), (236, 226, 180)),  # a block of notes
+    Cable(
+        ((-0.2, 0.9, 0.42), (0.15, 0.88, 0.24), (0.42, 0.86, 0.21), (0.75, 0.84, 0.36)),
+        0.006,
+        (226, 190, 40),
+    ),
+    Cable(((0.36, 0.42, 0.004), (0.38, 0.40, 0.09), (0.60, 0.38, 0.16)), 0.005, (230, 230, 226)),
+)
+BENCH = {"desk": (184, 172, 150), "backdrop": (206, 205, 200), "panel": (120, 110, 98)}
+BLUE_MAT = {"desk": (150, 172, 200), "backdrop": (222, 221, 216), "panel": (120, 118, 114)}
+GREY_DESK = {"desk": (176, 178, 176), "backdrop": (222, 221, 216), "panel": (120, 118, 114)}
+NIGHT = {"desk": (44, 44, 46), "backdrop": (58, 58, 62), "panel": (40, 40, 40)}
+SIDE_LAMP = Lamp(place=(0.10, -2.0, 0.80), size=0.04, share=0.35)  # a strong one, by the camera
+MAINS = Flicker(mains=50.0, depth=0.30, readout=0.008)
+HALVES = Pattern("across", pitch=0.30, others=((150, 24, 60),))
+STRIPES = Pattern("across", pitch=0.008, others=((24, 82, 70),))
+CHECKS = Pattern("checks", pitch=0.012, others=((40, 48, 96), (150, 24, 60)))
+WHITE_CHECKS = Pattern("checks", pitch=0.015, others=((226, 224, 218),))
+
+PLAIN = Look("green-mat", "a green mat before a green backdrop, as for chroma keying; even light")
+LOOKS: Mapping[str, Look] = {
+    look.name: look
+    for look in (
+        PLAIN,
+        Look(
+            "arm-shadow",
+            "blue mat, white wall, and the arm's shadow moving over both",
+            BLUE_MAT,
+            lamp=SIDE_LAMP,
+        ),
+        Look("blue-mat", "a pale blue antistatic mat before a white wall; even light", BLUE_MAT),
+        Look(
+            "checks",
+            "blue mat, white wall, a strip in checks of three colours",
+            BLUE_MAT,
+            pattern=CHECKS,
+        ),
+        Look(
+            "clutter",
+            "a cluttered bench: boxes, cables, tools at different depths",
+            BENCH,
+            THINGS,
+        ),
+        Look(
+            "dark-on-dark",
+            "a dark strip on a dark desk before a dark wall",
+            NIGHT,
+            pattern=Pattern(own=0.5),
+        ),
+        Look(
+            "flicker",
+            "blue mat, white wall, and light that flickers with the mains",
+            BLUE_MAT,
+            flicker=MAINS,
+        ),
+        Look("grey-desk", "a light grey desk before a white wall; even light", GREY_DESK),
+        Look(
+            "stripes",
+            "blue mat, white wall, a strip with stripes across it",
+            BLUE_MAT,
+            pattern=STRIPES,
+        ),
+        Look(
+            "two-colours",
+            "blue mat, white wall, a strip whose halves differ in colour",
+            BLUE_MAT,
+            pattern=HALVES,
+        ),
+        Look(
+            "white-checks",
+            "grey desk, white wall, a strip whose checks are as white as the wall",
+            GREY_DESK,
+            pattern=WHITE_CHECKS,
+        ),
+        Look(
+            "workshop",
+            "clutter, the arm's shadow, flicker and a strip of two colours at once",
+            BENCH,
+            THINGS,
+            SIDE_LAMP,
+            MAINS,
+            HALVES,
+        ),
+    )
+}
+
+
+def check_look(name: str) -> str:
+    """Returns `name` if a look has it; raises ValueError with all names otherwise."""
+    if name not in LOOKS:
+        raise ValueError(f"there is no look {name!r}; allowed: {', '.join(LOOKS)}")
+    return name
