@@ -1,12 +1,10 @@
 """Measures one part in the present process, and writes its record to the journal."""
 
-import fcntl
 import json
 import os
 import resource
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -70,37 +68,15 @@ def set_aside(part: Part, reason: str, folder: Path, versions: Mapping[str, str]
 
 
 def prepare(_stop: StopSignal | None = None) -> None:
-    """End this process with its parent, and compile the rod before work begins.
-
-    Numba's cache breaks when several processes fill it (numba#4807), hence one at a time.
-    """
+    """End this process with its parent, and compile the rod before work begins."""
     end_with_parent()
-    import numba
-
     from drivers.strip.describe import describe
     from drivers.strip.file import paper_strip
-    from drivers.strip.rod.compiled import cache_folder as compiled
     from drivers.strip.rod.engine import Rod
 
-    folder = compiled(numba.config.CACHE_DIR)
-    if folder is None:
-        return
-    with _cache_lock(folder):
-        if not any(folder.glob("*.nbc")):
-            rod = Rod(20)
-            rod.reset([describe(paper_strip(0.1, 0.01))])
-            rod.step(np.array([[0.6, 0.0, 0.0]]), 0.005)
-
-
-@contextmanager
-def _cache_lock(folder: Path) -> Iterator[None]:
-    """Hold the lock of the folder of compiled code, which belongs to this host."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX)  # for as long as the other compiles
-        yield
-    finally:
-        os.close(handle)
+    rod = Rod(20)
+    rod.reset([describe(paper_strip(0.1, 0.01))])
+    rod.step(np.array([[0.6, 0.0, 0.0]]), 0.005)
 
 
 def _processor_time() -> float:

@@ -186,24 +186,26 @@ def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) 
 
 def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | None:
     """Binned profiles (n, BINS, POINTS, 2) of `models` on the path of `fold`; None if one fails."""
+    curves = [_simulate_profile(model, fold) for model in models]
+    return None if any(curve is None for curve in curves) else np.array(curves)
+
+
+def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
+    """Binned profile (BINS, POINTS, 2) of one model: alone, as the preflight compiled the rod."""
     times = np.arange(fold.t[0] + DT, fold.t[-1] + 0.5 * DT, DT)
     path = np.stack([np.interp(times, fold.t, column) for column in fold.poses.T], axis=1)
     rod = Rod(SEGMENTS, strict=False)
-    rod.reset(models)
-    motion = rod.follow(np.repeat(path[:, None], len(models), axis=1), DT, SHAPE_STRIDE)
+    rod.reset([model])
+    motion = rod.follow(path[:, None], DT, SHAPE_STRIDE)
     if rod.failed.any():
         return None
     kept = slice(SHAPE_STRIDE - 1, None, SHAPE_STRIDE)  # the steps of which there are shapes
-    times, grip, contact, arc = times[kept], path[kept, :2], motion.contact_x[kept], rod.arc()
+    times, grip, contact = times[kept], path[kept, :2], motion.contact_x[kept, 0]
     j = np.clip(np.searchsorted(times, fold.stamp) - 1, 0, len(times) - 2)
     part = ((fold.stamp - times[j]) / (times[j + 1] - times[j]))[:, None, None]
-    binned = []
-    for i in range(len(models)):
-        arcs = np.broadcast_to(arc[i], (len(times), arc.shape[1]))
-        curves = profiles(motion.shapes[:, i], arcs, contact[:, i], grip)
-        at_stamps = (1.0 - part) * curves[j] + part * curves[j + 1]
-        binned.append(fold.bin_curves(at_stamps))
-    return np.array(binned)
+    arcs = np.broadcast_to(rod.arc(), (len(times), rod.arc().shape[1]))
+    curves = profiles(motion.shapes[:, 0], arcs, contact, grip)
+    return fold.bin_curves((1.0 - part) * curves[j] + part * curves[j + 1])
 
 
 def _design(curves: Array, spacing: float) -> Array:

@@ -1,58 +1,151 @@
-"""Compilation of kernels by numba, and the cache of their machine code."""
+"""Compilation of kernels by numba, and the cache of their machine code.
 
+A file of the cache holds one kernel for one set of argument types and is named by what it was
+compiled from. So each checkout of the same sources finds the same code, changed sources find none,
+and processes that fill the cache at once do no harm (numba's own index may break: numba#4807).
+"""
+
+import ast
 import hashlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import llvmlite
 import numba
+from numba.core.caching import IndexDataCacheFile, NullCache
+from numba.core.ccallback import CFunc
+from numba.core.compiler import CompileResult
+from numba.core.sigutils import normalize_signature
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+ERRORS = "numpy"  # error model: IEEE arithmetic, a division by zero raises nothing
 
 
 def kernel(function: F) -> F:
     """Compile `function` for use in other kernels: no bounds checks, IEEE arithmetic, no GIL."""
     compiled: F = numba.njit(
-        error_model="numpy", nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
-    )(function)
+        error_model=ERRORS, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
+    )(_distinct(function))
     return compiled
 
 
 def entry(function: F) -> F:
-    """Compile `function` for calls from Python; cached between processes where possible.
-
-    The cache folder carries a digest of this package, because numba detects changes only in the
-    file of the entry itself.
-    """
-    before = numba.config.CACHE_DIR
-    folder = cache_folder(before)
-    numba.config.CACHE_DIR = str(folder or before)
-    try:
-        compiled: F = numba.njit(error_model="numpy", nogil=True, cache=folder is not None)(
-            function
-        )
-    finally:
-        numba.config.CACHE_DIR = before
-    return compiled
+    """Compile `function` for calls from Python; its machine code is kept for other processes."""
+    compiled = numba.njit(error_model=ERRORS, nogil=True)(_distinct(function))
+    compiled._cache = _Cache(function)
+    found: F = compiled
+    return found
 
 
-def cache_folder(chosen: str) -> Path | None:
-    """A writable folder under `chosen` (NUMBA_CACHE_DIR) or the user's cache; None without one."""
-    here = Path(__file__).parent
-    sources = (*sorted(here.glob("*.py")), here.parent / "shape.py")  # which holds a constant
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
+def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorator that compiles a function with `signature` for calls from C, and keeps its code."""
+
+    def compile_for_c(function: Callable[..., Any]) -> Any:
+        form = normalize_signature(signature)
+        compiled: Any = CFunc(_distinct(function), form, locals={}, options={"error_model": ERRORS})
+        compiled._cache = _Cache(function)
+        compiled.compile()
+        return compiled
+
+    return compile_for_c
+
+
+def cache_folder() -> Path:
+    """Folder of machine code of this Python and numba: in NUMBA_CACHE_DIR or the user's cache."""
+    versions = f"{sys.version} {numba.__version__} {llvmlite.__version__}"
+    chosen = numba.config.CACHE_DIR
     home = Path(chosen) if chosen else _user_cache() / "folding-cell"
-    folder = home / f"rod-{digest}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return None
-    return folder if os.access(folder, os.W_OK) else None
+    return home / f"kernels-{_digest(versions)}"
 
 
 def _user_cache() -> Path:
     if sys.platform == "darwin":
         return Path(os.path.expanduser("~/Library/Caches"))  # noqa: PTH111  Path.home() may raise
     return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111
+
+
+class _Cache(NullCache):  # type: ignore[misc]
+    """Cache of one kernel: a file for each set of argument types and kind of processor.
+
+    Numba reads and writes the files, which appear complete or not at all.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._name, self._origin = function.__name__, _origin(function)
+        self._files = IndexDataCacheFile(str(cache_folder()), function.__name__, "")
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Compiled code for argument types `sig`, None where none is kept."""
+        target_context.refresh()
+        try:
+            kept = self._files._load_data(self._file_name(sig, target_context.codegen()))
+        except OSError:
+            return None
+        return CompileResult._rebuild(target_context, *kept)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep compiled `data` where that is possible: a full disk costs the next start time."""
+        if not data.library.has_dynamic_globals:
+            with suppress(OSError):
+                cache_folder().mkdir(parents=True, exist_ok=True)
+                self._files._save_data(self._file_name(sig, data.codegen), data._reduce())
+
+    def _file_name(self, sig: Any, codegen: Any) -> str:
+        return f"{self._name}-{_digest(self._origin, f'{sig} {codegen.magic_tuple()}')}.nbc"
+
+
+def _distinct(function: F) -> F:
+    """`function`, renamed after what it closes over: numba names machine code by name and types."""
+    if function.__closure__:
+        function.__qualname__ += f"_{_digest(_origin(function))}"
+    return function
+
+
+def _origin(function: Callable[..., Any]) -> str:
+    """What the code of `function` depends on: its name, sources, and what it closes over."""
+    closed = [cell.cell_contents for cell in function.__closure__ or ()]
+    values = [_origin(v.py_func) if hasattr(v, "py_func") else repr(v) for v in closed]
+    file = Path(function.__code__.co_filename)
+    root = file.parents[function.__module__.count(".")]
+    contents = [_content(path) for path in sorted(_reached(file, root))]
+    return "\n".join([function.__module__, function.__qualname__, *values, *contents])
+
+
+def _reached(file: Path, root: Path) -> set[Path]:
+    """`file` and all files under `root` that it imports, directly or through others."""
+    found, waiting = set[Path](), [file]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting += _imported(path, root)
+    return found
+
+
+@cache
+def _imported(file: Path, root: Path) -> tuple[Path, ...]:
+    """Files under `root` that `file` imports from by `from module import ...`."""
+    return tuple(path for path in _named(ast.parse(_content(file)), root) if path.is_file())
+
+
+def _named(tree: ast.AST, root: Path) -> Iterator[Path]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            module = root.joinpath(*node.module.split("."))
+            yield module.with_suffix(".py")
+            yield from (module / f"{name.name}.py" for name in node.names)
+
+
+@cache
+def _content(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
+
+
+def _digest(*parts: str) -> str:
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]

@@ -1,12 +1,9 @@
 """The parts of the rod's solver: band factors, tangents, lumping, where code is kept."""
 
-from pathlib import Path
-
 import numba
 import numpy as np
 import pytest
 
-from drivers.strip.rod import compiled
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.band import eliminate, eliminate_fifth, substitute
 from drivers.strip.rod.batch import flat_batch
@@ -152,20 +149,3 @@ def test_nulls_of_effects_leave_the_lumps_as_they_are() -> None:
     null = {"nonlinear_bending": {"cubic": 0.0}, "bending_hysteresis": {"yield_curvature": 0.0}}
     bare, nulled = paper_model(0.1), paper_model(0.1, effects=null)
     np.testing.assert_array_equal(lump(bare, 60), lump(nulled, 60))
-
-
-def test_code_is_kept_where_the_user_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    chosen = compiled.cache_folder(str(tmp_path / "chosen"))
-    assert chosen is not None
-    assert chosen.is_relative_to(tmp_path / "chosen")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr(compiled.sys, "platform", "linux")
-    usual = compiled.cache_folder("")
-    assert usual is not None
-    assert usual.is_relative_to(tmp_path / "home")
-
-
-def test_code_is_not_kept_where_nothing_may_be_written(tmp_path: Path) -> None:
-    blocked = tmp_path / "file"
-    blocked.write_text("not a folder", encoding="utf-8")
-    assert compiled.cache_folder(str(blocked)) is None

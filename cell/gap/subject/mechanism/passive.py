@@ -17,6 +17,7 @@ import numba
 import numpy as np
 from numba import types
 
+from drivers.strip.rod.compiled import callback, kernel
 from drivers.types import Array
 
 HEAD = 4  # first user numbers of a joint: count of joints, its qpos and dof, its smoothing rate
@@ -32,10 +33,10 @@ TINY_MODEL = (
 def chain_laws(laws: Sequence[tuple[Callable[..., Array], int]]) -> Any:
     """Compile `laws`, each with its first place in `p`, to one `(q, v, load, p) -> torque`."""
     if not laws:
-        return numba.njit(_zero_torque)
+        return kernel(_zero_torque)
     law, at = laws[0]
     others = chain_laws(laws[1:])
-    own = numba.njit(error_model="numpy")(law)
+    own: Any = kernel(law)
 
     def both(q, v, load, p):  # type: ignore[no-untyped-def]
         torque = 0.0
@@ -43,7 +44,7 @@ def chain_laws(laws: Sequence[tuple[Callable[..., Array], int]]) -> Any:
             torque = own(q, v, load, p, at)
         return torque + others(q, v, load, p)
 
-    return numba.njit(error_model="numpy")(both)
+    return kernel(both)
 
 
 def _zero_torque(q, v, load, p):  # type: ignore[no-untyped-def]  # noqa: ARG001
@@ -77,7 +78,7 @@ class Torques:
         """Compiled function `(q, v, load, p) -> torque` that sums the laws `names`."""
         if names not in self._functions:
             law = self._chain(names).py_func
-            self._functions[names] = numba.cfunc(LAW, error_model="numpy")(law)
+            self._functions[names] = callback(LAW)(law)
         return self._functions[names]
 
     def _chain(self, names: frozenset[str]) -> Any:
@@ -103,7 +104,7 @@ def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: in
     """Compiled passive-force hook of MuJoCo that adds the torque `law` of every joint."""
     pointers = types.CPointer(types.CPointer(types.float64))
 
-    @numba.cfunc(types.void(pointers, pointers), error_model="numpy")
+    @callback(types.void(pointers, pointers))
     def add(model, data):  # type: ignore[no-untyped-def]
         user = numba.carray(model[user_at], (MOST_JOINTS, slots))
         for j in range(int(user[0, 0])):
@@ -129,7 +130,11 @@ def without_clock() -> Iterator[None]:
 
 @cache
 def _zero() -> Any:
-    return numba.cfunc(types.float64())(lambda: 0.0)
+    return callback(types.float64())(_no_time)
+
+
+def _no_time():  # type: ignore[no-untyped-def]
+    return 0.0
 
 
 @cache

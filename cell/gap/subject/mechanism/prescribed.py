@@ -1,7 +1,6 @@
 """Predicts torques by inverse dynamics on the measured motion, to compare with measured ones."""
 
 import copy
-import ctypes
 from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,9 +9,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding
 import mujoco
-import numba
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, filtfilt, welch
@@ -27,6 +27,7 @@ from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.passive import without_clock
 from cell.gap.subject.mechanism.runs import Cut, Recording, phases
 from cell.gap.subject.subject import Samples, Words
+from drivers.strip.rod.compiled import entry
 from drivers.types import Array, frozen
 
 ORDER = 3  # of the Butterworth filter, run forth and back
@@ -319,7 +320,7 @@ def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:
     """Torques (m, joints) of rigid bodies, springs, damping and air along a motion (m, joints)."""
     data = mujoco.MjData(model)
     torque = np.empty_like(q)
-    _loop()(model._address, data._address, data.qpos, data.qvel, data.qacc,
+    _along(model._address, data._address, data.qpos, data.qvel, data.qacc,
             data.qfrc_inverse, q, v, a, torque)  # fmt: skip
     return torque
 
@@ -373,26 +374,24 @@ def _friction_effects() -> tuple[Effect, ...]:
     return tuple(e for e in registry().values() if e.holds is not None)
 
 
-@cache
 def _inverse_function() -> Any:
     """MuJoCo's `mj_inverse` as a C function that compiled loops can call."""
     folder = Path(mujoco.__file__).parent
     library = next(p for p in sorted(folder.iterdir()) if p.name.startswith("libmujoco"))
-    function = ctypes.CDLL(str(library)).mj_inverse
-    function.argtypes, function.restype = (ctypes.c_size_t, ctypes.c_size_t), None
-    return function
+    llvmlite.binding.load_library_permanently(str(library))
+    return types.ExternalFunction("mj_inverse", types.void(types.uintp, types.uintp))
 
 
-@cache
-def _loop() -> Any:
-    """Compiled loop that writes inverse dynamics of each row of q, v, a (m, joints) to `out`."""
-    inverse = _inverse_function()
+_inverse = _inverse_function()
 
-    @numba.njit(nogil=True)
-    def along(model, data, qpos, qvel, qacc, torque, q, v, a, out):  # type: ignore[no-untyped-def]
-        for k in range(q.shape[0]):
-            qpos[:], qvel[:], qacc[:] = q[k], v[k], a[k]
-            inverse(model, data)
-            out[k] = torque
 
-    return along
+@entry
+def _along(  # type: ignore[no-untyped-def]
+    model, data, qpos: Array, qvel: Array, qacc: Array, torque: Array, q: Array, v: Array, a: Array,
+    out: Array,
+) -> None:  # fmt: skip
+    """Write inverse dynamics of each row of q, v, a (m, joints) to `out`."""
+    for k in range(q.shape[0]):
+        qpos[:], qvel[:], qacc[:] = q[k], v[k], a[k]
+        _inverse(model, data)
+        out[k] = torque

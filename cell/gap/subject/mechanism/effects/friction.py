@@ -2,13 +2,13 @@
 
 from typing import Any
 
-import numba
 import numpy as np
 
 from cell.gap.subject.mechanism.effect import MODES, Effect, add_to, per_joint, single
 from cell.gap.subject.mechanism.fields import Fields
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
+from drivers.strip.rod.compiled import entry
 from drivers.types import Array
 
 STRIBECK = 0.1  # of the typical rate, where a Stribeck peak begins
@@ -77,7 +77,7 @@ def _presliding_path(mechanism: Mechanism, values: Array, q: Array, v: Array) ->
     return np.asarray(_yielding(q, stiffness, np.minimum(torque, YIELD * stiffness)))
 
 
-@numba.njit  # type: ignore[untyped-decorator]
+@entry
 def _yielding(q: Array, stiffness: Array, most: Array) -> Array:
     """Torques (m, joints) of elastic, perfectly plastic elements along a motion q (m, joints)."""
     out = np.zeros_like(q)
