@@ -1,14 +1,114 @@
-"""Policies by name: their factories and their appearance in figures."""
+"""Policies by name: their factories and their appearance in figures.
+
+Names are listed without loading any policy: a factory does its own imports.
+"""
 
 import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
 
 from drivers.errors import ConfigurationError, suggestion
-from policies.catalogue import entries
-from policies.catalogue.entry import Look
-from policies.policy import Policy
+from drivers.plugins import plugins
+
+if TYPE_CHECKING:
+    from policies.policy import Policy
+
+    Factory = Callable[[FilePath | None], Policy]
 
 MOTION, BY_HAND = "motion:", "by-hand-"
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Appearance of a policy in figures: colour, and matplotlib's marker of a `size` [points]."""
+
+    colour: str = "#1b1f24"
+    marker: str = "o"
+    size: float = 5.5
+
+
+PLAIN = Look()
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A policy's factory, called with a checkpoint or None, and its `rank` in lists.
+
+    A `learned` policy has weights that a checkpoint replaces. `in_rod` makes the policy for folds
+    of the rod, where that is another one than for folds through images.
+    """
+
+    rank: int
+    make: "Factory"
+    learned: bool = False
+    in_rod: "Factory | None" = None
+    look: Look = PLAIN
+
+
+def _triangular(_: FilePath | None) -> "Policy":
+    from policies.fixed_paths import Triangular
+
+    return Triangular()
+
+
+def _circular(_: FilePath | None) -> "Policy":
+    from policies.fixed_paths import Circular
+
+    return Circular()
+
+
+def _shifted(_: FilePath | None) -> "Policy":
+    from policies.fixed_paths import Shifted
+
+    return Shifted()
+
+
+def _planned(_: FilePath | None) -> "Policy":
+    from policies.planned import Planned
+
+    return Planned()
+
+
+def _feedback(checkpoint: FilePath | None) -> "Policy":
+    from policies.feedback import load_feedback
+
+    return load_feedback(checkpoint)
+
+
+def _adaptive(checkpoint: FilePath | None) -> "Policy":
+    from policies.adaptive.adaptive import Adaptive
+    from policies.adaptive.checkpoint import load_critic, load_transfer
+
+    return Adaptive(load_critic(checkpoint), load_transfer(checkpoint))
+
+
+def _adaptive_in_rod(checkpoint: FilePath | None) -> "Policy":
+    from policies.adaptive.adaptive import Adaptive
+    from policies.adaptive.checkpoint import load_critic
+
+    return Adaptive(load_critic(checkpoint))
+
+
+OWN_POLICIES: Mapping[str, Entry] = {
+    "triangular": Entry(1, _triangular, look=Look("#2f6db5", "<")),
+    "circular": Entry(2, _circular, look=Look("#cf6a1f", ">")),
+    "shifted": Entry(3, _shifted, look=Look("#6b7280", "D", 4.2)),
+    "planned": Entry(4, _planned, look=Look("#8a5fb0", "s", 4.2)),
+    "feedback": Entry(5, _feedback, learned=True, look=Look("#3a8a5c", size=7.0)),
+    "adaptive": Entry(
+        6, _adaptive, learned=True, in_rod=_adaptive_in_rod, look=Look("#c2352b", "P")
+    ),
+}
+
+
+@cache
+def entries() -> Mapping[str, Entry]:
+    """All policies by name, those of plug-ins too, in display order."""
+    found = {**OWN_POLICIES, **plugins("policies", Entry, OWN_POLICIES)}
+    return dict(sorted(found.items(), key=lambda item: (item[1].rank, item[0])))
 
 
 def policy_names() -> tuple[str, ...]:
@@ -18,10 +118,10 @@ def policy_names() -> tuple[str, ...]:
 
 def look_of(name: str) -> Look:
     """Colour and marker of a policy in figures; plain ones for an unknown name."""
-    return entries()[name].look if name in entries() else Look()
+    return entries()[name].look if name in entries() else PLAIN
 
 
-def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool = False) -> Policy:
+def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool = False) -> "Policy":
     """The policy called `name`, not yet reset, for folds through images or `in_rod`.
 
     `checkpoint` replaces the committed weights of a learned policy. Raises ConfigurationError
@@ -44,7 +144,7 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
     return make(checkpoint)
 
 
-def _standard_motion(name: str) -> Policy:
+def _standard_motion(name: str) -> "Policy":
     """Policy that executes the motion `name`: a standard one, or by hand of a seed and number."""
     from policies.experiments.scripted import Scripted
     from policies.experiments.standard import STANDARD

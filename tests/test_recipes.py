@@ -34,8 +34,7 @@ from drivers.settings import parse
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects, registry
 from drivers.types import Frame
-from policies.catalogue import entries
-from policies.registry import make_policy, policy_names
+from policies.registry import entries, make_policy, policy_names
 from tests.cell.orchestrator.test_monitors import GOOD
 from tests.cell.orchestrator.test_orchestrator_stops import phases
 from tests.support.mechanisms import PRESCRIBED, make_arm
@@ -109,7 +108,7 @@ EFFECT = Effect(
 POLICY = '''
 """`raised`: the triangle, moved up by 60 mm."""
 
-from policies.catalogue.entry import Entry
+from policies.registry import Entry
 
 
 def _make(_):

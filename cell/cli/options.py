@@ -3,7 +3,6 @@
 import json
 import sys
 from contextlib import contextmanager
-from importlib.util import find_spec
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
@@ -39,11 +38,10 @@ def length_option(option: str, says: str, bare: str = "m") -> Any:
 
 
 def policy_names() -> list[str]:
-    """Names of the policies, by file names and entry points: importing them makes `--help` slow."""
-    found = find_spec("policies.catalogue")
-    places = [] if found is None else list(found.submodule_search_locations or ())
-    names = {path.stem for place in places for path in Path(place).glob("[a-z]*.py")}
-    return sorted({*names - {"entry"}, *plugin_names("policies")})
+    """Names of the policies; plug-ins are not imported, which makes `--help` slow."""
+    from policies.registry import OWN_POLICIES
+
+    return sorted({*OWN_POLICIES, *plugin_names("policies")})
 
 
 def strip_names(context: typer.Context) -> list[str]:

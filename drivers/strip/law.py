@@ -6,14 +6,14 @@ itself.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from operator import attrgetter
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.strip.model import SOFTEST, Mechanics, StripModel
+from drivers.strip.model import SOFTEST, StripModel, with_field
 from drivers.types import Array, frozen
 
 
@@ -40,48 +40,40 @@ class Term:
         return -self.most if self.least is None else self.least
 
 
-def _add(part: Any, path: str, amount: float) -> Any:
-    """Copy of `part`, a dataclass of a model, with `amount` added to the field at dotted `path`."""
-    field, _, inner = path.partition(".")
-    value = getattr(part, field)
-    return replace(part, **{field: _add(value, inner, amount) if inner else value + amount})
-
-
 def _add_force(model: StripModel, amount: float) -> StripModel:
     gx, gz = model.boundary.gravity
-    return replace(model, boundary=replace(model.boundary, gravity=(gx + amount, gz)))
+    return with_field(model, "boundary.gravity", (gx + amount, gz))
 
 
 def _add_gradient(model: StripModel, amount: float) -> StripModel:
-    return replace(model, mechanics=model.mechanics.scale_rigidity(1.0 + amount * _position(model)))
+    return with_field(
+        model, "mechanics", model.mechanics.scale_rigidity(1.0 + amount * _position(model))
+    )
 
 
 def _add_drift(model: StripModel, amount: float) -> StripModel:
     factor = np.full_like(model.mechanics.rigidity, max(SOFTEST, 1.0 + amount * model.index))
-    return replace(model, mechanics=model.mechanics.scale_rigidity(factor))
+    return with_field(model, "mechanics", model.mechanics.scale_rigidity(factor))
 
 
 def _add_curl(model: StripModel, amount: float) -> StripModel:
-    strip: Mechanics = model.mechanics
-    rest = frozen(strip.rest_curvature + amount * _position(model))
-    return replace(model, mechanics=replace(strip, rest_curvature=rest))
+    rest = model.mechanics.rest_curvature + amount * _position(model)
+    return with_field(model, "mechanics.rest_curvature", frozen(rest))
 
 
 def _add_bulge(model: StripModel, amount: float) -> StripModel:
     arched = 1.0 - 4.0 * _position(model) ** 2
-    return replace(model, mechanics=model.mechanics.scale_rigidity(1.0 + amount * arched))
+    return with_field(model, "mechanics", model.mechanics.scale_rigidity(1.0 + amount * arched))
 
 
 def _add_weight_gradient(model: StripModel, amount: float) -> StripModel:
-    strip: Mechanics = model.mechanics
-    density = frozen(strip.linear_density * (1.0 + amount * _position(model)))
-    return replace(model, mechanics=replace(strip, linear_density=density))
+    density = model.mechanics.linear_density * (1.0 + amount * _position(model))
+    return with_field(model, "mechanics.linear_density", frozen(density))
 
 
 def _add_compliance(model: StripModel, amount: float) -> StripModel:
-    strip: Mechanics = model.mechanics
-    stiffness = 1.0 / (1.0 / strip.stretch_stiffness + amount)
-    return replace(model, mechanics=replace(strip, stretch_stiffness=stiffness))
+    stiffness = 1.0 / (1.0 / model.mechanics.stretch_stiffness + amount)
+    return with_field(model, "mechanics.stretch_stiffness", stiffness)
 
 
 def _position(model: StripModel) -> Array:
@@ -128,8 +120,11 @@ def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
     """`model` with `amounts` of generic terms applied; unknown names are ignored."""
     for name, term in LAW_TERMS.items():
         if amount := amounts.get(name):
-            added = term.added
-            model = _add(model, added, amount) if isinstance(added, str) else added(model, amount)
+            if isinstance(term.added, str):
+                total = attrgetter(term.added)(model) + amount
+                model = with_field(model, term.added, total)
+            else:
+                model = term.added(model, amount)
     return model
 
 

@@ -8,7 +8,7 @@ engine lumps them onto its own nodes with `Mechanics.mean` and `Mechanics.total`
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from drivers.errors import ConfigurationError
 from drivers.strip.file import GRAVITY
 from drivers.types import Array, frozen
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 CELLS = 600
 SOFTEST = 0.05  # of the rigidity that ageing or a law always leaves
 CONTACT_HEIGHT = 0.001  # m above rest at which the lifted strip leaves the desk
@@ -213,6 +217,14 @@ class StripModel:
     rig: Rig = field(default_factory=Rig)
     observation: Observation = field(default_factory=Observation)
     index: int = 0
+
+
+def with_field(part: T, path: str, value: Any) -> T:
+    """Copy of `part`, a dataclass of a model, with `value` in the field at dotted `path`."""
+    name, _, inner = path.partition(".")
+    if inner:
+        value = with_field(getattr(part, name), inner, value)
+    return replace(part, **{name: value})
 
 
 Effects = Mapping[str, Mapping[str, float]]

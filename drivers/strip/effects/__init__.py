@@ -1,7 +1,5 @@
-"""Registry of effects: `EFFECT` from every module in this folder, and effects from plug-ins."""
+"""Registry of effects: those of the family modules of this folder, and of plug-ins."""
 
-import importlib
-import pkgutil
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -9,16 +7,18 @@ from typing import Literal
 
 from drivers.errors import ConfigurationError, suggestion
 from drivers.plugins import plugins
+from drivers.strip.effects import bending, boundary, mass, observation
 from drivers.strip.effects.effect import Effect
 from drivers.strip.model import Effects, StripModel
+
+FAMILIES = (bending, boundary, mass, observation)
 
 
 @cache
 def registry() -> Mapping[str, Effect]:
     """All effects by name, in the order in which they apply: by stage, then by name."""
-    modules = [name for _, name, _ in pkgutil.iter_modules(__path__) if name != "effect"]
-    own = [importlib.import_module(f"{__name__}.{name}").EFFECT for name in modules]
-    effects = [*own, *plugins("effects", Effect, {effect.name for effect in own}).values()]
+    found = [e for family in FAMILIES for e in vars(family).values() if isinstance(e, Effect)]
+    effects = [*found, *plugins("effects", Effect, {effect.name for effect in found}).values()]
     return {e.name: e for e in sorted(effects, key=lambda e: (e.stage, e.name))}
 
 
@@ -31,11 +31,11 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
 
 
 def _checkout_hint(name: str) -> str:
-    """Error hint where the working folder has a file of effect `name` that is not installed."""
-    path = Path("drivers", "strip", "effects", f"{name}.py")
-    if not path.is_file():
-        return ""
-    return f"; {path} is not a part of the installed package: run `pip install -e .` here"
+    """Error hint where the working folder has an effect `name` that is not installed."""
+    for path in Path("drivers", "strip", "effects").glob("*.py"):
+        if f'name="{name}"' in path.read_text(encoding="utf-8"):
+            return f"; {path} is not a part of the installed package: run `pip install -e .` here"
+    return ""
 
 
 def _fit_to_strip(

@@ -9,8 +9,9 @@ import numpy as np
 
 from drivers.errors import ConfigurationError, suggestion
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel
+from drivers.strip.model import StripModel, with_field
 
+Apply = Callable[[StripModel, Mapping[str, float]], StripModel]
 Role = Literal["amount", "place", "width", "time", "ratio", "shape"]
 ASSUMED_SIZES = (0.01, 0.1)  # of its range, for an effect that states no typical sizes
 
@@ -65,6 +66,22 @@ class Parameter:
     guess: float | None = None
 
 
+def shape(name: str, unit: str, high: float, guess: float) -> Parameter:
+    """A parameter from 0, its default, to `high` that shapes the law of its effect."""
+    return Parameter(name, unit, 0.0, high, null=None, default=0.0, role="shape", guess=guess)
+
+
+def sets(**fields: str) -> Apply:
+    """Function that writes the values of parameters into the model's fields at dotted paths."""
+
+    def apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+        for name, path in fields.items():
+            model = with_field(model, path, values[name])
+        return model
+
+    return apply
+
+
 @dataclass(frozen=True, slots=True)
 class Effect:
     """A physical or measurement phenomenon as a pure function from strip model to strip model.
@@ -81,7 +98,7 @@ class Effect:
     of: Literal["strip", "cell"]
     stage: Stage
     parameters: tuple[Parameter, ...]
-    apply: Callable[[StripModel, Mapping[str, float]], StripModel]
+    apply: Apply
     revealed_by: str
     typical: Callable[[StripFile], tuple[float, ...]] | None = None
     textile: Mapping[str, Span] = field(default_factory=dict)

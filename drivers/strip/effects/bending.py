@@ -1,0 +1,216 @@
+"""Effects of bending: the law of the moment, its change along the strip, and rest curvature."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drivers.strip.effects.effect import PLACE_SPAN, Effect, Parameter, Span, Stage, sets, shape
+from drivers.strip.file import GRAVITY
+from drivers.strip.model import CELLS, SOFTEST, StripModel, with_field
+from drivers.types import frozen
+
+HALF_WIDTH = 0.005  # m to each side over which a crease turns
+GRASP_BEND = 1.2  # bending lengths from the grip to where its first turn bends a lying strip
+
+
+def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
+    """The model with a crease: a rest angle `angle` [rad] at `position` [m]."""
+    mechanics = model.mechanics
+    away = np.abs(mechanics.cells - position)
+    near = mechanics.inside(position, 2 * HALF_WIDTH) * np.clip(1.0 - away / HALF_WIDTH, 0.0, 1.0)
+    curvature = angle * near / mechanics.total(near, mechanics.ends)
+    return with_field(
+        model, "mechanics.rest_curvature", frozen(mechanics.rest_curvature + curvature)
+    )
+
+
+def add_grasp_crease(model: StripModel, turn: float) -> StripModel:
+    """The model with a crease of `turn` [rad] in front of the grip, as left by the grasp.
+
+    The grasp turns and pushes the lying strip before anything is lifted. Where it bends then
+    depends on unknown slack, and the crease that a strip with bending hysteresis keeps depends on
+    its history; so the crease is a parameter.
+    """
+    if not turn:
+        return model
+    mechanics = model.mechanics
+    weight = float(np.mean(mechanics.linear_density)) * GRAVITY
+    bending_length = (float(np.mean(mechanics.rigidity)) / weight) ** (1 / 3)
+    return add_crease(model, -turn, mechanics.length - GRASP_BEND * bending_length)
+
+
+def _age(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    factor = max(SOFTEST, 1.0 - values["rate"] * model.index)
+    return with_field(model, "mechanics", model.mechanics.scale_rigidity(np.full(CELLS, factor)))
+
+
+AGEING = Effect(
+    name="ageing",
+    sentence="the strip grows softer from run to run",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(Parameter("rate", "1", low=-0.5, high=0.5),),
+    apply=_age,
+    typical=lambda _: (0.003, 0.03),
+    revealed_by="the first run of a series repeated as the last, and runs in shuffled order",
+)
+
+
+_set_friction = sets(
+    yield_curvature="mechanics.law.yield_curvature",
+    stiffness_ratio="mechanics.law.stiffness_ratio",
+    gradual="mechanics.law.gradual",
+)
+
+BENDING_HYSTERESIS = Effect(
+    name="bending_hysteresis",
+    sentence="the strip resists bending like dry friction",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(
+        Parameter("yield_curvature", "1/m", low=0.0, high=100.0),
+        Parameter(
+            "stiffness_ratio", "1", low=1.0, high=100.0, null=None, default=8.0, role="ratio"
+        ),
+        shape("set", "rad", high=3.0, guess=0.3),
+        shape("gradual", "1", high=1.0, guess=0.3),
+    ),
+    apply=lambda model, values: add_grasp_crease(_set_friction(model, values), values["set"]),
+    typical=lambda _: (1.0, 5.0, 20.0),
+    textile={
+        "yield_curvature": Span(2.0, 60.0, log=True),  # KES tables hold 20 to 60
+        "stiffness_ratio": Span(5.0, 12.0),
+    },
+    revealed_by="a slow fold there and back: the shapes on the two ways differ at the same place",
+)
+
+CREASE = Effect(
+    name="crease",
+    sentence="the strip has a crease",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(
+        Parameter("angle", "rad", low=-2.0, high=2.0),
+        Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
+    ),
+    apply=lambda model, values: add_crease(model, values["angle"], values["position"]),
+    typical=lambda _: (-0.3, 0.3),
+    textile={"angle": Span(-0.3, 0.3), "position": PLACE_SPAN},
+    revealed_by="slow folds of other heights: a bend stays at one place of the strip",
+)
+
+NONLINEAR_BENDING = Effect(
+    name="nonlinear_bending",
+    sentence="the strip grows stiffer (or softer) the more sharply it is bent",
+    of="strip",
+    stage=Stage.LAW,
+    # Below -5e-6 the moment would fall again at curvatures that a fold reaches (258 1/m).
+    parameters=(
+        Parameter("cubic", "m^2", low=-5e-6, high=1e-3),
+        shape("fifth", "1", high=10.0, guess=0.3),
+    ),
+    apply=sets(cubic="mechanics.law.cubic", fifth="mechanics.law.fifth"),
+    typical=lambda _: (-4e-6, 3e-5, 2e-4),
+    textile={"cubic": Span(3e-5, 2e-4, log=True)},
+    revealed_by="a slow fold with a low and a high carry: only sharp bends change",
+)
+
+
+def _curl(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    curved = frozen(model.mechanics.rest_curvature + values["curvature"])
+    return with_field(model, "mechanics.rest_curvature", curved)
+
+
+PRE_CURL = Effect(
+    name="pre_curl",
+    sentence="the strip curls by itself",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(Parameter("curvature", "1/m", low=-60.0, high=60.0),),
+    apply=_curl,
+    typical=lambda _: (0.5, 5.0),
+    textile={"curvature": Span(-5.0, 5.0)},
+    revealed_by="a strip that hangs free; while both edges are clamped it shows little",
+)
+
+QUADRATIC_DAMPING = Effect(
+    name="quadratic_damping",
+    sentence="the strip resists quick bending more than in proportion",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(Parameter("coefficient", "m s^2", low=0.0, high=0.02),),
+    apply=sets(coefficient="mechanics.law.quadratic_damping"),
+    typical=lambda _: (1e-4, 1e-3),
+    textile={"coefficient": Span(1e-4, 1e-3, log=True)},
+    revealed_by="a fast fold against a slow one, and a shake: only quick bending changes",
+)
+
+_set_relaxation = sets(ratio="mechanics.law.relaxing", time="mechanics.law.relaxation_time")
+
+RELAXATION = Effect(
+    name="relaxation",
+    sentence="the strip slowly gives way while it is held bent",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(
+        Parameter("ratio", "1", low=0.0, high=0.9),
+        Parameter("time", "s", low=0.01, high=100.0, null=None, role="time"),
+        shape("set", "rad", high=3.0, guess=0.3),
+    ),
+    apply=lambda model, values: add_grasp_crease(_set_relaxation(model, values), values["set"]),
+    typical=lambda _: (0.03, 0.2),
+    textile={"ratio": Span(0.03, 0.2), "time": Span(0.1, 2.0, log=True)},
+    revealed_by="a fold that stops and holds: the shape goes on sagging",
+)
+
+
+def _stiffen_seam(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    covered = model.mechanics.inside(values["position"], values["width"], values["softness"])
+    return with_field(
+        model,
+        "mechanics",
+        model.mechanics.scale_rigidity((1.0 - covered) + covered * values["factor"]),
+    )
+
+
+SEAM = Effect(
+    name="seam",
+    sentence="the strip has a seam, a piece of other stiffness",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(
+        Parameter("factor", "1", low=0.1, high=50.0, null=1.0),
+        Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
+        Parameter("width", "m", low=0.001, high=0.5, null=None, role="width"),
+        shape("softness", "1", high=2.0, guess=0.4),
+    ),
+    apply=_stiffen_seam,
+    typical=lambda _: (1.8,),
+    textile={"position": PLACE_SPAN, "factor": Span(1.5, 5.0), "width": Span(0.01, 0.01)},
+    revealed_by="slow folds of other heights: the shape changes where the seam passes the bend",
+)
+
+
+def _stiffen_towards_one_end(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    """Linear in the arc length, or with `central` steeper in the middle."""
+    away = model.mechanics.cells / model.mechanics.length - 0.5
+    rise = away * (1.0 + values["central"] * (1.0 - 4.0 * away**2))
+    return with_field(
+        model, "mechanics", model.mechanics.scale_rigidity(1.0 + values["slope"] * rise)
+    )
+
+
+STIFFNESS_GRADIENT = Effect(
+    name="stiffness_gradient",
+    sentence="the strip is stiffer towards one of its ends",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(
+        Parameter("slope", "1", low=-1.8, high=1.8),
+        shape("central", "1", high=1.0, guess=0.3),
+    ),
+    apply=_stiffen_towards_one_end,
+    typical=lambda _: (0.2, 0.8),
+    textile={"slope": Span(-0.8, 0.8)},
+    revealed_by="the strip with its ends swapped, and folds of other heights",
+)
