@@ -1,37 +1,47 @@
 """Encoding of a film in another process, whose threads do not delay those of this process."""
 
 import os
-import signal
-import struct
-from contextlib import suppress
-from multiprocessing import get_context
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
-import numpy as np
-
 from cell.record.film import FilmWriter
+from drivers.child import Child, ChildDied, SharedImage
 from drivers.types import Image
 
-IMAGE_HEADER = struct.Struct("<d3I")  # of an image: stamp [s], height, width, channels
 POLITE = 10  # nice value of the encoder
-END_MESSAGE = b""  # the message after the last image, and the answer of a film that is whole
+ENCODER_TIMEOUT = 20.0  # s to encode an image, or to complete the film
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """Answer of the encoder: the film is open, or the last image is in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Add:
+    """Request to add the shared image, of this `shape` (h, w, 3), taken at `stamp` [s]."""
+
+    stamp: float
+    shape: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """Request to complete the film."""
 
 
 class FilmProcess:
     """A `FilmWriter` in another process, which completes its film if this process dies."""
 
     def __init__(self, path: Path, encoder: str) -> None:
-        """Start the process; returns once the film at `path` can take its first image."""
-        context = get_context("spawn")
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(
-            target=serve, args=(path, encoder, theirs), name="film", daemon=True
-        )
-        self._process.start()
-        theirs.close()
+        """Start the process; returns once the film at `path` can take its first image.
+
+        Raises OSError with the reason where it cannot.
+        """
+        self._image = SharedImage()
+        self._child = Child(encode, path, encoder, self._image)
         self._await_answer()
 
     def add(self, stamp: float, image: Image) -> None:
@@ -39,55 +49,51 @@ class FilmProcess:
 
         Raises OSError with the reason where the film has broken off.
         """
-        try:
-            self._pipe.send_bytes(IMAGE_HEADER.pack(stamp, *image.shape))
-            self._pipe.send_bytes(np.ascontiguousarray(image).data.cast("B"))
-        except OSError:
-            self._await_answer()
-            raise
+        self._image.write(image)
+        self._child.send(Add(stamp, image.shape))
+        self._await_answer()
 
     def __enter__(self) -> Self:
         """Return this writer."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Wait until the film is complete."""
+    def __exit__(self, *_: object) -> None:
+        """Wait until the film is complete; raises OSError with the reason where it is not."""
         try:
-            if kind is None:
-                self._pipe.send_bytes(END_MESSAGE)
-                self._await_answer()
+            self._child.send(End())
+            self._await_answer()
         finally:
-            self._pipe.close()
-            self._process.join()
+            self._child.close(ENCODER_TIMEOUT)
+            self._image.close()
 
     def _await_answer(self) -> None:
-        """Wait for an answer of the process; raises OSError where it failed."""
         try:
-            message = self._pipe.recv_bytes()
-        except (EOFError, OSError):
-            raise OSError("its process has ended") from None
-        if message != END_MESSAGE:
-            raise OSError(message.decode())
+            answer = self._child.receive(ENCODER_TIMEOUT)
+        except ChildDied as died:
+            known = died.failure
+            reason = "its process has ended" if known is None else known.text or known.error
+            raise OSError(reason) from None
+        if answer is None:
+            self._child.kill()
+            raise OSError("its encoder hangs")
 
 
-def serve(path: Path, encoder: str, pipe: Connection) -> None:
-    """Encode the images that come through `pipe` until the other end closes it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the cell decides when this ends
+def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> None:
+    """Run in the process: encode each image handed over until the other end closes `pipe`."""
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    with FilmWriter(path, encoder) as film:
+        pipe.send(Ready())
+        os.setpriority(os.PRIO_PROCESS, 0, POLITE)
+        while (wanted := _next_image(pipe)) is not None:
+            film.add(wanted.stamp, image.read(wanted.shape))
+            pipe.send(Ready())
+    pipe.send(Ready())
+
+
+def _next_image(pipe: Connection) -> Add | None:
+    """The next image to encode; None at the end of the film, or of its parent."""
     try:
-        with FilmWriter(path, encoder) as film, suppress(EOFError, ConnectionResetError):
-            pipe.send_bytes(END_MESSAGE)
-            os.setpriority(os.PRIO_PROCESS, 0, POLITE)
-            while head := pipe.recv_bytes():
-                stamp, *shape = IMAGE_HEADER.unpack(head)
-                film.add(stamp, np.frombuffer(pipe.recv_bytes(), np.uint8).reshape(shape))
-        answer = END_MESSAGE
-    except Exception as error:  # noqa: BLE001  an edge: the cell says why the film breaks off
-        answer = (str(error) or type(error).__name__).encode()
-    with suppress(OSError):
-        pipe.send_bytes(answer)
+        wanted = pipe.recv()
+    except (EOFError, ConnectionResetError):
+        return None
+    return wanted if isinstance(wanted, Add) else None

@@ -1,6 +1,6 @@
 """The film of a run: every image at its own time, whatever befalls process or encoder."""
 
-import multiprocessing
+import os
 import signal
 import subprocess
 import sys
@@ -14,7 +14,7 @@ import pytest
 
 from cell.record.files import FILM
 from cell.record.film import Film, FilmWriter
-from cell.record.film_process import IMAGE_HEADER, FilmProcess, serve
+from cell.record.film_process import FilmProcess
 from cell.record.film_thread import QUEUE, FilmThread
 from cell.record.frames import read_index
 from cell.record.run import read_run
@@ -22,6 +22,7 @@ from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError
 from drivers.types import Frame
 from tests.cell.conftest import HEADER
+from tests.support.children import children
 
 IMAGES, TICK = 70, 1 / 90_000
 
@@ -149,32 +150,25 @@ def test_film_of_another_process_holds_every_image_at_its_own_time(tmp_path):
 
 
 def test_other_process_says_why_its_film_breaks_off(tmp_path):
-    film = FilmProcess(tmp_path / FILM, "no_such_encoder")
-    film.add(0.0, image(0))
-    with pytest.raises(OSError, match="no_such_encoder"):
-        film.__exit__(None, None, None)
+    with (
+        pytest.raises(OSError, match="no_such_encoder"),
+        FilmProcess(tmp_path / FILM, "no_such_encoder") as film,
+    ):
+        film.add(0.0, image(0))
 
 
-def test_failure_without_a_message_is_reported_by_its_kind(tmp_path, monkeypatch):
-    ours, theirs = multiprocessing.Pipe()
-    ours.send_bytes(IMAGE_HEADER.pack(0.0, *image(0).shape))
-    ours.send_bytes(image(0).tobytes())
-
-    def fail(*_arguments) -> None:
-        raise MemoryError
-
-    monkeypatch.setattr(FilmWriter, "add", fail)
-    monkeypatch.setattr("os.setpriority", lambda *_: None)
-    monkeypatch.setattr("signal.signal", lambda *_: None)
-    serve(tmp_path / FILM, "libx264", theirs)
-    assert [ours.recv_bytes(), ours.recv_bytes()] == [b"", b"MemoryError"]
+def test_film_whose_process_stands_still_breaks_off_in_time(tmp_path, monkeypatch):
+    monkeypatch.setattr("cell.record.film_process.ENCODER_TIMEOUT", 0.2)
+    film = FilmProcess(tmp_path / FILM, "libx264")
+    os.kill(*children("film"), signal.SIGSTOP)
+    with pytest.raises(OSError, match="hangs"):
+        film.add(0.0, image(0))
 
 
 def test_film_whose_process_is_killed_breaks_off_and_not_the_run(tmp_path):
     writer = RunWriter.create(tmp_path, HEADER, "none", patient=False, film="libx264")
-    (process,) = [child for child in multiprocessing.active_children() if child.name == "film"]
-    process.kill()
-    process.join()
+    (process,) = children("film")
+    os.kill(process, signal.SIGKILL)
     for sequence in range(IMAGES):
         writer.frame(frame(sequence))
     writer.finish({"outcome": "path_done"})

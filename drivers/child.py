@@ -1,0 +1,225 @@
+"""Child process that may die: started, asked, watched and ended, and no wait without an end.
+
+Parent and child exchange messages, one frozen dataclass a kind, over a pipe of their own; images
+alone go through shared memory. `subprocess`, not `multiprocessing.Process`: a worker of Dask is a
+daemon, which may have no children of that kind.
+"""
+
+import math
+import os
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from mmap import mmap
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import numpy as np
+
+from drivers.types import Image
+
+BOOT = "import sys; from drivers.child import serve; serve(int(sys.argv[1]))"
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # of linear algebra: one
+STALL_TIMEOUT = 5  # s without progress in the middle of a message
+TERMINATION_TIMEOUT = 1.0  # s from SIGTERM to SIGKILL
+KILL_TIMEOUT = 10.0  # s for the kernel to end a killed process
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """First message to a child: it runs `main(pipe, *arguments)` and ends."""
+
+    main: Callable[..., None]
+    arguments: tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Last message of a child whose main function raised an error: its class and its text."""
+
+    error: str
+    text: str
+
+
+class ChildDied(Exception):
+    """The child has ended: by an error, with its class and text, or with exit `code`.
+
+    The code of a process that a signal ended is the signal's number, negated.
+    """
+
+    def __init__(self, code: int | None, failure: Failure | None = None) -> None:
+        said = "" if failure is None else f"{failure.error}: {failure.text}"
+        super().__init__(said or f"it ended by itself, code {code}")
+        self.code = code
+        self.failure = failure
+
+
+class SharedImage:
+    """Image in memory that a parent shares with its child, given to it as an argument.
+
+    It belongs to one side at a time: a message passes it on, so that no image is torn.
+    """
+
+    def __init__(self, descriptor: int | None = None) -> None:
+        self.descriptor = os.memfd_create("image") if descriptor is None else descriptor
+        self._pixels: Image = np.empty(0, np.uint8)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SharedImage, (self.descriptor,)
+
+    def write(self, image: Image) -> None:
+        """Copy `image` (h, w, 3) into the memory, which grows with the largest one."""
+        if image.nbytes > self._pixels.size:
+            os.ftruncate(self.descriptor, image.nbytes)
+        np.copyto(self._view(image.shape), image)
+
+    def read(self, shape: tuple[int, ...]) -> Image:
+        """Read-only view (h, w, 3) of the image written last, which had that `shape`."""
+        view = self._view(shape)
+        view.setflags(write=False)
+        return view
+
+    def close(self) -> None:
+        """Release the memory once nobody looks at the image any more."""
+        os.close(self.descriptor)
+
+    def _view(self, shape: tuple[int, ...]) -> Image:
+        size = math.prod(shape)
+        if size > self._pixels.size:
+            self._pixels = np.frombuffer(mmap(self.descriptor, size), np.uint8)
+        return self._pixels[:size].reshape(shape)
+
+
+class Child:
+    """Process that runs `main(pipe, *arguments)`, a function that can be imported by its name.
+
+    It ignores Ctrl-C, which its parent handles. Its pipe closes when the parent closes it or dies,
+    and the main function then returns; `end_with_parent` ends one that computes for long.
+    """
+
+    def __init__(self, main: Callable[..., None], *arguments: Any) -> None:
+        """Start the process; a SharedImage among its `arguments` is shared with it."""
+        self._failure: Failure | None = None
+        self.pipe, theirs = Pipe()
+        _bound_stalls(self.pipe)
+        name = f"{main.__module__}.{main.__qualname__}"
+        images = [value.descriptor for value in arguments if isinstance(value, SharedImage)]
+        paths = os.pathsep.join(path for path in sys.path if path)
+        with theirs:
+            self._process = subprocess.Popen(  # noqa: S603  this very interpreter
+                [sys.executable, "-c", BOOT, str(theirs.fileno()), name],
+                pass_fds=[theirs.fileno(), *images],
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
+                env={**dict.fromkeys(THREADS, "1"), **os.environ, "PYTHONPATH": paths},
+            )
+        self.send(Task(main, arguments))
+
+    @property
+    def pid(self) -> int:
+        """Process ID of the child."""
+        return self._process.pid
+
+    @property
+    def ends(self) -> bool:
+        """Whether the child has ended or is about to end; messages may still be there.
+
+        A killed process first frees its memory, for some 10 ms, and only then closes its pipe.
+        """
+        if self._process.poll() is not None:
+            return True
+        with suppress(OSError):
+            return Path(f"/proc/{self.pid}/statm").read_bytes().startswith(b"0 ")
+        return False
+
+    def send(self, message: object) -> None:
+        """Send a `message`; of a child that has ended `receive` says so."""
+        with suppress(OSError):
+            self.pipe.send(message)
+
+    def receive(self, timeout: float | None = None) -> Any:
+        """Next message of the child; None where none comes within `timeout` [s].
+
+        Raises ChildDied once the child has ended and all its messages were received, and from then
+        on.
+        """
+        try:
+            if not self.pipe.poll(timeout):
+                return None
+            message = self.pipe.recv()
+        except (EOFError, OSError):
+            message = None
+        if message is None or isinstance(message, Failure):
+            self._failure = self._failure or message
+            self.close()
+            raise ChildDied(self._process.returncode, self._failure)
+        return message
+
+    def close(self, patience: float = 1.0) -> None:
+        """Close the pipe and wait for the end of the child; allowed twice.
+
+        It is sent SIGTERM after `patience` [s], and killed where that does not end it.
+        """
+        self.pipe.close()
+        if not self._has_ended(patience):
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.pid, signal.SIGTERM)
+            if not self._has_ended(TERMINATION_TIMEOUT):
+                self.kill()
+
+    def kill(self) -> None:
+        """End the child at once, with what it started."""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+        self._has_ended(KILL_TIMEOUT)
+        self.pipe.close()
+
+    def _has_ended(self, timeout: float) -> bool:
+        try:
+            self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+
+def end_with_parent(pipe: Connection) -> None:
+    """End this child and what it started as soon as its parent closes the `pipe` or is gone."""
+    Thread(target=_watch_parent, args=(pipe.fileno(),), daemon=True).start()
+
+
+def serve(descriptor: int) -> None:
+    """Run in the child: carry out the task that comes through the pipe `descriptor`."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    pipe = Connection(descriptor)
+    try:
+        task: Task = pipe.recv()
+        task.main(pipe, *task.arguments)
+    except EOFError:
+        return
+    except Exception as error:  # noqa: BLE001  an edge: the parent says why the child has ended
+        with suppress(OSError):
+            pipe.send(Failure(type(error).__name__, str(error)))
+
+
+def _bound_stalls(pipe: Connection) -> None:
+    """Make reads and writes of `pipe` fail that a child which stands still would hold up."""
+    with socket.socket(fileno=os.dup(pipe.fileno())) as end:
+        for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
+            end.setsockopt(socket.SOL_SOCKET, option, struct.pack("ll", STALL_TIMEOUT, 0))
+
+
+def _watch_parent(descriptor: int) -> None:
+    watch = select.poll()
+    watch.register(descriptor, 0)  # its end alone
+    watch.poll()
+    with suppress(PermissionError):
+        os.killpg(0, signal.SIGKILL)
