@@ -4,7 +4,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -33,7 +33,7 @@ from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
 from cell.orchestrator.recorder import Record, Recorder
 from cell.orchestrator.run import Observer, Run
 from cell.orchestrator.safe_stop import run_suppressed
-from cell.perception.sight_process import Maker, SightProcess, StripSight, Subject
+from cell.perception.sight import InlineReader, Maker, ProcessReader, Reader, StripSight, Subject
 from cell.record.files import CALIBRATION, CHECKPOINT
 from cell.record.film import Encoder
 from cell.record.frames import Keep
@@ -124,9 +124,10 @@ def fold(
     writer = RunWriter.create(
         request.runs, header, keep, patient=devices.plant is not None, film=request.film
     )
-    context = FoldContext(settings.controller, strip, policy, calibration, desk=desk)
-    context.place = 0.0 if correction is None else correction.place
-    with writer.under_way(), _measuring_process(context, devices, sight):
+    subject = Subject(calibration, settings.perception, strip)
+    with writer.under_way(), _reader(subject, sight, real_time=devices.real_time) as reader:
+        context = FoldContext(settings.controller, strip, policy, calibration, reader, desk=desk)
+        context.place = 0.0 if correction is None else correction.place
         outcome, truth = _record_fold(
             request, context, devices, writer, observers, interrupted, page=page
         )
@@ -137,17 +138,13 @@ def fold(
 
 
 @contextmanager
-def _measuring_process(context: FoldContext, devices: Devices, sight: Maker) -> Iterator[None]:
-    """Within the block, run a process that measures images, if the run is on the wall clock."""
-    if not devices.real_time:
-        yield
+def _reader(subject: Subject, sight: Maker, *, real_time: bool) -> Iterator[Reader]:
+    """Reader of images for the block: a process where the run is on the wall clock."""
+    if not real_time:
+        yield InlineReader(sight(subject), subject.calibration.latency)
         return
-    subject = Subject(context.calibration, context.settings.perception, context.strip)
-    context.sight_process = SightProcess(subject, sight)
-    try:
-        yield
-    finally:
-        context.sight_process.close()
+    with closing(ProcessReader(subject, sight)) as reader:
+        yield reader
 
 
 def _record_fold(

@@ -13,10 +13,9 @@ from cell.config.settings import CellSettings
 from cell.orchestrator.operator import Operator, Unattended
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion
-from cell.orchestrator.vision import Reader
 from cell.perception.laid import LaidFold
 from cell.perception.measurement import SeenTouch
-from cell.perception.sight_process import SightProcess
+from cell.perception.sight import Reader
 from drivers.arm.clearance import desk_end
 from drivers.strip.file import StripFile
 from drivers.types import Pose
@@ -28,22 +27,22 @@ from policies.prediction import FoldPrediction
 class FoldContext:
     """Context of a fold: the controller's knowledge of cell and strip, and the results so far.
 
-    `reader` reads images once preflight has accepted the image of the strip. `seen_touch` is the
-    layer_touch once it is seen, `laid` the fold after the retreat, `predicted` the policy's latest
-    prediction. On the wall clock `sight_process` measures the images. The grasped edge is laid at
-    `place` [m]. The plant is not part of it. The `desk` [m] ends there for the arm's hand, 0 for
-    none. A `warning` of the preflight is for the operator.
+    `sight` checks the image of the strip before the grasp, and is the `reader` of images from then
+    on. `seen_touch` is the layer_touch once it is seen, `laid` the fold after the retreat,
+    `predicted` the policy's latest prediction. The grasped edge is laid at `place` [m]. The plant
+    is not part of it. The `desk` [m] ends there for the arm's hand, 0 for none. A `warning` of the
+    preflight is for the operator.
     """
 
     settings: CellSettings
     strip: StripFile
     policy: Policy
     calibration: Calibration
+    sight: Reader
     reader: Reader | None = None
     seen_touch: SeenTouch | None = None
     laid: LaidFold | None = None
     predicted: FoldPrediction | None = None
-    sight_process: SightProcess | None = None
     place: float = 0.0
     desk: float = 0.0
     warning: str = ""

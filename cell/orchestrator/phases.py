@@ -18,6 +18,7 @@ from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import (
     SETTLE,
     Phase,
+    Pictured,
     close_hand,
     drive,
     move,
@@ -27,12 +28,11 @@ from cell.orchestrator.steps import (
     turn,
     wait_for,
 )
-from cell.orchestrator.vision import ProcessReader, Reader, StripReader
 from cell.perception.camera_watch import UNWATCHED
 from cell.perception.laid import LaidFold, Loop, edge_offset, laid_length
 from cell.perception.measurement import SeenTouch, StripMeasurement
-from cell.perception.preflight import PreflightCheck, camera_check, inspect
-from cell.perception.sight_process import INSPECT
+from cell.perception.preflight import PreflightCheck, camera_check
+from cell.perception.sight import Reader
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
@@ -51,40 +51,32 @@ def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     fold = cell.settings.fold
     before = yield from _camera_checks(cell)
     yield from move(Pose(cell.strip.length + fold.approach, fold.clear_height, 0.0))
-    frame = (yield from still_picture()).frame
-    found, reader = yield from _inspect(cell, frame)
+    picture = yield from still_picture()
+    frame = picture.frame
+    found = yield from _inspect(cell.sight, picture)
     record.frame(frame)
     checks = (*before, *found)
     facts = [asdict(check) for check in checks]
     record.event(frame.stamp, "preflight", checks=facts)
     record.describe(preflight=facts)
-    if reader is None or not all(check.passed for check in checks):
+    if not all(check.passed for check in checks):
         raise PreflightRefused(_failures(checks))
     for check in checks:
         if check.name == UNWATCHED:
             cell.warning = f"{check.reason}; {check.remedy}"
             record.event(frame.stamp, "camera_unwatched", reason=cell.warning)
-    cell.reader = reader
+    cell.reader = cell.sight
     return Event.CHECKED
 
 
 def _inspect(
-    cell: FoldContext, frame: Frame
-) -> "Generator[Command, Snapshot, tuple[tuple[PreflightCheck, ...], Reader | None]]":
-    """Check the strip before the grasp; returns the checks, and a reader of its images or None."""
-    if cell.sight_process is None:
-        seen = inspect(frame, cell.calibration, cell.settings.perception, cell.strip)
-        if seen.appearance is None:
-            return seen.checks, None
-        known = (cell.settings, cell.strip, cell.calibration, seen.appearance)
-        reader = StripReader.of(*known)
-        return (*seen.checks, reader.standing.check()), reader
-    snapshot = yield Hold()
-    cell.sight_process.ask(INSPECT, frame, snapshot.arm.pose, snapshot.time)
-    while (checks := cell.sight_process.checks()) is None:
+    sight: Reader, picture: Pictured
+) -> "Generator[Command, Snapshot, tuple[PreflightCheck, ...]]":
+    """Check the strip before the grasp, and wait for the checks."""
+    sight.inspect(picture.frame, picture.time)
+    while (checks := sight.checks()) is None:
         yield Hold()
-    passed = all(check.passed for check in checks)
-    return checks, ProcessReader(cell.sight_process, cell.calibration.latency) if passed else None
+    return checks
 
 
 def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
@@ -206,10 +198,10 @@ def _laid_strip(
     """Measure the laid strip in `frame`, its grasped edge released near `edge`."""
     if cell.reader is None:
         return None
-    cell.reader.begin(frame, edge, frame.arrival, touches=False)
-    seen = cell.reader.take()
-    if seen is not None:
-        return seen.measurement
+    cell.reader.look(frame, edge, frame.arrival, touches=False)
+    found = cell.reader.result()
+    if found is not None:
+        return found.measurement
     return (yield from wait_for(lambda now: now.view.read)).view.measurement
 
 

@@ -2,114 +2,20 @@
 
 from dataclasses import dataclass
 from math import nan
-from typing import Protocol, Self
 
-from calibration.calibration import Calibration
 from cell.config.monitor_limits import MonitorLimits
-from cell.config.settings import CellSettings
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.states import State
-from cell.perception.camera_watch import ImageSanity, Standing
-from cell.perception.layer_touch import LayerTouch
+from cell.perception.camera_watch import ImageSanity
 from cell.perception.measurement import SeenTouch, StripMeasurement
-from cell.perception.perception import Perception
-from cell.perception.scene import Appearance
-from cell.perception.sight_process import LOOK, TRACK, Seen, SightProcess
+from cell.perception.sight import Reader
 from drivers.errors import Fault
 from drivers.protocols import Camera
-from drivers.strip.file import StripFile
-from drivers.types import Frame, Pose
+from drivers.types import Frame
 
 MEASURED_STATES = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
 RECORDED = MEASURED_STATES | {State.LAY, State.RELEASE}
 IDLE_IMAGE_PERIOD = 0.1  # s between images where nothing is measured in them
-
-
-class Reader(Protocol):
-    """Protocol of a reader that measures one strip, image by image, of a calibrated camera."""
-
-    latency: float
-    """How much earlier than its stamp an image shows the world [s]."""
-
-    @property
-    def since(self) -> float | None:
-        """Time [s] at which the measurement under way began; None while idle."""
-
-    @property
-    def dead(self) -> str:
-        """Reason why the reader no longer measures images; empty while it works."""
-
-    def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
-        """Start to measure `frame`, taken at `gripper`; `touches` also detects layer touch."""
-
-    def take(self) -> Seen | None:
-        """Results from the last image, returned once; None until they are ready."""
-
-
-class StripReader:
-    """Reader that measures images within the control loop's cycle, as suits a virtual clock."""
-
-    since: float | None = None
-    dead = ""
-
-    def __init__(
-        self, perception: Perception, touch: LayerTouch, latency: float, standing: Standing
-    ) -> None:
-        """Measure the strip with `perception`, and motion of the camera with `standing`."""
-        self._perception, self._touch, self.latency = perception, touch, latency
-        self.standing = standing
-        self._seen: Seen | None = None
-
-    @classmethod
-    def of(
-        cls,
-        settings: CellSettings,
-        strip: StripFile,
-        calibration: Calibration,
-        appearance: Appearance,
-    ) -> Self:
-        """Make a reader of `strip` with its `appearance` at preflight."""
-        perception = Perception(calibration, settings.perception, strip, appearance)
-        standing = Standing.of(appearance, calibration, settings.perception, strip)
-        touch = LayerTouch(settings.perception, strip)
-        return cls(perception, touch, calibration.latency, standing)
-
-    def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:  # noqa: ARG002
-        """Measure `frame` at once."""
-        measurement = self._perception.look(frame, gripper)
-        touch = self._touch.update(measurement, gripper) if touches else None
-        self._seen = Seen(measurement, touch, self.standing.shift(frame.image, gripper))
-
-    def take(self) -> Seen | None:
-        """Results from the last image, returned once."""
-        seen, self._seen = self._seen, None
-        return seen
-
-
-class ProcessReader:
-    """Reader that measures images in a separate process, as suits the wall clock."""
-
-    def __init__(self, process: SightProcess, latency: float) -> None:
-        """Measure with `process`, which has accepted an image of the strip."""
-        self._process, self.latency = process, latency
-
-    @property
-    def since(self) -> float | None:
-        """Time [s] at which the measurement under way began; None while idle."""
-        return self._process.since
-
-    @property
-    def dead(self) -> str:
-        """Reason why the process no longer measures images; empty while it works."""
-        return self._process.dead
-
-    def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
-        """Hand over `frame` to the process."""
-        self._process.ask(TRACK if touches else LOOK, frame, gripper, now)
-
-    def take(self) -> Seen | None:
-        """Results from the last image, returned once; None until they are ready."""
-        return self._process.answer()
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,15 +106,15 @@ class Vision:
             if self._waiting is not None and reader.since is None:
                 frame, self._waiting = self._waiting.restamp(-reader.latency), None
                 touches = state is not State.LIFT
-                reader.begin(frame, arm.pose_at(frame.stamp), now, touches=touches)
-            seen = reader.take()
-            if seen is None:
+                reader.look(frame, arm.pose_at(frame.stamp), now, touches=touches)
+            found = reader.result()
+            if found is None:
                 break
             read = True
-            self._measurement, self._touch = seen.measurement, seen.touch
-            self._update_confidence(seen.measurement)
-            self._shift = seen.shift
-            self._moved = self._moved + 1 if seen.shift > self._limits.camera_shift else 0
+            self._measurement, self._touch = found.measurement, found.touch
+            self._update_confidence(found.measurement)
+            self._shift = found.shift
+            self._moved = self._moved + 1 if found.shift > self._limits.camera_shift else 0
         return read
 
     def _note_age(self, now: float) -> None:

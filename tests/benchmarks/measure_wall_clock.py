@@ -51,7 +51,6 @@ from cell.orchestrator.context import ManualContext
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from cell.orchestrator.steps import pause
-from cell.perception.sight_process import Seen, StripSight, Subject
 from drivers.arm.latest import Latest, allocate
 from drivers.arm.process import Task
 from drivers.arm.requests import go_to
@@ -59,7 +58,9 @@ from drivers.clock import WallClock, lock_memory, take_priority
 from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer
 from drivers.fci_server.settings import ServerSettings
-from drivers.types import ArmState, Frame, Pose, frozen
+from drivers.types import ArmState, Frame, frozen
+from tests.support.children import children
+from tests.support.sights import CostlySight
 
 RATE = 60.0  # Hz, of the played images
 AHEAD = 150  # images among which the one of a pose is looked for: more than a rest lasts
@@ -88,21 +89,6 @@ class Shown(NamedTuple):
 
 
 PLACE, SHOWN = "dddd", "qdq"
-
-
-class CostlySight(StripSight):
-    """A sight whose looks cost `COST` seconds of this process's processor time."""
-
-    def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> Seen:
-        end = time.thread_time() + float(os.environ["IMAGE_COST"])
-        seen = super().look(frame, gripper, touches=touches)
-        while time.thread_time() < end:
-            pass
-        return seen
-
-
-def costly(subject: Subject) -> CostlySight:
-    return CostlySight(subject)
 
 
 @dataclass
@@ -303,7 +289,7 @@ def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[La
     watch = Watch()
     result = fold(
         request(bench.configs, bench.folder / "runs", film=film), lambda _f, _s: (watch,),
-        asked.is_set, bench.calibration, opened=opened, sight=costly, page=False,
+        asked.is_set, bench.calibration, opened=opened, sight=CostlySight, page=False,
     )  # fmt: skip
     after = [at - struck[0] for at in arms[0].stopped if struck and at > struck[0]]
     return (
@@ -320,12 +306,10 @@ def interrupt(asked: threading.Event) -> float:
 
 
 def kill_reader(_: threading.Event) -> float:
-    """Kill the process that measures: the child named so by multiprocessing."""
-    import multiprocessing
-
-    reader = next(c for c in multiprocessing.active_children() if c.name == "images")
+    """Kill the process that measures."""
+    (reader,) = children("perception.sight")
     begun = time.monotonic()
-    os.kill(reader.pid, signal.SIGKILL)
+    os.kill(reader, signal.SIGKILL)
     return begun
 
 

@@ -14,8 +14,8 @@ from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand
-from cell.orchestrator.vision import StripReader
 from cell.perception.measurement import StripMeasurement
+from cell.perception.sight import ImageResult, InlineReader
 from drivers.limits import Workspace
 from drivers.motion import TICK, MotionProfile
 from drivers.twin.clock import Turn, TwinClock
@@ -125,11 +125,8 @@ class Bench:
     def run(self) -> Outcome:
         settings = Configs(CHECKOUT_CONFIGS).cell()
         strip = Configs(CHECKOUT_CONFIGS).strip("denim")
-        context = FoldContext(settings.controller, strip, Triangular(), calibration=None)
-        touch = SimpleNamespace(update=lambda measurement, gripper: None)
-        standing = SimpleNamespace(shift=lambda image, gripper: math.nan)
-        here = StripReader(SimpleNamespace(look=sight_of), touch, 0.0, standing)
-        context.reader = self.reader or here
+        reader = self.reader or InlineReader(SimpleNamespace(look=result_of), 0.0)
+        context = FoldContext(settings.controller, strip, Triangular(), None, reader, reader)
         devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)
         return Run(devices, context, self.record, self.observers, self.interrupted).execute()
 
@@ -138,11 +135,12 @@ class Bench:
         return not self.arm.profile.moving
 
 
-def sight_of(frame: Frame, gripper: Pose) -> StripMeasurement:
+def result_of(frame: Frame, gripper: Pose, *, touches: bool) -> ImageResult:
     points = np.zeros((3, 2))
-    return StripMeasurement(
+    measurement = StripMeasurement(
         frame.stamp, frame.sequence, 0.3, 1.0, points, 1.0, (0.5, 0.0), math.nan, math.nan
     )
+    return ImageResult(measurement, None)
 
 
 def plain_bench() -> Bench:

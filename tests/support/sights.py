@@ -1,14 +1,26 @@
-"""Sights that a process beside the loop can be given: they see what the image says in one pixel."""
+"""Sights that a process beside the loop can be given."""
 
+import os
 import time
 
 import numpy as np
 
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import PreflightCheck
-from cell.perception.sight_process import Seen
+from cell.perception.sight import ImageResult, StripSight
 
 HANGS, FAILS = 250, 251
+
+
+class CostlySight(StripSight):
+    """A sight whose looks cost `IMAGE_COST` seconds of this process's processor time."""
+
+    def look(self, frame, gripper, *, touches: bool) -> ImageResult:
+        end = time.thread_time() + float(os.environ["IMAGE_COST"])
+        found = super().look(frame, gripper, touches=touches)
+        while time.thread_time() < end:
+            pass
+        return found
 
 
 class PlainSight:
@@ -20,7 +32,7 @@ class PlainSight:
     def inspect(self, frame) -> tuple[PreflightCheck, ...]:
         return (PreflightCheck("bright", bool(frame.image[0, 0, 0] > 9), "it is", "a lamp"),)
 
-    def look(self, frame, gripper, *, touches: bool) -> Seen:
+    def look(self, frame, gripper, *, touches: bool) -> ImageResult:
         value = int(frame.image[0, 0, 0])
         if value == HANGS:
             time.sleep(60.0)
@@ -32,4 +44,4 @@ class PlainSight:
             (gripper.x, gripper.z),
         )  # fmt: skip
         touch = SeenTouch(frame.stamp, 0.2, 0.3, 0.31, 0.8, 0.001) if touches else None
-        return Seen(seen, touch)
+        return ImageResult(seen, touch)

@@ -6,10 +6,10 @@ import cell.orchestrator.run as orchestrator
 from cell.orchestrator.run import at_most
 from cell.orchestrator.snapshot import Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
-from cell.perception.sight_process import Seen
+from cell.perception.sight import ImageResult
 from drivers.errors import Fault
 from drivers.types import Frame, Pose, Velocity
-from tests.support.plain_cell import Bench, plain_bench, sight_of
+from tests.support.plain_cell import Bench, plain_bench, result_of
 
 AWAY = Velocity(-0.1, 0.05, 0.0)
 
@@ -24,19 +24,19 @@ class LateReader:
         self.since: float | None = None
         self.dead = ""
 
-    def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
+    def look(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
         assert self.since is None
         self.since, self.left = now, self.ticks
         self.begun.append(frame)
 
-    def take(self) -> Seen | None:
+    def result(self) -> ImageResult | None:
         if self.since is None:
             return None
         self.left -= 1
         if self.left >= 0:
             return None
         self.since = None
-        return Seen(sight_of(self.begun[-1], Pose(0.0, 0.0, 0.0)), None)
+        return result_of(self.begun[-1], Pose(0.0, 0.0, 0.0), touches=False)
 
 
 def ending(event: Event):

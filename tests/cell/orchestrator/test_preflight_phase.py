@@ -46,9 +46,9 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
     monkeypatch.setattr(phases, "_camera_checks", at_once(()))
     monkeypatch.setattr(phases, "move", at_once(GOOD))
     monkeypatch.setattr(phases, "still_picture", at_once(Pictured(1.0, FRAME, POSE)))
-    monkeypatch.setattr(phases, "_inspect", at_once(((found,), object())))
+    monkeypatch.setattr(phases, "_inspect", at_once((found,)))
     policy = make_policy("triangular")
-    context = FoldContext(CONFIGS.cell().controller, CONFIGS.strip("denim"), policy, None)
+    context = FoldContext(CONFIGS.cell().controller, CONFIGS.strip("denim"), policy, None, None)
     record = Noted()
     with pytest.raises(StopIteration) as end:
         next(phases.preflight(context, record, GOOD))

@@ -23,7 +23,7 @@ STRIPS = Path(__file__).parents[3] / "configs" / "strips"
 
 def ending(laid: LaidFold | None) -> tuple[str, str, int]:
     settings = find_configs(None).cell().controller
-    context = FoldContext(settings, SimpleNamespace(), SimpleNamespace(), SimpleNamespace())
+    context = FoldContext(settings, *[SimpleNamespace()] * 4)
     context.seen_touch, context.laid = TOUCH, laid
     return _completion(context)
 

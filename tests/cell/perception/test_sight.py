@@ -12,29 +12,27 @@ import pytest
 from cell.config.monitor_limits import MonitorLimits
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.orchestrator.arm_history import ArmHistory
-from cell.orchestrator.phases import _inspect
-from cell.orchestrator.snapshot import Hold, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View, Vision
 from cell.perception.settings import PerceptionSettings
-from cell.perception.sight_process import INSPECT, LOOK, TRACK, SightProcess, Subject
+from cell.perception.sight import ProcessReader, Subject
 from drivers.errors import Fault
-from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
+from drivers.types import ZERO_VELOCITY, ArmState, Frame, Pose
 from tests.support.sights import FAILS, HANGS, PlainSight
 
 POSE = Pose(0.5, 0.2, 1.5)
 PATIENCE = 30.0  # s
 
 
-def started() -> SightProcess:
-    lens = SimpleNamespace(height=4, width=6)
+def started() -> ProcessReader:
+    calibration = SimpleNamespace(lens=SimpleNamespace(height=4, width=6), latency=0.1)
     strip = Configs(CHECKOUT_CONFIGS).strip("denim")
-    subject = Subject(SimpleNamespace(lens=lens), PerceptionSettings(), strip)
-    return SightProcess(subject, PlainSight)
+    subject = Subject(calibration, PerceptionSettings(), strip)
+    return ProcessReader(subject, PlainSight)
 
 
 @pytest.fixture(scope="module")
-def process() -> Iterator[SightProcess]:
+def process() -> Iterator[ProcessReader]:
     process = started()
     yield process
     process.close()
@@ -53,11 +51,11 @@ def awaited(look: Callable):
     raise AssertionError("nothing came")
 
 
-@pytest.mark.parametrize(("request_", "touches"), [(LOOK, False), (TRACK, True)])
-def test_what_the_process_sees_is_what_the_loop_gets(process, request_, touches) -> None:
-    process.ask(request_, image(40), POSE, 3.0)
+@pytest.mark.parametrize("touches", [False, True])
+def test_what_the_process_sees_is_what_the_loop_gets(process, touches) -> None:
+    process.look(image(40), POSE, 3.0, touches=touches)
     assert process.since == 3.0
-    found = awaited(process.answer)
+    found = awaited(process.result)
     here = PlainSight(None).look(image(40), POSE, touches=touches)
     assert process.since is None
     assert found.touch == here.touch
@@ -67,32 +65,32 @@ def test_what_the_process_sees_is_what_the_loop_gets(process, request_, touches)
 
 
 def test_an_answer_is_given_once_and_not_before_it_is_asked_for(process) -> None:
-    assert process.answer() is None
-    process.ask(LOOK, image(0), POSE, 3.0)
-    assert len(awaited(process.answer).measurement.profile) == 0
-    assert process.answer() is None
+    assert process.result() is None
+    process.look(image(0), POSE, 3.0, touches=False)
+    assert len(awaited(process.result).measurement.profile) == 0
+    assert process.result() is None
 
 
 def test_checks_before_the_grasp_come_back_by_name(process) -> None:
-    process.ask(INSPECT, image(3), POSE, 3.0)
+    process.inspect(image(3), 3.0)
     assert [(c.name, c.passed) for c in awaited(process.checks)] == [("bright", False)]
 
 
 def test_an_image_of_another_size_is_refused_before_it_is_handed_over(process) -> None:
     small = Frame(1.5, 1.52, "made", 7, np.zeros((4, 5, 3), np.uint8))
     with pytest.raises(Fault, match="image_size"):
-        process.ask(LOOK, small, POSE, 3.0)
+        process.look(small, POSE, 3.0, touches=False)
     assert process.since is None
 
 
 @pytest.mark.slow
 def test_a_process_that_hangs_keeps_its_image_and_one_that_is_killed_is_dead() -> None:
     process = started()
-    process.ask(LOOK, image(HANGS), POSE, 3.0)
-    assert process.answer() is None
+    process.look(image(HANGS), POSE, 3.0, touches=False)
+    assert process.result() is None
     assert (process.since, process.dead) == (3.0, "")
-    os.kill(process.process, signal.SIGKILL)
-    awaited(lambda: process.answer() or process.dead or None)
+    os.kill(process.pid, signal.SIGKILL)
+    awaited(lambda: process.result() or process.dead or None)
     assert "ended" in process.dead
     with pytest.raises(Fault, match="image_reader_dead"):
         process.checks()
@@ -100,12 +98,13 @@ def test_a_process_that_hangs_keeps_its_image_and_one_that_is_killed_is_dead() -
 
 
 def test_a_killed_process_is_dead_before_its_pipe_is_closed() -> None:
-    process, pipe = started(), SimpleNamespace(poll=lambda _: False)
-    process._pipe, pipe.close = pipe, process._pipe.close
-    assert process.answer() is None
+    process = started()
+    pipe = process._child.pipe
+    process._child.pipe = SimpleNamespace(poll=lambda _: False, close=pipe.close)
+    assert process.result() is None
     assert not process.dead
-    os.kill(process.process, signal.SIGKILL)
-    awaited(lambda: process.answer() or process.dead or None)
+    os.kill(process.pid, signal.SIGKILL)
+    awaited(lambda: process.result() or process.dead or None)
     assert "ended" in process.dead
     process.close()
 
@@ -120,33 +119,17 @@ class OneFrame:
 
 
 def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
-    calibration = SimpleNamespace(latency=0.1)
-    cell = SimpleNamespace(sight_process=process, calibration=calibration)
     arm = ArmState(1.5, 1.5, "made", POSE, ZERO_VELOCITY, POSE, moving=False, expired=False)
-    hand = HandState(1.5, 1.5, "made", width=0.001, grasped=True, moving=False)
-    now = Snapshot(1.6, State.PREFLIGHT, 0.0, arm, hand, View())
-    judging = _inspect(cell, image(40))
-    assert next(judging) == Hold()
-    end: list = []
-
-    def send():
-        try:
-            assert judging.send(now) == Hold()
-        except StopIteration as stop:
-            end.append(stop.value)
-        return end or None
-
-    awaited(send)
-    checks, reader = end[0]
-    assert checks[0].passed
+    process.inspect(image(40), 1.6)
+    assert awaited(process.checks)[0].passed
     history, vision = ArmHistory(), Vision(OneFrame(), MonitorLimits())
     history.add(arm)
-    first = vision.look(State.FOLD, 1.6, history, reader)
+    first = vision.look(State.FOLD, 1.6, history, process)
     assert first.fresh
     assert first.read or first.reading_since == 1.6
 
     def look() -> View | None:
-        view = vision.look(State.FOLD, 1.7, history, reader)
+        view = vision.look(State.FOLD, 1.7, history, process)
         assert not view.fresh
         return view if view.read else None
 
@@ -158,6 +141,6 @@ def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
 
 def test_a_process_that_fails_says_why(process) -> None:
     """The last test of this process."""
-    process.ask(LOOK, image(FAILS), POSE, 3.0)
-    awaited(lambda: process.answer() or process.dead or None)
+    process.look(image(FAILS), POSE, 3.0, touches=False)
+    awaited(lambda: process.result() or process.dead or None)
     assert process.dead == "ZeroDivisionError: nobody foresaw this"
