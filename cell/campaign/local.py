@@ -10,7 +10,8 @@ from pathlib import Path
 from cell.campaign.journal import Record
 from cell.campaign.measure import measure, prepare, set_aside
 from cell.campaign.part import Part
-from cell.campaign.worker import Died, Worker
+from cell.campaign.worker import Worker
+from drivers.child import ChildDied
 from drivers.errors import CellError
 
 POLL_INTERVAL = 0.2  # s between looks at the clock
@@ -67,12 +68,12 @@ class Crew:
             ready = wait([task.worker.pipe for task in self._busy], POLL_INTERVAL)
             for task in list(self._busy):
                 part, found = task.part, self._look(task, limit, ready=task.worker.pipe in ready)
-                if isinstance(found, Died):
+                if isinstance(found, ChildDied):
                     deaths[part.key] += 1
                     if deaths[part.key] < TRIES:
                         waiting.append(part)
                         continue
-                    found = f"its process died {TRIES} times, code {found.args[0]}"
+                    found = f"its process died {TRIES} times, code {found.code}"
                 if isinstance(found, str):
                     found = set_aside(part, found, folder, versions)
                 if found is not None:
@@ -88,12 +89,14 @@ class Crew:
         if self._idle:
             task = Task(part, self._idle.pop(), time.monotonic())
         else:
-            task = Task(part, Worker(), None)
+            task = Task(part, Worker(dies_with_parent=True), None)
             task.worker.begin(prepare)
         self._busy.append(task)
         task.worker.begin(measure, part, folder, dict(versions))
 
-    def _look(self, task: Task, limit: float | None, *, ready: bool) -> Record | Died | str | None:
+    def _look(
+        self, task: Task, limit: float | None, *, ready: bool
+    ) -> Record | ChildDied | str | None:
         """Record of a task or the reason why it has none; None while it goes on."""
         if ready:
             return self._collect(task)
@@ -102,11 +105,11 @@ class Crew:
             return f"no outcome after {limit:g} s; its process was ended"
         return None
 
-    def _collect(self, task: Task) -> Record | Died | None:
+    def _collect(self, task: Task) -> Record | ChildDied | None:
         """Result from a part's process; None where that has only become ready to begin."""
         try:
             found: Record | CellError | None = task.worker.result()
-        except Died as died:
+        except ChildDied as died:
             self._end_worker(task)
             return died
         if found is None:

@@ -14,7 +14,7 @@ from pydantic_core import to_json
 
 from cell.campaign.journal import Cost, Journal, Record
 from cell.campaign.part import Part
-from cell.campaign.worker import StopSignal, end_with_parent
+from cell.campaign.worker import StopSignal
 from drivers.errors import CellError, Unexpected
 
 
@@ -68,8 +68,7 @@ def set_aside(part: Part, reason: str, folder: Path, versions: Mapping[str, str]
 
 
 def prepare(_stop: StopSignal | None = None) -> None:
-    """End this process with its parent, and compile the rod before work begins."""
-    end_with_parent()
+    """Compile the rod before work begins."""
     from drivers.strip.describe import describe
     from drivers.strip.file import paper_strip
     from drivers.strip.rod.engine import Rod

@@ -1,72 +1,64 @@
-"""Worker process that calls functions sent to it, so that a crash leaves this process alive.
-
-Not `multiprocessing`: a Dask worker is a daemon, which may have no such children.
-"""
+"""Worker process that calls functions sent to it, so that a crash leaves this process alive."""
 
 import gc
-import os
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from contextlib import suppress
-from multiprocessing import Pipe
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from threading import Thread
 from typing import Any
 
+from drivers.child import Child, end_with_parent
 from drivers.errors import CellError
 
-STOP = "stop"
-POLL_INTERVAL = 0.5  # s between looks at whether the parent lives
 TERMINATION_TIMEOUT = 60.0  # s that a call may take to end once it was asked to stop
-BOOT = "import sys; from cell.campaign.worker import serve; serve(int(sys.argv[1]))"
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
-Call = Callable[..., Any]
 
 
-class Died(Exception):
-    """Error of a worker process that ended by itself, with its exit code, negative for a signal."""
+@dataclass(frozen=True, slots=True)
+class Call:
+    """Request to call `function(*arguments, stop)` with a StopSignal."""
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Request to stop the call under way; a second one, to stop it at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What a call returned, or the CellError that it raised."""
+
+    value: Any
 
 
 class Worker:
-    """Worker process that ignores Ctrl-C; its parent stops it through the pipe or by force."""
+    """Worker process; its parent stops a call through the pipe or by force."""
 
-    def __init__(self) -> None:
-        """Start the process, idle; one thread for linear algebra."""
-        self.pipe, theirs = Pipe()
-        paths = os.pathsep.join(path for path in sys.path if path)
-        with theirs:
-            self._process = subprocess.Popen(  # noqa: S603  this very interpreter
-                [sys.executable, "-c", BOOT, str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                start_new_session=True,
-                env={**dict.fromkeys(THREADS, "1"), **os.environ, "PYTHONPATH": paths},
-            )
+    def __init__(self, *, dies_with_parent: bool = False) -> None:
+        """Start the process, idle; a call that watches its StopSignal sees its parent's end too."""
+        self._child = Child(work, dies_with_parent)
 
     @property
-    def pid(self) -> int:
-        """Process ID of the worker."""
-        return self._process.pid
+    def pipe(self) -> Connection:
+        """Pipe that is ready once the call has ended, or the process."""
+        return self._child.pipe
 
-    def begin(self, function: Call, *arguments: Any) -> None:
+    def begin(self, function: Callable[..., Any], *arguments: Any) -> None:
         """Start `function(*arguments, stop)`; `stop` is a StopSignal."""
-        with suppress(OSError):  # it has ended by itself, and `result` will say so
-            self.pipe.send((function, arguments))
+        self._child.send(Call(function, arguments))
 
     def result(self) -> Any:
-        """Wait for and return what the call returned, or the CellError it raised; raises Died."""
-        try:
-            return self.pipe.recv()
-        except (EOFError, OSError):
-            raise Died(self._process.wait()) from None
+        """Wait for and return what the call returned, or the CellError it raised.
+
+        Raises ChildDied where the process has ended by itself.
+        """
+        return self._child.receive().value
 
     def stop(self) -> None:
         """Ask the running call to stop; a second time, to stop at once."""
-        with suppress(OSError):
-            self.pipe.send(STOP)
+        self._child.send(Stop())
 
     def release(self) -> None:
         """Close the pipe; a call that watches its StopSignal stops under control."""
@@ -74,17 +66,11 @@ class Worker:
 
     def kill(self) -> None:
         """End the process at once, with what it started."""
-        with suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
-        self.pipe.close()
+        self._child.kill()
 
     def join(self) -> None:
         """Wait for a released process to end; it is ended where it takes too long."""
-        try:
-            self._process.wait(TERMINATION_TIMEOUT)
-        except subprocess.TimeoutExpired:
-            self.kill()
+        self._child.close(TERMINATION_TIMEOUT)
 
 
 class StopSignal:
@@ -92,7 +78,7 @@ class StopSignal:
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
-        self._words = 0
+        self._requests = 0
 
     def __call__(self) -> bool:
         """Whether a stop was requested; raises KeyboardInterrupt from the second request on."""
@@ -101,49 +87,33 @@ class StopSignal:
                 self._pipe.recv()
             except EOFError:
                 return True
-            self._words += 1
-            if self._words > 1:
+            self._requests += 1
+            if self._requests > 1:
                 raise KeyboardInterrupt
-        return self._words > 0
+        return self._requests > 0
 
 
-def serve(descriptor: int) -> None:
-    """Run as the worker process: call what comes through the pipe until it closes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    pipe = Connection(descriptor)
+def work(pipe: Connection, dies_with_parent: bool) -> None:
+    """Run in the process: call what comes through the pipe until it closes."""
+    if dies_with_parent:
+        end_with_parent(pipe)
     with suppress(OSError):  # nobody waits for the result any more
-        task = _next_call(pipe)
+        call = _next_call(pipe)
         gc.freeze()  # the libraries' half a million objects, which no collection has to look at
-        while task is not None:
-            pipe.send(_call(*task, StopSignal(pipe)))
-            task = _next_call(pipe)
+        while True:
+            pipe.send(Result(_call(call, StopSignal(pipe))))
+            call = _next_call(pipe)
 
 
-def _call(function: Call, arguments: tuple[Any, ...], stop: StopSignal) -> Any:
+def _call(call: Call, stop: StopSignal) -> Any:
     try:
-        return function(*arguments, stop)
+        return call.function(*call.arguments, stop)
     except CellError as error:
         return error
 
 
-def _next_call(pipe: Connection) -> tuple[Call, tuple[Any, ...]] | None:
-    """Wait for the next call; None at the end. Stop requests between calls are ignored."""
-    while True:
-        try:
-            word: tuple[Call, tuple[Any, ...]] | str = pipe.recv()
-        except EOFError:
-            return None
-        if not isinstance(word, str):
-            return word
-
-
-def end_with_parent() -> None:
-    """End this process and what it started soon after its parent is gone."""
-    Thread(target=_watch_parent, args=(os.getppid(),), daemon=True).start()
-
-
-def _watch_parent(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(POLL_INTERVAL)
-    with suppress(PermissionError):
-        os.killpg(0, signal.SIGKILL)
+def _next_call(pipe: Connection) -> Call:
+    """Wait for the next call; stop requests between calls are ignored."""
+    while not isinstance(request := pipe.recv(), Call):
+        pass
+    return request

@@ -12,6 +12,7 @@ from cell.devices.open import check_calibrated, check_drivers
 from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
 from cell.orchestrator.interrupt import Interrupted
+from drivers.child import ChildDied
 from drivers.errors import CellError, Fault, Unexpected
 from drivers.strip.describe import load_plant
 from drivers.strip.validity import doubts
@@ -41,9 +42,8 @@ class Worker(process.Worker):
         """Wait for the result of the task and return it, a Fault where the process died."""
         try:
             made: FoldResult | CellError = self.result()
-        except process.Died as died:
-            code = died.args[0]
-            made = Fault("process_died", f"the process of a fold ended by itself, code {code}")
+        except ChildDied as died:
+            made = Fault("process_died", f"the process of a fold ended by itself, code {died.code}")
         self.task = None
         return made
 

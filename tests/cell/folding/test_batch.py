@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import cell.folding.batch
-from cell.campaign.worker import STOP, StopSignal
+from cell.campaign.worker import Stop, StopSignal
 from cell.config.places import CHECKOUT_CONFIGS
 from cell.devices.devices import DeviceSelection
 from cell.folding.batch import Worker, check_requests, requests, side_by_side
@@ -84,7 +84,7 @@ def test_an_error_of_a_process_is_raised_here(tmp_path) -> None:
 
 def test_a_process_that_dies_is_a_fault() -> None:
     worker = Worker()
-    worker._process.kill()
+    worker._child.kill()
     worker.begin_fold(0, request(Path("runs")), None)
     died = worker.fold_result()
     worker.release()
@@ -98,10 +98,10 @@ def test_a_fold_in_a_process_is_asked_to_stop_and_then_to_stop_at_once() -> None
     ours, theirs = Pipe()
     told = StopSignal(theirs)
     assert not told()
-    ours.send(STOP)
+    ours.send(Stop())
     assert told()
     assert told()
-    ours.send(STOP)
+    ours.send(Stop())
     with pytest.raises(KeyboardInterrupt):
         told()
 
