@@ -5,11 +5,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from cell.perception.sight_process import StripSight, Subject
 
 from cell.perception.camera_watch import CAMERA_WATCHED, FEWEST_PATCHES, UNWATCHED, Standing
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
+from cell.perception.sight import StripSight, Subject
 from drivers.strip.describe import load_strip
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
