@@ -12,7 +12,7 @@ from calibration.wizard.board_views import BoardViews
 from cell.calibrating.homography_wizard import assemble, touch
 from cell.calibrating.keyboard import TwinOperator
 from cell.config.cell import CellFile
-from cell.config.places import cache_folder
+from cell.config.places import CHECKOUT_CONFIGS, PACKAGED, cache_folder
 from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
 from cell.devices.open import open_cell
 from cell.orchestrator.context import CalibrationContext
@@ -20,7 +20,9 @@ from cell.orchestrator.operator import Unattended
 from drivers.errors import CellError, ConfigurationError
 from drivers.files import own_file
 from drivers.strip.file import StripFile
+from drivers.twin.board import drawing_digest
 
+SHIPPED = (PACKAGED if PACKAGED.exists() else CHECKOUT_CONFIGS) / "calibration"
 NO_STRIP = StripFile(
     schema=1,
     name="none",
@@ -40,18 +42,19 @@ def calibration_of(
     """Load the calibration that the cell uses, or make one on the twin.
 
     That of the cell file if it names one; else, on the twin, one made with boards and touched
-    points and kept for the next run. `report` is called with a message when one is made, and when
-    it cannot be kept. Raises Interrupted when `interrupted` while it is made.
+    points before: for the next run, or for the shipped settings, with which it comes. `report` is
+    called with a message when one is made, and when it cannot be kept. Raises Interrupted when
+    `interrupted` while it is made.
     """
     if settings.calibration is not None:
         return load_calibration(Path(settings.calibration))
     path = kept_calibration(settings)
     with _file_lock(path):
-        try:
-            return load_calibration(path)
-        except ConfigurationError:
-            report("this twin has no calibration yet: its camera is calibrated first")
-            made = calibrate_now(settings, interrupted)
+        for known in (path, SHIPPED / path.name):
+            with suppress(ConfigurationError):
+                return load_calibration(known)
+        report("this twin has no calibration yet: its camera is calibrated first")
+        made = calibrate_now(settings, interrupted)
         try:
             save_calibration(made, path)
         except ConfigurationError as error:
@@ -89,10 +92,10 @@ def _file_lock(path: Path) -> Iterator[None]:
 
 
 def kept_calibration(settings: CellFile) -> Path:
-    """Path at which the twin's calibration is kept, unique to cell and camera settings."""
+    """Path at which the twin's calibration is kept, unique to its settings and how it is drawn."""
     facts = settings.model_dump_json(include={"twin", "touches", "boards", "latency"})
-    identity = hashlib.sha256(facts.encode()).hexdigest()[:12]
-    return cache_folder() / "calibration" / f"{settings.name}-{identity}.yaml"
+    identity = hashlib.sha256(f"{facts}{drawing_digest()}".encode()).hexdigest()[:12]
+    return cache_folder() / "calibration" / f"twin-{identity}.yaml"
 
 
 def calibrate(

@@ -1,17 +1,22 @@
-"""A calibration of the twin's camera through its own images: boards, then touched points."""
+"""A calibration of the twin's camera through its own images: boards, then touched points.
+
+`python -m tests.support.twin_calibration` writes the one that comes with the shipped settings.
+"""
 
 from functools import lru_cache
 
 import numpy as np
 
 from calibration.board import BoardSettings
-from calibration.calibration import Calibration, make_calibration
+from calibration.calibration import Calibration, make_calibration, save_calibration
 from calibration.lens import Lens
 from calibration.wizard.board_views import BoardViews
 from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
+from cell.calibrating.calibrate import calibrate_now, kept_calibration
+from cell.config.places import CHECKOUT_CONFIGS, Configs
 from drivers.errors import Fault
 from drivers.twin.board import Held, board_frame, held_before
 from drivers.twin.renderer.looks import StripLook
@@ -20,6 +25,7 @@ from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
 from drivers.types import Frame, Pose
 
+SHIPPED = CHECKOUT_CONFIGS / "calibration"
 NO_STRIP = StripLook((40, 60, 110), 0.001, 0.05)
 
 
@@ -71,3 +77,17 @@ def twin_calibration(camera: CameraSettings) -> Calibration:
         date="2026-01-01T00:00:00Z",
         camera=camera.identity,
     )
+
+
+def ship_calibration() -> None:
+    """Calibrate the shipped cell's twin and put the result in the place of the shipped one."""
+    settings = Configs(CHECKOUT_CONFIGS).cell()
+    made = calibrate_now(settings, lambda: False)
+    SHIPPED.mkdir(exist_ok=True)
+    for old in SHIPPED.iterdir():
+        old.unlink()
+    save_calibration(made, SHIPPED / kept_calibration(settings).name)
+
+
+if __name__ == "__main__":
+    ship_calibration()

@@ -1,4 +1,4 @@
-"""The twin's calibration is made once, kept, and belongs to its camera."""
+"""The twin's calibration comes with its settings, or is made once, kept, and of its camera."""
 
 import fcntl
 from pathlib import Path
@@ -15,13 +15,14 @@ from calibration.calibration import (
 )
 from calibration.homography import Homography
 from calibration.lens import Lens
-from cell.calibrating.calibrate import calibration_of, kept_calibration
+from cell.calibrating.calibrate import calibrate_anew, calibration_of, kept_calibration
 from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import Request, fold
 from cell.orchestrator.interrupt import Interrupted
 from drivers.errors import ConfigurationError, Fault
+from tests.support.twin_calibration import SHIPPED
 
 SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 
@@ -36,7 +37,9 @@ def made(date: str = "2026-11-20T03:15:00+00:00") -> Calibration:
 
 @pytest.fixture
 def cache(monkeypatch, tmp_path) -> Path:
+    """Where a calibration is kept; none is shipped."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(cell.calibrating.calibrate, "SHIPPED", tmp_path / "nowhere")
     return tmp_path / "cache"
 
 
@@ -53,6 +56,35 @@ def count(monkeypatch) -> list[CellFile]:
     return calls
 
 
+def test_the_shipped_one_serves_the_shipped_settings(cache, count, monkeypatch) -> None:
+    """Where this fails, write it anew: `python -m tests.support.twin_calibration`."""
+    monkeypatch.setattr(cell.calibrating.calibrate, "SHIPPED", SHIPPED)
+    (shipped,) = SHIPPED.iterdir()
+    assert shipped.name == kept_calibration(SETTINGS).name
+    assert calibration_of(SETTINGS).id == load_calibration(shipped).id
+    assert not count
+
+
+@pytest.mark.slow
+def test_the_shipped_one_is_what_calibrating_gives(cache) -> None:
+    (shipped,) = SHIPPED.iterdir()
+    assert calibrate_anew(SETTINGS)[0].id == load_calibration(shipped).id
+
+
+@pytest.mark.parametrize("change", ["camera", "drawing"])
+def test_another_camera_or_drawing_is_calibrated_anew(cache, count, monkeypatch, change) -> None:
+    monkeypatch.setattr(cell.calibrating.calibrate, "SHIPPED", SHIPPED)
+    settings = SETTINGS
+    if change == "camera":
+        camera = settings.twin.camera.model_copy(update={"yaw": 0.01})
+        twin = settings.twin.model_copy(update={"camera": camera})
+        settings = settings.model_copy(update={"twin": twin})
+    else:
+        monkeypatch.setattr(cell.calibrating.calibrate, "drawing_digest", lambda: "other")
+    calibration_of(settings)
+    assert len(count) == 1
+
+
 def test_it_is_made_once_and_then_kept(cache, count) -> None:
     first, second = calibration_of(SETTINGS), calibration_of(SETTINGS)
     assert len(count) == 1
@@ -66,14 +98,6 @@ def test_a_kept_one_that_is_broken_is_made_again(cache, count, content) -> None:
     path.write_bytes(content)
     assert calibration_of(SETTINGS).id == load_calibration(path).id
     assert len(count) == 1
-
-
-def test_another_camera_has_another_place(cache) -> None:
-    camera = SETTINGS.twin.camera.model_copy(update={"yaw": 0.01})
-    other = SETTINGS.model_copy(
-        update={"twin": SETTINGS.twin.model_copy(update={"camera": camera})}
-    )
-    assert kept_calibration(other) != kept_calibration(SETTINGS)
 
 
 def test_calibration_that_cannot_be_kept_serves_once_with_a_remark(cache, count) -> None:
