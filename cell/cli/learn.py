@@ -1,69 +1,112 @@
 """The command `cell learn`: shows or changes what the cell learned from its folds."""
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cell.cli.options import Configs, Json, print_json
+from drivers.errors import ConfigurationError, suggestion
 
 if TYPE_CHECKING:
     from cell.config.cell import CellFile
     from cell.learning.experience import Memory
 
-WORDS = ("show", "forget", "off", "on")
+WORDS = ("show", "list", "forget", "off", "on")
+LONGEST_EDGES = 0.1  # m, of an offset by a ruler
 
 
 def learn(
     what: Annotated[
-        str, typer.Argument(help="show, forget, off, on, or a run that was measured by a ruler.")
+        str,
+        typer.Argument(help="show, list, forget, off, on, or a run that was measured by a ruler."),
     ] = "show",
+    run: Annotated[
+        Path | None, typer.Argument(help="With forget: the one run to forget, as `list` names it.")
+    ] = None,
     edges: Annotated[
         str | None, typer.Option(help="Offset of the run's laid edges by a ruler, as 3.5mm.")
     ] = None,
+    sure: Annotated[
+        bool, typer.Option("--sure", help="Believe the ruler, however far from the camera it is.")
+    ] = False,
+    twin: Annotated[
+        bool, typer.Option("--twin", help="What folds of the twin taught, not of the real cell.")
+    ] = False,
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
     """Show or change what the cell learned from its folds; a ruler counts more than the camera."""
     from cell.config.places import find_configs
     from cell.learning.experience import Memory
-    from drivers.errors import ConfigurationError, suggestion
 
     settings = find_configs(configs).cell()
-    memory = Memory(settings.name)
-    if what not in WORDS:
-        if edges is None:
-            raise ConfigurationError(
-                f"{what!r}{suggestion(what, WORDS)} is neither show, forget, off nor on; a run "
-                "goes with --edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
-            )
-        _learn_from_ruler(settings.name, Path(what), edges)
-        return
-    if edges is not None:
+    memory = Memory(settings.name, twin=twin)
+    if what not in WORDS and edges is None:
+        raise ConfigurationError(
+            f"{what!r}{suggestion(what, WORDS)} is neither show, list, forget, off nor on; a run "
+            "goes with --edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
+        )
+    if what in WORDS and edges is not None:
         raise ConfigurationError("--edges: goes with a run, as `cell learn runs/RUN --edges 3.5mm`")
-    if what == "show":
-        _show(memory, settings, as_json=as_json)
+    if run is not None and what != "forget":
+        raise ConfigurationError(f"{run}: goes with forget alone, as `cell learn forget {run}`")
+    if edges is not None:
+        _learn_from_ruler(settings, Path(what), edges, sure=sure)
     elif what == "forget":
-        aside = memory.forget()
-        sys.stdout.write("nothing was learned yet\n" if aside is None else f"set aside: {aside}\n")
+        _forget(settings, memory, run)
+    elif what == "list":
+        _list(memory, as_json=as_json)
+    elif what == "show":
+        _show(memory, settings, as_json=as_json)
     else:
         memory.switch(on=what == "on")
         sys.stdout.write(f"{settings.name}: learning is {what}\n")
 
 
-def _learn_from_ruler(cell: str, folder: Path, edges: str) -> None:
-    from cell.config.length import metres
-    from cell.folding.correct import learn_from_ruler
+def _memory_of(settings: "CellFile", run: Path) -> "Memory":
+    """The memory that knows `run`, of the twin or of the real cell."""
+    from cell.learning.experience import Memory
 
-    experience = learn_from_ruler(folder, metres("--edges", edges, 0.1), cell)
+    real, twin = (Memory(settings.name, twin=of_twin) for of_twin in (False, True))
+    return twin if twin.find(run) else real
+
+
+def _learn_from_ruler(settings: "CellFile", run: Path, edges: str, *, sure: bool) -> None:
+    from cell.config.length import metres
+    from cell.learning.experience import learn_from_ruler
+
+    offset = metres("--edges", edges, LONGEST_EDGES)
+    believed = None if sure else settings.learning
+    experience = learn_from_ruler(run, offset, _memory_of(settings, run), believed)
     sys.stdout.write(
-        f"{folder.name}: the ruler shows {1e3 * experience.rig:+.1f} mm more than the camera\n"
+        f"{run.name}: the ruler shows {1e3 * experience.rig:+.1f} mm more than the camera\n"
     )
 
 
+def _forget(settings: "CellFile", memory: "Memory", run: Path | None) -> None:
+    aside = memory.forget() if run is None else _memory_of(settings, run).forget(run)
+    if aside is None and run is not None:
+        raise ConfigurationError(
+            f"{run}: nothing was learned from this run; `cell learn list` names those that taught"
+        )
+    sys.stdout.write("nothing was learned yet\n" if aside is None else f"set aside: {aside}\n")
+
+
+def _list(memory: "Memory", *, as_json: bool) -> None:
+    from cell.learning.summary import listing
+
+    if as_json:
+        for one in memory.experiences():
+            print_json(asdict(one))
+        return
+    sys.stdout.write(listing(memory.experiences()))
+
+
 def _show(memory: "Memory", settings: "CellFile", *, as_json: bool) -> None:
-    from cell.learning.summary import summaries, table
+    from cell.learning.summary import largest, summaries, table
 
     rows = summaries(memory.experiences(), settings.learning)
     if as_json:
@@ -73,3 +116,5 @@ def _show(memory: "Memory", settings: "CellFile", *, as_json: bool) -> None:
     state = "off" if memory.is_off else settings.learning.use
     sys.stdout.write(f"{settings.name}: learning is {state}\n")
     sys.stdout.write(table(rows))
+    if rows:
+        sys.stdout.write(largest(memory, settings.learning.limit))

@@ -73,6 +73,11 @@ def real_camera(settings: CellFile, choice: DeviceSelection) -> bool:
     return choice.camera_driver(settings).real
 
 
+def is_physical(settings: CellFile, choice: DeviceSelection) -> bool:
+    """Whether a physical robot or a real camera is selected."""
+    return is_real(settings, choice) or real_camera(settings, choice)
+
+
 def open_cell(
     settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
 ) -> Devices:

@@ -1,14 +1,13 @@
 """Corrects folds by biases learned from earlier ones, and updates these from new folds."""
 
 from dataclasses import replace
-from pathlib import Path
 
 from cell.config.cell import CellFile
 from cell.config.length import metres
-from cell.devices.open import is_real, real_camera
+from cell.devices.open import is_physical
 from cell.folding.fold import Request
 from cell.learning.correction import Correction, learned_correction, subject_of
-from cell.learning.experience import Experience, Memory, ruler_experience
+from cell.learning.experience import Memory
 
 WORDS = ("auto", "on", "off")
 
@@ -23,7 +22,7 @@ def with_correction(request: Request, learning: str | None) -> Request:
     if learning is not None and learning not in WORDS:
         bias = metres("--learning", learning, settings.learning.limit)
         return replace(request, correction=Correction(bias, 0.0), learns=False)
-    memory = Memory(settings.name, request.memory)
+    memory = Memory(settings.name, request.memory, twin=not is_physical(settings, request.choice))
     if not _should_learn(settings, request, learning, memory):
         return replace(request, correction=Correction(0.0, 0.0), learns=False)
     subject = subject_of(request.policy, request.checkpoint, strip.name, request.specimen)
@@ -39,16 +38,4 @@ def _should_learn(
     if memory.is_off or settings.learning.use == "off":
         return False
     on = settings.learning.use == "on" and learning != "auto"
-    return on or is_real(settings, request.choice) or real_camera(settings, request.choice)
-
-
-def learn_from_ruler(run: Path, edges: float, cell: str, folder: Path | None = None) -> Experience:
-    """Learn the bias of `cell` from a ruler's reading: the edges of `run` lie `edges` [m] apart.
-
-    `folder` as in `Memory`. Raises ConfigurationError as `ruler_experience` does, and where nothing
-    can be kept.
-    """
-    memory = Memory(cell, folder)
-    experience = ruler_experience(run, edges, memory)
-    memory.add(experience)
-    return experience
+    return on or is_physical(settings, request.choice)

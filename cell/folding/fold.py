@@ -19,7 +19,7 @@ from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.devices.devices import Devices, DeviceSelection
-from cell.devices.open import DeviceFactory, open_cell
+from cell.devices.open import DeviceFactory, is_physical, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.folding.feasible import check_feasible
 from cell.folding.fold_trace import FoldTrace
@@ -27,7 +27,7 @@ from cell.folding.learned import offer
 from cell.folding.result import FoldResult
 from cell.folding.steady import punctual
 from cell.learning.correction import Correction, experience_of, subject_of
-from cell.learning.experience import Memory
+from cell.learning.experience import Memory, run_key
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
 from cell.orchestrator.recorder import Record, Recorder
@@ -182,9 +182,11 @@ def _store_experience(
 ) -> None:
     """Store the fold's bias, where the cell learns."""
     subject = subject_of(request.policy, request.checkpoint, strip.name, request.specimen)
-    experience = experience_of(folder.name, subject, outcome, request.correction)
+    key = run_key(folder)
+    experience = experience_of(folder.name, subject, outcome, request.correction, key)
     if request.learns and experience is not None:
-        Memory(settings.name, request.memory).add(experience)
+        twin = not is_physical(settings, request.choice)
+        Memory(settings.name, request.memory, twin=twin).add(experience)
 
 
 def conduct(

@@ -116,12 +116,13 @@ def learned_correction(memory: Memory, subject: Subject, settings: LearningSetti
 
 
 def experience_of(
-    run: str, subject: Subject, outcome: Outcome, correction: Correction
+    run: str, subject: Subject, outcome: Outcome, correction: Correction, key: str = ""
 ) -> Experience | None:
     """Experience gained from a measured fold; None where nothing can be learned from it.
 
-    Folds without a touch or laid edges, folds that were stopped, and predictions made blind are
-    left out. A strip that is unlike the model teaches too: it comes out the same way again.
+    `run` and `key` name the run, as in `Experience`. Folds without a touch or laid edges,
+    folds that were stopped, and predictions made blind are left out. A strip that is unlike the
+    model teaches too: it comes out the same way again.
     """
     predicted, touch = outcome.predicted, outcome.touch
     if touch is None or outcome.name not in TEACHING:
@@ -140,6 +141,9 @@ def experience_of(
         kind="camera",
         displacement=touch.displacement - uncorrected,
         edges=None if edges is None else edges + edge_place(touch, correction.place),
+        key=key,
+        aim=-correction.total,
+        place=-correction.place,
     )
 
 

@@ -1,21 +1,26 @@
 """Measured deviations of folds, from which a cell learns, kept in the user's data folder."""
 
+import hashlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from itertools import count
+from math import hypot
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from cell.config.learning import LearningSettings
+from cell.record.files import TICKS
 from cell.record.json_lines import json_line
 from drivers.errors import ConfigurationError
-from drivers.files import append_line, lock_folders, replace_file, sync_folder, writing
-from drivers.readers import read_json_lines
+from drivers.files import append_line, lock_folders, replace_file, writing
+from drivers.readers import LARGEST_LINES, LARGEST_TABLE, read_bytes
 
 NEWEST = 200  # experiences that are kept in use
+PLAUSIBLE_SIGMAS = 3.0  # of the difference between camera and ruler
 Offset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]  # m
 
 
@@ -25,7 +30,8 @@ class Experience:
 
     `displacement` is measured minus predicted, `edges` the offset of the laid edges as seen.
     `policy` names the policy with its weights. A `ruler` experience holds no displacement but
-    `rig` [m], the offset of the laid edges by the ruler minus that by the camera.
+    `rig` [m], the offset of the laid edges by the ruler minus that by the camera. `key` is the
+    run's `run_key`; `aim` and `place` [m] are the corrections that were in use.
     """
 
     run: str
@@ -36,31 +42,35 @@ class Experience:
     displacement: Offset = 0.0
     rig: Offset = 0.0
     edges: Offset | None = None
+    key: str = ""
+    aim: Offset = 0.0
+    place: Offset = 0.0
 
 
 READER = TypeAdapter(Experience)
 
 
-def _experience(line: dict[str, Any]) -> Experience | None:
-    """Experience in a `line` of the memory; None for an invalid line."""
-    try:
-        return READER.validate_python(line)
-    except ValidationError:
-        return None
+def run_key(folder: Path) -> str:
+    """Key of the run in `folder` by what it measured, wherever it lies; empty without ticks."""
+    path = folder / TICKS
+    return hashlib.sha256(read_bytes(path, LARGEST_TABLE)).hexdigest()[:16] if path.exists() else ""
 
 
 class Memory:
-    """Stored experiences of one cell, oldest first, and whether learning is switched off."""
+    """Stored experiences of one cell, oldest first, and whether learning is switched off.
 
-    def __init__(self, cell: str, folder: Path | None = None) -> None:
+    Folds of the `twin` have a memory of their own: their bias is none of the real cell.
+    """
+
+    def __init__(self, cell: str, folder: Path | None = None, *, twin: bool = False) -> None:
         """Store the experiences of `cell` in `folder`, by default the user's data folder."""
         self.folder = folder or data_folder() / "learning"
-        self.path = self.folder / f"{cell}.jsonl"
+        self.path = self.folder / f"{cell}{'.twin' if twin else ''}.jsonl"
         self._off = self.folder / f"{cell}.off"
 
     @property
     def is_off(self) -> bool:
-        """Whether the last command switched learning off."""
+        """Whether the last command switched learning off, in the cell and on its twin."""
         return self._off.exists()
 
     def switch(self, *, on: bool) -> None:
@@ -77,10 +87,23 @@ class Memory:
     def experiences(self) -> tuple[Experience, ...]:
         """Read the newest experiences, oldest first; broken lines are skipped.
 
+        A later word on a run, by the same instrument, stands in the place of the earlier one.
         Raises ConfigurationError for a file that cannot be read.
         """
-        found = (_experience(line) for line in read_json_lines(self.path))
-        return tuple(one for one in found if one is not None)[-NEWEST:]
+        return self._all()[-NEWEST:]
+
+    def largest_corrections(self) -> tuple[float, float]:
+        """Largest corrections [m] of aim and of place that any fold was made with."""
+        known = self._all()
+        aim, place = (max(values, key=abs, default=0.0) for values in (
+            (one.aim for one in known), (one.place for one in known)
+        ))  # fmt: skip
+        return aim, place
+
+    def find(self, run: Path) -> tuple[Experience, ...]:
+        """Experiences of the run in the folder `run`, or of that name where it is gone."""
+        key, name = run_key(run), run.resolve().name
+        return tuple(one for one in self._all() if _is_of(one, key, name))
 
     def add(self, experience: Experience) -> None:
         """Append one experience; it is on disk on return.
@@ -88,21 +111,45 @@ class Memory:
         Raises ConfigurationError where it cannot be written.
         """
         with self._file_lock():
-            append_line(self.path, json_line(asdict(experience)))
+            last = self._lines()[-1:]
+            mend = b"\n" if last and not last[0].endswith(b"\n") else b""  # after a crash
+            append_line(self.path, mend + json_line(asdict(experience)))
 
-    def forget(self) -> Path | None:
-        """Set the experiences aside under the returned name; None where there are none.
+    def forget(self, run: Path | None = None) -> Path | None:
+        """Set all experiences aside, or those of `run`, under the returned name; None without any.
 
-        Raises ConfigurationError where the file cannot be moved.
+        Raises ConfigurationError where a file cannot be written.
         """
         with self._file_lock():
-            if not self.path.exists():
+            lines = self._lines()
+            if run is None:
+                chosen = set(lines)
+            else:
+                key, name = run_key(run), run.resolve().name
+                chosen = {
+                    line
+                    for line in lines
+                    if (one := _experience(line)) is not None and _is_of(one, key, name)
+                }
+            if not chosen:
                 return None
             names = (f"{self.path.stem}.forgotten-{number}" for number in count(1))
             aside = next(p for p in map(self.path.with_name, names) if not os.path.lexists(p))
-            self.path.rename(aside)
-            sync_folder(self.folder)
+            replace_file(aside, b"".join(line for line in lines if line in chosen))
+            replace_file(self.path, b"".join(line for line in lines if line not in chosen))
             return aside
+
+    def _lines(self) -> list[bytes]:
+        if not self.path.exists():
+            return []
+        return read_bytes(self.path, LARGEST_LINES).splitlines(keepends=True)
+
+    def _all(self) -> tuple[Experience, ...]:
+        found: dict[tuple[str, str], Experience] = {}
+        for line in self._lines():
+            if (one := _experience(line)) is not None:
+                found[one.key or one.run, one.kind] = one
+        return tuple(found.values())
 
     @contextmanager
     def _file_lock(self) -> Iterator[None]:
@@ -112,36 +159,63 @@ class Memory:
                 yield
 
 
+def _experience(line: bytes) -> Experience | None:
+    """Experience in a `line` of the memory; None for an invalid line."""
+    try:
+        return READER.validate_json(line)
+    except ValidationError:
+        return None
+
+
+def _is_of(experience: Experience, key: str, name: str) -> bool:
+    """Whether an experience is of the run with this key, or name where either has no key."""
+    return experience.key == key if experience.key and key else experience.run == name
+
+
 def data_folder() -> Path:
     """Folder for data that cannot be computed again."""
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "folding-cell"
 
 
-def ruler_experience(folder: Path, edges: float, memory: Memory) -> Experience:
-    """Experience of the run in `folder`, whose laid edges lie `edges` [m] apart by a ruler.
+def learn_from_ruler(
+    folder: Path, edges: float, memory: Memory, settings: LearningSettings | None = None
+) -> Experience:
+    """Learn that the laid edges of the run in `folder` lie `edges` [m] apart by a ruler.
 
-    `memory` knows to which policy, fabric and specimen the run belongs. Raises ConfigurationError
-    for a run that cannot be read, whose edges no camera saw, or that the cell did not learn from.
+    `memory` knows to which policy, fabric and specimen the run belongs; with `settings` the word
+    must be one that both instruments can have seen. Raises ConfigurationError for another word, a
+    run that cannot be read, whose edges no camera saw, or that the cell did not learn from, and
+    where nothing can be kept.
     """
     from cell.record.run import read_run  # and the libraries of its tables
 
-    run = read_run(folder)
-    seen = None if run.result is None else run.result.edge_offset
+    result = read_run(folder).result
+    seen = None if result is None else result.edge_offset
     if seen is None:
         raise ConfigurationError(
             f"{folder}: result.yaml: edge_offset: is missing, the camera saw no laid edges; "
             "measure a fold that was laid down"
         )
-    for known in reversed(memory.experiences()):
-        if known.run == folder.resolve().name and known.kind == "camera":
-            return Experience(
-                run=known.run,
-                policy=known.policy,
-                strip=known.strip,
-                specimen=known.specimen,
-                kind="ruler",
-                rig=edges - seen,
-            )
-    raise ConfigurationError(
-        f"{folder}: this cell did not learn from the run; fold with `--learning on` first"
-    )
+    known = [one for one in memory.find(folder) if one.kind == "camera"]
+    if not known:
+        raise ConfigurationError(
+            f"{folder}: this cell did not learn from the run; fold with `--learning on` first"
+        )
+    rig = edges - seen
+    if settings is not None:
+        _check_ruler(rig, seen, settings)
+    facts = {name: getattr(known[-1], name) for name in ("run", "policy", "strip", "specimen")}
+    experience = Experience(**facts, kind="ruler", rig=rig, key=known[-1].key)
+    memory.add(experience)
+    return experience
+
+
+def _check_ruler(rig: float, seen: float, settings: LearningSettings) -> None:
+    """Refuse a ruler's word `rig` [m] from the camera's that both can hardly differ by."""
+    most = PLAUSIBLE_SIGMAS * hypot(settings.rig, settings.laid, settings.ruler)
+    if abs(rig) > most:
+        raise ConfigurationError(
+            f"--edges: is {1e3 * rig:+.1f} mm from the {1e3 * seen:+.1f} mm that the camera saw, "
+            f"both differ by {1e3 * most:.1f} mm at most; mind sign and unit, measure again, and "
+            "add --sure if it is so"
+        )

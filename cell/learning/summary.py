@@ -5,7 +5,7 @@ from typing import Any
 
 from cell.config.learning import LearningSettings
 from cell.learning.bias import bias
-from cell.learning.experience import Experience
+from cell.learning.experience import Experience, Memory
 
 
 def summaries(
@@ -57,6 +57,28 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
     changes = dict.fromkeys(row["since"] for row in rows if row["since"])
     lines += [f"  since run {run} something moved: check the calibration" for run in changes]
     return "\n".join(lines) + "\n"
+
+
+def largest(memory: Memory, limit: float) -> str:
+    """Text on the largest corrections that any fold was made with, of at most `limit` [m]."""
+    aim, place = memory.largest_corrections()
+    return (
+        f"  largest corrections so far: aimed {_mm(aim)} mm, laid the edge {_mm(place)} mm; "
+        f"at most {1e3 * limit:g} mm each\n"
+    )
+
+
+def listing(experiences: Sequence[Experience]) -> str:
+    """Text with a line for each experience, oldest first."""
+    return "".join(f"  {_line(one)}\n" for one in experiences) or "nothing was learned yet\n"
+
+
+def _line(one: Experience) -> str:
+    fold = f"{one.run}: {one.strip}, {one.specimen}, {one.policy}"
+    if one.kind == "ruler":
+        return f"{fold}: the ruler shows {_mm(one.rig)} mm more than the camera"
+    edges = "" if one.edges is None else f", edges laid {_mm(one.edges)} mm off"
+    return f"{fold}: displacement {_mm(one.displacement)} mm beyond the predicted{edges}"
 
 
 def _mm(length: float) -> str:

@@ -12,8 +12,8 @@ import numpy as np
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
-from cell.folding.correct import learn_from_ruler
 from cell.folding.result import FoldResult
+from cell.learning.experience import Memory, learn_from_ruler
 from cell.record.run import read_run
 from cell.studies.kit.folds import changed_since, fold_unknown
 from cell.studies.kit.predicted import compare
@@ -107,7 +107,8 @@ def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
     """Teach the cell the edge offset read with a ruler, where the camera saw the edges too."""
     if result.edge_offset is not None and result.edge_offset_true is not None:
         edges = RULER_MARK * round(result.edge_offset_true / RULER_MARK)
-        learn_from_ruler(Path(result.run), edges, find_configs(None).cell().name, memory)
+        known = Memory(find_configs(None).cell().name, memory, twin=True)
+        learn_from_ruler(Path(result.run), edges, known)
 
 
 def _growth(found: Mapping[str, object]) -> float | None:

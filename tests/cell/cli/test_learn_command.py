@@ -1,14 +1,16 @@
 """`cell learn` shows what the cell has learned of its bias and of the edges that it lays."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from cell.cli.app import app
 from cell.config.places import find_configs
-from cell.learning.experience import Experience, Memory
+from cell.learning.experience import Experience, Memory, run_key
 from drivers.errors import ConfigurationError
 from tests.cell.cli.test_command_errors import refused
 
@@ -41,8 +43,66 @@ def test_a_run_goes_with_a_rulers_word(memory: Memory) -> None:
     assert len(memory.experiences()) == 2
 
 
+@pytest.fixture
+def run(memory: Memory, tmp_path: Path, finished: Path) -> Path:
+    """A run under another name than the one that the cell learned from, as seen at +1 mm."""
+    folder = shutil.copytree(finished, tmp_path / "renamed")
+    result = yaml.safe_load((folder / "result.yaml").read_text()) | {"edge_offset": 0.001}
+    (folder / "result.yaml").write_text(yaml.safe_dump(result))
+    key = run_key(folder)
+    memory.add(Experience("r2", "adaptive", "denim", "a", "camera", 0.003, key=key, aim=-0.002))
+    return folder
+
+
+def call(*words: object) -> str:
+    done = CliRunner().invoke(app, ["learn", *map(str, words)])
+    if done.exception is not None:
+        raise done.exception
+    return done.output
+
+
+def test_a_ruler_s_word_is_believed_within_bounds_and_a_later_one_replaces_it(
+    memory: Memory, run: Path
+) -> None:
+    with pytest.raises(ConfigurationError, match=r"34\.0 mm from the \+1\.0 .* add --sure"):
+        call(run, "--edges", "35mm")
+    assert len(memory.experiences()) == 3
+    call(run, "--edges", "35mm", "--sure")
+    assert "the ruler shows +2.0 mm more" in call(run, "--edges", "3mm")
+    words = [one for one in memory.experiences() if one.kind == "ruler"]
+    assert [(one.run, round(one.rig, 6)) for one in words] == [("r2", 0.002)]
+
+
+def test_single_experiences_are_listed_and_taken_back(memory: Memory, run: Path) -> None:
+    call(run, "--edges", "3mm")
+    listed = call("list").splitlines()
+    assert len(listed) == 4
+    assert listed[0].strip().startswith("r0: denim, a, adaptive: displacement +3.0 mm beyond")
+    aside = Path(call("forget", run).removeprefix("set aside: ").strip())
+    assert [one.run for one in memory.experiences()] == ["r0", "r1"]
+    assert aside.read_text().count('"run": "r2"') == 2
+    call("forget", "r0")
+    with pytest.raises(ConfigurationError, match="nothing was learned from this run"):
+        call("forget", "r0")
+    assert [one.run for one in memory.experiences()] == ["r1"]
+
+
+def test_the_largest_correction_is_stated(memory: Memory, run: Path) -> None:
+    assert "aimed -2.0 mm, laid the edge +0.0 mm; at most 8 mm each" in call()
+
+
+def test_the_twin_and_the_real_cell_learn_apart(memory: Memory) -> None:
+    twin = Memory(find_configs(None).cell().name, twin=True)
+    twin.add(Experience("t0", "adaptive", "denim", "a", "camera", -0.005))
+    assert "t0" not in call("list")
+    assert "t0" in call("list", "--twin")
+    call("forget", "--twin")
+    assert twin.experiences() == ()
+    assert len(memory.experiences()) == 2
+
+
 def test_a_misspelt_word_is_answered_once_and_with_the_right_one(
     memory: Memory, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = refused(monkeypatch, capsys, "learn", "shwo")
-    assert line.startswith("'shwo' (did you mean 'show'?) is neither show, forget")
+    assert line.startswith("'shwo' (did you mean 'show'?) is neither show, list, forget")

@@ -96,6 +96,13 @@ def test_a_line_that_holds_no_experience_is_skipped(tmp_path: Path, line: str) -
     assert memory.experiences() == ()
 
 
+def test_a_line_that_a_crash_cut_off_spoils_no_later_one(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    memory.path.write_text('{"run": "r0", "pol')
+    memory.add(Experience("r1", "adaptive", "denim", "a", "camera"))
+    assert [one.run for one in memory.experiences()] == ["r1"]
+
+
 def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
     nothing = Correction(0.0, 0.0)

@@ -30,7 +30,7 @@ def made(change: float, before: int) -> Any:
 
     def fold(_case: Any, number: int, _place: Path, memory: Path) -> Any:
         off = change if number >= before else 1e-4 * number
-        Memory(find_configs(None).cell().name, memory).add(learned(f"run-{number}", off))
+        Memory(find_configs(None).cell().name, memory, twin=True).add(learned(f"run-{number}", off))
         return SimpleNamespace(run=f"runs/run-{number}")
 
     return fold
@@ -70,5 +70,5 @@ def test_a_fold_is_corrected_by_the_memory_that_it_names(tmp_path: Path) -> None
         memory=tmp_path,
     )
     assert with_correction(request, "on").correction.seen == 0.0
-    Memory(find_configs(None).cell().name, tmp_path).add(learned("run-0", 0.002))
+    Memory(find_configs(None).cell().name, tmp_path, twin=True).add(learned("run-0", 0.002))
     assert with_correction(request, "on").correction.seen == pytest.approx(0.002, rel=0.1)
