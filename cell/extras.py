@@ -15,7 +15,8 @@ FEATURES: Mapping[str, str] = MappingProxyType(
         "pylibfranka": "arm 'fci' (Linux x86_64, Python 3.11 or 3.12)",
         "distributed": "--cluster",
         "mcap": "an MCAP file",
-        "av": "a film",
+        "cmaes": "`cell train`",
+        "torch": "`cell train --policy adaptive`",
     }
 )
 

@@ -10,8 +10,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import write_file
 from drivers.readers import MEGABYTE, read_bytes
 from drivers.settings import Settings, parse
-
-WEIGHT_COUNT = 101  # of the paper's network: (3 + 1) 20 + 20 + 1
+from policies.network import WEIGHT_COUNT
 
 
 class Training(Settings):

@@ -4,11 +4,10 @@ import math
 from pathlib import Path as FilePath
 
 import numpy as np
-import torch
 
 from drivers.strip.file import StripFile
 from drivers.types import Array
-from policies.checkpoint import Checkpoint, load_checkpoint
+from policies.checkpoint import load_checkpoint
 from policies.network import HeadingNetwork
 from policies.path import Path, triangular
 from policies.policy import Decision, Observation
@@ -38,7 +37,6 @@ class Feedback:
         self._length = 1.0
         self._speed = 0.0
         self._contact: Array = np.zeros(0)
-        self._warm_up()
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Prepare for `count` strips, a multiple of the number of candidate weights."""
@@ -66,13 +64,7 @@ class Feedback:
         )
 
     def _direction(self, state: Array) -> Array:
-        batch = torch.from_numpy(state.reshape(self._groups, -1, 3))
-        with torch.inference_mode():
-            return np.asarray(self._network(batch).numpy().reshape(-1))
-
-    def _warm_up(self) -> None:
-        for _ in range(3):
-            self._direction(np.full((self._groups, 3), 0.5))
+        return self._network(state.reshape(self._groups, -1, 3)).reshape(-1)
 
 
 def limit_directions(direction: Array, x: Array, z: Array) -> Array:
@@ -85,10 +77,5 @@ def limit_directions(direction: Array, x: Array, z: Array) -> Array:
 
 
 def load_feedback(path: FilePath | None = None) -> Feedback:
-    """The policy with the weights of the checkpoint at `path`, or the committed one, warmed up.
-
-    Limits torch to one thread: the network is too small to gain from more.
-    """
-    checkpoint: Checkpoint = load_checkpoint(path or COMMITTED)
-    torch.set_num_threads(1)
-    return Feedback(np.array(checkpoint.weights))
+    """The policy with the weights of the checkpoint at `path`, or the committed one."""
+    return Feedback(np.array(load_checkpoint(path or COMMITTED).weights))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import cell
 
-PACKAGES = ("folding-cell", "numpy", "torch", "numba", "mujoco", "opencv-python-headless")
+PACKAGES = ("folding-cell", "numpy", "numba", "mujoco", "opencv-python-headless")
 ROOTS = ("cell", "drivers", "policies", "calibration")
 SHOWS = ("cell/cli/", "cell/report/viz/", "cell/campaign/", "cell/studies/",
          "cell/exam/studies/")  # fmt: skip

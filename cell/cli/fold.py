@@ -149,22 +149,11 @@ def fold(
 
 
 def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
-    """Encoder of films; None, with a remark, where its library is missing and not asked for."""
+    """Encoder of films, that of the configuration where none is asked for; None for no film."""
     from cell.config.places import find_configs
-    from cell.extras import require_library
-    from drivers.errors import ConfigurationError
 
     wanted = film or find_configs(configs).cell().record.film
-    if wanted == "none":
-        return None
-    try:
-        require_library("av")
-    except ConfigurationError as missing:
-        if film:
-            raise
-        _print_remark(f"no film of the fold is kept: {missing}")
-        return None
-    return wanted
+    return None if wanted == "none" else wanted
 
 
 def _fold_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> int:

@@ -53,7 +53,6 @@ def train(
     Killed or interrupted, the same command goes on and ends with the same weights.
     """
     from cell.cli.table import wide_console
-    from cell.train.screen import show, show_effects
 
     default = f"adaptive-{seed}" if policy == "adaptive" else f"seed-{seed}"
     folder = out or Path("runs/training") / default
@@ -69,6 +68,8 @@ def train(
     if as_json:
         print_json(trained.line() | corrected)
         return
+    from cell.train.screen import show, show_effects
+
     show(trained.evaluations, wide_console())
     if trained.effects:
         show_effects(trained.effects, wide_console())
@@ -91,6 +92,9 @@ def _train(
     """Train `policy` in the rod and evaluate it on a `grid`; `size` is for `feedback` alone."""
     from rich.console import Console
 
+    from cell.extras import require_library
+
+    require_library("torch" if policy == "adaptive" else "cmaes")
     from cell.train.critic import train_critic
     from cell.train.run import train as train_in
     from policies.adaptive.train.settings import CriticSettings

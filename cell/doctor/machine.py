@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cell.doctor.check import Check, State
 
-NEEDED_PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "torch", "rerun-sdk")
+NEEDED_PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "rerun-sdk")
 RUN_GB, ROOM_GB = 1.0, 10.0  # GB below which nothing is recorded, and from which all is well
 CORES, PLENTY = 2, 4  # for loop and images, and for the recording and viewer beside them
 TOP_PRIORITY = 99  # of real-time scheduling, sched(7)

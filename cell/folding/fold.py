@@ -51,7 +51,7 @@ from policies.policy import Policy
 from policies.registry import make_policy
 
 CHECKPOINT_BYTES = 50 * MEGABYTE
-PACKAGES = ("folding-cell", "mujoco", "opencv-python-headless", "numpy", "torch", "ruckig")
+PACKAGES = ("folding-cell", "mujoco", "opencv-python-headless", "numpy", "ruckig")
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from cell.extras import require_library
 from drivers.errors import ConfigurationError
 from drivers.files import own_file, replacing, writing
 from drivers.types import Frame, Image
@@ -34,7 +33,6 @@ class Film:
 
         Raises ConfigurationError for a file that is missing or no film.
         """
-        require_library("av")
         import av
 
         if not self.path.is_file():
@@ -72,7 +70,6 @@ class FilmWriter:
 
     def __init__(self, path: Path, encoder: str = ENCODER) -> None:
         """Create the film at `path` (.mkv or .mp4), encoded by FFmpeg's encoder `encoder`."""
-        require_library("av")
         import av
 
         options = FRAGMENTS if path.suffix == ".mp4" else {}
@@ -121,7 +118,6 @@ def index_film(path: Path) -> None:
 
     Its images stay as they were encoded. Raises ConfigurationError for a file that is no film.
     """
-    require_library("av")
     import av
 
     if path.suffix != ".mp4":

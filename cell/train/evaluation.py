@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-import torch
 
 from drivers.strip.engine import Stepper
 from drivers.strip.rod.engine import Rod
@@ -103,7 +102,6 @@ def fold_row(
     weights: Array, settings: TrainingSettings, side: int, engine: Engine, row: int
 ) -> Array:
     """Fold one row of the grid by `feedback` with weights (p,); returns displacements (side,)."""
-    torch.set_num_threads(1)
     strips = grid(side)[row * side : (row + 1) * side]
     rollout = replace(rollout_settings(settings), substeps=SUBSTEPS)
     rng = np.random.default_rng([settings.seed, 3, row])

@@ -5,7 +5,6 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
-import torch
 
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
@@ -20,7 +19,6 @@ VALIDATION = 8  # strips along each side of the grid that a validation folds
 
 def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
     """Scores of `candidates` (p, WEIGHT_COUNT) in `generation`: pure, callable on any machine."""
-    torch.set_num_threads(1)
     strips = sample(settings.strips, np.random.default_rng([settings.seed, generation, 0]))
     rng = np.random.default_rng([settings.seed, generation, 1])
     return scores(Rod(settings.segments, strict=False), candidates, strips, settings, rng)
@@ -43,7 +41,6 @@ def validate(settings: TrainingSettings, weights: Array) -> float:
 
     The root mean square, because a policy must be good on every strip.
     """
-    torch.set_num_threads(1)
     rollout = replace(rollout_settings(settings), substeps=3)
     rng = np.random.default_rng([settings.seed, 2])
     strips = grid(VALIDATION)

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from cell.cli import fold
-
 pytestmark = pytest.mark.slow
 
 BARE = """
 import sys
 sys.modules["pylibfranka"] = None
 sys.modules["distributed"] = None
-sys.modules["av"] = None
+sys.modules["torch"] = None
+sys.modules["cmaes"] = None
 from cell.__main__ import main
 main()
 """
@@ -40,26 +39,28 @@ def test_arm_of_the_twin_moves_without_the_robots_library(words, tmp_path: Path)
         ("fold", "--strip", "denim", "--arm", "fci"),
         ("home", "--arm", "fci"),
         ("calibrate", "check", "--arm", "fci"),
-        ("train", "--cluster", "tcp://127.0.0.1:1"),
-        ("fold", "--strip", "denim", "--film", "libx264"),
+        ("benchmark", "--cluster", "tcp://127.0.0.1:1"),
+        ("train", "--policy", "feedback"),
+        ("train", "--policy", "adaptive"),
     ],
     ids=lambda words: f"{words[0]} {words[-1]}",
 )
 def test_missing_library_is_named_with_a_command_that_installs_it(words, tmp_path: Path) -> None:
     done = run_bare(*words, at=tmp_path)
     assert done.returncode == 2, done.stderr
-    modules = {"--cluster": "distributed", "--film": "av"}
+    modules = {"--cluster": "distributed", "feedback": "cmaes", "adaptive": "torch"}
     module = next((modules[word] for word in words if word in modules), "pylibfranka")
     line = done.stderr.splitlines()[-1]
     assert f"needs the library {module}, which is not installed here" in line
     assert f"`{sys.executable} -m pip install '{module}" in line
 
 
-def test_without_the_library_a_fold_keeps_no_film_and_says_so_in_one_line(monkeypatch, capsys):
-    assert fold.encoder_of(None, None) == "libx264"
-    assert fold.encoder_of(None, "none") is None
-    assert capsys.readouterr().err == ""
-    monkeypatch.setitem(sys.modules, "av", None)
-    assert fold.encoder_of(None, None) is None
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("cell: no film of the fold is kept: a film needs the library av")
+def test_learned_policies_decide_without_the_libraries_of_their_training(tmp_path: Path) -> None:
+    script = BARE.partition("from cell")[0] + (
+        "from policies.registry import make_policy\n"
+        "print(make_policy('feedback').name, make_policy('adaptive').name)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["feedback", "adaptive"]
