@@ -8,7 +8,7 @@ from typing import Any
 
 from cell.record.files import FILM
 from cell.record.film import Encoder
-from cell.record.film_thread import FilmThread
+from cell.record.film_encoder import FilmEncoder
 from cell.record.frames import FOLDER, INDEX, Keep, KeyFrames, digest, encode, frame_file
 from cell.record.json_lines import json_line
 from drivers.files import new_file, replace_file, write_all
@@ -29,7 +29,7 @@ class FrameWriter:
     ) -> None:
         """Write images into `folder`, and with an `encoder` also a film."""
         self.dropped = 0
-        self._film = encoder and FilmThread(folder / FILM, encoder, patient)
+        self._film = encoder and FilmEncoder(folder / FILM, encoder, patient)
         self._failure: OSError | None = None
         self._given_up = False
         self._folder, self._keep, self._patient = folder, keep, patient

@@ -14,8 +14,7 @@ import pytest
 
 from cell.record.files import FILM
 from cell.record.film import Film, FilmWriter
-from cell.record.film_process import FilmProcess
-from cell.record.film_thread import QUEUE, FilmThread
+from cell.record.film_encoder import QUEUE, FilmEncoder, FilmProcess
 from cell.record.frames import read_index
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
@@ -122,9 +121,9 @@ time.sleep(600)
 def test_encoder_that_lags_loses_images_of_the_film_and_of_nothing_else(tmp_path, monkeypatch):
     add, gate = FilmWriter.add, threading.Event()
     monkeypatch.setattr(FilmWriter, "add", lambda *arguments: gate.wait() and add(*arguments))
-    close = FilmThread.close
-    monkeypatch.setattr(FilmThread, "close", lambda film: gate.set() or close(film))
-    monkeypatch.setattr("cell.record.film_thread.FilmProcess", FilmWriter)
+    close = FilmEncoder.close
+    monkeypatch.setattr(FilmEncoder, "close", lambda film: gate.set() or close(film))
+    monkeypatch.setattr("cell.record.film_encoder.FilmProcess", FilmWriter)
     run = filmed(tmp_path, patient=False, count=QUEUE + 12)
     notes = run.frame_index()
     assert all(note.sha256 for note in notes)
@@ -158,8 +157,8 @@ def test_other_process_says_why_its_film_breaks_off(tmp_path):
 
 
 def test_film_whose_process_stands_still_breaks_off_in_time(tmp_path, monkeypatch):
-    monkeypatch.setattr("cell.record.film_process.ENCODER_TIMEOUT", 0.2)
     film = FilmProcess(tmp_path / FILM, "libx264")
+    monkeypatch.setattr("cell.record.film_encoder.ENCODER_TIMEOUT", 0.2)
     os.kill(*children("film"), signal.SIGSTOP)
     with pytest.raises(OSError, match="hangs"):
         film.add(0.0, image(0))
@@ -190,7 +189,7 @@ def test_encoder_that_fails_ends_the_film_and_not_the_run(tmp_path, monkeypatch)
 
 
 def test_encoder_that_hangs_ends_the_film_and_not_the_run(tmp_path, monkeypatch):
-    monkeypatch.setattr("cell.record.film_thread.ENCODER_TIMEOUT", 0.2)
+    monkeypatch.setattr("cell.record.film_encoder.ENCODER_TIMEOUT", 0.2)
     monkeypatch.setattr(FilmWriter, "add", lambda *_: threading.Event().wait())
     run = filmed(tmp_path, count=QUEUE + 12)
     assert run.result.outcome == "path_done"
