@@ -1,7 +1,9 @@
-"""Inputs and results of a run: one context for a fold, one for a calibration."""
+"""Inputs and results of a run: one context each for a fold, a calibration, a motion by hand."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import degrees
 
 from calibration.calibration import Calibration
 from calibration.landmarks import Landmarks
@@ -11,6 +13,7 @@ from calibration.wizard.news import Watcher, nobody
 from calibration.wizard.touch_verdict import CheckVerdict, TouchVerdict
 from cell.config.settings import CellSettings
 from cell.orchestrator.operator import Operator, Unattended
+from cell.orchestrator.outcome import StopReason
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion
 from cell.perception.laid import LaidFold
@@ -23,8 +26,27 @@ from policies.policy import Policy
 from policies.prediction import FoldPrediction
 
 
-@dataclass(slots=True)
-class FoldContext:
+class Context(ABC):
+    """What every run has: settings, results that most runs leave open, and how it completes."""
+
+    settings: CellSettings
+    reader: Reader | None = None
+    seen_touch: SeenTouch | None = None
+    laid: LaidFold | None = None
+    predicted: FoldPrediction | None = None
+
+    @property
+    def desk(self) -> float:
+        """Position x [m] at which the desk ends for the hand, 0 for an arm without a hand."""
+        return desk_end(self.settings.installation)
+
+    @abstractmethod
+    def completion(self) -> StopReason:
+        """Name, reason and exit code of the run once it has completed."""
+
+
+@dataclass
+class FoldContext(Context):
     """Context of a fold: the controller's knowledge of cell and strip, and the results so far.
 
     `sight` checks the image of the strip before the grasp, and is the `reader` of images from then
@@ -47,14 +69,23 @@ class FoldContext:
     desk: float = 0.0
     warning: str = ""
 
+    def completion(self) -> StopReason:
+        """Whether the layers touched, and whether the laid fold is one."""
+        if self.seen_touch is None:
+            return StopReason("path_done", "the path ended and no touch was seen", 1)
+        complaint = None if self.laid is None else self.laid.complaint()
+        if complaint is None:
+            return StopReason("layer_touch", "the layers touch", 0)
+        return StopReason(*complaint, 1)
 
-@dataclass(slots=True)
-class CalibrationContext:
+
+@dataclass
+class CalibrationContext(Context):
     """Context of a homography calibration: settings, lens, operator, and the results so far.
 
     The `operator` is asked before the arm moves, `watch` receives all news. `plan` replaces the
     poses of the settings. Only a run that `remembers` leaves `landmarks`. With an `old` calibration
-    nothing is fitted: a few touches leave a `check` of it. No strip is read: `reader` stays None.
+    nothing is fitted: a few touches leave a `check` of it. No strip is read.
     """
 
     settings: CellSettings
@@ -68,27 +99,24 @@ class CalibrationContext:
     landmarks: Landmarks | None = None
     old: Calibration | None = None
     check: CheckVerdict | None = None
-    reader: None = None
 
-    @property
-    def desk(self) -> float:
-        """Position x [m] at which the desk ends for the hand."""
-        return desk_end(self.settings.installation)
+    def completion(self) -> StopReason:
+        """All points were touched."""
+        return StopReason("calibrated", "all points were touched", 0)
 
 
-@dataclass(slots=True)
-class ManualContext:
+@dataclass
+class ManualContext(Context):
     """Context of a manual motion, which `motion` makes from a snapshot; `end` is the last pose."""
 
     settings: CellSettings
     motion: Callable[[Snapshot], Motion]
     end: Pose | None = None
-    reader: None = None
 
-    @property
-    def desk(self) -> float:
-        """Position x [m] at which the desk ends for the hand."""
-        return desk_end(self.settings.installation)
-
-
-Context = FoldContext | CalibrationContext | ManualContext
+    def completion(self) -> StopReason:
+        """Where the gripper is."""
+        if self.end is None:
+            return StopReason("moved", "", 0)
+        x, z = round(1e3 * self.end.x), round(1e3 * self.end.z)
+        pitch = round(degrees(self.end.pitch))
+        return StopReason("moved", f"the gripper is at x {x}, z {z} mm, pitch {pitch} deg", 0)

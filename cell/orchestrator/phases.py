@@ -4,6 +4,7 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import asdict
 from functools import partial
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
@@ -220,28 +221,24 @@ def move_by_hand(context: ManualContext, _: Record, snapshot: Snapshot) -> Phase
 
 
 PhaseFactory = Callable[[Record, Snapshot], Phase]
-_FOLD: dict[State, Callable[[FoldContext, Record, Snapshot], Phase]] = {
-    State.PREFLIGHT: preflight,
-    State.GRASP: grasp,
-    State.LIFT: lift,
-    State.FOLD: fold,
-    State.TOUCHED: continue_to_lay,
-    State.LAY: lay,
-    State.RELEASE: release,
-}
-_CALIBRATION: dict[State, Callable[[CalibrationContext, Record, Snapshot], Phase]] = {
-    State.PREFLIGHT: go_calibrate,
-    State.CALIBRATE: calibrate,
+_PHASES: dict[type[Context], dict[State, Callable[[Any, Record, Snapshot], Phase]]] = {
+    FoldContext: {
+        State.PREFLIGHT: preflight,
+        State.GRASP: grasp,
+        State.LIFT: lift,
+        State.FOLD: fold,
+        State.TOUCHED: continue_to_lay,
+        State.LAY: lay,
+        State.RELEASE: release,
+    },
+    CalibrationContext: {State.PREFLIGHT: go_calibrate, State.CALIBRATE: calibrate},
+    ManualContext: {State.PREFLIGHT: move_by_hand},
 }
 
 
 def phases_of(context: Context) -> dict[State, PhaseFactory]:
     """Phases of a run with this context; each starts from the snapshot of the transition."""
-    if isinstance(context, CalibrationContext):
-        return {state: partial(phase, context) for state, phase in _CALIBRATION.items()}
-    if isinstance(context, ManualContext):
-        return {State.PREFLIGHT: partial(move_by_hand, context)}
-    return {state: partial(phase, context) for state, phase in _FOLD.items()}
+    return {state: partial(phase, context) for state, phase in _PHASES[type(context)].items()}
 
 
 def observe(snapshot: Snapshot) -> Observation:

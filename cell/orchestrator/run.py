@@ -6,13 +6,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from math import degrees
 from types import FrameType
 from typing import Protocol
 
 from cell.devices.devices import Devices
 from cell.orchestrator.arm_history import ArmHistory
-from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
+from cell.orchestrator.context import Context
 from cell.orchestrator.monitors import Rules, check_all, slow_for_images
 from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
 from cell.orchestrator.phases import phases_of
@@ -23,8 +22,7 @@ from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
 from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
 from drivers.errors import Fault
-from drivers.types import ZERO_VELOCITY, Pose
-from policies.prediction import FoldPrediction
+from drivers.types import ZERO_VELOCITY
 
 PROMPT = 1.0  # s on the wall clock within which a turn ends, or is ended
 
@@ -202,7 +200,7 @@ class Run:
             hand=self._devices.hand.state(),
             view=view,
             velocity=self._velocity,
-            predicted=self._predicted,
+            predicted=self._context.predicted,
         )
         return self._snapshot
 
@@ -230,40 +228,16 @@ class Run:
                     hand.grasp()
         self._command = command
 
-    @property
-    def _predicted(self) -> FoldPrediction | None:
-        return self._context.predicted if isinstance(self._context, FoldContext) else None
-
     def _outcome(self, duration: float) -> Outcome:
         """Outcome of the ended run, its touch in measured time."""
-        if self._stopped is not None:
-            name, reason, code = self._stopped.name, self._stopped.reason, self._stopped.exit_code
-        else:
-            name, reason, code = _completion(self._context)
-        touch, edge_offset = None, None
-        if isinstance(self._context, FoldContext):
-            touch, laid = self._context.seen_touch, self._context.laid
-            edge_offset = None if laid is None else laid.seen
+        context = self._context
+        end = self._stopped or context.completion()
+        touch, laid = context.seen_touch, context.laid
         if touch is not None:
             touch = replace(touch, time=touch.time - self._recorder.origin)
-        return Outcome(name, reason, code, touch, edge_offset, duration, self._predicted)
-
-
-def _completion(context: Context) -> tuple[str, str, int]:
-    """Name, reason and exit code of a run that completed."""
-    if isinstance(context, CalibrationContext):
-        return "calibrated", "all points were touched", 0
-    if isinstance(context, ManualContext):
-        return "moved", "" if context.end is None else _place(context.end), 0
-    if context.seen_touch is None:
-        return "path_done", "the path ended and no touch was seen", 1
-    complaint = None if context.laid is None else context.laid.complaint()
-    return ("layer_touch", "the layers touch", 0) if complaint is None else (*complaint, 1)
-
-
-def _place(pose: Pose) -> str:
-    x, z, pitch = round(1e3 * pose.x), round(1e3 * pose.z), round(degrees(pose.pitch))
-    return f"the gripper is at x {x}, z {z} mm, pitch {pitch} deg"
+        edge_offset = None if laid is None else laid.seen
+        found = touch, edge_offset, duration, context.predicted
+        return Outcome(end.name, end.reason, end.exit_code, *found)
 
 
 @contextmanager

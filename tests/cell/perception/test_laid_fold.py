@@ -10,7 +10,6 @@ from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.orchestrator.context import FoldContext
-from cell.orchestrator.run import _completion
 from cell.perception.laid import EDGE_TOLERANCE, LaidFold
 from cell.record.outcomes import NOT_FOLDED, is_outcome
 from cell.record.run import read_run
@@ -25,7 +24,8 @@ def ending(laid: LaidFold | None) -> tuple[str, str, int]:
     settings = find_configs(None).cell().controller
     context = FoldContext(settings, *[SimpleNamespace()] * 4)
     context.seen_touch, context.laid = TOUCH, laid
-    return _completion(context)
+    end = context.completion()
+    return end.name, end.reason, end.exit_code
 
 
 def test_fold_that_lies_where_it_was_laid_is_a_fold() -> None:
