@@ -2,7 +2,7 @@
 
 from cell.arm.real_robot import slow_down
 from cell.config.cell import CellFile
-from cell.config.fold import FoldSettings
+from cell.config.settings import FoldSettings
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import is_real
 from drivers.settings import parse

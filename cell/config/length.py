@@ -1,4 +1,4 @@
-"""Reading of lengths as operators write them: `3.5mm`, `0.0035m`, or metres without a unit."""
+"""Lengths as operators write them, `3.5mm` or `0.0035m`, and strips known by their length alone."""
 
 import re
 from math import inf, nan

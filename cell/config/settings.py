@@ -9,16 +9,14 @@ from calibration.landmarks import LandmarkSettings
 from calibration.wizard.latency import LatencySettings
 from calibration.wizard.touches import TouchSettings
 from cell.config.drivers import arm_names, camera_names
-from cell.config.fold import FoldSettings
-from cell.config.learning import LearningSettings
-from cell.config.monitor_limits import MonitorLimits
 from cell.perception.settings import PerceptionSettings
 from cell.record.film import Encoder
 from cell.record.frames import Keep
 from drivers.arm.settings import FciSettings
 from drivers.camera.settings import V4l2Settings
 from drivers.installation import Installation
-from drivers.settings import Metres, Seconds, Settings
+from drivers.settings import Metres, Seconds, Settings, Speed
+from policies.path import TAKEOVER_HEIGHT
 
 
 def _check_driver(name: str, known: tuple[str, ...]) -> str:
@@ -59,6 +57,70 @@ class SigmaSettings(Settings):
     touch_time: Seconds = Field(gt=0, le=1.0)
     edge_offset: Metres = Field(0.00055, gt=0, le=0.1)  # rms by folds; laid.yaml has 0.44 mm
     force: float | None = Field(None, gt=0, le=10.0, exclude_if=lambda force: force is None)
+
+
+class FoldSettings(Settings):
+    """Parameters of a fold; lengths [m], speeds [m/s], times [s]."""
+
+    control_rate: float = Field(100.0, ge=100, le=200)  # Hz; records promise 100 rows a second
+    speed: Speed = Field(
+        0.10, ge=0.005, le=0.16
+    )  # on the path; faster, the lift out-turns the hand
+    lay_speed: Speed = Field(0.10, ge=0.005, le=0.16)
+    lay_height: Metres = Field(0.025, ge=0.005, le=0.06)  # of the edge above its place
+    lay_beyond: Metres = Field(0.008, ge=0, le=0.02)  # past a taut edge; folds roll 6 mm
+    takeover_height: Metres = Field(TAKEOVER_HEIGHT, ge=0.03, le=0.2)  # where the policy takes over
+    start: Literal["flat", "hanging"] | None = None  # of measured time; None: by the arm
+    longest_rest: Seconds = Field(4.0, ge=0.5, le=20.0)  # that a hanging strip is waited for
+    approach: Metres = Field(0.05, ge=0.02, le=0.2)  # free way before the edge is grasped
+    clear_height: Metres = Field(0.25, ge=0.1, le=0.4)  # of the gripper while the strip is judged
+    stop_timeout: Seconds = Field(1.0, ge=0.2, le=5.0)  # to come to rest after a fault
+
+
+class MonitorLimits(Settings):
+    """Limits of the monitors, each with a value; none can be switched off."""
+
+    arm_age: float = Field(0.05, gt=0, le=0.5)  # s
+    hand_age: float = Field(0.5, gt=0, le=2.0)  # s
+    image_age: float = Field(0.25, gt=0, le=1.0)  # s, from which on the arm stands and waits
+    image_wait: float = Field(0.15, gt=0, le=1.0)  # s that it waits for a younger image
+    reading: float = Field(0.25, gt=0, le=1.0)  # s beside the loop, of one image
+    identical_images: int = Field(3, ge=2, le=30)  # one that a camera sends twice is none
+    confidence: float = Field(0.3, gt=0, lt=1)
+    doubt: float = Field(0.4, gt=0, le=2.0)  # s of low confidence before the arm stops
+    camera_shift: float = Field(0.001, gt=0, le=0.01)  # m by which the scene may seem moved
+    overspeed: float = Field(1.25, ge=1.0, le=2.0)  # measured over allowed speed
+    speed: float = Field(0.25, gt=0, le=1.0)  # m/s
+    tracking_error: float = Field(0.015, gt=0, le=0.1)  # m, measured from commanded
+    border: float = Field(0.005, gt=0, le=0.02)  # m that a measured pose may lie out of the box
+    force: float = Field(20.0, gt=0, le=60.0)  # N on the gripper
+    duration: float = Field(120.0, gt=0, le=900.0)  # s of a whole run
+    state_duration: float = Field(60.0, gt=0, le=300.0)  # s in one state
+    turn: float = Field(300.0, gt=0, le=3600)  # s of one turn in lock-step; 1 s on the wall clock
+    calibration: float = Field(1800.0, gt=0, le=14400.0)  # s of CALIBRATE, which waits for people
+
+
+class LearningSettings(Settings):
+    """Settings of learning: whether a cell learns, and one-sigma priors [m] of its bias.
+
+    `auto` learns with a real arm or camera and leaves folds of the twin repeatable by their seed.
+    The priors are assumptions, about the accuracy of a careful set-up, and belong to no cell;
+    where one rests on a measurement, its comment says on which.
+    """
+
+    use: Literal["auto", "on", "off"] = "auto"
+    cell: float = Field(0.001, gt=0, le=0.02)
+    strip: float = Field(0.001, gt=0, le=0.02)
+    specimen: float = Field(0.001, gt=0, le=0.02)
+    rig: float = Field(0.003, gt=0, le=0.02)  # unseen by the camera: a tool off, a camera moved
+    changed: float = Field(0.003, gt=0, le=0.02)  # of the cell after something moved
+    repeat: float = Field(0.0003, gt=0, le=0.01)  # of a specimen's folds; 0.2 mm on the twin
+    ruler: float = Field(0.0005, gt=0, le=0.01)  # of an edge offset read by eye
+    laid: float = Field(0.0006, gt=0, le=0.01)  # of laid edges as seen; laid.yaml has 0.44 mm
+    off: float = Field(0.2, gt=0, lt=1)  # share of cells and specimens with something off
+    usual: float = Field(0.0004, gt=0, le=0.01)  # of specimens in a right cell; critic's left_out
+    misread: float = Field(0.00025, gt=0, le=0.01)  # of a specimen's touch as seen
+    limit: float = Field(0.008, gt=0, le=0.008)  # of the correction
 
 
 class CellSettings(Settings):

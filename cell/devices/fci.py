@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from cell.config.cell import CellFile
-from cell.config.fold import FoldSettings
+from cell.config.settings import FoldSettings
 from cell.devices.devices import Closable, Devices, DeviceSelection
 from cell.devices.fold_path import triangle, whole_path
 from cell.devices.twin import TwinCalibrationAids, TwinPlant, bare, on_desk

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cell.config.fold import FoldSettings
+from cell.config.settings import FoldSettings
 from drivers.geometry import arc_lengths
 from drivers.limits import MotionLimits
 from drivers.types import Array

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.config.learning import LearningSettings
+from cell.config.settings import LearningSettings
 from cell.learning.experience import Experience
 from cell.learning.shrinkage import Parts, laid_offset, shrunk
 from drivers.types import Array

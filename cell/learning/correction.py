@@ -8,7 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from cell.config.learning import LearningSettings
+from cell.config.settings import LearningSettings
 from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.learning.bias import Bias, bias
 from cell.learning.experience import Experience, Memory

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cell.config.learning import LearningSettings
+from cell.config.settings import LearningSettings
 from cell.learning.experience import Experience
 from drivers.types import Array
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from cell.config.learning import LearningSettings
+from cell.config.settings import LearningSettings
 from cell.learning.bias import bias
 from cell.learning.experience import Experience, Memory
 

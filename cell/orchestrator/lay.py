@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from cell.config.fold import FoldSettings
+from cell.config.settings import FoldSettings
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, drive, move
 from cell.perception.measurement import SeenTouch

@@ -6,7 +6,7 @@ from math import degrees, pi
 
 import numpy as np
 
-from cell.config.monitor_limits import MonitorLimits
+from cell.config.settings import MonitorLimits
 from cell.orchestrator.snapshot import Command, Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import TERMINAL, State
 from drivers.arm.clearance import require_clear

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import nan
 
-from cell.config.monitor_limits import MonitorLimits
+from cell.config.settings import MonitorLimits
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.states import State
 from cell.perception.camera_watch import ImageSanity

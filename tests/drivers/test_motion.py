@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cell.config.monitor_limits import MonitorLimits
+from cell.config.settings import MonitorLimits
 from drivers.errors import ConfigurationError, Fault
 from drivers.limits import AxisLimits, MotionLimits, Workspace
 from drivers.motion import EXPIRY, TICK, MotionProfile

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.config.learning import LearningSettings
+from cell.config.settings import LearningSettings
 from cell.learning.bias import bias, laid_offset
 from cell.learning.experience import Experience
 

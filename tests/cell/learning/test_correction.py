@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.config.learning import LearningSettings
 from cell.config.length import metres
+from cell.config.settings import LearningSettings
 from cell.learning.correction import (
     Correction,
     Subject,

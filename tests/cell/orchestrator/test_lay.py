@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config.fold import FoldSettings
+from cell.config.settings import FoldSettings
 from cell.orchestrator.lay import (
     BRAKING,
     CLEARANCE,

@@ -8,9 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
-from cell.config.settings import CellSettings
+from cell.config.settings import CellSettings, FoldSettings
 from cell.devices.fci import start_joints
 from cell.devices.fold_path import triangle, whole_path
 from cell.orchestrator.context import FoldContext

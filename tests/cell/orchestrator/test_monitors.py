@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config.monitor_limits import MonitorLimits
+from cell.config.settings import MonitorLimits
 from cell.orchestrator.monitors import MONITORS, Rules, check_all
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import State

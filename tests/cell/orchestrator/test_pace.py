@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cell.orchestrator.run as orchestrator
-from cell.config.monitor_limits import MonitorLimits
+from cell.config.settings import MonitorLimits
 from cell.orchestrator.monitors import USUAL_AGE, slow_for_images
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo
 from cell.orchestrator.states import Event, State

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.config.monitor_limits import MonitorLimits
 from cell.config.places import CHECKOUT_CONFIGS, Configs
+from cell.config.settings import MonitorLimits
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View, Vision
