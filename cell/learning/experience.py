@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from cell.config.learning import LearningSettings
+from cell.config.settings import LearningSettings
 from cell.record.files import TICKS
 from cell.record.json_lines import json_line
 from drivers.errors import ConfigurationError
