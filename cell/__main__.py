@@ -1,17 +1,23 @@
 """Entry point of `python -m cell` and the command `cell`: prints each error in one line."""
 
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.errors import CellError, ConfigurationError
 
+if TYPE_CHECKING:
+    from typer import Typer
 
-def main() -> None:
-    """Run the command line; an error is printed in one line and sets the exit code."""
+
+def main(app: "Typer | None" = None) -> None:
+    """Run the command line `app`, `cell` if not given.
+
+    An error is printed in one line and sets the exit code.
+    """
     from cell.cli.streams import guard_streams, why_lost
 
     out = guard_streams()
-    code = _run()
+    code = _run(app)
     sys.stdout.flush()
     if why_lost(out):
         sys.stderr.write(f"cell: what was printed was lost: {why_lost(out)}\n")
@@ -19,11 +25,12 @@ def main() -> None:
     sys.exit(code)
 
 
-def _run() -> int | str | None:
-    from cell.cli.app import app
+def _run(app: "Typer | None") -> int | str | None:
+    from cell.cli.app import app as cell
 
     try:
-        return int(app(standalone_mode=False) or 0)  # the code of a command that raised Exit
+        code_of_exit = (app or cell)(standalone_mode=False)
+        return int(code_of_exit or 0)
     except SystemExit as end:
         return end.code
     except Exception as error:  # noqa: BLE001  an edge: an operator is not shown a traceback

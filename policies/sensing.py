@@ -69,7 +69,7 @@ EXACT_SENSING = Sensing(
 class ImageNoise(Settings):
     """Measured noise and biases of the simulated cell's images; fields are as in `Sensing`.
 
-    Written by `cell study perception`; biases are over strips.
+    Written by `python -m tests.lab study perception`; biases are over strips.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")

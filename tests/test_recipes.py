@@ -17,7 +17,6 @@ from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.config.settings import DriverChoice
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_calibrated, open_cell
-from cell.exam.causes import cause_of, causes
 from cell.gap.subject.mechanism.subject import open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.scope import candidate
@@ -26,8 +25,6 @@ from cell.orchestrator import monitors
 from cell.orchestrator.monitors import Monitor, Rules, check_all
 from cell.orchestrator.snapshot import Hold, Snapshot
 from cell.orchestrator.states import State
-from cell.studies import campaign, catalogue
-from cell.studies.table import markdown
 from drivers.errors import ConfigurationError, Fault
 from drivers.protocols import Camera, Clock
 from drivers.settings import parse
@@ -37,6 +34,9 @@ from drivers.types import Frame
 from policies.registry import entries, make_policy, policy_names
 from tests.cell.orchestrator.test_monitors import GOOD
 from tests.cell.orchestrator.test_orchestrator_stops import phases
+from tests.lab.exam.causes import cause_of, causes
+from tests.lab.studies import campaign, catalogue
+from tests.lab.studies.table import markdown
 from tests.support.mechanisms import PRESCRIBED, make_arm
 from tests.support.plain_cell import plain_bench
 
@@ -127,7 +127,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause
+from tests.lab.exam.causes.cause import Cause
 
 
 class Leaning(Cause):

@@ -13,18 +13,20 @@ import typer
 
 from cell.__main__ import main
 from cell.cli.app import app
+from tests.lab.__main__ import app as lab
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "runbooks").rglob("*.md"))]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-INLINE = re.compile(r"`(cell [^`\n]+)`")
+LAB = "python -m tests.lab"
+INLINE = re.compile(rf"`((?:cell|{LAB}) [^`\n]+)`")
 RUN = [
     "cell --help",
     "cell strips",
     "cell strips new linen --length 0.6 --width 0.05 --areal-density 0.2",
     "cell gap plan --strip denim --dry-run",
     "cell runs --runs runs/trial",
-    "cell study",
+    "python -m tests.lab study",
 ]  # also on the pages, and quick: they run as they stand there
 LENS, TOUCHES = "calibrations/*-camera", "calibrations/*-homography"
 PLAYED = {  # longer: they run in this order in one folder, with a session's folder or fewer cases
@@ -41,40 +43,41 @@ PLAYED = {  # longer: they run in this order in one folder, with a session's fol
     "cell calibrate homography --poses DIR/poses.yaml": {"DIR": TOUCHES},
     "cell calibrate homography --from DIR --without 6 --out NEW": {"DIR": TOUCHES, "NEW": "again"},
     "cell calibrate check": {},
-    "cell study unknown --count 60 --jobs 2": {"60": "1"},
-    "cell study unknown --count 60 --show": {"60": "1"},
+    "python -m tests.lab study unknown --count 60 --jobs 2": {"60": "1"},
+    "python -m tests.lab study unknown --count 60 --show": {"60": "1"},
 }
 ELSEWHERE = {  # what other tests run, with other files and numbers
     "cell gap": "tests/end_to_end/test_gap_circle.py",
     "cell fold --strip denim --plant moved.yaml": "tests/cell/calibrating/test_wizards.py",
     "cell fold --strip denim --arm fci": "tests/end_to_end/test_arm_faults.py",
     "cell fold --strip denim --policy feedback": "tests/end_to_end/test_fold_whole.py",
-    "cell benchmark": "tests/cell/studies/benchmark",
+    "cell benchmark": "tests/cell/benchmark",
     "cell train": "tests/cell/train",
     "cell twin serve": "tests/cell/cli/test_twin_command.py",
     "cell camera": "tests/cell/cli/test_camera_command.py",
     "cell import": "tests/cell/exchange/test_import_runs.py",
     "cell observe": "tests/end_to_end/test_observe.py",
     "cell strips measure": "tests/cell/strips/test_strips_measure_command.py",
-    "cell study unknown --count 2000": "tests/cell/campaign/test_cluster.py",
+    "python -m tests.lab study unknown --count 2000": "tests/cell/campaign/test_cluster.py",
 }
 
 
 def fenced(text: str) -> list[str]:
-    """Commands of `cell` in the blocks of shell on a page, one a line."""
+    """Commands of `cell` and the laboratory in the blocks of shell on a page, one a line."""
     found = []
     for kind, block in FENCE.findall(text):
         if kind in {"sh", "console", "bash"}:
             joined = block.replace("\\\n", " ")
             lines = [line.strip().removeprefix("$ ") for line in joined.splitlines()]
-            found += [line for line in lines if re.match(r"(\.venv/bin/)?cell\b", line)]
+            found += [line for line in lines if re.match(rf"(\.venv/bin/)?cell\b|{LAB}", line)]
     return found
 
 
 def parsed(line: str) -> None:
     """Parse a command line without running it; ValueError for what there is not."""
-    words = [w for w in shlex.split(line, comments=True)[1:] if w not in {"...", "&"}]
-    command = typer.main.get_command(app)
+    rest = line.removeprefix(LAB if line.startswith(LAB) else line.split()[0])
+    words = [w for w in shlex.split(rest, comments=True) if w not in {"...", "&"}]
+    command = typer.main.get_command(lab if line.startswith(LAB) else app)
     while words and not words[0].startswith("-") and hasattr(command, "commands"):
         if words[0] not in command.commands:
             raise ValueError(f"there is no command {words[0]}")
@@ -82,6 +85,8 @@ def parsed(line: str) -> None:
     known = {name for each in command.params for name in (*each.opts, *each.secondary_opts)}
     for word in words:
         option = word.partition("=")[0]
+        if command.ignore_unknown_options:
+            return
         if option.startswith("--") and option not in {*known, "--help"}:
             raise ValueError(f"there is no option {option}")
 
@@ -127,12 +132,13 @@ def test_every_command_on_the_pages_is_run_by_some_test() -> None:
 def test_longer_commands_run_one_after_the_other_in_one_folder(tmp_path) -> None:
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    variables = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)}
     for line, places in PLAYED.items():
         for word, place in places.items():
             found = sorted(tmp_path.glob(place))[0] if "*" in place else place
             line = re.sub(rf"\b{re.escape(word)}\b", str(found), line)  # noqa: PLW2901
         played = subprocess.run(
-            ["sh", "-c", line], cwd=tmp_path, env={**os.environ, "PATH": path},
+            ["sh", "-c", line], cwd=tmp_path, env=variables,
             stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
         )  # fmt: skip
         assert played.returncode == 0, f"{line}\n{played.stderr}"
@@ -143,7 +149,9 @@ def test_a_cheap_command_runs_as_it_stands(line, tmp_path, monkeypatch, capsys) 
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     (tmp_path / "runs" / "trial").mkdir(parents=True)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", shlex.split(line))
+    monkeypatch.setattr(
+        "sys.argv", ["cell", *shlex.split(line.removeprefix(LAB).removeprefix("cell"))]
+    )
     with pytest.raises(SystemExit) as end:
-        main()
+        main(lab if line.startswith(LAB) else app)
     assert end.value.code in (0, None), capsys.readouterr().err

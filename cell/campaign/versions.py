@@ -1,30 +1,34 @@
 """Versions on which a campaign's numbers depend, of libraries and of the code itself."""
 
 import hashlib
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-import cell
-
 PACKAGES = ("folding-cell", "numpy", "numba", "mujoco", "opencv-python-headless")
 ROOTS = ("cell", "drivers", "policies", "calibration")
-SHOWS = ("cell/cli/", "cell/report/viz/", "cell/campaign/", "cell/studies/",
-         "cell/exam/studies/")  # fmt: skip
-WORKING_PARTS = ("cell/studies/kit/",)
-"""Folders whose code changes no outcome, and those within that do. A study adds its own file."""
+SHOWS = ("cell/cli/", "cell/report/viz/", "cell/campaign/", "cell/benchmark/")
+"""Folders whose code changes no outcome."""
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @cache
 def code() -> str:
     """Digest of all sources that outcomes depend on."""
-    return _digest("*.py")
+    return sources(ROOTS, ("*.py",), SHOWS)[:12]
 
 
 @cache
 def data() -> str:
     """Digest of all weights and tables that lie beside the sources."""
-    return _digest("*.npz", "*.json", "*.yaml")
+    return sources(ROOTS, ("*.npz", "*.json", "*.yaml"), SHOWS)[:12]
+
+
+def verdicts() -> str:
+    """Digest of the sources on which verdicts of `cell gap` depend."""
+    return sources(("cell/gap", "cell/record", "drivers/strip"))
 
 
 def versions() -> dict[str, str]:
@@ -33,11 +37,20 @@ def versions() -> dict[str, str]:
     return {**here, "code": f"{code()}-{data()}"}
 
 
-def _digest(*patterns: str) -> str:
-    h, root = hashlib.sha256(), Path(cell.__file__).resolve().parents[1]
+def sources(
+    places: Sequence[str],
+    patterns: Sequence[str] = ("*.py", "*.yaml"),
+    without: tuple[str, ...] = (),
+) -> str:
+    """Digest, 16 digits, of the files at `places` and below, but those `without`."""
+    h = hashlib.sha256()
     for pattern in patterns:
-        for path in sorted(p for package in ROOTS for p in (root / package).rglob(pattern)):
-            name = path.relative_to(root).as_posix()
-            if not name.startswith(SHOWS) or name.startswith(WORKING_PARTS):
+        for path in sorted(p for place in places for p in _files(ROOT / place, pattern)):
+            name = path.relative_to(ROOT).as_posix()
+            if not without or not name.startswith(without):
                 h.update(name.encode() + b"\0" + path.read_bytes())
-    return h.hexdigest()[:12]
+    return h.hexdigest()[:16]
+
+
+def _files(place: Path, pattern: str) -> list[Path]:
+    return [place] if place.is_file() else list(place.rglob(pattern))

@@ -19,7 +19,6 @@ from cell.cli.record import note, report, viz
 from cell.cli.replay import replay
 from cell.cli.runs import runs
 from cell.cli.strips import strips
-from cell.cli.study import study
 from cell.cli.train import train
 from cell.cli.twin import twin
 
@@ -50,7 +49,6 @@ app.command(name="open")(open_hand)
 app.command()(register)
 app.add_typer(strips, name="strips")
 app.command()(benchmark)
-app.command()(study)
 app.add_typer(gap, name="gap")
 app.command()(train)
 app.add_typer(twin, name="twin")

@@ -45,13 +45,13 @@ def benchmark(
     """
     from rich.console import Console
 
+    from cell.benchmark.page import lines, write_main_picture, write_results
+    from cell.benchmark.run import benchmark as measure
+    from cell.benchmark.run import summarise
+    from cell.benchmark.screen import show
+    from cell.benchmark.spec import BenchmarkSpec, split
     from cell.campaign.progress import Meter
     from cell.config.places import find_configs
-    from cell.studies.benchmark.page import lines, write_main_picture, write_results
-    from cell.studies.benchmark.run import benchmark as measure
-    from cell.studies.benchmark.run import summarise
-    from cell.studies.benchmark.screen import show
-    from cell.studies.benchmark.spec import BenchmarkSpec, split
 
     found = find_configs(configs)
     spec = BenchmarkSpec.of(found, split(policies), split(strips), repeat, seed, quick=quick)

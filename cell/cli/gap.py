@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.gap_exam import exam
 from cell.cli.gap_plan import near, plan
 from cell.cli.gap_rehearse import rehearse
 from cell.cli.options import Configs, Json, print_json
@@ -23,7 +22,6 @@ gap = typer.Typer(
     no_args_is_help=True,
 )
 gap.command()(plan)
-gap.command()(exam)
 gap.command()(rehearse)
 
 RunFolders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]

@@ -34,8 +34,8 @@ def rehearse(
     from cell.campaign.progress import Meter
     from cell.cli.gap_plan import near
     from cell.config.places import find_configs
-    from cell.exam.rehearse import line, plan, write_page
-    from cell.exam.rehearse import rehearse as carry_out
+    from cell.gap.rehearse import line, plan, write_page
+    from cell.gap.rehearse import rehearse as carry_out
 
     named = Path(strip)
     file = (

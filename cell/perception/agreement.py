@@ -100,7 +100,7 @@ IMAGE_SIGMAS = np.array([BIAS_SIGMA, BIAS_SIGMA, BIAS_SIGMA, STAMP_SIGMA])
 class AgreementLimits(Settings):
     """Largest `residual` [m] and `yield_curvature` [1/m] of a fold that behaves like the model.
 
-    Written by `cell study agreement`: what `share` of such folds stay below.
+    Written by `python -m tests.lab study agreement`: what `share` of such folds stay below.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")

@@ -36,7 +36,7 @@ class LaidWeights(Settings):
     """Weights of a linear model for the strip length [m] in a loop beyond the loop's own length.
 
     A constant [m], and per m of its height, its width and the strip's thickness. Written by
-    `cell study unknown`, with what it was fitted to.
+    `python -m tests.lab study unknown`, with what it was fitted to.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")

@@ -10,7 +10,7 @@ class PerceptionSettings(Settings):
 
     contact_height: float = Field(0.001, gt=0, le=0.01)  # m above rest, the definition
     # m, measured minus true: what blur and shadow leave, the mean over ten strips and their
-    # triangular folds on the twin (`cell study perception`)
+    # triangular folds on the twin (`python -m tests.lab study perception`)
     contact_bias: float = Field(0.0003, ge=-0.02, le=0.02)
     contrast: float = Field(30.0, gt=0, le=255)  # grey levels between strip and surroundings
     separation: float = Field(4.0, gt=0, le=20)  # of their colours, standard deviations

@@ -12,8 +12,8 @@ import numpy as np
 from cell.campaign.journal import digest
 from cell.campaign.run import Engine, Watcher, carry_out
 from cell.campaign.versions import code
-from cell.studies.kit.folds import fold_unknown
-from cell.studies.kit.predicted import compare
+from cell.train.folds import fold_unknown
+from cell.train.predicted import compare
 from drivers.errors import ConfigurationError
 from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
 from policies.adaptive.fabrics import unknown

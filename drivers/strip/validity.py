@@ -1,6 +1,6 @@
 """Ranges of strip properties in which the rod and chain engines were validated.
 
-Measured by `cell study validity`: folds of denim with one value changed,
+Measured by `python -m tests.lab study validity`: folds of denim with one value changed,
 against the same engine with half its step in space. Inside the bounds that changes the
 displacement by at most 3 mm, and rod and chain agree to 3 mm. Width and areal density were
 measured too, from 2 mm to 1 m and from 0.001 to 50 kg/m^2: without air they change nothing.

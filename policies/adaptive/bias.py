@@ -21,8 +21,8 @@ REFERENCE_THICKNESS = 1e-3  # m, thickness at which its term is zero
 class Untrained(Settings):
     """Standard deviation `added` [m] to predictions for effects that the training lacked.
 
-    Such are another engine and lost images. Written by `cell study unknown`: with it, the shares
-    `within_1` and `within_2` of its `folds` are within one sigma and 1.96.
+    Such are another engine and lost images. Written by `python -m tests.lab study unknown`: with
+    it, the shares `within_1` and `within_2` of its `folds` are within one sigma and 1.96.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")

@@ -27,9 +27,7 @@ DOOR = "drivers/files.py"
 WRITES = {"write_text", "write_bytes", "imwrite", "FileSink", "mkstemp", "NamedTemporaryFile"}
 ELSEWHERE = {
     # scratch folders that a program made for itself a moment ago, and its own cache
-    *("cell/exam/sandbox/child.py", "cell/exam/sandbox/parent.py", "cell/exam/run_case.py"),
-    *("cell/exam/runs/through_images.py", "cell/gap/fitting/cache.py"),
-    *(f"cell/studies/{name}.py" for name in ("catalogue/extremes", "catalogue/looks", "kit/folds")),
+    *("cell/gap/fitting/cache.py", "cell/train/folds.py"),
 }
 MADE_BY_THE_DOOR = {
     # a name that `replacing` made or `own_file` looked at, or a pipe into `own_stream`

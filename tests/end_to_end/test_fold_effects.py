@@ -10,8 +10,8 @@ import yaml
 
 from cell.devices.devices import DeviceSelection
 from cell.folding.replay import replay
-from cell.studies.kit.resimulate import resimulate
 from tests.end_to_end.folded import Folded, fold_and_keep, request_for
+from tests.lab.studies.kit.resimulate import resimulate
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 Effects = Mapping[str, Mapping[str, float]]

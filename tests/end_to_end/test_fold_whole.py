@@ -18,11 +18,11 @@ from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
 from cell.record.frames import INDEX
 from cell.report.page import report
 from cell.report.silhouettes import silhouettes
-from cell.studies.kit.resimulate import resimulate
 from drivers.errors import ConfigurationError
 from policies.checkpoint import load_checkpoint, save_checkpoint
 from policies.feedback import COMMITTED
 from tests.end_to_end.folded import Folded, fold_and_keep, request_for
+from tests.lab.studies.kit.resimulate import resimulate
 
 pytestmark = pytest.mark.slow
 

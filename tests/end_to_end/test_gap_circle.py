@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.exam.studies.circle import HIDDEN_VALUES, measure
+from tests.lab.studies.catalogue.circle import HIDDEN_VALUES, measure
 
 pytestmark = pytest.mark.long
 

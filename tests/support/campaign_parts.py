@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cell.studies.benchmark.results import Laid, Result
+from cell.benchmark.results import Laid, Result
 from drivers.errors import ConfigurationError
 
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cell.exam.case import Case
 from cell.gap.verdict.schema import Gap, Interval, Measured, NamedEffect, Verdict
+from tests.lab.exam.case import Case
 from tests.support.gap_strip_cases import folds, written
 
 Numbers = tuple[float, float | None, float | None]

@@ -11,8 +11,8 @@ from cell.perception.measurement import SeenTouch
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
-from cell.studies.kit.twin_fold import FoldCamera, TwinFold
 from drivers.types import Array
+from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold
 
 STRIPS = Path(__file__).parents[2] / "configs" / "strips"
 SPEED = 0.1  # m/s

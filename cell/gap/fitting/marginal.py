@@ -22,7 +22,8 @@ class Sought:
 
     From `begin`, between `smallest` and `largest`. The part of a quantity that all runs share has a
     prior `common` times as wide as the usual spread. Any fit leaves at least the share `least` of
-    the stated variance. Source: set by hand; `cell study spreads` tests it on true spreads.
+    the stated variance. Source: set by hand; `python -m tests.lab study spreads` tests
+    it on true spreads.
     """
 
     smallest: float = 0.03

@@ -30,8 +30,8 @@ class Believed:
     """What is believed of quantities that may differ from run to run, before any run is seen.
 
     A common one does so with probability `common`. Another must gain `worth` nats, and beat those
-    that scatter more commonly, named first, by `tie`. Source: set by hand; `cell study spreads`
-    tests it on true spreads.
+    that scatter more commonly, named first, by `tie`. Source: set by hand; `python -m
+    tests.lab study spreads` tests it on true spreads.
     """
 
     common: float = 0.9

@@ -1,4 +1,7 @@
-"""Prior beliefs about effects and the errors of their laws, as `cell study beliefs` fits them."""
+"""Prior beliefs about effects and the errors of their laws.
+
+`python -m tests.lab study beliefs` fits them.
+"""
 
 from functools import cache
 from pathlib import Path

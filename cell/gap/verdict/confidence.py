@@ -2,8 +2,8 @@
 
 The posterior holds for the library's laws as they are. What no law accounts for, and how much of
 the gap on held-out runs is closed, show whether to believe it; their weights were measured on
-verdicts whose truth is known, a part of them with the true effect withheld from the library (`cell
-study confidence`; Platt 1999, Probabilities for SV machines).
+verdicts whose truth is known, a part of them with the true effect withheld from the library
+(`python -m tests.lab study confidence`; Platt 1999, Probabilities for SV machines).
 """
 
 import math

@@ -128,7 +128,7 @@ def biases(count: int) -> Tensor:
     """Random errors (count, COUNT) of a fold's inputs that stay the same in all its images.
 
     One of the contact, one of the tip, and one of the profile that changes linearly along it, as
-    measured by `cell study perception`.
+    measured by `python -m tests.lab study perception`.
     """
     along = torch.linspace(0.0, 1.0, POINTS)[:, None]
     begin, end = IMAGE_BIAS * torch.randn(2, count, 1, 2)

@@ -13,7 +13,6 @@ from cell.devices.rig_correction import correct_calibration
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
-from cell.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.model import Observation, Rig, StripModel
 from drivers.strip.observation import seen_contact, seen_points, true_points
@@ -23,6 +22,7 @@ from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array
 from policies.path import triangular
+from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from tests.support.twin_calibration import twin_calibration
 
 CONFIGS = Path(__file__).parents[3] / "configs"

@@ -9,11 +9,11 @@ import pytest
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
-from cell.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from drivers.strip.describe import load_strip
 from drivers.twin.settings import CameraSettings
 from drivers.types import Frame, Pose
 from policies.path import Path, circular, triangular
+from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from tests.support.seen_folds import SPEED, STRIPS, Agreement, agreement, rms
 from tests.support.twin_calibration import twin_calibration
 

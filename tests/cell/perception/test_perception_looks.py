@@ -10,7 +10,6 @@ from calibration.pointer import find_pointer
 from cell.perception.perception import Perception
 from cell.perception.preflight import Preflight, inspect
 from cell.perception.settings import PerceptionSettings
-from cell.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import LOOKS, Box, Look
@@ -19,6 +18,7 @@ from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from drivers.types import Pose
 from policies.fixed_paths import triangular
+from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from tests.support.seen_folds import STRIPS, distances
 from tests.support.twin_calibration import NO_STRIP, pointer_frame, twin_calibration
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from calibration.calibration import load_calibration
+from cell.benchmark.page import page_of
 from cell.gap.report.page import write_report as write_gap_report
 from cell.record.listing import list_runs
 from cell.record.run import read_run
@@ -21,14 +22,13 @@ from cell.report.calibration_page import calibration_report, write_calibration_r
 from cell.report.compare import write_comparison
 from cell.report.page import write_report
 from cell.report.runs_page import write_runs_page
-from cell.studies.benchmark.page import page_of
-from cell.studies.campaign import kept_outcomes
-from cell.studies.page import write_page
 from drivers.types import Frame
+from tests.cell.benchmark.test_benchmark import measured
 from tests.cell.conftest import HEADER
 from tests.cell.gap.test_gap_engine import Curves, bump, hidden, judged
-from tests.cell.studies.benchmark.test_benchmark import measured
-from tests.cell.studies.test_studies import filled
+from tests.lab.studies.campaign import kept_outcomes
+from tests.lab.studies.page import write_page
+from tests.lab.tests.test_studies import filled
 from tests.support.browser import FOUND, LOOKS, Browser, Look, browser
 
 pytestmark = [

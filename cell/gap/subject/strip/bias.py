@@ -19,8 +19,8 @@ PATH_HALVES = ("before", "past")
 class Bias(Settings):
     """Standard deviations [m, s] of perception's mean error over half a run, by quantity.
 
-    Written by `cell study perception`. `edge` is how far out the near edge is seen, which moves
-    the whole profile; the other errors are independent, that of the profile adds to it.
+    Written by `python -m tests.lab study perception`. `edge` is how far out the near edge is seen,
+    which moves the whole profile; the other errors are independent, that of the profile adds to it.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")
@@ -36,7 +36,10 @@ class Bias(Settings):
 
 
 class ModelError(Settings):
-    """Standard deviation of fitted `damping` between engines, as a share (`cell study damping`)."""
+    """Standard deviation of fitted `damping` between engines, as a share.
+
+    Written by `python -m tests.lab study damping`.
+    """
 
     schema_: Literal[1] = Field(1, alias="schema")
     damping: float

@@ -8,7 +8,7 @@ import pytest
 from cell.gap.subject.mechanism.subject import open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
-from tests.benchmarks.measure_mechanisms import DATA, driven, servo, triple
+from tests.lab.benchmarks.measure_mechanisms import DATA, driven, servo, triple
 from tests.support.pendulum_mechanism import drag_unit
 
 pytestmark = pytest.mark.slow

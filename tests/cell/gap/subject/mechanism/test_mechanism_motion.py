@@ -8,7 +8,7 @@ import yaml
 
 from cell.gap.fit import fit
 from cell.gap.subject.blocks import average
-from cell.gap.subject.mechanism import prescribed, synthetic
+from cell.gap.subject.mechanism import prescribed
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.importer import write_run
 from cell.gap.subject.mechanism.prescribed import cutoff_of, motion_of
@@ -17,6 +17,7 @@ from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
 from drivers.types import Array
+from tests.lab.exam import mechanisms as synthetic
 
 T = np.arange(0.0, 6.0, 0.004)
 CUTOFF, WIDTH = 60.0, 0.06

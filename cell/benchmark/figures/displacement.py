@@ -1,0 +1,186 @@
+"""Figures of displacement: strips, repeats, and the paper's range."""
+
+from typing import Any
+
+import numpy as np
+
+from cell.benchmark import paper
+from cell.benchmark.figures.style import (
+    BAND,
+    DASHES,
+    DISPLACEMENT,
+    NOTE,
+    PAGE_WIDTH,
+    colour,
+    dot,
+    policy_rows,
+    zero,
+)
+from cell.benchmark.results import ImageFold, Results
+from cell.report.drawing import GREEN, INK, PAPER, RULE, as_svg, canvas
+from cell.report.words import MINUS
+from drivers.types import Array
+
+FEEDBACK_LIMIT = 1e3 * paper.WORST["feedback"]
+
+
+def strips_figure(results: Results) -> str:
+    """Figure (SVG) of displacements d of each policy on each strip, with the paper's numbers."""
+    with canvas(PAGE_WIDTH, _height(results)) as figure:
+        _draw_strips(figure.add_subplot(), results)
+        return as_svg(figure)
+
+
+def main_picture(results: Results) -> Any:
+    """Matplotlib figure of the displacements d on every strip, with its own title."""
+    with canvas(PAGE_WIDTH, _height(results) + 0.2) as figure:
+        axes = figure.add_subplot()
+        _draw_strips(axes, results)
+        title = "Misalignment of the layers, as the camera saw it on the twin"
+        axes.set_title(title, loc="left", pad=26, fontsize=10.5, color=INK)
+        return figure
+
+
+def repeats_figure(results: Results) -> str:
+    """Figure (SVG) of d in repeated folds of one strip about its mean, with the paper's 1 mm."""
+    policies = results.asked.policies
+    half = 0.5e3 * paper.REPEATABILITY
+    with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.75) as figure:
+        axes = figure.add_subplot()
+        axes.axvspan(-half, half, color=BAND, alpha=0.18, lw=0)
+        zero(axes)
+        widest = 2 * half
+        for row, policy in enumerate(policies):
+            d = _displacements(results.repeats(policy))
+            d = d[np.isfinite(d)]
+            away = d - d.mean() if d.size else d
+            widest = max(widest, float(np.max(np.abs(away), initial=0.0)))
+            axes.plot(
+                away, np.full(d.size, row), **dot(policy), alpha=0.75, clip_on=False, gid=policy
+            )
+        policy_rows(axes, policies)
+        axes.set_xlim(-1.08 * widest, 1.08 * widest)
+        axes.set_xlabel(f"d of {results.asked.repeated}, about the mean of its folds  [mm]")
+        top = axes.get_xaxis_transform()
+        text = f"paper: within {1e3 * paper.REPEATABILITY:.0f} mm"
+        axes.text(0, 1.02, text, transform=top, ha="center", color=GREEN, fontsize=NOTE)
+        return as_svg(figure)
+
+
+def range_figure(results: Results) -> str:
+    """Figure (SVG) of d over the simulated range of strips, and of folds through images."""
+    policies = results.asked.policies
+    with canvas(PAGE_WIDTH, 0.42 * len(policies) + 1.1) as figure:
+        axes = figure.add_subplot()
+        _draw_paper_numbers(axes)
+        zero(axes)
+        for row, policy in enumerate(policies):
+            _draw_policy_range(axes, results, policy, row)
+        axes.use_sticky_edges = False
+        axes.margins(x=0.03)
+        policy_rows(axes, policies, foot=0.5)
+        axes.set_xlabel(DISPLACEMENT)
+        return as_svg(figure)
+
+
+def outside(results: Results, policy: str) -> tuple[int, int]:
+    """Number of strips outside the simulated range of `policy`, and of all strips."""
+    folds, over = _displacements(results.folds(policy)), results.over_range(policy, "rod")
+    folds = folds[np.isfinite(folds)]
+    if over is None or folds.size == 0 or not np.isfinite(over.d).any():
+        return 0, 0
+    low, high = 1e3 * np.nanmin(over.d), 1e3 * np.nanmax(over.d)
+    return int(np.sum((folds < low) | (folds > high))), folds.size
+
+
+def _draw_strips(axes: Any, results: Results) -> None:
+    strips = _soft_to_stiff(results)
+    _draw_paper_numbers(axes)
+    zero(axes)
+    for row in range(len(strips)):
+        axes.axhline(row, color=RULE, lw=0.6, zorder=0)
+    for policy in results.asked.policies:
+        _draw_policy_dots(axes, policy, results.folds(policy), strips)
+    _label_strips(axes, strips)
+    axes.set_xlabel(DISPLACEMENT)
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0, 1.0),
+        ncols=len(results.asked.policies),
+        handletextpad=0.2,
+        columnspacing=1.4,
+        borderaxespad=0.2,
+        markerscale=0.9,
+        labelcolor="linecolor",
+    )
+
+
+def _draw_policy_dots(
+    axes: Any, policy: str, folds: tuple[ImageFold, ...], strips: list[str]
+) -> None:
+    """Draw a policy's displacements in the rows of their strips."""
+    found = {fold.strip: fold for fold in folds}
+    rows = [row for row, strip in enumerate(strips) if strip in found]
+    d = _displacements(tuple(found[strips[row]] for row in rows))
+    mark = dot(policy)
+    front = 6 - 0.2 * mark["ms"]  # smaller markers lie over larger ones
+    axes.plot(d, rows, **mark, label=policy, zorder=front, clip_on=False)
+
+
+def _label_strips(axes: Any, strips: list[str]) -> None:
+    """Label a row for each strip, the first on top, with room for the paper's numbers below."""
+    axes.set_yticks(range(len(strips)), strips)
+    axes.set_ylim(len(strips) + 0.05, -0.55)
+    axes.tick_params(axis="y", labelcolor=INK, labelsize=9)
+    axes.grid(visible=False, axis="y")
+    axes.spines["left"].set_visible(False)
+
+
+def _draw_paper_numbers(axes: Any) -> None:
+    """Draw the numbers in the paper's text at the foot of the plot."""
+    foot = axes.get_xaxis_transform()
+    axes.axvspan(-FEEDBACK_LIMIT, FEEDBACK_LIMIT, color=BAND, alpha=0.16, lw=0, zorder=0)
+    style = {"transform": foot, "ha": "center", "va": "bottom", "fontsize": NOTE}
+    box = {"facecolor": PAPER, "edgecolor": "none", "pad": 1.2, "alpha": 0.85}
+    axes.text(
+        0, 0.012, f"paper: feedback under {FEEDBACK_LIMIT:.0f}", color=GREEN, zorder=3, **style
+    )
+    for policy, mean in paper.MEANS.items():
+        place = 1e3 * mean
+        axes.axvline(place, color=colour(policy), lw=0.9, ls=DASHES, alpha=0.8, zorder=1)
+        text = f"paper's mean {place:+.1f}".replace("-", MINUS)
+        axes.text(place, 0.012, text, color=colour(policy), bbox=box, zorder=3, **style)
+
+
+def _draw_policy_range(axes: Any, results: Results, policy: str, row: int) -> None:
+    """Draw the simulated range of d as bars, and folds through images as squares."""
+    over = results.over_range(policy, "rod")
+    if over is not None and np.isfinite(over.d).any():
+        d = 1e3 * over.d[np.isfinite(over.d)]
+        low, high = np.quantile(d, [0.05, 0.95])
+        shade = {"color": colour(policy), "lw": 0}
+        axes.barh(row, np.ptp(d), left=d.min(), height=0.56, alpha=0.20, **shade)
+        axes.barh(row, high - low, left=low, height=0.56, alpha=0.22, **shade)
+        axes.plot([np.median(d)] * 2, [row - 0.28, row + 0.28], color=colour(policy), lw=1.6)
+    seen = _displacements(results.folds(policy))
+    mark = {"ms": 4.4, "mfc": PAPER, "mec": INK, "mew": 0.9, "zorder": 4}
+    axes.plot(seen, np.full(seen.size, row), "s", gid="through images", **mark)
+
+
+def _soft_to_stiff(results: Results) -> list[str]:
+    """Names of the folded strips by rising bending length."""
+    lengths = {
+        fold.strip: fold.bending_length
+        for policy in results.asked.policies
+        for fold in results.folds(policy)
+    }
+    return sorted(lengths, key=lambda strip: (lengths[strip], strip))
+
+
+def _displacements(folds: tuple[ImageFold, ...]) -> Array:
+    """Measured displacements (n,) [mm], NaN without a touch."""
+    return 1e3 * np.array([fold.displacement for fold in folds], dtype=np.float64)
+
+
+def _height(results: Results) -> float:
+    return 0.31 * max(len(_soft_to_stiff(results)), 3) + 1.15

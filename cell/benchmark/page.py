@@ -1,0 +1,203 @@
+"""HTML page of a benchmark: every figure of the paper, beside the numbers of its text."""
+
+import io
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cell.benchmark import paper
+from cell.benchmark.claims import THREE, claims
+from cell.benchmark.figures.critical import critical_figure
+from cell.benchmark.figures.displacement import (
+    main_picture,
+    outside,
+    range_figure,
+    repeats_figure,
+    strips_figure,
+)
+from cell.benchmark.figures.grids import force_figure, maps_figure
+from cell.benchmark.figures.motion import (
+    adaptation_figure,
+    level_figure,
+    measures_figure,
+    policy_figure,
+)
+from cell.benchmark.figures.photograph import photograph
+from cell.benchmark.figures.style import PAGE_WIDTH, smooth, stiffness_colours
+from cell.benchmark.numbers import newtons, numeral
+from cell.benchmark.results import Laid, Refused, Results
+from cell.benchmark.summary import Row, misses_text, rows
+from cell.record.documents import plain
+from cell.report.drawing import MUTED, as_svg, canvas
+from cell.report.kit import Tone, page
+from cell.report.verdict import Verdict
+from cell.report.words import NO_VALUE, millimetres
+from drivers.files import write_file
+
+DPI = 160
+FOLD_WIDTH = 130.0  # mm, drawn of a folded strip
+
+
+def folded_figure(results: Results) -> str:
+    """Figure (SVG) of folded shapes, ends aligned, and their heights over bending length."""
+    laid = [r for r in results.results if isinstance(r, Laid)]
+    if not laid:
+        return ""
+    with canvas(PAGE_WIDTH, 2.3) as figure:
+        left, right = figure.subplots(1, 2, width_ratios=[1.7, 1])
+        shades = stiffness_colours(len(laid))
+        for fold, shade in zip(laid, shades, strict=True):
+            _draw_laid(left, right, fold, shade)
+        c = np.array([0.0, 1.08e3 * max(fold.bending_length for fold in laid)])
+        h = paper.FOLDED_HEIGHT * c
+        right.plot(c, h, color=MUTED, lw=1)
+        right.annotate(f"{paper.FOLDED_HEIGHT} c", (c[1], h[1]), (-8, -2),
+                       textcoords="offset points", ha="right", color=MUTED, fontsize=8)  # fmt: skip
+        left.set(xlabel="x from the fold's end  [mm]", ylabel="z  [mm]", aspect="equal")
+        left.set_ylim(-1.5, None)
+        right.set(xlabel="bending length c  [mm]", ylabel="height h  [mm]")
+        return as_svg(figure)
+
+
+def _draw_laid(shapes: Any, heights: Any, fold: Laid, shade: Any) -> None:
+    """Draw the end of a folded strip, and its height over its bending length."""
+    shape = 1e3 * smooth(np.array(fold.shape))
+    shape[:, 0] -= shape[:, 0].max()
+    near = shape[:, 0] > -FOLD_WIDTH
+    h, c = shape[:, 1].max(), 1e3 * fold.bending_length
+    shapes.plot(*shape[near].T, color=shade, lw=1.8, gid=f"bending length {c:.1f} mm")
+    heights.plot(c, h, "o", color=shade, ms=5, gid="folded strip")
+    heights.annotate(f"{h:.1f}", (c, h), (6, -6),
+                     textcoords="offset points", color=shade, fontsize=8)  # fmt: skip
+
+
+def write_results(results: Results, folder: Path) -> Path:
+    """Write benchmark.json and benchmark.html into `folder`; returns the page's path."""
+    content = results.model_dump_json(by_alias=True, indent=1)
+    write_file(folder / "benchmark.json", content)
+    page = folder / "benchmark.html"
+    write_file(page, page_of(results))
+    return page
+
+
+def write_main_picture(results: Results, path: Path) -> None:
+    """Draw the displacements on all strips as a PNG file at `path`."""
+    from matplotlib import rc_context
+
+    content = io.BytesIO()
+    with rc_context({"svg.fonttype": "path"}):
+        main_picture(results).savefig(content, format="png", dpi=DPI, facecolor="white")
+    write_file(path, content.getvalue())
+
+
+def lines(results: Results) -> list[dict[str, Any]]:
+    """Results as JSON objects: one for each policy, then one for each claim; None if unknown."""
+    summary = [{"kind": "policy", **asdict(row)} for row in rows(results)]
+    claimed = [{"kind": "claim", **asdict(claim)} for claim in claims(results)]
+    return [plain(line) for line in (*summary, *claimed)]
+
+
+TITLE = "Feedback-based fabric strip folding, from simulation"
+NOT_IN_SOURCE = (
+    "The paper's measured points stand only in pictures that are not part of its source; what is "
+    "drawn of the paper are the numbers that its text states."
+)
+
+
+def page_of(results: Results) -> str:
+    """Self-contained HTML page of `results`."""
+    summary = rows(results)
+    return page(
+        "studies/benchmark/benchmark.html",
+        TITLE,
+        version=results.made_with.get("cell", ""),
+        said=verdict_of(results),
+        claims=[("held" if c.held else "not held", c.says, c.here) for c in claims(results)],
+        asked=results.asked,
+        strips=[_strip_cells(row) for row in summary],
+        ranges=[_range_cells(row) for row in summary],
+        outside=_outside_sentence(results),
+        hidden=_hidden_effects(results),
+        figures={name: draw(results) for name, draw in FIGURES.items()},
+        photograph=photograph(results),
+        refused=[(r.part, r.reason) for r in results.results if isinstance(r, Refused)],
+        made_with=_made_with(results),
+    )
+
+
+def verdict_of(results: Results) -> Verdict:
+    """Sentence on the paper's main claim: feedback under 20 mm on every strip, from images."""
+    limit = f"{1e3 * paper.WORST['feedback']:.0f} mm"
+    row = next((row for row in rows(results) if row.policy == "feedback"), None)
+    if row is None or row.strips.folded == 0:
+        return Verdict("fair", "Feedback was not folded", ("Its claim was not tried.",))
+    main = claims(results)[0]
+    strips = row.strips
+    headline = f"Under {limit} on every strip: {'held' if main.held else 'not held'}"
+    sentences = (
+        f"Feedback folded {strips.folded} of {strips.of} strips through rendered images: "
+        f"{main.here}, in the mean {millimetres(strips.mean, signed=True)}.",
+        f"The camera was at most {millimetres(strips.misread)} off the twin's truth.",
+        NOT_IN_SOURCE,
+    )
+    tone: Tone = "good" if main.held else "bad"
+    return Verdict(tone, headline, sentences, millimetres(strips.worst), "worst |d|, feedback")
+
+
+def _outside_sentence(results: Results) -> str:
+    """Sentence on the number of strips outside the simulated range, policy by policy."""
+    strays = [(p, *outside(results, p)) for p in THREE if p in results.asked.policies]
+    return "; ".join(f"{p} {out} of {of}" for p, out, of in strays if of) or NO_VALUE
+
+
+def _hidden_effects(results: Results) -> dict[str, Any]:
+    """Table of misses with effects unknown to the policies: a row an effect, a column a policy."""
+    policies = [policy for policy in results.asked.policies if results.hidden_folds(policy)]
+    found = {
+        (r.policy, r.effect): misses_text(r) for p in policies for r in results.hidden_folds(p)
+    }
+    effects = dict.fromkeys(effect for _, effect in found)
+    misses = [
+        (effect.replace("_", " ") or "none", *(found.get((p, effect), NO_VALUE) for p in policies))
+        for effect in effects
+    ]
+    return {"head": ("hidden", *policies), "rows": misses}
+
+
+def _strip_cells(row: Row) -> tuple[str, ...]:
+    s = row.strips
+    numbers = [numeral(value, signed=True) for value in (s.mean, s.low, s.high)]
+    tail = [numeral(s.worst), s.worst_strip, numeral(s.misread), numeral(row.spread)]
+    tail += [numeral(s.offset), numeral(s.worst_offset)]
+    return row.policy, f"{s.folded} of {s.of}", *numbers, *tail
+
+
+def _range_cells(row: Row) -> tuple[str, ...]:
+    """Cells of one policy's row in the table of the paper's range."""
+    rod, chain = row.rod, row.chain
+    numbers = [numeral(value) for value in (rod.mean, rod.quantile_95, rod.worst)]
+    other = [numeral(chain.mean), numeral(chain.worst), newtons(rod.force)]
+    return row.policy, *numbers, str(rod.untouched), *other
+
+
+def _made_with(results: Results) -> list[tuple[str, str]]:
+    asked = results.asked
+    rows = [("speed", f"{results.speed:g} m/s"), ("seed", str(asked.seed))]
+    return [*rows, ("strips", ", ".join(asked.strips)), *results.made_with.items()]
+
+
+FIGURES = {
+    "strips": strips_figure,
+    "repeats": repeats_figure,
+    "range": range_figure,
+    "maps": maps_figure,
+    "force": force_figure,
+    "folded": folded_figure,
+    "critical": critical_figure,
+    "level": level_figure,
+    "measures": measures_figure,
+    "policy": policy_figure,
+    "adaptation": adaptation_figure,
+}

@@ -1,0 +1,165 @@
+"""Results of a benchmark, as stored in benchmark.json."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from cell.benchmark.spec import BenchmarkSpec
+from drivers.settings import Settings
+from drivers.types import Array
+
+Curve = tuple[tuple[float, float], ...]  # x, z [m]
+
+
+def finite_or_none(values: Array) -> tuple[float | None, ...]:
+    """Convert `values` (n,) to plain numbers, None where they are not finite."""
+    return tuple(float(value) if np.isfinite(value) else None for value in values)
+
+
+class ImageFold(Settings):
+    """Result of one fold through images on the twin, recorded in the folder `run`.
+
+    `displacement` as the camera saw it and the true one are in m, None without a touch, as is
+    `edge_offset_true` between the laid edges and `bending_length`; times are in s.
+    """
+
+    kind: Literal["fold"] = "fold"
+    strip: str
+    bending_length: float
+    retardation_time: float
+    policy: str
+    seed: int
+    outcome: str
+    reason: str
+    displacement: float | None
+    displacement_true: float | None
+    edge_offset_true: float | None = None
+    duration: float
+    wall: float
+    run: str
+
+
+class RangeFolds(Settings):
+    """Results of a policy over side x side strips of the paper's range, stiffness outermost.
+
+    `displacement` [m] is None without a touch, `force` [N] the mean one that holds the fixed edge
+    from the take-over on. Observations are simulated.
+    """
+
+    kind: Literal["range"] = "range"
+    policy: str
+    engine: Literal["rod", "chain"]
+    side: int
+    displacement: tuple[float | None, ...]
+    force: tuple[float, ...]
+
+    @property
+    def d(self) -> Array:
+        """Displacements (side, side) [m], NaN without a touch."""
+        return np.array(self.displacement, dtype=np.float64).reshape(self.side, self.side)
+
+
+class EffectFolds(Settings):
+    """Displacements [m] of `policy` in the rod with `effect` hidden; None where no layers touch."""
+
+    kind: Literal["effect"] = "effect"
+    policy: str
+    effect: str
+    displacement: tuple[float | None, ...]
+
+
+class CriticalPoints(Settings):
+    """Gripper `x` [m] at the first touch of a horizontal motion at `speed` [m/s], or None.
+
+    Axes of `x`: `heights`, `bending_lengths` [m], and `dampings` over the smallest one.
+    """
+
+    kind: Literal["critical"] = "critical"
+    speed: float
+    heights: tuple[float, ...]
+    bending_lengths: tuple[float, ...]
+    dampings: tuple[float, ...]
+    x: tuple[tuple[tuple[float | None, ...], ...], ...]
+
+
+class Evolution(Settings):
+    """Shapes of one strip during a fold at equal time intervals, up to the touch of its layers.
+
+    The touch is at `touch_x` [m] with `displacement` [m]; `headings` [rad] of the gripper's motion.
+    """
+
+    kind: Literal["evolution"] = "evolution"
+    policy: str
+    bending_length: float
+    shapes: tuple[Curve, ...]
+    contacts: tuple[float, ...]
+    headings: tuple[float, ...]
+    path: Curve
+    touch_x: float | None
+    displacement: float | None
+
+
+class Adaptation(Settings):
+    """Gripper `paths` of one policy for strips of rising bending length [m]."""
+
+    kind: Literal["adaptation"] = "adaptation"
+    policy: str
+    bending_lengths: tuple[float, ...]
+    paths: tuple[Curve, ...]
+    displacements: tuple[float | None, ...]
+
+
+class Laid(Settings):
+    """Shape of a folded, released strip at rest, simulated by the chain."""
+
+    kind: Literal["laid"] = "laid"
+    bending_length: float
+    shape: Curve
+
+
+class Refused(Settings):
+    """A part that was not measured, and the reason."""
+
+    kind: Literal["refused"] = "refused"
+    part: str
+    reason: str
+
+
+Result = (
+    ImageFold | RangeFolds | EffectFolds | CriticalPoints | Evolution | Adaptation | Laid | Refused
+)
+AnyResult = Annotated[Result, Field(discriminator="kind")]
+
+
+class Results(Settings):
+    """Contents of benchmark.json: specification, results, versions."""
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    asked: BenchmarkSpec
+    made_with: dict[str, str]
+    speed: float
+    results: tuple[AnyResult, ...]
+
+    def folds(self, policy: str) -> tuple[ImageFold, ...]:
+        """First fold of each strip by `policy`, in the requested order."""
+        found = {f.strip: f for f in self._image_folds(policy) if f.seed == self.asked.seed}
+        return tuple(found[strip] for strip in self.asked.strips if strip in found)
+
+    def repeats(self, policy: str) -> tuple[ImageFold, ...]:
+        """All folds of the repeated strip by `policy`."""
+        folds = [f for f in self._image_folds(policy) if f.strip == self.asked.repeated]
+        return tuple(sorted(folds, key=lambda fold: fold.seed))
+
+    def over_range(self, policy: str, engine: str) -> RangeFolds | None:
+        """Folds of `policy` over the paper's range in `engine`; None where they are missing."""
+        found = [r for r in self.results if isinstance(r, RangeFolds)]
+        return next((r for r in found if (r.policy, r.engine) == (policy, engine)), None)
+
+    def hidden_folds(self, policy: str) -> tuple[EffectFolds, ...]:
+        """Folds of `policy` on strips with hidden effects, in the order of measurement."""
+        found = [r for r in self.results if isinstance(r, EffectFolds)]
+        return tuple(r for r in found if r.policy == policy)
+
+    def _image_folds(self, policy: str) -> list[ImageFold]:
+        return [r for r in self.results if isinstance(r, ImageFold) and r.policy == policy]

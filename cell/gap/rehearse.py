@@ -1,0 +1,286 @@
+"""Rehearsal of a fit: each effect is hidden in turn in simulated copies of measured runs.
+
+A copy has the paths, the noise and the scatter of the runs and the strip as they were fitted; one
+effect is hidden in it, as large as it must be to matter, or none. What the workflow says of the
+copies is what it could have said of the runs.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from statistics import mean
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from cell.campaign.journal import Record
+from cell.campaign.run import Engine, Watcher, carry_out
+from cell.campaign.table import table
+from cell.campaign.versions import verdicts
+from cell.gap.check import inputs_digest
+from cell.gap.fit import fit
+from cell.gap.fitting.model import Model, evidence
+from cell.gap.fitting.spreads import spreads
+from cell.gap.fitting.starts import refit_base
+from cell.gap.strength import Ruler, drawn_path, twins
+from cell.gap.subject.run_folders import RunFolder, find_runs
+from cell.gap.subject.strip.runs import Measured, MeasuredRun, read_runs
+from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
+from cell.gap.subject.strip.subject import Strip
+from cell.gap.subject.strip.synthetic import Instruments, rod_folds, write_fold
+from drivers.errors import ConfigurationError
+from drivers.files import replace_file, writing
+from drivers.readers import read_json
+from drivers.settings import Settings, parse
+from drivers.strip.describe import describe, load_strip
+from drivers.strip.effects import registry
+from drivers.strip.file import StripFile
+from drivers.strip.model import StripModel
+from drivers.strip.rod.motions import GripperPath
+from drivers.types import frozen
+
+PLAN, JOURNAL, PAGE = "plan.json", "journal", "rehearsal.md"
+NO_EFFECT = "nothing"
+COPY_COST = 30.0  # s of one core, about
+SEGMENTS, STEP = 240, 0.002  # of the copies' rod, s: finer than any grid of the model
+DWELL_TIME, ROW_PERIOD = 0.6, 0.01  # s that a copy stays at the end of its path, in rows of so much
+
+
+class Hidden(Settings):
+    """One simulated copy: the hidden `effect` with its `values`, empty for none, and its `seed`."""
+
+    key: str
+    effect: str
+    values: dict[str, float]
+    seed: int
+
+
+class Plan(Settings):
+    """Plan of a rehearsal: the refitted strip, its run-to-run spreads, and the copies to make.
+
+    `inputs` is the digest of runs and strip file; `unseen` are effects too small to leave the gap.
+    """
+
+    inputs: str
+    file: str
+    runs: tuple[str, ...]
+    base: dict[str, float]
+    scatter: dict[str, float]
+    copies: tuple[Hidden, ...]
+    unseen: tuple[str, ...]
+
+
+def plan(
+    paths: Sequence[Path], file: Path, folder: Path, excess: float, empty: int, jobs: int
+) -> Plan:
+    """Load the plan that `folder` holds for these inputs, or make and store a new one.
+
+    It has every effect of the library at the size that leaves an excess gap of `excess`, and
+    `empty` copies with nothing hidden. Raises ConfigurationError for what is no strip, and where
+    the folder holds another plan.
+    """
+    folders, stored = find_runs(paths), folder / PLAN
+    inputs = f"{inputs_digest(file, folders)}-{excess:g}-{empty}"
+    if stored.is_file():
+        held = parse(read_json(stored), Plan, str(stored))
+        if held.inputs != inputs:
+            raise ConfigurationError(f"--out: {folder} holds another rehearsal; name a new folder")
+        return held
+    made = _new_plan(folders, file, inputs, excess, empty, jobs)
+    with writing(f"--out: {folder}"):
+        folder.mkdir(parents=True, exist_ok=True)
+        replace_file(stored, made.model_dump_json(indent=1).encode())
+    return made
+
+
+def _new_plan(
+    folders: Sequence[RunFolder], file: Path, inputs: str, excess: float, empty: int, jobs: int
+) -> Plan:
+    strip = load_strip(file)
+    measured = read_runs(folders, strip)
+    subject = Strip(strip, measured, jobs)
+    model, known_runs = Model(subject.scope.base), evidence(subject.runs)
+    base = refit_base(subject.simulate, model, known_runs, np.random.default_rng(0))
+    values = {p.name: float(v) for p, v in zip(model.base, base.shared, strict=True)}
+    plant = as_fitted(strip, values)
+    copies, unseen = sizes(plant, [run for run in measured if run.usable], excess)
+    copies += [
+        Hidden(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i) for i in range(empty)
+    ]
+    return Plan(
+        inputs=inputs,
+        file=str(file.resolve()),
+        runs=tuple(str(run.path) for run in folders),
+        base=values,
+        scatter={s.name: s.value for s in spreads(base)},
+        copies=tuple(copies),
+        unseen=tuple(unseen),
+    )
+
+
+def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
+    """Strip file with the refitted `values` of those parameters that a strip file states."""
+    own = {name: value for name, value in values.items() if name in StripFile.model_fields}
+    return strip.model_copy(update=own)
+
+
+def path_of_run(run: MeasuredRun) -> GripperPath:
+    """Measured gripper path of a run, extended by a standstill, as the copy may touch later."""
+    t, poses = run.measured.t, run.measured.poses
+    later = t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
+    still = np.repeat(poses[-1:], len(later), axis=0)
+    times = np.concatenate([t, later]) - t[0]
+    return GripperPath(frozen(times), frozen(np.vstack([poses, still])), run.measured.hanging)
+
+
+def sizes(
+    plant: StripFile, runs: Sequence[MeasuredRun], excess: float
+) -> tuple[list[Hidden], list[str]]:
+    """Copies with each effect so large that it leaves the gap `excess`, and effects that cannot."""
+    ruler = Ruler.along(plant, [path_of_run(run) for run in runs], runs[0].measured.sigma)
+    copies, unseen = [], []
+    for number, (name, effect) in enumerate(sorted(registry().items())):
+        if name in plant.effects:
+            continue
+        path = drawn_path(effect, plant, np.random.default_rng([number]))
+        share = ruler.share(path, excess)
+        if share is None:
+            unseen.append(name)
+        else:
+            copies.append(Hidden(key=name, effect=name, values=path.at(share), seed=number))
+    return copies, unseen
+
+
+@dataclass(frozen=True, slots=True)
+class Copy:
+    """A simulated copy of the runs as a part of a campaign."""
+
+    plan: Plan
+    hidden: Hidden
+    of: str
+    cost: float = COPY_COST
+
+    @property
+    def key(self) -> str:
+        """Name of the hidden effect; of copies without one, with the copy's number."""
+        return self.hidden.key
+
+    def measure(self) -> Mapping[str, Any]:
+        """Simulate and diagnose the copy; returns the hidden effect beside the verdict."""
+        file = Path(self.plan.file)
+        with TemporaryDirectory(ignore_cleanup_errors=True) as name:
+            place = Path(name)
+            write_copy(self.plan, self.hidden, place / "runs")
+            verdict = fit([place / "runs"], file, place / "out")
+        return {
+            "hidden": self.hidden.effect,
+            "values": self.hidden.values,
+            "verdict": verdict.verdict,
+            "named": [effect.name for effect in verdict.effects],
+            "classes": verdict.ambiguous,
+            "confidence": min((effect.confidence for effect in verdict.effects), default=None),
+        }
+
+
+def write_copy(made: Plan, hidden: Hidden, folder: Path) -> None:
+    """Simulate a copy and write its run folders into `folder`."""
+    strip, rng = load_strip(Path(made.file)), np.random.default_rng([hidden.seed, 1])
+    plant = as_fitted(strip, made.base)
+    runs = [run for run in read_runs(find_runs([Path(p) for p in made.runs]), strip) if run.usable]
+    effects = {hidden.effect: hidden.values} if hidden.effect != NO_EFFECT else {}
+    models = [
+        differing(describe(plant, effects, run.measured.index), made.scatter, rng) for run in runs
+    ]
+    folds = rod_folds(models, [path_of_run(run) for run in runs], SEGMENTS, STEP)
+    for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
+        copy = replace(fold, index=run.measured.index, condition=run.condition)
+        write_fold(folder / f"{number:02d}", strip.name, copy, instruments(run.measured), rng)
+
+
+def differing(
+    model: StripModel, scatter: Mapping[str, float], rng: np.random.Generator
+) -> StripModel:
+    """Strip model of one run, with its run-to-run differences drawn from the spreads `scatter`."""
+    for effect in KNOWN_EFFECTS:
+        if effect.name in scatter:
+            model = effect.apply(model, float(rng.normal(0.0, scatter[effect.name])))
+    return model
+
+
+def instruments(run: Measured) -> Instruments:
+    """Simulated instruments with the noise that `run` states, with force where it was measured."""
+    stated = run.sigma.model_dump(exclude_none=True, include={f.name for f in fields(Instruments)})
+    return replace(Instruments(**stated), force=run.sigma.force if run.has_force else None)
+
+
+def rehearse(made: Plan, folder: Path, engine: Engine, watcher: Watcher) -> list[Record]:
+    """Measure all copies and return their records, resuming in `folder`; raises as `carry_out`."""
+    of = hashlib.sha256(f"{made.model_dump_json()}{verdicts()}".encode()).hexdigest()[:16]
+    parts = [Copy(made, hidden, of) for hidden in made.copies]
+    return [r for _, r in carry_out(parts, folder / JOURNAL, engine, watcher)]
+
+
+def right(outcome: Mapping[str, Any]) -> bool:
+    """Whether a verdict names the hidden effect or its class, or finds no gap in an empty copy."""
+    name = outcome["hidden"]
+    if name == NO_EFFECT:
+        return bool(outcome["verdict"] == "no_gap")
+    likes = {name, *twins(name)}
+    within = {n for group in outcome["classes"] for n in group}
+    return bool(outcome["named"] and set(outcome["named"]) <= likes) or bool(likes & within)
+
+
+def line(record: Record) -> str:
+    """Result of a copy in a few words, for the progress report."""
+    if record.outcome is None:
+        return f": failed: {record.reason}"
+    return f": {_answer(record.outcome)}"
+
+
+def _answer(outcome: Mapping[str, Any]) -> str:
+    if not outcome["named"]:
+        groups = "; ".join(" or ".join(group) for group in outcome["classes"])
+        return groups or str(outcome["verdict"]).replace("_", " ")
+    return f"{', '.join(outcome['named'])}, confidence {outcome['confidence']:.2f}"
+
+
+def page(made: Plan, records: Sequence[Record]) -> str:
+    """Format the rehearsal in Markdown: which effects could be named, and which names are false."""
+    found = [r.outcome for r in records if r.outcome is not None]
+    hidden = [o for o in found if o["hidden"] != NO_EFFECT]
+    empty = [o for o in found if o["hidden"] == NO_EFFECT]
+    rows = [(o["hidden"], _size_text(o["values"]), _answer(o), "yes" if right(o) else "**no**")
+            for o in hidden]  # fmt: skip
+    return "\n\n".join([f"# Rehearsal of {len(made.runs)} runs", *_summary(made, hidden, empty),
+                        table(("hidden", "size", "said", "right"), rows)]) + "\n"  # fmt: skip
+
+
+def _summary(
+    made: Plan, hidden: Sequence[Mapping[str, Any]], empty: Sequence[Mapping[str, Any]]
+) -> Iterator[str]:
+    """Sentences on the numbers of hidden effects that would be named and of false names."""
+    good, alarms = sum(map(right, hidden)), sum(bool(o["named"]) for o in empty)
+    sure = [o["confidence"] for o in hidden if o["named"] and right(o)]
+    yield (
+        f"Of {len(hidden)} effects, each hidden so large that it matters, {good} would have been "
+        f"named or held in a class" + (f", at a confidence of {mean(sure):.2f}" if sure else "")
+        + f". With nothing hidden, {alarms} of {len(empty)} copies were given a name."
+    )  # fmt: skip
+    if made.unseen:
+        yield f"At no believable size do these runs show: {', '.join(made.unseen)}."
+    yield f"Inputs {made.inputs}; of other runs it says nothing."
+
+
+def _size_text(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+
+
+def write_page(made: Plan, records: Sequence[Record], folder: Path) -> Path:
+    """Write the page and all outcomes as JSON; returns the page's path."""
+    outcomes = [dict(r.outcome) for r in records if r.outcome is not None]
+    replace_file(folder / "rehearsal.json", json.dumps(outcomes, indent=1).encode())
+    replace_file(folder / PAGE, page(made, records).encode())
+    return folder / PAGE

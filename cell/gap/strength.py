@@ -1,0 +1,190 @@
+"""Finds how large a hidden effect must be to leave a given gap, after the base is refitted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting.model import response
+from cell.gap.fitting.projection import projection
+from cell.gap.fitting.starts import nominal
+from cell.gap.subject.strip.experiments import measured_along, planned_runs
+from cell.gap.subject.strip.runs import MeasuredRun
+from cell.gap.subject.strip.scatter import SLACK_EFFECTS
+from cell.gap.subject.strip.subject import Strip
+from cell.gap.subject.subject import Request, Residuals
+from cell.record.header import Sigma
+from drivers.errors import ConfigurationError
+from drivers.strip.effects import registry
+from drivers.strip.effects.effect import Effect
+from drivers.strip.file import StripFile
+from drivers.strip.rod.motions import GripperPath
+from drivers.types import Array
+
+LADDER = np.geomspace(1e-2, 1.0, 12)  # shares of the way from null to the largest believable
+ROUNDS, STEPS = 3, 6  # of the search for a share: the ladder, then so many steps in between
+BELIEVABLE = 3.0  # times the largest size that laboratories report
+PLACE_RANGE = (0.3, 0.95)  # of the length, where an effect of one place may sit
+WIDTHS = (1.0, 4.0)  # bending lengths, of an effect that has a width
+TIME_RANGE = (0.1, 2.0)  # s, of one that has a time
+RATIOS = (5.0, 12.0)  # of pre-sliding over bending stiffness
+Hidden = dict[str, dict[str, float]]
+"""Effects by name, with their values by parameter."""
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """Strengths of an effect: its first parameter from null to `largest`, the `others` fixed."""
+
+    effect: Effect
+    others: dict[str, float]
+    largest: float
+
+    @classmethod
+    def of(cls, effect: Effect, strip: StripFile, others: dict[str, float], *, up: bool) -> Self:
+        """Path to the largest believable value on `strip`; `up` is the sign where both exist."""
+        p, known = effect.parameters[0], effect.sizes(strip)
+        if p.null is None:
+            return cls(effect, others, max(p.low, min(known) / BELIEVABLE))
+        if p.null > 0.0:
+            return cls(effect, others, max(known) ** (1.0 if up else -1.0))
+        signed = BELIEVABLE * max(map(abs, known)) * (1.0 if up or p.low >= 0.0 else -1.0)
+        return cls(effect, others, float(np.clip(signed, p.low, p.high)))
+
+    def at(self, share: float) -> dict[str, float]:
+        """Parameters of the effect by name at `share`, 0 to 1, of the way from null."""
+        p = self.effect.parameters[0]
+        if p.null is None:
+            value = self.largest / share
+        elif p.null > 0.0:
+            value = p.null * (self.largest / p.null) ** share
+        else:
+            value = share * self.largest
+        return {p.name: float(np.clip(value, p.low, p.high)), **self.others}
+
+
+def drawn_path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
+    """Draw the shape parameters of an effect and the sign of its growth, as a path of strengths."""
+    others: dict[str, float] = {}
+    for p in effect.parameters[1:]:
+        if p.role == "place":
+            others[p.name] = float(strip.length * rng.uniform(*PLACE_RANGE))
+        elif p.role == "width":
+            others[p.name] = float(strip.bending_length * rng.uniform(*WIDTHS))
+        elif p.role == "time":
+            others[p.name] = float(np.exp(rng.uniform(*np.log(TIME_RANGE))))
+        elif p.role == "ratio":
+            others[p.name] = float(rng.uniform(*RATIOS))
+        elif p.null is not None:
+            others[p.name] = p.null
+    return Path.of(effect, strip, others, up=bool(rng.uniform() < 0.5))
+
+
+def twins(name: str) -> frozenset[str]:
+    """Effects that look like `name` in every run of a fold; none for names outside the library."""
+    return registry()[name].looks_like if name in registry() else frozenset()
+
+
+class Ruler:
+    """Measures, with the model, the gap that hidden effects leave on the simulated runs `made`."""
+
+    def __init__(self, plant: StripFile, made: Sequence[MeasuredRun]) -> None:
+        runs = [
+            replace(run, name=f"{i:02d}-{run.name}", measured=replace(run.measured, index=i))
+            for i, run in enumerate(made)
+        ]
+        self._subject = Strip(plant, runs, scatter=SLACK_EFFECTS)
+        self._estimate = nominal(self._subject, self._subject.simulate)
+        self._about = projection(self._estimate)
+
+    @classmethod
+    def standard(cls, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> Self:
+        """Ruler on the standard motions called `motions`."""
+        made = {run.name: run for run in planned_runs(plant, sigma, 0)}
+        return cls(plant, [made[name] for name in motions])
+
+    @classmethod
+    def along(cls, plant: StripFile, paths: Sequence[GripperPath], sigma: Sigma) -> Self:
+        """Ruler on these gripper paths."""
+        seen = measured_along(paths, plant, sigma, 0)
+        return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(seen)])
+
+    def excess(self, hidden: Sequence[Hidden]) -> Array:
+        """Excess gap (k,) that each of k sets of effects leaves after the base is refitted."""
+        return np.array([self._excess(left) for left in self._response_after_refit(hidden)])
+
+    def of_each(self, both: Hidden) -> Array:
+        """Excess gap (2,) of each of two effects after base and amount of the other are refitted.
+
+        To first order: the part of the joint response that base and other effect do not span.
+        """
+        alone = [{name: values} for name, values in both.items()]
+        joint, *each = self._response_after_refit([both, *alone])
+        others = [other / np.linalg.norm(other) for other in reversed(each)]
+        return np.array([self._excess(joint - other * (other @ joint)) for other in others])
+
+    def _response_after_refit(self, hidden: Sequence[Hidden]) -> list[Array]:
+        """Whitened response (N,) to each set of effects, less what a refit of the base removes."""
+        estimate = self._estimate
+        base, local = estimate.shared, estimate.point.local
+        asked = [
+            Request(run, base, {n: engine_values(n, v) for n, v in effects.items()}, own)
+            for effects in hidden
+            for run, own in zip(estimate.evidence.runs, local, strict=True)
+        ]
+        results, count = self._subject.simulate(asked), len(local)
+        return [self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))]
+
+    def _left_by_base(self, results: Sequence[Residuals]) -> Array:
+        """Whitened response (N,) of all runs, less the part that a refit of the base removes."""
+        runs = zip(results, self._estimate.raw, self._estimate.evidence.scales, strict=True)
+        moved = [response(result, base, scale) for result, base, scale in runs]
+        return self._about.left(np.concatenate(moved))
+
+    def _excess(self, left: Array) -> float:
+        """Excess gap of a whitened response (N,) under the noise of the runs."""
+        known = self._estimate.evidence
+        by_run = np.split(left, np.cumsum([len(r) for r in self._estimate.residuals])[:-1])
+        noisy = [
+            np.sqrt(r**2 + (run.samples.noise / scale) ** 2)
+            for r, run, scale in zip(by_run, known.runs, known.scales, strict=True)
+        ]
+        return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
+
+    def share(self, path: Path, target: float, most: float = np.inf) -> float | None:
+        """Smallest share of `path` found at which the gap is `target` or more.
+
+        None where no share does, or where the gap jumps past `most`, as that of a slip may.
+        """
+        shares = LADDER
+        try:
+            if self._excess_along(path, LADDER[-1:]).max() < target:
+                return None
+            for _ in range(ROUNDS):
+                excess = self._excess_along(path, shares)
+                k = min(np.flatnonzero(excess >= target), default=len(shares) - 1)
+                found, gap = float(shares[k]), float(excess[k])
+                shares = np.geomspace(shares[max(k - 1, 0)], found, STEPS)
+        except ConfigurationError:
+            return None
+        return found if gap <= most else None
+
+    def _excess_along(self, path: Path, shares: Array) -> Array:
+        return self.excess([{path.effect.name: path.at(s)} for s in shares])
+
+
+def engine_values(name: str, values: dict[str, float]) -> Array:
+    """Parameters (p,) of effect `name` in the gap engine's units, from a strip file's `values`."""
+    effect = registry()[name]
+    complete = effect.complete(values)
+    switch = effect.parameters[0]
+    inverse = switch.null is None
+    return np.array(
+        [
+            1.0 / complete[p.name] if inverse and p is switch else complete[p.name]
+            for p in effect.parameters
+            if p.role != "shape" or p.name in values
+        ]
+    )

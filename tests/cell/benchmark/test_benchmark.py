@@ -1,0 +1,243 @@
+"""The benchmark as a whole: what it is asked, what survives a kill, what it tells."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+from xml.etree import ElementTree as Xml
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import policies
+from cell.benchmark import run
+from cell.benchmark.claims import claims
+from cell.benchmark.page import lines, page_of, verdict_of, write_main_picture
+from cell.benchmark.parts.all_parts import order
+from cell.benchmark.results import (
+    Adaptation,
+    CriticalPoints,
+    Evolution,
+    ImageFold,
+    Laid,
+    RangeFolds,
+    Refused,
+    Results,
+)
+from cell.benchmark.run import measure_parts
+from cell.benchmark.spec import QUICK, BenchmarkSpec
+from cell.campaign.local import Local
+from cell.cli.app import app
+from cell.config.places import find_configs
+from drivers.errors import ConfigurationError
+from tests.support.campaign_parts import Deadly, Fine, Impossible, Noted, Plain
+
+pytestmark = pytest.mark.slow
+
+CONFIGS = find_configs(Path(__file__).parents[3] / "configs")
+TITLES = ("Displacement of the strips", "Repeatability", "Critical points", "Force that")
+TITLES += ("Adaptation", "The folded strip", "State, action", "maps", "level motion")
+POLICIES = ("triangular", "circular", "shifted", "planned", "feedback")
+STRIPS = ("blanket", "denim", "rib-knit")
+USUAL = {"triangular": -0.040, "circular": 0.060, "shifted": 0.005, "planned": -0.001}
+USUAL |= {"feedback": 0.004}
+
+
+def asked(*policies: str, strips: tuple[str, ...] = (), quick: bool = True) -> BenchmarkSpec:
+    return BenchmarkSpec.of(CONFIGS, policies, strips, None, 0, quick=quick)
+
+
+def image_fold(policy: str, strip: str, d: float | None, seed: int = 0) -> ImageFold:
+    return ImageFold(
+        strip=strip,
+        bending_length=0.01 + 0.002 * STRIPS.index(strip),
+        retardation_time=0.05,
+        policy=policy,
+        seed=seed,
+        outcome="path_done" if d is None else "layer_touch",
+        reason="",
+        displacement=d,
+        displacement_true=d,
+        duration=14.0,
+        wall=7.0,
+        run="nowhere",
+    )
+
+
+def measured(**changed: float | None) -> Results:
+    """A whole benchmark; `changed` are displacements by feedback on single strips."""
+    rng = np.random.default_rng(0)
+    folds = [
+        image_fold(p, s, changed.get(s, USUAL[p]) if p == "feedback" else USUAL[p])
+        for p in POLICIES
+        for s in STRIPS
+    ]
+    folds += [image_fold(p, "denim", USUAL[p] + 2e-4, seed=1) for p in POLICIES]
+    over = [
+        RangeFolds(
+            policy=p,
+            engine=engine,
+            side=4,
+            displacement=(None, *(USUAL[p] + 0.004 * rng.normal(size=15)).tolist()),
+            force=tuple(rng.uniform(0.1, 0.4, size=16).tolist()),
+        )
+        for p in POLICIES
+        for engine in ("rod", "chain")
+    ]
+    arch = tuple((0.3 * np.cos(a), 0.3 * np.sin(a)) for a in np.linspace(0, 2, 30))
+    rest = [
+        CriticalPoints(
+            speed=speed,
+            heights=(0.1, 0.2),
+            bending_lengths=(0.013, 0.033),
+            dampings=(1.0, 50.0),
+            x=(((0.4, 0.3), (0.3, None)), ((0.3, 0.2), (0.2, 0.1))),
+        )
+        for speed in (0.02, 0.1)
+    ]
+    shapes = {"bending_length": 0.02, "shapes": (arch,) * 6, "contacts": (0.2,) * 6}
+    shapes |= {"headings": (2.0,) * 6, "path": arch, "touch_x": 0.05, "displacement": -0.003}
+    evolved = [Evolution(policy=p, **shapes) for p in ("level", "feedback")]
+    adapted = Adaptation(
+        policy="feedback",
+        bending_lengths=(0.01, 0.03),
+        paths=(arch, arch),
+        displacements=(0.0, None),
+    )
+    laid = Laid(bending_length=0.02, shape=arch)
+    return Results(
+        schema=1,
+        asked=asked(*POLICIES),
+        made_with={"cell": "twin-cell"},
+        speed=0.1,
+        results=(*folds, *over, *rest, *evolved, adapted, laid),
+    )
+
+
+def test_unknown_names_are_refused_with_those_that_exist() -> None:
+    with pytest.raises(ConfigurationError, match=r"--policies: unknown name 'squar'.*triangular"):
+        asked("squar")
+    with pytest.raises(ConfigurationError, match=r"--strips: unknown name 'felt'.*denim"):
+        asked(strips=("felt",))
+
+
+def test_nothing_named_is_every_policy_on_every_strip_through_images_and_over_the_range() -> None:
+    everything = asked(quick=False)
+    parts = [part.key for part in order(everything, CONFIGS, Path("runs"))]
+    assert len(parts) == len(set(parts))
+    assert len(everything.strips) == 10
+    assert everything.extent.grid == 12
+    for policy in everything.policies:
+        folds = [key for key in parts if key.startswith("fold") and f"by {policy}," in key]
+        assert len(folds) == 10 + 4
+        assert any(key.startswith(f"{policy} over 12 x 12 on the rod") for key in parts)
+
+
+def test_quick_is_a_small_part_of_the_same() -> None:
+    parts = order(asked(), CONFIGS, Path("runs"))
+    everything = order(asked(quick=False), CONFIGS, Path("runs"))
+    assert sum(part.cost for part in parts) < 0.35 * sum(part.cost for part in everything)
+
+
+def test_other_weights_of_one_policy_are_other_parts_of_that_policy_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec, configs = asked("feedback", "adaptive", "shifted"), find_configs(None)
+    before = {part.key: part.of for part in order(spec, configs, tmp_path)}
+    weights = Path(policies.__file__).parent / "weights"
+    shutil.copytree(weights, tmp_path / "weights")
+    (tmp_path / "weights/adaptive.npz").write_bytes(b"other")
+    monkeypatch.setattr(policies, "__file__", str(tmp_path / "__init__.py"))
+    after = {part.key: part.of for part in order(spec, configs, tmp_path)}
+    changed = {key for key in before if before[key] != after[key]}
+    assert changed
+    assert changed == {key for key in before if "adaptive" in key}
+
+
+def test_one_impossible_and_one_deadly_part_leave_the_others_measured(tmp_path: Path) -> None:
+    parts = [Plain(Fine("a")), Plain(Impossible("b")), Plain(Deadly("c")), Plain(Fine("d"))]
+    found = dict(measure_parts(parts, tmp_path, Local(2), Noted()))
+    assert found.keys() == set("abcd")
+    assert found["b"] == Refused(part="b", reason="this strip cannot be folded")
+    assert found["c"] == Refused(part="c", reason="its process died 2 times, code 3")
+    assert all(isinstance(found[key], Laid) for key in "ad")
+
+
+def test_benchmark_goes_on_where_it_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    marks = tmp_path / "marks"
+    parts = (Plain(Fine("one", marks)), Plain(Fine("three", marks)))
+    monkeypatch.setattr(run, "order", lambda *_: parts)
+    monkeypatch.setattr(run, "calibration_of", lambda _: None)
+    arguments = ["benchmark", "--quick", "--out", str(tmp_path), "--json", "--picture"]
+    arguments += [str(tmp_path / "main.png"), "--configs", str(CONFIGS.folder)]
+    first = CliRunner().invoke(app, arguments)
+    assert first.exit_code == 0, first.output
+    assert sorted(marks.read_text().split()) == ["one", "three"]
+    parts = (*parts, Plain(Fine("later", marks)))
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+    assert sorted(marks.read_text().split()) == ["later", "one", "three"]
+    kept = json.loads((tmp_path / "benchmark.json").read_text())
+    assert [r["bending_length"] for r in kept["results"]] == pytest.approx([0.03, 0.05, 0.05])
+    assert Results.model_validate(kept).asked == asked()
+
+
+def test_under_20_mm_is_held_only_when_every_strip_was_folded_within() -> None:
+    assert verdict_of(measured()).headline == "Under 20 mm on every strip: held"
+    for changed in ({"blanket": 0.021}, {"blanket": -0.021}, {"blanket": None}):
+        results = measured(**changed)
+        assert verdict_of(results).tone == "bad"
+        assert not claims(results)[0].held
+    assert "1 of 3 strips without a touch" in claims(measured(blanket=None))[0].here
+
+
+def test_claims_are_those_of_the_text_and_can_fail() -> None:
+    assert [claim.held for claim in claims(measured())] == [True] * 6
+    worse = claims(measured(blanket=0.2, denim=0.2))
+    assert [claim.held for claim in worse] == [False, True, True, False, True, False]
+
+
+def test_lines_are_plain_json_without_nan() -> None:
+    told = lines(measured(blanket=None, denim=None, **{"rib-knit": None}))
+    text = json.dumps(told, allow_nan=False)
+    feedback = next(line for line in told if line.get("policy") == "feedback")
+    assert feedback["strips"]["worst"] is None
+    assert feedback["rod"]["untouched"] == 1
+    assert "under 20 mm" in text
+
+
+def test_page_needs_nothing_else_and_says_what_is_not_the_papers() -> None:
+    page = page_of(measured())
+    assert not re.search(r'(src|href)="(?!data:|#)', page)
+    assert "not part of its source" in page
+    for title in TITLES:
+        assert title in page
+    figures = re.findall(r"<svg.*?</svg>", page, re.DOTALL)
+    assert len(figures) >= 10
+    for figure in figures:
+        Xml.fromstring(figure)  # noqa: S314
+    for number in ("36.8", "+62.7", "under 20", "within 1 mm"):
+        assert any(number in figure for figure in figures)
+
+
+def test_page_of_a_benchmark_that_measured_nothing_still_explains() -> None:
+    nothing = measured().model_copy(update={"results": (Refused(part="all", reason="no disk"),)})
+    page = page_of(nothing)
+    assert "no disk" in page
+    assert "was not tried" in page
+
+
+def test_main_picture_is_a_small_png(tmp_path: Path) -> None:
+    path = tmp_path / "pictures" / "main.png"
+    write_main_picture(measured(), path)
+    content = path.read_bytes()
+    assert content.startswith(b"\x89PNG")
+    assert len(content) < 200_000
+
+
+def test_quick_extent_is_coarser_everywhere() -> None:
+    full = asked(quick=False).extent
+    assert QUICK.grid < full.grid
+    assert set(QUICK.heights) < set(full.heights)

@@ -1,0 +1,107 @@
+"""Copies of measured runs in which effects are hidden: what could these runs have shown?"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.campaign.journal import Record
+from cell.gap import rehearse
+from cell.gap.rehearse import Hidden, Plan, instruments, page, plan, right, write_copy
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.strip.runs import read_runs
+from cell.gap.subject.strip.synthetic import Instruments
+from drivers.errors import ConfigurationError
+from drivers.strip.describe import load_strip
+from drivers.strip.effects import registry
+from tests.support.gap_strip_cases import STRIP, folds, written
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("measured")
+    written(root / "runs", folds(["normal", "fast"]))
+    return root / "runs"
+
+
+@pytest.fixture(scope="module")
+def made(runs: Path) -> Plan:
+    few = {name: registry()[name] for name in ("desk_tilt", "grip_slip")}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rehearse, "registry", lambda: few)
+        return plan([runs], STRIP, runs.parent / "rehearsal", 2.5, 2, 1)
+
+
+def test_every_effect_is_hidden_in_its_size_or_said_to_be_beyond_these_runs(made: Plan) -> None:
+    effects = [copy.effect for copy in made.copies]
+    assert effects.count("nothing") == 2
+    assert not set(effects) & set(made.unseen)
+    assert "desk_tilt" in effects
+    assert {*effects, *made.unseen} == {"desk_tilt", "grip_slip", "nothing"}
+    (tilt,) = (copy for copy in made.copies if copy.effect == "desk_tilt")
+    assert 1e-4 < abs(tilt.values["angle"]) < 0.1
+    assert made.base["bending_length"] == pytest.approx(0.017, rel=0.02)
+
+
+def test_a_plan_is_kept_and_belongs_to_its_inputs(made: Plan, runs: Path) -> None:
+    folder = runs.parent / "rehearsal"
+    assert plan([runs], STRIP, folder, 2.5, 2, 1) == made
+    with pytest.raises(ConfigurationError, match="holds another rehearsal"):
+        plan([runs], STRIP, folder, 1.0, 2, 1)
+
+
+def test_a_copy_follows_the_measured_paths_with_their_noise(
+    made: Plan, runs: Path, tmp_path: Path
+) -> None:
+    still = made.model_copy(update={"scatter": {}})
+    write_copy(still, Hidden(key="n", effect="nothing", values={}, seed=3), tmp_path / "copy")
+    strip = load_strip(STRIP)
+    before, after = (read_runs(find_runs([p]), strip) for p in (runs, tmp_path / "copy"))
+    for real, copy in zip(before, after, strict=True):
+        assert (copy.condition, copy.measured.index) == (real.condition, real.measured.index)
+        assert copy.measured.sigma == real.measured.sigma
+        t = np.linspace(0.1, 0.9 * real.measured.end, 50)
+        paths = [np.interp(t, m.t, m.poses[:, 0]) for m in (real.measured, copy.measured)]
+        assert np.abs(paths[0] - paths[1]).max() < 1e-4
+        assert real.measured.touch is not None
+        assert copy.measured.touch is not None
+        assert copy.measured.touch.time == pytest.approx(real.measured.touch.time, abs=0.15)
+
+
+def test_a_copy_is_measured_with_the_instruments_of_its_run(runs: Path, tmp_path: Path) -> None:
+    written(tmp_path / "felt", folds(["fast", "normal"]), Instruments(force=0.004))
+    strip = load_strip(STRIP)
+    felt, blind = (read_runs(find_runs([p]), strip)[0].measured for p in (tmp_path / "felt", runs))
+    assert instruments(felt) == Instruments(force=0.004)
+    assert instruments(blind) == Instruments()
+    stated = blind.sigma.model_copy(update={"force": 0.004, "edge_offset": 0.0003})
+    assert instruments(replace(blind, sigma=stated)) == Instruments()
+
+
+def outcome(hidden: str, *named: str, classes: tuple[tuple[str, ...], ...] = ()) -> dict:
+    verdict = "named" if named else "ambiguous" if classes else "no_gap"
+    return {
+        "hidden": hidden, "values": {"size": 1.0}, "verdict": verdict, "named": list(named),
+        "classes": [list(c) for c in classes], "confidence": 0.8 if named else None,
+    }  # fmt: skip
+
+
+def test_a_copy_is_right_by_its_name_or_by_a_class_that_holds_it() -> None:
+    assert right(outcome("seam", "seam"))
+    assert not right(outcome("seam", "crease"))
+    assert not right(outcome("seam", "seam", "crease"))
+    assert right(outcome("seam", classes=(("crease", "seam"),)))
+    assert right(outcome("control_delay", "camera_latency"))
+    assert right(outcome("nothing"))
+    assert not right(outcome("nothing", "seam"))
+
+
+def test_the_page_counts_names_for_something_and_for_nothing(made: Plan) -> None:
+    found = [outcome("seam", "seam"), outcome("stretch"), outcome("nothing", "seam")]
+    records = [Record(schema=1, key=str(i), of="x", state="measured", outcome=o)
+               for i, o in enumerate(found)]  # fmt: skip
+    text = page(made, records)
+    assert "Of 2 effects, each hidden so large that it matters, 1 would have been named" in text
+    assert "With nothing hidden, 1 of 1 copies were given a name." in text
+    assert "| stretch | size 1 | no gap | **no** |" in text

@@ -1,0 +1,197 @@
+"""How many of the robot's states are answered in time on the wall clock, beside a folding cell.
+
+python -m tests.lab measure-arm-timing [--seconds 120] [--strip denim] [--realtime ignore]
+
+An emulated robot runs by the wall clock in a process of its own, with real-time priority where this
+user may have it: a robot shares no processor with its client. In turn a bare loop of the client's
+library holds it still, and the cell folds a strip with it: renders, perceives, decides and records.
+Printed are the shares of states that were answered in time, by the robot's own count, and the
+intervals between states. Both run as `fci.realtime` says: with real-time priority (the default, no
+real-time kernel is asked for), or as ordinary processes with `ignore`.
+"""
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cell.calibrating.calibrate import calibration_of
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from cell.devices.fci import start_joints
+from cell.folding.fold import Request, fold
+from cell.record.run import read_run
+from drivers.arm.joint_log import Timing
+from drivers.arm.process import Task
+from drivers.arm.requests import go_to
+from drivers.arm.scheduling import PRIORITY, schedule
+from drivers.arm.settings import RealTime
+from drivers.errors import Fault
+from drivers.fci_server.server import RobotServer
+from drivers.fci_server.settings import ServerSettings
+from drivers.strip.describe import load_strip
+from drivers.types import frozen
+
+PROCESSORS = sorted(os.sched_getaffinity(0))
+TRIES = 10
+BAR = 2.0  # points at most between the bare loop and the cell
+STILL = 10.0  # s of the bare loop at a time
+SPEED = 0.05  # m/s of the folds, half of the usual: late ticks turn the hand too far in the lift
+RATE = 12.0  # Hz of the simulated camera: all of the twin is computed beside the loop
+BETWEEN = 0.0005  # m, always between the fingers: this robot knows no strip
+THIS = "tests.lab.benchmarks.measure_arm_timing"
+
+
+@dataclass(slots=True)
+class Share:
+    """Seconds of a loop and the sum of its shares of answered states, weighted by them."""
+
+    seconds: float = 0.0
+    answered: float = 0.0
+    longest: float = 0.0
+
+    def add(self, seconds: float, timing: dict[str, Any]) -> None:
+        self.seconds += seconds
+        self.answered += seconds * timing["answered"]
+        self.longest = max(self.longest, timing["longest_ms"])
+
+    def __str__(self) -> str:
+        if not self.seconds:
+            return "nothing"
+        return (
+            f"{100 * self.answered / self.seconds:6.2f} % answered in {self.seconds:4.0f} s, "
+            f"longest {self.longest:.0f} ms"
+        )
+
+
+def serve(joints: list[float]) -> None:
+    """Be the robot, by the wall clock, until killed: on the last processor, if there are several,
+    which its clients leave alone.
+    """
+    os.sched_setaffinity(0, PROCESSORS[-1:])
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY // 2))
+    settings = ServerSettings(lock_step=False)
+    server = RobotServer(settings, start=frozen(joints), between=lambda: BETWEEN)
+    print(server.address, flush=True)
+    server.serve()
+
+
+def hold_still(address: str, seconds: float, realtime: RealTime) -> None:
+    """The client's bare loop: every state is answered by the pose where the robot stands."""
+    import pylibfranka as franka
+
+    robot = franka.Robot(address, franka.RealtimeConfig.kIgnore)
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    if realtime == "priority":
+        schedule(realtime)
+    motion = robot.start_cartesian_pose_control(franka.ControllerMode.JointImpedance)
+    state, _ = motion.readOnce()
+    pose, timing, end = list(state.O_T_EE_c), Timing(), time.monotonic() + seconds
+    while (now := time.monotonic()) < end:
+        motion.writeOnce(franka.CartesianPose(pose))
+        state, _ = motion.readOnce()
+        timing.update(now, state.control_command_success_rate)
+    last = franka.CartesianPose(pose)
+    last.motion_finished = True
+    motion.writeOnce(last)
+    print(json.dumps(timing.content()))
+
+
+@contextmanager
+def robot_at(joints: list[float]) -> Iterator[str]:
+    """Address of a robot that runs in a process of its own."""
+    command = [sys.executable, "-m", THIS, "--serve", json.dumps(joints)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            yield server.stdout.readline().strip()
+        finally:
+            server.kill()
+
+
+def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Share, list[str]]:
+    """Shares of the bare loop and of the cell, and how the folds ended."""
+    bare, cell, ends = Share(), Share(), []
+    settings = find_configs(None).cell()
+    home, file = settings.twin.arm.home_height, load_strip(find_configs(None).strip_path(strip))
+    installation = settings.fci.limit(settings.installation)
+    joints = list(start_joints(installation, settings.fold, file.length, home))
+    with tempfile.TemporaryDirectory() as place, robot_at(joints) as address:
+        os.sched_setaffinity(0, PROCESSORS[:-1] or PROCESSORS)
+        configs = configured(Path(place) / "configs", address, realtime)
+        fci = find_configs(configs).cell().fci
+        request = Request(
+            strip, "feedback", None, DeviceSelection(arm="fci"), Path(place), configs,
+            "none", False, "off",
+        )  # fmt: skip
+        calibration = calibration_of(find_configs(configs).cell())
+        while cell.seconds < seconds:
+            told = subprocess.run(
+                [sys.executable, "-m", THIS, "--hold", address, "--realtime", realtime],
+                check=False, capture_output=True, text=True,
+            )  # fmt: skip
+            if told.returncode == 0:
+                bare.add(STILL, json.loads(told.stdout))
+            else:
+                ends.append("bare loop stopped by reflex")
+            go_home(Task(address, fci, installation, 0.0), joints)
+            result = fold(request, calibration=calibration, page=False)
+            header = read_run(Path(result.run)).header
+            if header.arm_timing is not None:
+                cell.add(result.duration, header.arm_timing.model_dump())
+            ends.append(result.outcome)
+            sys.stderr.write(f"{result.outcome}: {result.reason}\n  bare {bare}\n  cell {cell}\n")
+            go_home(Task(address, fci, installation, 0.0), joints)
+    return bare, cell, ends
+
+
+def go_home(task: Task, joints: list[float]) -> None:
+    """Bring the robot to `joints`; a machine that loses packets may need several tries."""
+    for _ in range(TRIES):
+        with suppress(Fault):
+            go_to(task, joints, 1.0, recover=True)
+            return
+    raise SystemExit(f"the robot did not come home in {TRIES} tries: too many packets are lost")
+
+
+def configured(folder: Path, address: str, realtime: RealTime) -> Path:
+    """Configurations whose arm is the robot at `address`, without a real-time kernel."""
+    shutil.copytree(find_configs(None).folder, folder)
+    path = folder / "cell.yaml"
+    content = yaml.safe_load(path.read_text())
+    content["fci"] = {"address": address, "lock_step": False, "realtime": realtime}
+    content["fold"]["speed"] = SPEED
+    content["twin"]["camera"] = {"rate": RATE}
+    path.write_text(yaml.safe_dump(content))
+    return folder
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=120.0)
+    parser.add_argument("--strip", default="denim")
+    parser.add_argument("--realtime", choices=("priority", "ignore"), default="priority")
+    parser.add_argument("--serve", type=json.loads, help=argparse.SUPPRESS)
+    parser.add_argument("--hold", help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.serve:
+        serve(asked.serve)
+    if asked.hold:
+        hold_still(asked.hold, STILL, asked.realtime)
+        return 0
+    bare, cell, ends = measure(asked.seconds, asked.strip, asked.realtime)
+    behind = 100 * (bare.answered / bare.seconds - cell.answered / cell.seconds)
+    print(f"bare loop {bare}\nthe cell  {cell}\nbehind by {behind:.2f} points (bar {BAR:.0f})")
+    print(f"folds ended: {', '.join(ends)}")
+    return 0 if behind <= BAR else 1

@@ -1,0 +1,106 @@
+"""Whether names came true as often as stated, in ledgers of exams and of the study.
+
+python -m tests.lab measure-confidence LEDGER... [--fresh LEDGER...] [--fit FILE]
+
+Prints how many verdicts are right, and three reliability tables: what each verdict stated, what
+this version states of its signs, and what a calibration of all other cases states. With --fresh the
+counts are of those other ledgers, with a fourth table: what the calibration of the first ones
+states of them. With --fit that calibration is written to FILE, as
+cell/gap/verdict/confidence.yaml holds it.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+
+from cell.campaign.study import Case, Outcome
+from cell.gap.verdict.confidence import Calibration, Signs, calibration
+from drivers.files import replace_file
+from drivers.yaml_text import dump_yaml
+from tests.lab.exam.scoring.score import RIGHT_RESULTS
+from tests.lab.studies.catalogue.confidence import (
+    calibrate,
+    count_verdicts,
+    leave_each_out,
+    names,
+    reliable,
+    shares,
+)
+
+SIGNS = {field.name for field in fields(Signs)}
+
+
+def main() -> int:
+    """Print the tables; 1 where no verdict names."""
+    asked = _arguments()
+    outcomes = verdicts_in(asked.ledgers)
+    found, outside = names(outcomes)
+    if not found:
+        sys.stderr.write("no verdict in these ledgers names and has signs; give others\n")
+        return 1
+    known = [o.values for o in outcomes if o.values["is_named"] and o.values["signs"]]
+    stated = [(v["confidence"], v["is_right"]) for v in known if v["confidence"] is not None]
+    by = calibration()
+    counts = shares(found, outside)
+    tables = {
+        "Stated then": (stated, None),
+        "Stated by this version": ([(by.probability(n.signs), n.right) for n in found], counts),
+        "Left out one by one": (leave_each_out(found, counts), counts),
+    }
+    content = dict(calibrate(outcomes))
+    if asked.fresh:
+        outcomes = verdicts_in(asked.fresh)
+        fitted, (others, outside) = Calibration.model_validate(content), names(outcomes)
+        fresh = [(fitted.probability(n.signs), n.right) for n in others]
+        tables["Of fresh cases"] = fresh, shares(others, outside)
+    sys.stdout.write(f"{count_verdicts(outcomes)}\n\n")
+    for title, (claims, counts) in tables.items():
+        sys.stdout.write(f"{title}:\n\n{reliable(claims, counts)}\n\n")
+    sys.stdout.write(f"{content['source']}\n")
+    if asked.fit:
+        names_of = ", ".join(path.name for path in asked.ledgers)
+        content["source"] += f" From {names_of}."
+        content.pop("belongs_to")
+        replace_file(asked.fit, dump_yaml(content).encode())
+    return 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("ledgers", type=Path, nargs="+")
+    parser.add_argument("--fresh", type=Path, nargs="+", default=[])
+    parser.add_argument("--fit", type=Path)
+    asked = parser.parse_args()
+    for path in [*asked.ledgers, *asked.fresh]:
+        if not path.is_file():
+            parser.error(f"{path}: no such file; give ledgers, lines of JSON")
+    return asked
+
+
+def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
+    """Read the scored verdicts from `ledgers`, JSON lines of exams or of the study.
+
+    A case is named after its ledger too: seeds of one number may have drawn others there. Verdicts
+    from before one of today's signs was kept have none.
+    """
+    lines = [(path, json.loads(line)) for path in ledgers
+             for line in path.read_text(encoding="utf-8").splitlines()]  # fmt: skip
+    found: list[Outcome] = []
+    for path, line in lines:
+        scored, without = line["outcome"], line.get("without", [])
+        if scored is not None:
+            signs = scored.get("signs") or {}
+            values = {
+                **scored,
+                "offered": line.get("offered"),
+                "signs": signs if signs.keys() == SIGNS else None,
+                "case": f"{path.stem}/{scored['case']}",
+                "without": without,
+                "is_named": scored["verdict"] == "named",
+                "is_right": scored["result"] in RIGHT_RESULTS and not without,
+            }
+            found.append(Outcome(Case(len(found), 0, {}), values))
+    return found

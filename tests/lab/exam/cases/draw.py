@@ -1,0 +1,249 @@
+"""Draws exam cases at random: the strip, and the hidden effect with its place and strength."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from cell.config.places import find_configs
+from cell.gap.strength import Ruler, drawn_path
+from cell.gap.subject.strip.reported_path import reported_path
+from cell.parallel import workers
+from cell.record.header import Sigma
+from drivers.errors import Fault
+from drivers.strip.effects import registry
+from drivers.strip.effects.effect import Effect
+from drivers.strip.file import StripFile
+from policies.experiments.by_hand import by_hand
+from policies.experiments.standard import standard_order
+from tests.lab.exam.case import STRENGTHS, Case, Kind, Scattered, Strength, Tier, Values
+from tests.lab.exam.causes import causes
+from tests.lab.exam.progress import Progress, quiet
+from tests.lab.exam.runs.by_hand import paths_by_hand
+from tests.lab.exam.runs.from_model import BY, MOTIONS, scale_strip
+from tests.lab.exam.runs.through_images import refusal
+
+TRIES = 60  # draws of an effect until one can be as strong as asked
+PLACE_DRAWS = 4  # draws of an effect's place on each strip
+JUMP = 1.5  # times the asked gap, beyond which an effect is nearer to the next strength
+NEARLY = 0.9  # share of medium strength that each of two effects must keep beside the other
+FOREIGN = 2  # one state-based case in so many has a plant that is not the model: a chain
+BY_HAND_PERIOD = 3  # one triple of levels in so many is moved by hand
+STIFFER, SLOWER = 1.15, 2.0  # factors by which a plant's base may differ from its file
+CASE_STRENGTHS: tuple[Strength, ...] = ("weak", "medium", "strong")
+SCATTER: tuple[Scattered, ...] = ("none", "half", "full")
+SHARES: dict[Tier, dict[Kind, float]] = {
+    "state": {"nothing": 0.43, "single": 0.47, "pair": 0.10},
+    "images": {"nothing": 0.25, "single": 0.40, "pair": 0.15, "outside": 0.20},
+}
+UNLIKE_PERIOD = 2  # one in so many triples of levels in a chain has laws that only resemble
+CAUSE_NAMES = sorted(name for name, cause in causes().items() if cause.sizes)
+RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.answers}
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """Request to draw case `i` of the exam with `seed`, the `number`-th case of its kind."""
+
+    tier: Tier
+    kind: Kind
+    i: int
+    number: int
+    seed: int
+
+    def case(self) -> Case:
+        """Draw the case; raises Fault where no effect can be as strong as required."""
+        drawn = _case(self.tier, self.kind, self.i, self.number, self.seed)
+        return drawn.model_copy(update={"scatter": _scatter_level(self.number)})
+
+
+def cases(
+    tier: Tier,
+    count: int,
+    seed: int,
+    only: Kind | None = None,
+    progress: Progress = quiet,
+    jobs: int = 1,
+) -> list[Case]:
+    """Draw `count` cases in `jobs` processes; equal seeds give equal cases.
+
+    All are of the kind `only`, or of every kind in the tier's shares. `progress` is called after
+    each tenth. Raises Fault where no effect can be as strong as required.
+    """
+    kinds = [only] * count if only else _kinds(tier, count)
+    draws = [Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)]
+    found: list[Case] = []
+    with workers(jobs) as pool:
+        for case in pool.map(Draw.case, draws):
+            found.append(case)
+            if len(found) * 10 // count > (len(found) - 1) * 10 // count:
+                progress(len(found), count, "cases drawn")
+    return found
+
+
+def _scatter_level(number: int) -> Scattered:
+    """Run-to-run scatter of case `number` of a kind; cycles over strengths and motions as well."""
+    levels, triples = len(SCATTER), number // len(CASE_STRENGTHS)
+    return SCATTER[(number + triples + triples // BY_HAND_PERIOD) % levels]
+
+
+def _kinds(tier: Tier, count: int) -> list[Kind]:
+    """Kinds of `count` cases in the tier's shares, rounded by largest remainders."""
+    exact = {kind: share * count for kind, share in SHARES[tier].items()}
+    whole = {kind: int(number) for kind, number in exact.items()}
+    by_remainder = sorted(exact, key=lambda kind: whole[kind] - exact[kind])
+    for kind in by_remainder[: count - sum(whole.values())]:
+        whole[kind] += 1
+    return [kind for kind, number in whole.items() for _ in range(number)]
+
+
+def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
+    """Draw a case of `kind`; repeats the draw while the cell's preflight refuses to fold it."""
+    rng = np.random.default_rng([seed, i])
+    bare = Case(
+        name=f"{tier}-{seed}-{i:03d}",
+        tier=tier,
+        kind=kind,
+        strip=str(rng.choice(find_configs(None).strip_names())),
+        seed=int(rng.integers(2**31)),
+        engine="chain" if tier == "state" and i % FOREIGN == 0 else "rod",
+        stiffness=float(STIFFER ** rng.uniform(-1, 1)),
+        damping=float(SLOWER ** rng.uniform(-1, 1)),
+        motions="by_hand" if i // len(CASE_STRENGTHS) % BY_HAND_PERIOD == 1 else "standard",
+    )
+    level = CASE_STRENGTHS[number % len(CASE_STRENGTHS)]
+    for _ in range(TRIES):
+        case = _hide(bare, number, level, seed, rng)
+        if tier == "state" or kind not in ("single", "pair") or refusal(case) is None:
+            return case
+    raise Fault("exam", f"{bare.name}: the cell folds no {kind} of {bare.strip} that is {level}")
+
+
+def _hide(case: Case, number: int, level: Strength, seed: int, rng: np.random.Generator) -> Case:
+    """Hide in `case` what its kind demands: nothing, one effect, two, or a foreign cause."""
+    if case.kind == "single":
+        return _with_one(case, number, level, rng)
+    if case.kind == "pair":
+        return _with_two(case, level, rng)
+    return _with_foreign(case, number, seed) if case.kind == "outside" else case
+
+
+def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator) -> Case:
+    """Hide one effect in `case`; every second round on the chain by a law unlike the library's."""
+    turn, place = divmod(number, len(CASE_STRENGTHS))
+    on_rod = case.tier == "state" and case.engine == "rod"
+    if on_rod or turn % UNLIKE_PERIOD == 0:
+        return _with_effects(case, level, draw_effects(case, 1, level, rng))
+    names = sorted(RESEMBLING)
+    first = (turn // UNLIKE_PERIOD * len(CASE_STRENGTHS) + place) % len(names)
+    for name in [*names[first:], *names[:first]]:
+        visible = _visible_effect(case, registry()[name], STRENGTHS[level], rng)
+        if visible is not None:
+            strip, values = visible
+            cause = RESEMBLING[name]
+            known = {k: v for k, v in values.items() if k in causes()[cause].model_fields}
+            update = {"strip": strip, "causes": {cause: known}, "answer": (name,)}
+            return case.model_copy(update={**update, "strength": level})
+    raise Fault("exam", f"{case.name}: no law that resembles the library's is {level}")
+
+
+def _visible_effect(
+    case: Case, effect: Effect, target: float, rng: np.random.Generator
+) -> tuple[str, Values] | None:
+    """Find a strip on which `effect` leaves the gap `target`, and the effect's values, or None."""
+    others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
+    for strip in [case.strip, *others]:
+        for _ in range(PLACE_DRAWS):
+            path = drawn_path(effect, find_configs(None).strip(strip), rng)
+            ruler = ruler_of(case.model_copy(update={"strip": strip}))
+            share = ruler.share(path, target, JUMP * target)
+            if share is not None:
+                return strip, path.at(share)
+    return None
+
+
+def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
+    """Hide two effects in `case`, each of at least medium strength, alone and beside the other."""
+    strong: Strength = "strong" if level == "strong" else "medium"
+    ruler = ruler_of(case)
+    for _ in range(TRIES):
+        both = draw_effects(case, 2, strong, rng)
+        if ruler.of_each(both).min() >= STRENGTHS["medium"] * NEARLY:
+            return _with_effects(case, strong, both)
+    raise Fault("exam", f"{case.name}: no two effects of {case.strip} show beside each other")
+
+
+def _with_foreign(case: Case, number: int, seed: int) -> Case:
+    """Hide a cause that no effect of the library resembles, of medium or strong size, in `case`.
+
+    The order of the causes depends on the exam's `seed`.
+    """
+    turn, place = divmod(number, len(CAUSE_NAMES))
+    name = str(np.random.default_rng(seed).permutation(CAUSE_NAMES)[place])
+    strong: Strength = "strong" if (turn + place) % 2 else "medium"
+    hidden = {name: dict(causes()[name].sizes[strong])}
+    return case.model_copy(update={"causes": hidden, "strength": strong})
+
+
+def _with_effects(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
+    update = {"effects": hidden, "answer": tuple(sorted(hidden)), "strength": level}
+    return case.model_copy(update=update)
+
+
+def draw_effects(
+    case: Case, count: int, level: Strength, rng: np.random.Generator
+) -> dict[str, Values]:
+    """Draw `count` effects with their values, each of strength `level` alone on the case's plant.
+
+    Raises Fault where no effect of that strip can be that strong.
+    """
+    strip, ruler = find_configs(None).strip(case.strip), ruler_of(case)
+    target = STRENGTHS[level]
+    effects: dict[str, Values] = {}
+    for _ in range(TRIES):
+        effect = registry()[str(rng.choice(sorted(registry())))]
+        path = drawn_path(effect, strip, rng)
+        is_new = effect.name not in effects
+        share = ruler.share(path, target, JUMP * target) if is_new else None
+        if share is not None:
+            effects[effect.name] = path.at(share)
+        if len(effects) == count:
+            return dict(sorted(effects.items()))
+    raise Fault("exam", f"{case.name}: no effect of {case.strip} is {level}")
+
+
+def ruler_of(case: Case) -> Ruler:
+    """Ruler, which measures gaps, for the case's plant without effects and the case's motions.
+
+    A slip begins at a threshold: on a strip only a little softer than the plant none might show.
+    """
+    return _cached_ruler(case.strip, case.stiffness, case.damping, case.tier, _hand_seed(case))
+
+
+def _hand_seed(case: Case) -> int | None:
+    """Seed of the hand's random motions; None where the case is not moved by hand."""
+    return case.seed if case.motions == "by_hand" else None
+
+
+@lru_cache(maxsize=2)
+def _cached_ruler(
+    name: str, stiffness: float, damping: float, tier: Tier, hand: int | None
+) -> Ruler:
+    """Make the ruler of the strip called `name` with scaled base parameters; cached."""
+    plant = scale_strip(find_configs(None).strip(name), stiffness, damping)
+    if tier == "images":
+        return _ruler_of_cell(plant, hand)
+    sigma = Sigma.model_validate(BY.sigma())
+    if hand is None:
+        return Ruler.standard(plant, MOTIONS, sigma)
+    return Ruler.along(plant, paths_by_hand(plant.length, hand, len(MOTIONS)), sigma)
+
+
+def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
+    """Ruler for `plant` on the cell's standard motions, or on those by a hand with seed `hand`."""
+    sigma = Sigma.model_validate(find_configs(None).cell().sigma.model_dump())
+    order = standard_order(np.random.default_rng(0))
+    if hand is None:
+        return Ruler.standard(plant, order, sigma)
+    led = [reported_path(by_hand(plant.length, hand, i)) for i in range(len(order))]
+    return Ruler.along(plant, led, sigma)

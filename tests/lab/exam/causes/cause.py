@@ -1,0 +1,51 @@
+"""Base class of hidden causes: their settings, and the points at which they act."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from drivers.settings import Settings
+from drivers.strip.model import StripModel
+from drivers.twin.chain.extra_forces import ForceFunction, Parts
+from drivers.types import Array
+
+Sizes = Mapping[str, Mapping[str, float]]
+LINK_ROWS = slice(1, -2)  # of the chain's bodies: all but the world, the tip and the gripper
+FORCE_XZ, FORCE_Z = slice(0, 3, 2), 2  # columns of MuJoCo's applied force; moments follow
+
+
+class Cause(Settings):
+    """Base class of hidden causes: properties of an exam plant that no strip file can describe.
+
+    `amount` names the setting of its size. `answers` names the effect of
+    the library that it resembles, whose own amount then has the same name and meaning; None where
+    there is none, and the right verdict is to abstain. `sizes` are values by strength that leave
+    a gap of about 2.5 (medium) and 6 (strong) on denim, for causes that the exam draws. Values
+    are SI; at its null a cause changes nothing. All chance comes from the generators that it is
+    given.
+    """
+
+    amount: ClassVar[str]
+    answers: ClassVar[str | None] = None
+    sizes: ClassVar[Sizes] = {}
+
+    def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
+        """Strip model as altered by the cause in run `model.index`; `rng` is the run's own."""
+        return model
+
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
+        """Force function of the cause for one chain; None where it exerts no force."""
+        return None
+
+    def true_pose(self, pose: Array, time: float) -> Array:
+        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose` (3,)."""
+        return pose
+
+    def image_time(self, since: float) -> float:
+        """True time [s] after the grasp that an image stamped `since` [s] after the grasp shows."""
+        return since
+
+    def distortion(self, distortion: tuple[float, float]) -> tuple[float, float]:
+        """True radial distortion k1, k2 of the lens, given the calibrated `distortion`."""
+        return distortion

@@ -1,0 +1,335 @@
+"""Report of an exam in Markdown with figures, made from the entries of its ledger."""
+
+import io
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from statistics import median
+from typing import get_args
+
+from cell.campaign.table import table
+from drivers.files import replace_file, writing
+from tests.lab.exam.case import Plant, Scattered, Tier
+from tests.lab.exam.report.figures import figure
+from tests.lab.exam.runs.scatter import LEVELS
+from tests.lab.exam.scoring.results import Entry
+from tests.lab.exam.scoring.score import Outcome
+from tests.lab.exam.scoring.statistics import (
+    Confusion,
+    brier,
+    calibration_error,
+    confusion,
+    rate,
+    reliability,
+)
+from tests.lab.exam.scoring.targets import (
+    Target,
+    by_group,
+    comparisons,
+    outcomes,
+    rate_text,
+    spread_errors,
+    targets,
+)
+
+DPI = 160
+GOOD_RESULTS = ("right_strict", "right_class", "correct_no_gap", "correct_abstention")
+TIERS: dict[Tier, str] = {"state": "From the state, without images", "images": "Through images"}
+PLANTS = get_args(Plant)
+INTRODUCTION = (
+    "Every case is a strip whose plant hides something, or nothing. The workflow sees the "
+    "runs and the strip file in a process that cannot open the key; its verdict is then held "
+    "against the key. Rates are given with their 95 % intervals (Wilson)."
+)
+PLANT_KINDS = (
+    "*The model itself* is the rod that the workflow fits, on a finer grid; *another "
+    "engine* is a chain of links; *another law* is a chain in which the effect follows "
+    "a law that only resembles the library's."
+)
+PAIR = {"right_strict": "both", "right_class": "both", "partly": "one of two",
+        "wrong_name": "a wrong one"}  # fmt: skip
+
+
+def plant_table(entries: Sequence[Entry]) -> str:
+    """Markdown table of rates by kind of plant, with right names beside the stated confidence."""
+    groups = {name: [e for e in entries if e.case.plant == name] for name in PLANTS}
+    groups = {name: mine for name, mine in groups.items() if mine}
+    rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
+    earned = [_reliability_line(stated_confidences(outcomes(mine))) for mine in groups.values()]
+    return table(["what", *groups], [*rows, ("names: right against stated", *earned)])
+
+
+def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
+    """Rate of right names in `claims`, and their mean stated confidence, as text."""
+    if not claims:
+        return "no name"
+    right = rate_text(rate(right for _, right in claims))
+    return f"{right}, stated {sum(c for c, _ in claims) / len(claims):.2f}"
+
+
+def scatter_table(entries: Sequence[Entry]) -> str:
+    """Markdown tables of rates by scatter and motion, and of estimated over true spreads."""
+    groups = {
+        _scatter_words(name): [e for e in entries if e.case.scatter == name] for name in LEVELS
+    }
+    led = [e for e in entries if e.case.motions == "by_hand"]
+    if led:
+        groups["standard motions"] = [e for e in entries if e.case.motions == "standard"]
+        groups["by hand"] = led
+    rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
+    parts = [table(["what", *groups], rows)]
+    errors = {name: values for name, values in spread_errors(entries).items() if values}
+    if errors:
+        rows = []
+        for name, values in errors.items():
+            seen = rate_text(rate(v > 0.0 for v in values))
+            rows.append((name, str(len(values)), f"{median(values):.2f}", seen))
+        parts.append("Estimated spread over the true one, at full scatter:")
+        parts.append(table(["quantity", "cases", "median", "seen"], rows))
+    return "\n\n".join(parts)
+
+
+def _scatter_words(name: Scattered) -> str:
+    """Level of run-to-run scatter as text: spreads of grip, damping and stiffness."""
+    of = LEVELS[name]
+    sizes = f"{1e3 * of.grip:g} mm, {100 * of.damping:g} %, {100 * of.stiffness:g} %"
+    return "no scatter" if name == "none" else sizes
+
+
+def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tuple[Path, ...]:
+    """Write the Markdown `page`, and one figure a tier beside it; returns all paths.
+
+    Raises ConfigurationError where that is impossible.
+    """
+    content = {page: markdown(entries, page.stem, command).encode()}
+    for tier, mine in by_tier(entries):
+        if outcomes(mine):
+            content[_picture_path(page, tier)] = _draw_png(mine)
+    with writing(page):
+        page.parent.mkdir(parents=True, exist_ok=True)
+        for path, data in content.items():
+            replace_file(path, data)
+    return tuple(content)
+
+
+def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
+    """Yield every examined tier with its entries."""
+    every = list(entries)
+    for tier in TIERS:
+        mine = [e for e in every if e.case.tier == tier]
+        if mine:
+            yield tier, mine
+
+
+def markdown(entries: Sequence[Entry], stem: str = "exam", command: str = "") -> str:
+    """Format the whole page in Markdown; figures are files whose names begin with `stem`."""
+    parts = ["# The exam of the gap workflow", INTRODUCTION]
+    if command:
+        parts.append(f"Made by `{command}`.")
+    for tier, mine in by_tier(entries):
+        parts += _tier_sections(mine, tier, f"{stem}-{tier}.png")
+    return "\n\n".join(parts) + "\n"
+
+
+def _tier_sections(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterator[str]:
+    """Headings, texts and tables on one tier, as blocks of Markdown."""
+    failed = sum(e.state == "failed" for e in entries)
+    yield f"## {TIERS[tier]}"
+    yield (
+        f"{len(entries)} cases; {failed} of them gave no verdict, and count as not right. "
+        f"Source of the engine: {_engines_used(entries)}."
+    )
+    yield _targets_table(targets(entries, tier))
+    found = outcomes(entries)
+    if found:
+        yield "### By what the plant is"
+        yield PLANT_KINDS
+        yield plant_table(entries)
+        yield "### By how much runs differ from one another"
+        yield scatter_table(entries)
+        yield f"![Confusion, confidence, strength]({picture})"
+        yield from _detail_sections(entries, found)
+    yield "### Every miss"
+    yield "\n".join(_missed_cases(entries)) or "None."
+
+
+def _detail_sections(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iterator[str]:
+    yield "### What was hidden and what was said"
+    yield _confusion_table(said_of(entries))
+    yield "### Is the stated confidence earned?"
+    yield _reliability_table(found)
+    yield "### Do the intervals hold the truth?"
+    yield _coverage_table(entries)
+    yield "### The gap on held-out runs, against knowing the truth"
+    yield _shrink_table(entries)
+    yield "### Against simpler ways, on the same cases"
+    yield _baseline_table(entries)
+
+
+def _engines_used(entries: Iterable[Entry]) -> str:
+    return ", ".join(sorted({e.of.split("-")[0] for e in entries}))
+
+
+def _targets_table(lines: Iterable[Target]) -> str:
+    words = {True: "met", False: "**missed**", None: ""}
+    rows = [
+        (line.words, line.found, line.wanted, "too few cases" if line.few else words[line.met])
+        for line in lines
+    ]
+    return table(["what", "found", "wanted", ""], rows)
+
+
+def stated_confidences(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
+    """Stated confidence of every verdict that names an effect, and whether the name is right."""
+    return [(o.confidence, o.right) for o in found if o.confidence is not None]
+
+
+def said_of(entries: Iterable[Entry]) -> Confusion:
+    """Confusion matrix of hidden causes and stated names; all pairs of effects share a row."""
+    return confusion((_hidden_causes(e), _verdict_words(e)) for e in entries)
+
+
+def _hidden_causes(entry: Entry) -> str:
+    if entry.case.kind == "nothing":
+        return "nothing"
+    if entry.case.kind == "pair":
+        return "two effects"
+    return " + ".join(sorted((*entry.case.effects, *entry.case.causes)))
+
+
+def _verdict_words(entry: Entry) -> str:
+    found = entry.outcome
+    if found is None:
+        return "failed"
+    if found.verdict == "ambiguous":
+        return "a class with it" if found.result in ("right_class", "partly") else "a class"
+    if found.verdict != "named":
+        return found.verdict.replace("_", " ")
+    if found.kind == "pair":
+        return PAIR.get(found.result, "a wrong one")
+    return found.named[0] if len(found.named) == 1 else "several"
+
+
+def _confusion_table(counts: Confusion) -> str:
+    rows = []
+    for row in counts.rows:
+        answers = {c: counts.count(row, c) for c in counts.columns if counts.count(row, c)}
+        often = sorted(answers.items(), key=lambda item: -item[1])
+        words = ", ".join(f"{column} {count}" for column, count in often)
+        rows.append((row, str(sum(answers.values())), words))
+    return table(["hidden", "cases", "said"], rows)
+
+
+def _reliability_table(found: Iterable[Outcome]) -> str:
+    claims = stated_confidences(found)
+    if not claims:
+        return "Nothing was named."
+    rows = [(f"{b.confidence:.2f}", rate_text(b.right)) for b in reliability(claims)]
+    summary = f"Brier score {brier(claims):.3f}; expected calibration error "
+    summary += f"{calibration_error(claims):.3f}; {len(claims)} verdicts that name."
+    return table(["mean confidence", "right, by class"], rows) + "\n\n" + summary
+
+
+def _coverage_table(entries: Sequence[Entry]) -> str:
+    every = comparisons(entries)
+    right = [e for e in entries if e.outcome and e.outcome.result in GOOD_RESULTS]
+    if not every:
+        return "No parameter can be compared: no laws agree."
+    rows = [
+        ("all", rate_text(rate(c.covered for c in every)), ""),
+        ("all, of right verdicts", rate_text(rate(c.covered for c in comparisons(right))), ""),
+    ]
+    for name in sorted({c.name for c in every}):
+        mine = [c for c in every if c.name == name]
+        errors = [c.error for c in mine if c.error is not None]
+        middle = f"{100 * median(errors):.1f} %" if errors else ""
+        rows.append((name, rate_text(rate(c.covered for c in mine)), middle))
+    return table(["parameter", "held", "median error"], rows)
+
+
+def _shrink_table(entries: Iterable[Entry]) -> str:
+    rows = []
+    for word in ("weak", "medium", "strong"):
+        known = [
+            (e.outcome, e.oracle)
+            for e in entries
+            if e.case.strength == word and e.outcome and e.oracle
+        ]
+        if known:
+            named = [o.shrink if o.verdict == "named" else 0.0 for o, _ in known]
+            possible, gaps = [t.shrink for _, t in known], [o.realised for o, _ in known]
+            shrunk = (f"{100 * median(values):.0f} %" for values in (named, possible))
+            rows.append((word, str(len(known)), f"{median(gaps):.2f}", *shrunk))
+    if not rows:
+        return "No case has an answer in the library."
+    note = (
+        "Medians over all cases with an answer. The gap is the excess that the refitted base "
+        "leaves; where nothing was named, nothing is shrunk."
+    )
+    head = ["strength", "cases", "gap left", "shrunk", "shrunk, knowing the truth"]
+    return note + "\n\n" + table(head, rows)
+
+
+def _baseline_table(entries: Iterable[Entry]) -> str:
+    """Table of rates beside two baselines: refitting alone, and naming by least in-sample error."""
+    known = [(e.outcome, e.baselines) for e in entries if e.outcome and e.baselines]
+    unnamed = [(o, b) for o, b in known if o.kind in ("nothing", "outside")]
+    named = [(o, b) for o, b in known if o.kind in ("single", "pair")]
+    rows = [
+        (
+            "named nothing, where nothing of the library is hidden",
+            rate_text(rate(not o.named for o, _ in unnamed)),
+            rate_text(rate(True for _ in unnamed)),
+            rate_text(rate(b.single is None for _, b in unnamed)),
+        ),
+        (
+            "named an effect that is hidden, and no other",
+            rate_text(rate(o.right or o.result == "partly" for o, _ in named)),
+            rate_text(rate(False for _ in named)),
+            rate_text(rate(b.right for _, b in named)),
+        ),
+    ]
+    return table(["", "workflow", "refit the base only", "least in-sample error"], rows)
+
+
+def _missed_cases(entries: Iterable[Entry]) -> Iterator[str]:
+    for entry in entries:
+        found = entry.outcome
+        if found is None:
+            yield f"- `{entry.case.name}`: {_hidden_words(entry)}; no verdict: {entry.reason}"
+        elif found.result not in GOOD_RESULTS:
+            yield f"- `{entry.case.name}`: {_hidden_words(entry)}; {_stated_words(found)}"
+
+
+def _hidden_words(entry: Entry) -> str:
+    """Hidden effects of an entry with their values, the strip and the strength, as text."""
+    case = entry.case
+    names = [
+        f"{name} ({', '.join(f'{k} {v:.3g}' for k, v in values.items())})"
+        for name, values in (case.effects | case.causes).items()
+    ]
+    strength = f", {case.strength}" if case.strength else ""
+    return f"hidden {' and '.join(names) or 'nothing'} on {case.strip}{strength}"
+
+
+def _stated_words(found: Outcome) -> str:
+    """Answer of a verdict, its confidence, strongest rival and reason, as text."""
+    what = ", ".join(found.named) or "; ".join(" or ".join(group) for group in found.classes)
+    words = f"gap left {found.realised:.2f}; said {found.verdict.replace('_', ' ')}"
+    words += f" ({what})" if what else ""
+    if found.confidence is not None:
+        words += f", confidence {found.confidence:.2f}"
+    if found.rival:
+        words += f"; strongest rival {found.rival}"
+    return words + (f"; {found.reason}" if found.reason else "")
+
+
+def _picture_path(page: Path, tier: Tier) -> Path:
+    return page.with_name(f"{page.stem}-{tier}.png")
+
+
+def _draw_png(entries: Sequence[Entry]) -> bytes:
+    found = outcomes(entries)
+    content = io.BytesIO()
+    drawn = figure(said_of(entries), reliability(stated_confidences(found)), found)
+    drawn.savefig(content, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
+    return content.getvalue()

@@ -1,0 +1,250 @@
+"""Runs of the image-based tier: the cell folds a hidden plant through rendered images."""
+
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cv2
+import yaml
+
+from calibration.calibration import Calibration
+from cell.calibrating.calibrate import calibration_of
+from cell.config.cell import CellFile
+from cell.config.places import Configs, find_configs
+from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.open import check_drivers
+from cell.devices.rig_correction import corrected_devices
+from cell.devices.twin import twin_devices
+from cell.folding.fold import Request, fold
+from cell.folding.result import FoldResult
+from cell.folding.standard_runs import standard_requests
+from cell.orchestrator.outcome import INTERRUPTED
+from cell.orchestrator.snapshot import Snapshot
+from cell.orchestrator.states import State
+from cell.record.documents import write_document
+from cell.record.files import PROFILE, RESULT, RUN, TICKS
+from drivers.errors import Fault
+from drivers.files import writing
+from drivers.readers import read_yaml
+from drivers.strip.file import StripFile
+from drivers.twin.open import PlantOptions
+from drivers.twin.settings import WrenchSettings
+from policies.registry import BY_HAND, MOTION
+from tests.lab.exam.case import Case, Scattered
+from tests.lab.exam.causes import cause_of
+from tests.lab.exam.causes.cause import Cause
+from tests.lab.exam.runs.from_model import scale_strip
+from tests.lab.exam.runs.specimen import Aged, Specimen
+
+LINKS = 200
+STEP = 0.004  # s; against 2 ms it moves d by 0.07 mm and contact_x by 0.13 mm rms at most
+MOTION_STEPS: Mapping[str, float] = {"shake": 0.001}
+"""s, of motions that need a finer one: the least damped knit leaves the model 2.3 times the noise
+of its profile with 1 ms, 1.9 with 0.5 ms, 4 with 2 ms and 10 with 4 ms.
+"""
+FILES = (RUN, TICKS, PROFILE, RESULT)
+REFUSED_OUTCOME = "preflight_refused"
+HEADER_KEYS = frozenset(
+    {"schema", "strip", "sigma", "start", "index", "condition", "speed", "camera_hz"}
+    | {"contact_height", "policy"}
+)
+"""Keys of run.yaml that a sealed run keeps: those of the contract, which say nothing of plants."""
+RESULT_KEYS = frozenset({"schema", "outcome", "t_layer_touch", "displacement", "l1", "l2"})
+"""Keys of result.yaml that a sealed run keeps."""
+
+
+def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
+    """Fold the standard runs of `case`, or the first `number`, into folders NN-NAME of `folder`.
+
+    Each holds the four files of a measured run and nothing that gives the plant away. Runs that
+    are there already stay; one that was broken off is folded again. Raises ConfigurationError for
+    a case that cannot be folded, Fault for a run that was refused or left no record.
+    """
+    configs = find_configs(None)
+    settings, strip = configs.cell(), configs.strip(case.strip)
+    causes = [cause_of(name, values) for name, values in case.causes.items()]
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted = _requests(case)[:number]
+    missing = [(name, request) for name, request in wanted if not (folder / name).is_dir()]
+    if not missing:
+        return
+    calibration = calibration_of(settings)
+    for name, request in missing:
+        with _temporary_configs(case, configs, request) as placed:
+            result = _fold(placed, causes, case, calibration, State.LAY)
+            if result.outcome == REFUSED_OUTCOME:
+                raise Fault(REFUSED_OUTCOME, f"{placed.policy} of {case.strip}: {result.reason}")
+            _copy_sealed(Path(result.run), folder / name, strip)
+
+
+def refusal(case: Case) -> str | None:
+    """Reason why the preflight of the cell refuses to fold this plant; None where it does not.
+
+    It does for a desk a few millimetres too high or an edge far from where the strip file puts it.
+    """
+    configs, causes = find_configs(None), [cause_of(n, v) for n, v in case.causes.items()]
+    _, request = _requests(case)[0]
+    calibration = calibration_of(configs.cell())
+    with _temporary_configs(case, configs, request) as placed:
+        result = _fold(placed, causes, case, calibration, State.GRASP)
+    return result.reason if result.outcome == REFUSED_OUTCOME else None
+
+
+def _requests(case: Case) -> list[tuple[str, Request]]:
+    choice = DeviceSelection(seed=case.seed)
+    base = Request(case.strip, "", None, choice, Path(), None, "none", truth=False, viz="off")
+    requests = standard_requests(base)
+    if case.motions == "by_hand":
+        led = f"{MOTION}{BY_HAND}{case.seed}"
+        requests = tuple(
+            replace(r, policy=f"{led}-{i}", speed=None) for i, r in enumerate(requests)
+        )
+    return [(f"{i:02d}-{_motion_name(request)}", request) for i, request in enumerate(requests)]
+
+
+def _motion_name(request: Request) -> str:
+    """Name of a fold's motion, for the name of its folder."""
+    name = request.policy.removeprefix(MOTION)
+    return BY_HAND.rstrip("-") if name.startswith(BY_HAND) else name
+
+
+@contextmanager
+def _temporary_configs(case: Case, configs: Configs, request: Request) -> Iterator[Request]:
+    """Provide `request` with a temporary configuration whose plant is that of `case`."""
+    with TemporaryDirectory(prefix="exam-") as name:
+        place = Path(name)
+        (place / "strips").mkdir()
+        strip = configs.strip_path(case.strip)
+        shutil.copy(strip, place / "strips" / strip.name)
+        settings = exam_cell(configs.cell(), _motion_name(request), case.force)
+        _write(place / "cell.yaml", settings.model_dump(mode="json", by_alias=True))
+        plant = plant_of(case, configs.strip(case.strip))
+        _write(place / "plant.yaml", plant.model_dump(mode="json", by_alias=True))
+        choice = replace(request.choice, plant=place / "plant.yaml")
+        yield replace(request, choice=choice, runs=place / "runs", configs=place)
+
+
+def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> CellFile:
+    """Cell settings with a plant that is simulated on a finer grid than any model of it.
+
+    With a `force` [N] the arm reports the strip's force with that noise and that error of its tare.
+    """
+    changes = {"links": LINKS, "step": MOTION_STEPS.get(motion, STEP)}
+    world = settings.twin.world.model_copy(update=changes)
+    twin = settings.twin.model_copy(update={"world": world})
+    if force is None:
+        return settings.model_copy(update={"twin": twin})
+    arm = twin.arm.model_copy(update={"force": WrenchSettings(noise=force, bias=force)})
+    sigma = settings.sigma.model_copy(update={"force": force})
+    twin = twin.model_copy(update={"arm": arm})
+    return settings.model_copy(update={"twin": twin, "sigma": sigma})
+
+
+def plant_of(case: Case, strip: StripFile) -> StripFile:
+    """True strip of `case`: the strip file with scaled base parameters and hidden effects."""
+    scaled = scale_strip(strip, case.stiffness, case.damping)
+    return scaled.model_copy(update={"effects": case.effects, "provenance": ()})
+
+
+class Open:
+    """Device factory of a twin whose plant has hidden `causes` and run-to-run `scatter`.
+
+    All chance comes from `seed`.
+    """
+
+    def __init__(self, causes: list[Cause], seed: int, scatter: Scattered = "none") -> None:
+        self._causes, self._seed = causes, seed
+        self._scatter: Scattered = scatter
+
+    def __call__(
+        self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
+    ) -> Devices:
+        """Open the twin's devices; the camera reports the identity of the calibrated one."""
+        check_drivers(settings, choice)
+        cv2.setNumThreads(1)
+        staging = PlantOptions(
+            engine=lambda links: Specimen(links, self._causes, self._seed, self._scatter),
+            view=lambda world: Aged(world, self._causes),
+        )
+        devices = twin_devices(
+            self._change_lens(settings), strip, choice, calibrating=calibrating, staging=staging
+        )
+        devices = replace(devices, camera_identity=settings.twin.camera.identity)
+        return corrected_devices(devices, settings, strip)
+
+    def _change_lens(self, settings: CellFile) -> CellFile:
+        """Cell settings with the lens distortion as the causes change it."""
+        distortion = settings.twin.camera.distortion
+        for cause in self._causes:
+            distortion = cause.distortion(distortion)
+        camera = settings.twin.camera.model_copy(update={"distortion": distortion})
+        twin = settings.twin.model_copy(update={"camera": camera})
+        return settings.model_copy(update={"twin": twin})
+
+
+class Until:
+    """Observer that ends a run once it enters `state`; also the run's callable `interrupted`."""
+
+    def __init__(self, state: State) -> None:
+        self._state, self._reached = state, False
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Ignore a tick."""
+
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
+        """Remember whether an event says that the run enters the final state."""
+        self._reached = self._reached or (kind == "state" and facts.get("state") is self._state)
+
+    def __call__(self) -> bool:
+        """Whether the run has entered the final state and may end."""
+        return self._reached
+
+
+def _fold(
+    request: Request, causes: list[Cause], case: Case, calibration: Calibration, end: State
+) -> FoldResult:
+    """Fold the strip of `case` and interrupt the run where it enters the state `end`."""
+    until, opened = Until(end), Open(causes, case.seed, case.scatter)
+    return fold(request, lambda *_: (until,), until, calibration, opened=opened, page=False)
+
+
+def _copy_sealed(made: Path, final: Path, strip: StripFile) -> None:
+    """Copy a record's four files without traces of the plant to `final`, whole or not at all."""
+    lacking = [name for name in FILES if not (made / name).is_file()]
+    if lacking:
+        raise Fault("record", f"{final}: the fold of {strip.name} left no {', '.join(lacking)}")
+    part = final.with_name(final.name + ".part")
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir()
+    for name in (TICKS, PROFILE):
+        shutil.copy(made / name, part / name)
+    header, result = read_yaml(made / RUN), read_yaml(made / RESULT)
+    write_document(part / RUN, _sealed_header(header))
+    write_document(part / RESULT, sealed_result(result))
+    part.replace(final)
+
+
+def _sealed_header(header: Mapping[str, Any]) -> dict[str, Any]:
+    """Content of run.yaml without keys that reveal the plant; motions by hand keep a number."""
+    kept = {k: v for k, v in header.items() if k in HEADER_KEYS}
+    if BY_HAND in str(kept.get("policy")):
+        kept |= dict.fromkeys(("policy", "condition"), f"{BY_HAND}{1 + int(kept['index'])}")
+    return kept
+
+
+def sealed_result(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Content of result.yaml for a run that the exam interrupted after its touch was measured."""
+    kept = {k: v for k, v in result.items() if k in RESULT_KEYS}
+    touched = all(kept.get(k) is not None for k in ("t_layer_touch", "displacement", "l1", "l2"))
+    if kept.get("outcome") == INTERRUPTED.name and touched:
+        kept["outcome"] = "layer_touch"
+    return kept
+
+
+def _write(path: Path, content: Mapping[str, Any]) -> None:
+    with writing(path, "make room for temporary files"):
+        path.write_text(yaml.safe_dump(dict(content), sort_keys=False), encoding="utf-8")

@@ -1,0 +1,180 @@
+"""The command `exam`: hides causes in plants and scores the workflow's verdicts."""
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from cell.cli.options import Cluster, Json, engine, print_json, resumable
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tests.lab.exam.run_case import Steps
+    from tests.lab.exam.scoring.results import Entry
+
+CASE_TIMEOUT = 7200.0  # s of a case, runs through images included
+OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
+
+KeptIn = Annotated[
+    Path | None, typer.Option(help="What is finished, a line a case [default: OUT/ledger.jsonl].")
+]
+Count = Annotated[
+    int | None, typer.Option(min=1, help="Cases [default: 300, 90 through images, 6 small].")
+]
+Hidden = Annotated[
+    Literal["nothing", "single", "pair", "outside"] | None,
+    typer.Option(help="Only cases that hide this [default: all kinds, in their shares]."),
+]
+Force = Annotated[
+    float | None,
+    typer.Option(
+        min=0.0001,
+        max=5.0,
+        help="Noise [N] of the strip's force, with as much left by each tare [default: no force].",
+    ),
+]
+Beside = Annotated[
+    list[Path] | None,
+    typer.Option(help="Folder or ledger of another exam, for the same page; repeatable."),
+]
+
+
+def exam(
+    out: Annotated[Path | None, typer.Option(help=OUT_HELP)] = None,
+    tier: Annotated[
+        Literal["state", "images", "small"],
+        typer.Option(help="From the state, through images, or six cases from the state."),
+    ] = "small",
+    cases: Count = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 0,
+    repeats: Annotated[
+        int, typer.Option(min=1, max=8, help="Times that each motion is made, from the state.")
+    ] = 1,
+    kind: Hidden = None,
+    force: Force = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = 1,
+    cluster: Cluster = None,
+    only_make: Annotated[
+        bool, typer.Option("--only-make", help="Make the runs; judge nothing.")
+    ] = False,
+    only_judge: Annotated[
+        bool, typer.Option("--only-judge", help="Judge the runs that OUT holds; make none.")
+    ] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Judge anew what OUT already holds; runs are kept.")
+    ] = False,
+    ledger: KeptIn = None,
+    report: Annotated[
+        Path | None, typer.Option(help="The report, as Markdown [default: OUT/exam.md].")
+    ] = None,
+    beside: Beside = None,
+    as_json: Json = False,
+) -> None:
+    """Hide causes in plants, let the workflow find them, and hold its verdicts against the key.
+
+    What is finished is kept in OUT: an exam that was interrupted goes on where it stopped, on
+    another machine if LEDGER goes with it.
+    """
+    from rich.console import Console
+
+    from cell.campaign.progress import Meter
+    from tests.lab.exam.cases.drawn import load_or_draw
+    from tests.lab.exam.report.page import write_report
+    from tests.lab.exam.run import run_exam, summarise
+
+    steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
+    out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
+    chosen = engine(wide, cluster, CASE_TIMEOUT)
+    others = _check_places(out, report, beside or (), made=only_judge and not ledger)
+    with resumable(out), Meter(console, summarise, quiet=as_json) as meter:
+        drawn = (lambda *_: None) if as_json else _print_progress
+        wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
+        entries = run_exam(
+            wanted, out, engine=chosen, watcher=meter, steps=steps, again=again, ledger=ledger
+        )
+    if only_make:
+        failed = sum(e.state == "failed" for e in entries)
+        sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
+        return
+    command = _repeat_command(tier, len(wanted), seed, repeats, kind, force)
+    page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
+    _print_table(entries, page, as_json=as_json)
+
+
+def _steps(*, make: bool, judge: bool) -> "Steps":
+    """Steps of the exam that the options request; ConfigurationError for both options at once."""
+    from drivers.errors import ConfigurationError
+
+    if make and judge:
+        raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
+    return "make" if make else "judge" if judge else "all"
+
+
+def _check_places(
+    out: Path, report: Path | None, beside: "Sequence[Path]", *, made: bool
+) -> "list[Entry]":
+    """Check all places, as an exam takes hours; returns the entries of the exams `beside`.
+
+    Raises ConfigurationError for a place of the wrong kind, or where runs must be `made` before and
+    `out` holds none.
+    """
+    from drivers.errors import ConfigurationError
+    from tests.lab.exam.cases.answer_key import KEYS_FOLDER
+    from tests.lab.exam.run import LEDGER
+
+    if out.exists() and not out.is_dir():
+        raise ConfigurationError(f"--out: {out} is a file; name a folder")
+    if report is not None and report.is_dir():
+        raise ConfigurationError(
+            f"--report: {report} is a folder; name a file, as {report}/exam.md"
+        )
+    if made and not any((out / name).exists() for name in (KEYS_FOLDER, LEDGER)):
+        raise ConfigurationError(
+            f"--only-judge: {out} holds no runs of an exam; make them first, with --only-make"
+        )
+    return [entry for place in beside for entry in _entries_of(place)]
+
+
+def _repeat_command(
+    tier: str, count: int, seed: int, repeats: int, kind: str | None, force: float | None
+) -> str:
+    """Command line that repeats the same exam."""
+    again = f" --repeats {repeats}" if repeats > 1 else ""
+    again += f" --kind {kind}" if kind else ""
+    again += f" --force {force:g}" if force else ""
+    return f"python -m tests.lab exam --tier {tier} --cases {count} --seed {seed}{again}"
+
+
+def _entries_of(place: Path) -> "tuple[Entry, ...]":
+    """Entries of another exam, whose folder or ledger is `place`."""
+    from drivers.errors import ConfigurationError
+    from tests.lab.exam.run import LEDGER
+    from tests.lab.exam.scoring.results import Ledger
+
+    path = place if place.is_file() else place / LEDGER
+    if not path.is_file():
+        raise ConfigurationError(
+            f"--beside: {place} holds no {LEDGER}; name an exam's folder or ledger"
+        )
+    return Ledger(path).entries
+
+
+def _print_table(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
+    if as_json:
+        for entry in entries:
+            print_json(entry.model_dump(mode="json"))
+        return
+    from tests.lab.exam.report.page import GOOD_RESULTS
+
+    good = sum(e.outcome is not None and e.outcome.result in GOOD_RESULTS for e in entries)
+    failed = sum(e.state == "failed" for e in entries)
+    words = f"{good} of {len(entries)} right" + (f", {failed} without a verdict" if failed else "")
+    sys.stdout.write(f"{words}: {page}\n")
+
+
+def _print_progress(done: int, total: int, text: str) -> None:
+    if text:
+        sys.stderr.write(f"{done}/{total}  {text}\n")

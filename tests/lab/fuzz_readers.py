@@ -1,0 +1,326 @@
+"""Hostile documents and run folders against everything that reads files.
+
+`python -m tests.lab fuzz-readers [--documents N] [--folders N] [--seed S]`: any error that
+is not one of the cell's own, more than 2 s of processor time for one input, or more than 1 GB of
+memory ends it with exit code 1 and the input that did it.
+"""
+
+import argparse
+import gc
+import json
+import resource
+import signal
+import sys
+import tempfile
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import yaml
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+
+from calibration.calibration import load_calibration, save_calibration
+from cell.config.cell import CellFile
+from cell.config.places import find_configs
+from cell.folding.replay import replay
+from cell.gap.subject.mechanism.pendulum import load_pendulum
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.strip.runs import read_runs
+from cell.gap.verdict.accept import accept, sha256, undo
+from cell.gap.verdict.schema import read_verdict
+from cell.record.header import Header, Result
+from cell.record.listing import list_runs
+from cell.record.run import read_run
+from cell.record.salvage import Salvage
+from cell.record.truth import read_truth, write_truth
+from cell.record.writer import RunWriter
+from cell.report.page import write_report
+from cell.report.viz.recording import viz_from_run
+from drivers.errors import CellError
+from drivers.settings import load
+from drivers.strip.describe import load_plant, load_strip
+from policies.checkpoint import load_checkpoint
+from tests.cell.conftest import HEADER, RESULT, MadeFold, straight_camera
+from tests.support.hostile_files import Spoiled, copied, documents, spoilers
+
+LONGEST = 2.0  # s of processor time for one input
+PAGE = 0.8  # s for a whole folder's page where LONGEST holds; a slower machine has more
+MEMORY = 1000  # MB at most
+Reader = Callable[[Path], object]
+
+
+class TooLong(BaseException):
+    """One input took longer than any may; no reader catches this."""
+
+
+def asleep() -> float:
+    """Time in which this thread neither ran nor waited for a processor [s], since any moment."""
+    ran, waited, _ = Path("/proc/thread-self/schedstat").read_text().split()
+    return time.monotonic() - 1e-9 * (int(ran) + int(waited))
+
+
+@contextmanager
+def limited(longest: float) -> Iterator[None]:
+    """Ends what takes more than `longest` [s] of processor time, or sleeps ten times as long.
+
+    What other tests have left is not collected meanwhile: that may take longer. A library may take
+    the alarm for an error of its own; it counts as too long all the same. Time in which other
+    processes have the processor is no sleep.
+    """
+    rang: list[int] = []
+    begun = asleep()
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        left = 10 * longest - (asleep() - begun)
+        if number == signal.SIGALRM and left > 0.0:
+            signal.setitimer(signal.ITIMER_REAL, max(left, 0.1))
+            return
+        rang.append(number)
+        raise TooLong
+
+    collecting = gc.isenabled()
+    gc.disable()
+    timers = ((signal.ITIMER_PROF, signal.SIGPROF), (signal.ITIMER_REAL, signal.SIGALRM))
+    for (timer, number), limit in zip(timers, (longest, 10 * longest), strict=True):
+        signal.signal(number, stop)
+        signal.setitimer(timer, limit)
+    try:
+        yield
+    except Exception:
+        if not rang:
+            raise
+    finally:
+        for timer, _ in timers:
+            signal.setitimer(timer, 0.0)
+        if collecting:
+            gc.enable()
+    if rang:
+        raise TooLong
+
+
+def tried(read: Callable[[], object], longest: float = LONGEST) -> str:
+    """How a reader took its input: `read` or `refused`; anything else is raised.
+
+    What took too long is tried once more: a slow input is slow again, a slowed machine is not.
+    """
+    try:
+        return _tried(read, longest)
+    except TooLong:
+        return _tried(read, longest)
+
+
+def _tried(read: Callable[[], object], longest: float) -> str:
+    with limited(longest), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            read()
+        except CellError as error:
+            if "defect of the program" in str(error):
+                raise
+            return "refused"
+    return "read"
+
+
+def document_readers() -> dict[str, tuple[dict[str, Any], Reader]]:
+    """Name -> (a whole document, what reads such files)."""
+    configs = find_configs(None)
+    strip = yaml.safe_load(configs.strip_path("denim").read_text())
+    strip["effects"] = {"bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0}}
+    strip["spread"] = {"bending_length": [0.015, 0.019]}
+    link = {"mass": 0.1, "length": 0.2, "com": 0.1, "inertia": 1e-3, "damping": 1e-4}
+    pendulum = {"schema": 1, "kind": "pendulum", "name": "p", "gravity": 9.81, "links": [link]}
+    cell = yaml.safe_load((configs.folder / "cell.yaml").read_text())
+    weights = {"schema": 1, "policy": "feedback", "weights": [0.1] * 101}
+    return {
+        "strip": (strip, load_strip),
+        "plant": (strip, load_plant),
+        "cell": (cell, lambda path: load(path, CellFile)),
+        "calibration": (_camera_file(), load_calibration),
+        "pendulum": (pendulum, load_pendulum),
+        "run": ({"schema": 1, **HEADER}, lambda path: load(path, Header)),
+        "result": ({"schema": 1, **RESULT}, lambda path: load(path, Result, bare=True)),
+        "checkpoint": (
+            {**weights, "training": {"seed": 0, "generations": 1, "folds": 1}},
+            load_checkpoint,
+        ),
+        "verdict": (VERDICT, read_verdict),
+    }
+
+
+def _camera_file() -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "calibration.yaml"
+        save_calibration(straight_camera(), path)
+        content: dict[str, Any] = yaml.safe_load(path.read_text())
+    return content
+
+
+GAP = {key: {"excess": 1.0} for key in ("before", "after", "floor")}
+VERDICT: dict[str, Any] = {
+    "schema": 1, "verdict": "no_gap", "effects": [], "ambiguous": [["a", "b"]],
+    "unexplained": {"description": "d", "law": "l", "stable": True},
+    "base": {"bending_length": {"value": 0.02, "low": 0.01, "high": None}}, "where": [],
+    "gap": {**GAP, "shrink": 0.0, "shrink_low": 0.0, "shrink_high": 0.0}, "candidates": [],
+    "advice": [{"experiment": "e", "separates": ["a", "b"], "expected_sigma": 1.0, "minutes": 1.0}],
+    "detectable": {"seam": 1.0}, "held_out": ["r"], "runtime": 1.0, "simulations": 3,
+}  # fmt: skip
+
+
+def fuzz_documents(count: int, start: int, folder: Path) -> Counter[str]:
+    """`count` documents, spread over the readers; how often each read or refused."""
+    took: Counter[str] = Counter()
+    readers = document_readers()
+    for name, (whole, read) in readers.items():
+        as_json = name in ("checkpoint", "verdict")
+        path = folder / f"{name}.{'json' if as_json else 'yaml'}"
+
+        def check(content: bytes, path: Path = path, read: Reader = read, name: str = name) -> None:
+            path.write_bytes(content)
+            took[f"{name} {tried(lambda: read(path))}"] += 1
+
+        _drawn(documents(whole), check, count // len(readers), start)
+    return took
+
+
+def made_run(root: Path) -> Path:
+    """A small whole run of the cell with everything in it."""
+    header = {**HEADER, "config": find_configs(None).cell().model_dump(mode="json", by_alias=True)}
+    writer = RunWriter.create(root, header, "key", patient=True)
+    camera = straight_camera()
+    save_calibration(camera, writer.folder / "calibration.yaml")
+    writer.event(0.0, "origin")
+    MadeFold(writer, camera, pictures=False).run(0.9)
+    facts = {"sequence": 3, "x": 0.6, "z": 0.01, "time": 0.3, "direction": 1.5, "done": False}
+    writer.event(0.3, "decision", **facts)
+    writer.finish({**RESULT, "t_layer_touch": 0.8})
+    write_truth(writer.folder, {"displacement": -0.0351, "plant": {}})
+    return writer.folder
+
+
+def read_everything(folder: Path, longest: float, *, pages: bool) -> Counter[str]:
+    """Everything that reads a run folder; `pages` draws the report and the recording too."""
+    strip = load_strip(find_configs(None).strip_path("denim"))
+    readers: dict[str, Reader] = {
+        "list": lambda f: list_runs(f.parent),
+        "run": read_run,
+        "salvage": Salvage.of,
+        "truth": read_truth,
+        "replay": replay,
+        "fit": lambda f: read_runs(find_runs([f.parent]), strip),
+    }
+    if pages:
+        readers |= {"report": write_report, "viz": viz_from_run}
+    return Counter(f"{name} {tried(lambda: r(folder), longest)}" for name, r in readers.items())  # noqa: B023
+
+
+def longest_here(whole: Path) -> float:
+    """Processor time that a reader may take of a folder [s], by that of a whole one's page now."""
+    begun = time.process_time()
+    write_report(whole)
+    return LONGEST * max(1.0, (time.process_time() - begun) / PAGE)
+
+
+def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[str]:
+    """`count` run folders beside a whole one; every `pages`-th is drawn too."""
+    took: Counter[str] = Counter()
+    whole = made_run(root / "whole")
+    first = copied(whole, root / "first" / whole.name)
+    for read in (write_report, viz_from_run):
+        read(first)  # what they import and compile once counts for no input
+    usual = longest_here(first)
+    for seed_of in (8, 9):  # folds of other seeds, beside which a spoiled one is fitted
+        beside = copied(whole, root / "runs" / f"a-whole-{seed_of}")
+        text = (beside / "run.yaml").read_text()
+        (beside / "run.yaml").write_text(text.replace("seed: 7", f"seed: {seed_of}"))
+
+    def check(changes: tuple[Spoiled, ...]) -> None:
+        folder = copied(whole, root / "runs" / "20261121T000000Z-denim-fold-0000", *changes)
+        drawn = took["folders"] % pages == 0
+        try:
+            took.update(read_everything(folder, usual, pages=drawn))
+        except TooLong:
+            again = longest_here(first)  # the machine may have slowed since
+            try:
+                took.update(read_everything(folder, again, pages=drawn))
+            except TooLong:
+                place = f"folder {took['folders']}: over {again:.1f} s"
+                raise SystemExit(f"{place}: {changes}") from None
+        took["folders"] += 1
+        if took["folders"] % 1000 == 0:
+            print(f"{took['folders']} of {count} folders", flush=True)
+
+    spoiled = spoilers(whole)
+    _drawn(st.tuples(spoiled) | st.tuples(spoiled, spoiled), check, count, start)
+    return took
+
+
+def fuzz_acceptance(count: int, start: int, root: Path) -> Counter[str]:
+    """`count` folders of a fit, spoiled, against accept and undo."""
+    took: Counter[str] = Counter()
+    root.mkdir(parents=True, exist_ok=True)
+    source = find_configs(None).strip_path("denim")
+    strip = yaml.safe_load(source.read_text())
+    parts = {
+        "fit.json": {"schema": 1, "file_sha256": "0" * 64, "effects": ["seam"]},
+        "accepted.json": {"schema": 1, "before": {str(root / "s.yaml"): "x"}, "after": {}},
+        "patch.yaml": strip,
+        "cell-patch.yaml": {"schema": 1, "effects": {"desk_tilt": {"angle": 0.01}}},
+    }
+    for name, part in parts.items():
+
+        def check(content: bytes, name: str = name) -> None:
+            file, out = root / "s.yaml", root / "out"
+            out.mkdir(exist_ok=True)
+            file.write_bytes(source.read_bytes())
+            record = {**parts["fit.json"], "file_sha256": sha256(file)}
+            for other, whole in {**parts, "fit.json": record}.items():
+                (out / other).write_text(json.dumps(whole))
+            (out / name).write_bytes(content)
+            cell = root / "cell.yaml"
+            cell.write_bytes((find_configs(None).folder / "cell.yaml").read_bytes())
+            took[f"undo {tried(lambda: undo(out, file, cell))}"] += 1
+            took[f"accept {tried(lambda: accept(out, file, cell))}"] += 1
+
+        _drawn(documents(part), check, count // len(parts), start)
+    return took
+
+
+def _drawn(strategy: Any, check: Callable[[Any], None], count: int, start: int) -> None:
+    @seed(start)
+    @settings(
+        max_examples=max(count, 1),
+        database=None,
+        deadline=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(strategy)
+    def run(drawn: Any) -> None:
+        check(drawn)
+
+    run()
+
+
+def main() -> None:
+    """Fuzz as asked and say what came of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--documents", type=int, default=10_000)
+    parser.add_argument("--folders", type=int, default=1_000)
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        root, began = Path(name), time.process_time()
+        took = fuzz_documents(asked.documents, asked.seed, root)
+        took += fuzz_acceptance(asked.documents // 20, asked.seed, root / "fit")
+        took += fuzz_folders(asked.folders, asked.seed, root)
+    for what, times in sorted(took.items()):
+        sys.stdout.write(f"{what:24s} {times:6d}\n")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
+    sys.stdout.write(f"{time.process_time() - began:.0f} s of processor time, {peak:.0f} MB\n")
+    sys.exit(0 if peak < MEMORY else 1)

@@ -1,0 +1,213 @@
+"""Bugs put in by hand, one after another, into a copy of the tree: which ones do the tests notice?
+
+    python -m tests.lab mutants [PART OF A NAME ...] [--work FOLDER] [--least PERCENT]
+
+Reads `mutants.yaml`. What was judged before is not run again unless the mutant, its file or its
+tests have changed. Survivors are named; the exit code is 1 with fewer than the least share killed,
+2 for a mutant that does not apply or tests that fail without one.
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+LIST = Path(__file__).with_suffix(".yaml")
+LONGEST = 600  # s for the tests of one mutant; longer is a hang, which somebody notices
+LIBRARIES = (
+    *("numpy", "cv2", "yaml", "pydantic", "ruckig", "scipy.optimize", "scipy.spatial.transform"),
+    *("numba", "pyarrow", "pylibfranka"),
+)
+BROKEN = 99  # exit code of a process in which pytest itself failed
+HUNG = "killed by time"
+
+
+class Unusable(Exception):
+    """A mutant or its tests cannot be used as the list states them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """A bug: `new` text for `old`, which occurs once in `file`, and `tests` that notice it."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+    tests: tuple[str, ...]
+
+    def apply_to(self, text: str) -> str:
+        """The file's text with the bug; Unusable where it does not apply."""
+        if text.count(self.old) != 1:
+            raise Unusable(
+                f"{self.name}: its text occurs {text.count(self.old)} times in {self.file}"
+            )
+        return text.replace(self.old, self.new)
+
+    def key(self, root: Path) -> str:
+        """Digest of everything that its outcome is made of: bug, file, tests."""
+        files = [root / self.file, *(root / test.partition("::")[0] for test in self.tests)]
+        parts = [self.old, self.new, *self.tests, *(path.read_text("utf-8") for path in files)]
+        return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+def listed() -> tuple[Mutant, ...]:
+    """All mutants, in the order of the list."""
+    entries = yaml.safe_load(LIST.read_text("utf-8"))
+    return tuple(Mutant(**{**entry, "tests": tuple(entry["tests"])}) for entry in entries)
+
+
+def copied(work: Path) -> Path:
+    """A copy of the working tree under `work`, in which unchanged files keep their times."""
+    names = subprocess.check_output(
+        ["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, text=True
+    ).splitlines()
+    tree = work / "tree"
+    for name in names:
+        source, target = ROOT / name, tree / name
+        if source.is_file() and (not target.exists() or changed(source, target)):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(source, target)
+    gone = {p for p in tree.rglob("*.py") if not (ROOT / p.relative_to(tree)).exists()}
+    for path in gone:
+        path.unlink()
+    return tree
+
+
+def changed(source: Path, target: Path) -> bool:
+    return source.read_bytes() != target.read_bytes()
+
+
+def tested(tree: Path, tests: Iterable[str]) -> str:
+    """Outcome of `tests` in the `tree`, in a process of their own; killed where they fail."""
+    process = get_context("fork").Process(target=_run, args=(tree, tuple(tests)))
+    process.start()
+    process.join(LONGEST)
+    if process.is_alive():
+        os.killpg(process.pid, signal.SIGKILL)
+        process.join()
+        return HUNG
+    return "killed" if process.exitcode else "survived"
+
+
+def _run(tree: Path, tests: tuple[str, ...]) -> None:
+    """Run `tests` as a fresh pytest would in `tree`, but with the libraries loaded."""
+    os.setsid()
+    os.chdir(tree)
+    os.environ |= {"PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
+    for name in [name for name in sys.modules if name.partition(".")[0] == "tests"]:
+        del sys.modules[name]
+    sys.path[:] = [str(tree), *(path for path in sys.path if path not in ("", str(ROOT)))]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        os.dup2(nowhere, stream)
+    code = BROKEN
+    try:
+        code = int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *tests]))
+    finally:
+        os._exit(code)
+
+
+def preload() -> None:
+    """Load the libraries that tests spend most of their time loading; never the cell's own code."""
+    for name in LIBRARIES:
+        if find_spec(name) is not None:
+            import_module(name)
+
+
+def judged(mutant: Mutant, tree: Path) -> str:
+    """Outcome of the tests with the bug; the file is as before afterwards."""
+    path = tree / mutant.file
+    text, times = path.read_text("utf-8"), path.stat()
+    path.write_text(mutant.apply_to(text), "utf-8")
+    try:
+        return tested(tree, mutant.tests)
+    finally:
+        path.write_text(text, "utf-8")
+        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+
+@dataclass(frozen=True, slots=True)
+class Journal:
+    """Outcomes by key, a line each, so that an interrupted run goes on where it was."""
+
+    path: Path
+
+    def read(self) -> dict[str, str]:
+        """All outcomes so far."""
+        if not self.path.exists():
+            return {}
+        lines = map(json.loads, self.path.read_text("utf-8").splitlines())
+        return {line["key"]: line["outcome"] for line in lines}
+
+    def add(self, key: str, name: str, outcome: str) -> None:
+        """Keep one more."""
+        with self.path.open("a", encoding="utf-8") as stream:
+            stream.write(json.dumps({"key": key, "name": name, "outcome": outcome}) + "\n")
+
+
+def judge_all(mutants: tuple[Mutant, ...], work: Path) -> dict[str, str]:
+    """Outcome of each mutant by its name; Unusable where tests fail without any bug."""
+    work.mkdir(parents=True, exist_ok=True)
+    preload()
+    tree, journal = copied(work), Journal(work / "journal.jsonl")
+    for mutant in mutants:
+        mutant.apply_to((tree / mutant.file).read_text("utf-8"))
+    known, outcomes = journal.read(), dict[str, str]()
+    new = [m for m in mutants if m.key(tree) not in known]
+    sources = sorted({(tree / mutant.file).read_text("utf-8") for mutant in mutants})
+    for test in sorted({test for mutant in new for test in mutant.tests}):
+        content = (tree / test.partition("::")[0]).read_text("utf-8")
+        key = hashlib.sha256("\0".join([test, content, *sources]).encode()).hexdigest()
+        if key not in known:
+            known[key] = tested(tree, [test])
+            journal.add(key, test, known[key])
+        if known[key] != "survived":
+            raise Unusable(f"{test} is {known[key]} without any bug; mend it, or remove its line")
+    for mutant in mutants:
+        key, begun = mutant.key(tree), time.perf_counter()
+        if key not in known:
+            known[key] = judged(mutant, tree)
+            journal.add(key, mutant.name, known[key])
+        outcomes[mutant.name] = known[key]
+        took = time.perf_counter() - begun
+        print(f"{known[key]:15s} {took:6.1f} s  {mutant.name}", flush=True)
+    return outcomes
+
+
+def main() -> int:
+    """Judge the mutants that are asked for; the exit code."""
+    reader = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    reader.add_argument("names", nargs="*", help="only mutants whose name contains one of these")
+    place = Path(tempfile.gettempdir()) / "folding-cell-mutants"
+    reader.add_argument("--work", type=Path, default=place)
+    reader.add_argument("--least", type=float, default=95.0, help="percent that must be killed")
+    asked = reader.parse_args()
+    mutants = tuple(m for m in listed() if not asked.names or any(n in m.name for n in asked.names))
+    try:
+        outcomes = judge_all(mutants, asked.work)
+    except Unusable as error:
+        print(error, file=sys.stderr)
+        return 2
+    survivors = [name for name, outcome in outcomes.items() if outcome == "survived"]
+    killed = 100 * (1 - len(survivors) / max(len(outcomes), 1))
+    print(f"{len(outcomes) - len(survivors)} of {len(outcomes)} killed, {killed:.1f} %")
+    for name in survivors:
+        print(f"survived: {name}")
+    return int(killed < asked.least)

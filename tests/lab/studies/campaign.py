@@ -1,0 +1,162 @@
+"""Runs a study as a campaign, a part for each case, and reads its outcomes from the journal."""
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from cell.campaign.journal import Cost, Journal, Record, digest, share
+from cell.campaign.run import Engine, Watcher, carry_out
+from cell.campaign.study import Case, Outcome, Study
+from cell.campaign.versions import code, data, sources
+from cell.config.places import find_configs
+from drivers.errors import ConfigurationError
+from tests.lab.studies.catalogue import study_of
+
+JOURNAL = "journal"
+WORKING_PARTS = ("tests/lab/exam", "tests/lab/faults", "tests/lab/studies/kit")
+
+
+@dataclass(frozen=True, slots=True)
+class CasePart:
+    """A case of the study `study` as a part of a campaign; `of` is the digest of its inputs."""
+
+    study: str
+    case: Case
+    of: str
+    cost: float
+
+    @property
+    def key(self) -> str:
+        """Name of the case."""
+        return self.case.key
+
+    def measure(self) -> Mapping[str, Any]:
+        """Measure the case; returns its values with those of its outcome.
+
+        Raises ConfigurationError where code or configuration are not those of the campaign.
+        """
+        study = study_of(self.study)
+        if inputs(study) != self.of:
+            raise ConfigurationError(
+                f"{self.study}: this machine has other code or configuration than the campaign; "
+                "install the same"
+            )
+        found = study.measure(self.case.values)
+        return {
+            "seed": self.case.seed,
+            "number": self.case.number,
+            "case": dict(self.case.values),
+            "values": dict(found),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The requested cases of a study, and the folder that keeps them."""
+
+    study: Study
+    seed: int
+    count: int
+    folder: Path
+
+    @property
+    def journal(self) -> Path:
+        """Folder of the study's journal."""
+        return self.folder / JOURNAL
+
+    def parts(self, shard: tuple[int, int] = (1, 1)) -> tuple[CasePart, ...]:
+        """Parts of all cases, or of those in a shard."""
+        made_of, study = inputs(self.study), self.study
+        return tuple(
+            CasePart(study.name, case, made_of, study.seconds)
+            for case in share(study.cases(self.seed, self.count), shard)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Stored outcomes of the requested cases, by the version `of` the code.
+
+    `lost` are cases that failed or were set aside, `other` is the number of other versions' ones.
+    """
+
+    asked: Asked
+    of: str
+    outcomes: tuple[Outcome, ...]
+    lost: tuple[Record, ...]
+    other: int
+    costs: tuple[Cost, ...] = ()
+
+    @property
+    def present(self) -> bool:
+        """Whether the outcomes are those of the present code."""
+        return self.of == inputs(self.asked.study)
+
+
+def measure(
+    asked: Asked, engine: Engine, watcher: Watcher, shard: tuple[int, int], *, again: bool
+) -> None:
+    """Measure the cases that have no record in the journal; raises as `carry_out`."""
+    parts = asked.parts(shard)
+    for _ in carry_out(parts, asked.journal, engine, watcher, again=again):
+        pass
+
+
+def kept_outcomes(asked: Asked) -> Kept:
+    """Read stored outcomes by the present code, or else by the version with the most outcomes."""
+    wanted = {case.key: case for case in asked.study.cases(asked.seed, asked.count)}
+    found = [r for r in Journal(asked.journal).records() if r.key in wanted]
+    of = _code_to_show(found, inputs(asked.study))
+    mine = sorted((r for r in found if r.of == of), key=lambda r: r.key)
+    outcomes = tuple(
+        Outcome(wanted[r.key], r.outcome["values"]) for r in mine if r.outcome is not None
+    )
+    lost = tuple(record for record in mine if record.outcome is None)
+    costs = tuple(record.cost for record in mine if record.outcome is not None)
+    return Kept(asked, of, outcomes, lost, len(found) - len(mine), costs)
+
+
+def cost(kept: Kept, clock: Callable[[float], str]) -> list[tuple[str, str]]:
+    """Median, worst and summed cost of the measured cases, as named texts."""
+    if not kept.costs:
+        return []
+    processor = sorted(each.processor for each in kept.costs)
+    return [
+        ("a case, processor", f"{median(processor):.1f} s, worst {processor[-1]:.1f} s"),
+        ("a case, wall", f"{median(each.wall for each in kept.costs):.1f} s"),
+        ("all, processor", clock(sum(processor))),
+    ]
+
+
+def _code_to_show(records: Sequence[Record], now: str) -> str:
+    counts: dict[str, int] = {}
+    for record in records:
+        counts[record.of] = counts.get(record.of, 0) + (record.outcome is not None)
+    return now if counts.get(now) or not counts else max(counts, key=lambda of: counts[of])
+
+
+def inputs(study: Study) -> str:
+    """Digest of the code, of the laboratory's and the study's own, and of the configuration."""
+    made_of = digest(code(), data(), sources(WORKING_PARTS))
+    return digest(made_of, _module_file(study.measure.__code__.co_filename), _configs())
+
+
+@cache
+def _module_file(path: str) -> str:
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+@cache
+def _configs() -> str:
+    h, folder = hashlib.sha256(), find_configs(None).folder
+    for path in _files(folder):
+        h.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
+    return h.hexdigest()
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    return (path for path in sorted(folder.rglob("*.yaml")) if path.is_file())

@@ -1,0 +1,282 @@
+"""Study of the confidence that `cell gap` states, and its calibration: verdicts against the truth.
+
+Cases from the state hide one effect, one in eight two. From two in five the effect is withheld from
+the library, with what looks like it: whatever is named is wrong, and a law may be offered instead.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import optimize
+
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Fit, Ledger, Outcome, Study, Values
+from cell.campaign.table import table
+from cell.config.places import find_configs
+from cell.gap.fit import fit
+from cell.gap.verdict.accept import RECORD
+from cell.gap.verdict.confidence import LEFT_OPEN, Calibration, Signs, Weight, calibration
+from drivers.strip.effects import registry
+from drivers.types import Array
+from tests.lab.exam.case import STRENGTHS, Case
+from tests.lab.exam.cases.draw import Draw
+from tests.lab.exam.runs.from_model import make_runs
+from tests.lab.exam.scoring.score import RIGHT_RESULTS, Checked, score
+from tests.lab.exam.scoring.statistics import Rate, calibration_error, rate, reliability
+from tests.lab.exam.scoring.targets import rate_text
+
+PAIRS = 8  # one case in so many hides two
+FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect
+OUTSIDE_SHARE = 0.2  # of the causes that a confidence speaks of: as in the exam through images
+SIGN_WEIGHTS = {  # prior weights of the signs, and the values between which they count
+    "log_odds": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
+    "left": Weight(weight=-2.0, low=0.5, high=2.0),
+    "correlated": Weight(weight=-2.0, low=0.0, high=1.0),
+    "closed": Weight(weight=1.0, low=0.0, high=1.0),
+    "law": Weight(weight=-2.0, low=0.0, high=1.0),
+}
+FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
+DOUBTFUL = 0.7  # confidence under which a wrong name does little harm
+
+
+class Name(NamedTuple):
+    """Verdict that names: its signs, if it is right, if the library lacks the cause, its case."""
+
+    signs: Signs
+    right: bool
+    outside: bool
+    case: str
+
+
+def draw(number: int, rng: np.random.Generator) -> Values:
+    """Draw the kind of a case: one effect or two, in the library or withheld from it."""
+    kind, of_kind = ("pair", number // PAIRS) if number % PAIRS == PAIRS - 1 else ("single", number)
+    lacks = number % FIFTHS in LACKING
+    return {"kind": kind, "number": number, "of_kind": of_kind, "seed": int(rng.integers(2**31)),
+            "library": "lacks the effect" if lacks else "whole"}  # fmt: skip
+
+
+def measure(case: Values) -> Values:
+    """Score the verdict on a case; also returns how much of the gap an offered law closes."""
+    hidden = Draw("state", case["kind"], case["number"], case["of_kind"], case["seed"]).case()
+    without = names_to_withhold(hidden) if case["library"] != "whole" else []
+    configs = find_configs(None)
+    with TemporaryDirectory() as name:
+        place = Path(name)
+        make_runs(hidden, place / "runs")
+        strip = configs.strip_path(hidden.strip)
+        verdict = fit([place / "runs"], strip, place / "out", jobs=1, without=without)
+        law = json.loads((place / "out" / RECORD).read_text(encoding="utf-8"))["law"]
+    scored = score(verdict, hidden, configs.strip(hidden.strip))
+    named = scored.verdict == "named"
+    found: dict[str, Any] = scored.model_dump(mode="json", exclude={"tier", "kind", "runtime"})
+    return found | {
+        "without": without,
+        "is_named": named,
+        "is_right": (scored.result in RIGHT_RESULTS and not without) if named else None,
+        "offered": law is not None,
+        "closed": None if law is None else law["shrink"],
+    }
+
+
+def names_to_withhold(case: Case) -> list[str]:
+    """Names removed from the library: the hidden or resembled effect, and its twins."""
+    hidden = sorted(case.effects or case.answer)[0]
+    return sorted({hidden, *registry()[hidden].looks_like})
+
+
+def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
+    """Verdicts that name an effect, and the share of the causes that the library lacks."""
+    found = [
+        Name(Signs(**v["signs"]), v["is_right"], _is_outside(v), v["case"])
+        for v in (o.values for o in outcomes)
+        if v["is_named"] and v["signs"]
+    ]
+    causes = [_is_outside(o.values) for o in outcomes if o.values["hidden"]]
+    return found, sum(causes) / max(len(causes), 1)
+
+
+def _is_outside(values: Values) -> bool:
+    """Whether the library of a case lacks what is hidden."""
+    return bool(values["without"] or (values["hidden"] and not values["answer"]))
+
+
+def shares(found: Sequence[Name], outside: float) -> Array:
+    """Weights (n,) of verdicts that turn the share of causes `outside` into OUTSIDE_SHARE."""
+    lacking = OUTSIDE_SHARE / outside if outside else 1.0
+    whole = (1.0 - OUTSIDE_SHARE) / (1.0 - outside or 1.0)  # all of them may be outside
+    return np.array([lacking if name.outside else whole for name in found])
+
+
+def left_by_right(outcomes: Sequence[Outcome]) -> list[float]:
+    """Rms on held-out runs, in units of noise and floor, of the right verdicts."""
+    return [
+        v["signs"]["left"]
+        for v in (o.values for o in outcomes)
+        if v["signs"] and not v["without"] and v.get("result") in RIGHT_RESULTS
+    ]
+
+
+def fit_most_left(left: Sequence[float]) -> float:
+    """Rms that the share LEFT_OPEN of right verdicts, which have `left` these, exceeds.
+
+    A cause outside the library that leaves no more is as well described by effects of the library,
+    so that no residual shows it. Without right verdicts, the value that the package ships.
+    """
+    return float(np.quantile(left, 1.0 - LEFT_OPEN)) if left else calibration().most_left
+
+
+def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibration:
+    """Fit the most probable weights of signs to these verdicts with weights `counts` (n,).
+
+    Logistic regression with normal priors of what each sign weighs, for few verdicts are wrong; no
+    sign speaks against its sense.
+    """
+    rows = [
+        [w.share(getattr(name.signs, sign)) for sign, w in SIGN_WEIGHTS.items()] for name in found
+    ]
+    columns = np.reshape(rows, (len(found), len(SIGN_WEIGHTS)))
+    right = np.array([name.right for name in found], dtype=float)
+    prior = np.array([w.weight for w in SIGN_WEIGHTS.values()])
+
+    def loss(x: Array) -> float:
+        odds = x[0] + columns @ x[1:]
+        nats = counts @ (np.logaddexp(0.0, odds) - right * odds)
+        return float(nats + 0.5 * np.sum(((x[1:] - prior) / FIRM) ** 2))
+
+    bounds = [(0.0, None) if w.weight > 0.0 else (None, 0.0) for w in SIGN_WEIGHTS.values()]
+    start = np.concatenate([[0.0], prior])
+    best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=[(None, None), *bounds]).x
+    intercept, *weights = best
+    fitted = {
+        sign: w.model_copy(update={"weight": float(value)})
+        for (sign, w), value in zip(SIGN_WEIGHTS.items(), weights, strict=True)
+    }
+    known = calibration()
+    return known.model_copy(
+        update={"intercept": float(intercept), "weights": fitted, "source": source}
+    )
+
+
+def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
+    """Confidence in each verdict, fitted to other cases of weights (n,), and if it is right."""
+    stated = []
+    for name in found:
+        kept = np.array([other.case != name.case for other in found])
+        others = [other for other in found if other.case != name.case]
+        by = fit_calibration(others, counts[kept], "-")
+        stated.append((by.probability(name.signs), name.right))
+    return stated
+
+
+def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> float:
+    """Mean logarithmic loss [nats] of these probabilities and outcomes, with weights (n,)."""
+    p = np.array([p if right else 1.0 - p for p, right in stated])
+    return float(-np.average(np.log(np.clip(p, 1e-9, 1.0)), weights=counts))
+
+
+def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> str:
+    """Reliability table in fifths of the stated probability, as Markdown.
+
+    With weights `counts` (n,) of verdicts also its errors where OUTSIDE_SHARE of the causes lie
+    outside the library, for which the probability is stated.
+    """
+    rows = [
+        (f"{b.confidence:.2f}", rate_text(b.right), f"{100 * (b.right.value - b.confidence):+.0f}")
+        for b in reliability(stated, FIFTHS)
+    ]
+    wrong = [p for p, right in stated if not right]
+    low = sum(p < DOUBTFUL for p in wrong)
+    head = ["mean stated probability, by fifths", "right, by class", "points apart"]
+    errors = [
+        f"{calibration_error(stated, FIFTHS, by):.3f}, log loss {log_loss(stated, by):.3f} nats"
+        for by in (None, counts)
+    ]
+    weighed = "" if counts is None else f" (with {OUTSIDE_SHARE:.0%} of causes outside {errors[1]})"
+    return (
+        f"{table(head, rows)}\n\n{len(stated)} verdicts that name, {len(wrong)} of them wrong, "
+        f"{low} of these stated under {DOUBTFUL}; expected calibration error {errors[0]}{weighed}."
+    )
+
+
+def calibrate(outcomes: Sequence[Outcome]) -> Values:
+    """Fit the calibration to these verdicts; its source states the loss on those left out."""
+    found, outside = names(outcomes)
+    counts = shares(found, outside)
+    source = (
+        f"{len(found)} verdicts that name, {sum(not name.right for name in found)} of them wrong, "
+        f"{sum(name.outside for name in found)} of a cause that the library lacks, counted as if "
+        f"{100 * OUTSIDE_SHARE:.0f} % of all causes were such."
+    )
+    if found:
+        stated = leave_each_out(found, counts)
+        rate = float(np.average([name.right for name in found], weights=counts))
+        plain = log_loss([(rate, name.right) for name in found], counts)
+        source += f" Left out one by one, log loss {log_loss(stated, counts):.3f} nats, "
+        source += f"of one probability for all {plain:.3f}."
+    left = left_by_right(outcomes)
+    source += f" `most_left` of {len(left)} right verdicts."
+    content = fit_calibration(found, counts, source).model_dump()
+    return content | {"most_left": fit_most_left(left)}
+
+
+def count_verdicts(outcomes: Sequence[Outcome]) -> str:
+    """Table of verdicts by number and strength of the hidden effects, as Markdown."""
+    groups: dict[tuple[str, ...], list[Values]] = {}
+    for o in outcomes:
+        number = ("nothing", "one", "two")[len(o.values["answer"])]
+        of_library = "no" if o.values["without"] else "yes"
+        groups.setdefault((of_library, number, o.values["strength"] or "-"), []).append(o.values)
+    order = sorted(groups, key=lambda g: (g[0] == "no", g[1], ("-", *STRENGTHS).index(g[2])))
+    head = ["in the library", "hidden", "strength", "right, by class", "strictly", "a wrong name",
+            "a law offered", "intervals that hold the truth"]  # fmt: skip
+    return table(head, [(*group, *map(rate_text, _rates(groups[group]))) for group in order])
+
+
+def _rates(verdicts: Sequence[Values]) -> Iterator[Rate]:
+    """Rates of right verdicts, strictly right ones, wrong names, laws, and right intervals."""
+    yield rate(v["result"] in RIGHT_RESULTS and not v["without"] for v in verdicts)
+    yield rate(v["result"] == "right_strict" and not v["without"] for v in verdicts)
+    yield rate(v["result"] == "wrong_name" for v in verdicts)
+    yield rate(bool(v["offered"]) for v in verdicts)
+    checked = [Checked.model_validate(c) for v in verdicts for c in (*v["base"], *v["parameters"])]
+    yield rate(c.covered for c in checked if c.low is not None or c.high is not None)
+
+
+def judge(outcomes: Sequence[Outcome]) -> str:
+    """Counts and reliability of verdicts, for effects in the library and withheld ones."""
+    (found, outside), by = names(outcomes), calibration()
+    parts = [f"{count_verdicts(outcomes)}\n"]
+    groups = {"All": (False, True), "None withheld": (False,), "Withheld": (True,)}
+    for words, kinds in groups.items():
+        mine = [(by.probability(n.signs), n.right) for n in found if n.outside in kinds]
+        if mine:
+            counts = shares(found, outside) if len(kinds) > 1 else None
+            parts.append(f"{words}:\n\n{reliable(mine, counts)}\n")
+    return "\n".join(parts)
+
+
+STUDY = Study(
+    name="confidence",
+    question="Is what `cell gap` names right as often as it states, in and out of its library?",
+    draw=draw,
+    measure=measure,
+    by=("library",),
+    quantities=(
+        Quantity("is_named", Statistic.SHARE, "%", 100.0, label="named", digits=0),
+        Quantity("is_right", Statistic.SHARE, "%", 100.0, label="right of these", digits=0),
+        Quantity("confidence", Statistic.MEAN, "%", 100.0, label="stated", digits=0),
+        Quantity("offered", Statistic.SHARE, "%", 100.0, label="a law offered", digits=0),
+        Quantity("closed", Statistic.MEDIAN, "%", 100.0, label="gap that it closes", digits=0),
+        Quantity("simulations", Statistic.MEDIAN, "", 1.0, label="simulations", digits=0),
+    ),
+    fits=(Fit("cell/gap/verdict/confidence.yaml", calibrate),),
+    ledger=Ledger("tests/lab/ledgers/confidence.md", judge),
+    usual=60,
+    quick=1,
+    seconds=60.0,
+)

@@ -1,0 +1,150 @@
+"""Study of consecutive folds of one specimen by a learning cell, both right and faulty.
+
+The controller does not know what is wrong. In a wrong cell a ruler measures the first fold, once.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
+from cell.config.places import find_configs
+from cell.folding.result import FoldResult
+from cell.learning.experience import Memory, learn_from_ruler
+from cell.record.run import read_run
+from cell.train.folds import changed_since, fold_unknown
+from cell.train.predicted import compare
+from drivers.strip.file import StripFile
+from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain
+from policies.adaptive.train.piece import truth
+
+RIGHT_CELL = "right"
+WRONG_CELLS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
+    "tool 3 mm off": {"tcp_offset": {"x": 0.003, "z": 0.0}},
+    "desk 1 mm low": {"desk_height": {"height": -0.001}},
+    "images 20 ms old": {"camera_latency": {"time": 0.02}},
+    "images shifted 2 mm": {"homography_shift": {"x": 0.002, "z": 0.0}},
+    "board 0.3 % off": {"homography_scale": {"scale": 0.003}},
+    "arm 10 ms late": {"control_delay": {"time": 0.01}},
+    "strip 2 mm longer": {"length_error": {"error": 0.002}},
+    "stated 0.5 mm thicker": {},
+}
+THICKER = {"stated 0.5 mm thicker": 5e-4}  # m
+SHORT_SERIES, LONG_SERIES, CHANGED_SERIES = "two folds", "three folds", "wrong from fold 4 on"
+SERIES_FOLDS = {SHORT_SERIES: 2, LONG_SERIES: 3, CHANGED_SERIES: 5}
+CONDITIONS = (
+    (RIGHT_CELL, SHORT_SERIES),
+    *((cell, LONG_SERIES) for cell in (RIGHT_CELL, *WRONG_CELLS)),
+    *((cell, CHANGED_SERIES) for cell in ("tool 3 mm off", "images 20 ms old")),
+)
+FOLDS_BEFORE = 3  # folds of a right cell before it changes
+RULER_MARK = 5e-4  # m, to which a ruler is read
+FRICTION_RANGE = (20.0, 60.0)  # 1/m, of every second strip
+
+
+def draw(number: int, rng: np.random.Generator) -> Values:
+    """Draw a strip for the next cell and series; every second one has yarn friction."""
+    turn, which = divmod(number, len(CONDITIONS))
+    cell, series = CONDITIONS[which]
+    rubs = {"bending_hysteresis": friction(rng, *FRICTION_RANGE)} if (turn + which) % 2 else {}
+    content = plain(rng, STRIP_LENGTH, **rubs).model_dump(mode="json", by_alias=True)
+    return {"cell": cell, "series": series, "strip": content, "noise": number}
+
+
+def measure(case: Values) -> Values:
+    """Facts of each fold, the biases that the cell learned, and whether it noticed a change."""
+    cell, series = case["cell"], case["series"]
+    found: dict[str, object] = {}
+    with TemporaryDirectory() as name:
+        place, runs = Path(name), []
+        memory = place / "memory"
+        for number in range(SERIES_FOLDS[series]):
+            result = _fold(case, number, place, memory)
+            runs.append(Path(result.run).name)
+            found |= {f"{key}_{number + 1}": value for key, value in _facts(case, result).items()}
+            if series == LONG_SERIES and cell != RIGHT_CELL and number == 0:
+                _measure_by_ruler(result, memory)
+        since = changed_since(StripFile.model_validate(case["strip"]), memory)
+    noticed = since in runs[FOLDS_BEFORE:] if series == CHANGED_SERIES else None
+    return {**found, "worse": _growth(found), "noticed": noticed,
+            "alarm": since is not None and not noticed}  # fmt: skip
+
+
+def _fold(case: Values, number: int, place: Path, memory: Path) -> FoldResult:
+    """Run fold `number` of the series, by a cell that learns in `memory`."""
+    strip = StripFile.model_validate(case["strip"])
+    wrong = case["cell"] != RIGHT_CELL and not (
+        case["series"] == CHANGED_SERIES and number < FOLDS_BEFORE
+    )
+    effects = {**strip.effects, **(WRONG_CELLS[case["cell"]] if wrong else {})}
+    thicker = THICKER.get(case["cell"], 0.0) if wrong else 0.0
+    plant, seed = strip.model_copy(update={"effects": effects}), 10 * case["noise"] + number
+    return fold_unknown(plant, seed, place, memory=memory, thicker=thicker)
+
+
+def _facts(case: Values, result: FoldResult) -> Values:
+    """Facts of one fold: d by truth, the bias left in images, errors of the estimated strip [m]."""
+    known, learning = compare(result), read_run(Path(result.run)).header.learning or {}
+    facts = {k: known.get(k) for k in ("outcome", "true", "edges", "within_1", "within_2")}
+    facts |= {"corrected": learning["seen"], "place": learning["place"]}
+    facts |= {"seen": result.displacement, "edges_seen": result.edge_offset}
+    if "predicted" in known and result.displacement is not None:
+        facts["bias"] = result.displacement - known["predicted"] + learning["seen"]
+    if "believed_time" not in known:
+        return facts
+    length, time, rubbing = truth(StripFile.model_validate(case["strip"]))
+    return facts | {
+        "length_off": known["believed_length"] - length,
+        "time_off": known["believed_time"] - time,
+        "friction_off": known["believed_friction"] - rubbing,
+    }
+
+
+def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
+    """Teach the cell the edge offset read with a ruler, where the camera saw the edges too."""
+    if result.edge_offset is not None and result.edge_offset_true is not None:
+        edges = RULER_MARK * round(result.edge_offset_true / RULER_MARK)
+        known = Memory(find_configs(None).cell().name, memory, twin=True)
+        learn_from_ruler(Path(result.run), edges, known)
+
+
+def _growth(found: Mapping[str, object]) -> float | None:
+    """Mean |d| [m] of the later folds less that of the first; None where one is missing."""
+    first, *others = (
+        found.get(f"true_{number + 1}") for number in range(max(SERIES_FOLDS.values()))
+    )
+    learned = [abs(one) for one in others if isinstance(one, float)]
+    return float(np.mean(learned)) - abs(first) if learned and isinstance(first, float) else None
+
+
+STUDY = Study(
+    name="series",
+    question="Does the second fold of a specimen profit from the first, even in a wrong cell?",
+    draw=draw,
+    measure=measure,
+    by=("cell", "series"),
+    quantities=(
+        Quantity("true_1", Statistic.MEAN_SIZE, label="|d| of fold 1"),
+        Quantity("true_2", Statistic.MEAN_SIZE, label="of fold 2"),
+        Quantity("true_2", Statistic.P95_SIZE, label="95 %"),
+        Quantity("true_2", Statistic.WORST_SIZE, label="worst"),
+        Quantity("true_3", Statistic.MEAN_SIZE, label="of fold 3"),
+        Quantity("seen_1", Statistic.MEAN_SIZE, label="seen, fold 1"),
+        Quantity("seen_2", Statistic.MEAN_SIZE, label="fold 2"),
+        Quantity("seen_3", Statistic.MEAN_SIZE, label="fold 3"),
+        Quantity("edges_1", Statistic.MEAN_SIZE, label="|edges| of fold 1"),
+        Quantity("edges_2", Statistic.MEAN_SIZE, label="of fold 2"),
+        Quantity("edges_3", Statistic.MEAN_SIZE, label="of fold 3"),
+        Quantity("worse", Statistic.MEAN, label="worse by learning"),
+        Quantity("time_off_1", Statistic.RMS, "%", 100.0, label="time off, fold 1", digits=0),
+        Quantity("time_off_2", Statistic.RMS, "%", 100.0, label="fold 2", digits=0),
+        Quantity("noticed", Statistic.SHARE, "%", 100.0, label="change noticed", digits=0),
+        Quantity("alarm", Statistic.SHARE, "%", 100.0, label="false alarm", digits=0),
+    ),
+    usual=12 * len(CONDITIONS),
+    quick=1,
+    seconds=30.0,
+)

@@ -1,0 +1,135 @@
+"""Study of unmeasured strips, drawn over the paper's range, folded by `adaptive` through images.
+
+A cell that knows only their length folds them, with calipers also their thickness.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Fit, Outcome, Study, Values
+from cell.record.run import read_run
+from cell.train.folds import configs_with_twin, fold_unknown
+from cell.train.predicted import QUANTITIES, SIGMAS_95, compare
+from drivers.strip.file import StripFile
+from drivers.types import Array
+from policies.adaptive.bias import untrained_spread
+from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, friction, plain
+from policies.adaptive.train.piece import truth
+from policies.adaptive.train.transfer import COVERAGE
+
+FRICTION_RANGE = (20.0, 60.0)  # 1/m
+DISPLACEMENT_SCALE = 1e-3  # m
+CROSS_FOLDS = 5  # of the cross-validation
+EFFECT_PAIRS = ("friction+seam", "seam+stretch", "friction+hem_mass")
+CONDITIONS = (
+    *(("calipers", hidden) for hidden in ("nothing", "friction", *EFFECTS, *EFFECT_PAIRS)),
+    *((known, hidden) for known in ("length alone", "half dropped") for hidden in
+      ("nothing", "friction")),
+)  # fmt: skip
+
+
+def draw(number: int, rng: np.random.Generator) -> Values:
+    """Draw a strip in the next condition: what the cell knows or loses, and the hidden effect."""
+    known, hidden = CONDITIONS[number % len(CONDITIONS)]
+    effects = {}
+    for part in hidden.split("+"):
+        if part == "friction":
+            effects["bending_hysteresis"] = friction(rng, *FRICTION_RANGE)
+        elif part != "nothing":
+            effects[part] = effect(part, rng)
+    strip = plain(rng, STRIP_LENGTH, **effects)
+    content = strip.model_dump(mode="json", by_alias=True)
+    return {"known": known, "hidden": hidden, "strip": content, "noise": number}
+
+
+def measure(case: Values) -> Values:
+    """Facts of the fold, and the errors of `adaptive`'s estimate of the strip."""
+    strip = StripFile.model_validate(case["strip"])
+    with TemporaryDirectory() as name:
+        place = Path(name)
+        lost = 0.5 if case["known"] == "half dropped" else 0.0
+        result = fold_unknown(
+            strip, case["noise"], place, measured=case["known"] != "length alone",
+            configs=configs_with_twin(place, camera={"lost": lost}),
+        )  # fmt: skip
+        found = dict(compare(result)) | {"untrained": untrained_spread().added}
+        found |= _loop_size(Path(result.run), strip.length, result.edge_offset_true)
+    length, time, _ = truth(strip)
+    if "believed_length" in found:
+        found |= {
+            "length_off": found["believed_length"] - length,
+            "time_off": found["believed_time"] - time,
+        }
+    return found
+
+
+def _loop_size(run: Path, length: float, edges: float | None) -> Values:
+    """Height and width [m] of the laid fold's loop, and the extra length [m] that it holds."""
+    seen = [e.facts.get("loop") for e in read_run(run).events() if e.kind == "edges_seen"]
+    if edges is None or not seen or not isinstance(loop := seen[0], dict):
+        return {}
+    held = edges - (length - 2.0 * loop["tip_x"])
+    return {"height": loop["height"], "width": loop["width"], "held": held}
+
+
+def laid_weights(outcomes: Sequence[Outcome]) -> Values:
+    """Linear model of the loop's extra length, and its cross-validated rms error [m]."""
+    kept = [o for o in outcomes if "held" in o.values and o.case.values["known"] == "calipers"]
+    thickness = [o.case.values["strip"]["thickness"] for o in kept]
+    size = [(1.0, o.values["height"], o.values["width"]) for o in kept]
+    terms, held = np.column_stack([size, thickness]), np.array([o.values["held"] for o in kept])
+    fold = np.arange(len(kept)) % CROSS_FOLDS
+    errors = [held[fold == k] - terms[fold == k] @ _robust_fit(terms[fold != k], held[fold != k])
+              for k in range(CROSS_FOLDS)]  # fmt: skip
+    names = ("constant", "height", "width", "thickness")
+    rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    return {"schema": 1, **dict(zip(names, _robust_fit(terms, held).tolist(), strict=True)),
+            "rms": rms, "folds": len(kept)}  # fmt: skip
+
+
+def untrained_sigma(outcomes: Sequence[Outcome]) -> Values:
+    """Addition to the critic's sigma [m] with which 68 % of all displacements are within one."""
+    known = [o.values for o in outcomes if "surprise" in o.values]
+    surprise = np.array([values["surprise"] for values in known])
+    used = [values.get("untrained", 0.0) for values in known]
+    trained = np.square([values["sigma"] for values in known]) - np.square(used)
+    added = float(np.quantile(np.sqrt(np.maximum(surprise**2 - trained, 0.0)), COVERAGE))
+    ratio = np.abs(surprise) / np.sqrt(trained + added**2)
+    within = [float(np.mean(ratio < sigmas)) for sigmas in (1.0, SIGMAS_95)]
+    return {"schema": 1, "added": added, "within_1": within[0], "within_2": within[1],
+            "folds": len(known)}  # fmt: skip
+
+
+def _robust_fit(terms: Array, values: Array) -> Array:
+    """Fit `values` (n,) [m] by `terms` (n, k) with Cauchy's loss beyond DISPLACEMENT_SCALE."""
+    found = np.linalg.lstsq(terms, values, rcond=None)[0]
+    fit = least_squares(
+        lambda x: (terms @ x - values) / DISPLACEMENT_SCALE, found, loss="cauchy", x_scale="jac"
+    )
+    return np.asarray(fit.x)
+
+
+STUDY = Study(
+    name="unknown",
+    question="How far off does `adaptive` fold strips that nobody measured, and does it say so?",
+    draw=draw,
+    measure=measure,
+    by=("known", "hidden"),
+    quantities=(
+        *QUANTITIES,
+        Quantity("length_off", Statistic.RMS, "%", 100.0, label="length off", digits=1),
+        Quantity("time_off", Statistic.RMS, "%", 100.0, label="time off", digits=0),
+    ),
+    fits=(
+        Fit("cell/perception/laid.yaml", laid_weights),
+        Fit("policies/adaptive/untrained.yaml", untrained_sigma),
+    ),
+    usual=10 * len(CONDITIONS),
+    quick=1,
+    seconds=10.0,
+)

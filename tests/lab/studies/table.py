@@ -1,0 +1,89 @@
+"""Table of a study: one row a group of cases, one column a quantity with its interval."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cell.campaign.statistic import Figure, figure
+from cell.campaign.study import Outcome
+from tests.lab.studies.campaign import Kept
+
+ALL = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Row of the table: a group of cases, the number of them measured, and their statistics."""
+
+    group: str
+    count: int
+    figures: tuple[Figure, ...]
+
+
+def rows(kept: Kept) -> tuple[Row, ...]:
+    """Rows of a study's table, one a group of cases, and of several groups a last one of all."""
+    quantities, groups = kept.asked.study.quantities, group(kept)
+    if len(groups) > 1:
+        groups[ALL] = list(kept.outcomes)
+    return tuple(
+        Row(name, len(some), tuple(figure(q, samples(some, q.value)) for q in quantities))
+        for name, some in groups.items()
+    )
+
+
+def group(kept: Kept) -> dict[str, list[Outcome]]:
+    """Group outcomes by the values of the study's `by`, in the order of their cases."""
+    groups: dict[str, list[Outcome]] = {}
+    for outcome in sorted(kept.outcomes, key=lambda o: o.case.number):
+        name = ", ".join(str(outcome.case.values[key]) for key in kept.asked.study.by) or ALL
+        groups.setdefault(name, []).append(outcome)
+    return groups
+
+
+def keeps_bars(found: Sequence[Row]) -> bool:
+    """Whether the last row, that of all cases, keeps every bar."""
+    return bool(found) and all(f.held is not False for f in found[-1].figures)
+
+
+def head(kept: Kept) -> tuple[str, ...]:
+    """Column heads of a study's table."""
+    study = kept.asked.study
+    return (", ".join(study.by) or "cases", "n", *(q.title for q in study.quantities))
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """Cells of one row of the table as text."""
+    return (row.group, str(row.count), *(f.text() for f in row.figures))
+
+
+def markdown(kept: Kept) -> str:
+    """Format the table in Markdown, with the share of cases measured and the command for it."""
+    titles = head(kept)
+    lines = [titles, ("---",) * len(titles), *(cells(row) for row in rows(kept))]
+    escaped = ([cell.replace("|", "\\|") for cell in line] for line in lines)
+    return "\n".join(
+        ["| " + " | ".join(line) + " |" for line in escaped] + ["", progress(kept), ""]
+    )
+
+
+def progress(kept: Kept) -> str:
+    """Sentence on the number of measured cases, the version of the code, and missing cases."""
+    asked, lost = kept.asked, kept.lost
+    done = len(kept.outcomes)
+    words = f"{done} of {asked.count} so far" if done < asked.count else f"{done} cases"
+    words += f"; 95 % intervals over cases; `python -m tests.lab study {asked.study.name} "
+    words += f"--seed {asked.seed} --count {asked.count}`, code and inputs {kept.of}"
+    words += "" if kept.present else ", which is other code than this"
+    aside = sum(record.state == "set_aside" for record in lost)
+    words += f"; {aside} set aside" if aside else ""
+    words += f"; {len(lost) - aside} failed" if len(lost) > aside else ""
+    return words + (f"; {kept.other} records of other code left out" if kept.other else "") + "."
+
+
+def samples(outcomes: Sequence[Outcome], name: str) -> list[list[float]]:
+    """Numbers called `name` in each outcome, NaN where missing."""
+    found = []
+    for outcome in outcomes:
+        value = outcome.values.get(name)
+        each = value if isinstance(value, list) else [value]
+        found.append([float("nan") if one is None else float(one) for one in each])
+    return found

@@ -1,0 +1,137 @@
+"""The command `study`: measures a property of the cell over many cases."""
+
+import re
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cell.cli.options import Cluster, Json, engine, print_json, resumable
+
+if TYPE_CHECKING:
+    from cell.campaign.run import Engine
+    from tests.lab.studies.campaign import Asked
+
+
+def study(
+    name: Annotated[str | None, typer.Argument(help="Which study; without, all are listed.")] = (
+        None
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 0,
+    count: Annotated[int | None, typer.Option(min=1, help="Cases [default: the usual].")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the study [default: runs/studies/NAME-SEED].")
+    ] = None,
+    shard: Annotated[
+        str | None, typer.Option(help="Measure share i of n alone, as 3/40; OUT can be merged.")
+    ] = None,
+    cluster: Cluster = None,
+    show: Annotated[
+        bool, typer.Option("--show", help="Draw table and page of what OUT holds; measure nothing.")
+    ] = False,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="The smallest size, no bar judged; without NAME, every study of seconds.",
+        ),
+    ] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Measure anew what OUT already holds.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Measure something of the cell over many cases: with a table, a page and intervals.
+
+    A case that OUT holds, by the same code, is done: the same command goes on where it stopped.
+    """
+    from drivers.errors import ConfigurationError
+    from tests.lab.studies.campaign import Asked
+    from tests.lab.studies.catalogue import studies, study_of
+
+    if name is None and not quick:
+        _print_studies(as_json=as_json)
+        return
+    chosen = [s for s in studies().values() if s.quick] if name is None else [study_of(name)]
+    kept = True
+    for each in chosen:
+        size = count or (max(each.quick, 1) if quick else each.usual)
+        folder = _study_folder(out, f"{each.name}-{seed}", alone=name is not None)
+        asked = Asked(each, seed, size, folder)
+        if show and not asked.journal.is_dir():
+            raise ConfigurationError(
+                f"--show: {folder} holds no case of {each.name}; measure some first, without it"
+            )
+        if not show:
+            _measure(asked, engine(jobs, cluster, each.limit), _shard(shard), again, quiet=as_json)
+        held, lost = _print_study(asked, as_json=as_json)
+        kept = (held or quick) and not (lost and shard is None) and kept
+    sys.exit(0 if kept or show else 1)
+
+
+def _study_folder(out: Path | None, own: str, *, alone: bool) -> Path:
+    """Folder of a study: OUT itself for one that runs alone, or else the folder `own` in it."""
+    if out is not None and alone:
+        return out
+    return (out or Path("runs/studies")) / own
+
+
+def _print_studies(*, as_json: bool) -> None:
+    from tests.lab.studies.catalogue import studies
+
+    if as_json:
+        for each in studies().values():
+            facts = {"study": each.name, "question": each.question, "count": each.usual}
+            print_json(facts | {"seconds": each.seconds})
+        return
+    for each in studies().values():
+        cost = f"{each.usual} cases of {each.seconds:g} s"
+        sys.stdout.write(f"{each.name:14s} {cost:22s} {each.question}\n")
+
+
+def _shard(given: str | None) -> tuple[int, int]:
+    from drivers.errors import ConfigurationError
+
+    found = re.fullmatch(r"(\d+)/(\d+)", given or "1/1")
+    number, count = map(int, found.groups()) if found else (0, 0)
+    if not 1 <= number <= count:
+        raise ConfigurationError(f"--shard: {given!r}; give i/n with i from 1 to n, like 3/40")
+    return number, count
+
+
+def _measure(
+    asked: "Asked", by: "Engine", shard: tuple[int, int], again: bool, *, quiet: bool
+) -> None:
+    from rich.console import Console
+
+    from cell.campaign.progress import Meter
+    from tests.lab.studies.campaign import measure
+
+    with resumable(asked.folder), Meter(Console(stderr=True), quiet=quiet) as meter:
+        measure(asked, by, meter, shard, again=again)
+
+
+def _print_study(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
+    """Print a study and write its page; returns whether bars are kept, and whether cases failed."""
+    from tests.lab.studies.campaign import kept_outcomes
+    from tests.lab.studies.page import write_page
+    from tests.lab.studies.table import keeps_bars, markdown, rows
+
+    found = kept_outcomes(asked)
+    table = rows(found)
+    page = write_page(found)
+    if as_json:
+        for row in table:
+            figures = {f.quantity.title: _figure_facts(asdict(f)) for f in row.figures}
+            line = {"study": asked.study.name, "group": row.group, "count": row.count}
+            print_json(line | {"figures": figures})
+    else:
+        sys.stdout.write(f"{asked.study.question}\n\n{markdown(found)}  {page}\n")
+    return keeps_bars(table), bool(found.lost)
+
+
+def _figure_facts(figure: dict[str, object]) -> dict[str, object]:
+    return {key: value for key, value in figure.items() if key != "quantity"}

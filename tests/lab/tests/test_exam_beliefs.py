@@ -1,0 +1,90 @@
+"""The study that fits the prior beliefs of the posterior."""
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cell.campaign.study import Case as StudyCase
+from cell.campaign.study import Outcome
+from cell.gap.selection.beliefs import BELIEFS_FILE, Beliefs, beliefs
+from cell.gap.selection.posterior import Posterior, Weighed
+from tests.lab.exam.case import Case
+from tests.lab.exam.cases.draw import FOREIGN, Draw
+from tests.lab.studies.catalogue.beliefs import (
+    IMMATERIAL,
+    LAPSE,
+    STUDY,
+    WRONG_SIGMAS,
+    fit_beliefs,
+    log_score,
+)
+
+
+def sets(**shares: float) -> Posterior:
+    """Posterior over sets of effects, whose names are joined by two underscores."""
+    models = [Weighed(frozenset(filter(None, k.split("__"))), 0.0, p) for k, p in shares.items()]
+    return Posterior(tuple(models))
+
+
+def hiding(*names: str) -> Case:
+    return Case(name="a", tier="state", kind="single", strip="denim", seed=0, answer=names)
+
+
+def outcome(nats: Callable[[float, float], float]) -> Outcome:
+    scores = [{"immaterial": i, "wrong": w, "nats": nats(i, w)}
+              for i, w in product(IMMATERIAL, WRONG_SIGMAS)]  # fmt: skip
+    return Outcome(StudyCase(0, 0, {}), {"scores": scores})
+
+
+def test_the_score_is_the_probability_of_what_is_hidden() -> None:
+    found = sets(seam=0.7, hem_mass=0.2, seam__air_drag=0.1)
+    assert log_score(found, hiding("seam")) == pytest.approx(np.log(LAPSE + 0.99 * 0.7))
+    assert log_score(found, hiding("air_drag", "seam")) == pytest.approx(np.log(LAPSE + 0.99 * 0.1))
+
+
+def test_a_case_whose_effect_was_never_fitted_counts_a_bounded_amount() -> None:
+    assert log_score(sets(seam=1.0), hiding("air_drag")) == pytest.approx(np.log(LAPSE))
+
+
+def test_what_looks_alike_counts_as_the_effect() -> None:
+    found = sets(control_delay=0.3, camera_latency=0.5, seam=0.2)
+    assert log_score(found, hiding("control_delay")) == pytest.approx(np.log(LAPSE + 0.99 * 0.8))
+    assert log_score(found, hiding("seam")) == pytest.approx(np.log(LAPSE + 0.99 * 0.2))
+
+
+def test_nothing_hidden_is_the_empty_set() -> None:
+    assert log_score(Posterior((Weighed(frozenset(), 0.0, 1.0),)), hiding()) == pytest.approx(0.0)
+
+
+def test_the_fitted_beliefs_score_best_over_all_cases() -> None:
+    small = outcome(lambda i, w: -i)
+    middle = outcome(lambda i, w: -4.0 * abs(i - 0.09) - abs(w - 0.2))
+    found = Beliefs.model_validate(fit_beliefs([small, middle, middle]))
+    assert (found.immaterial, found.wrong) == (0.09, 0.2)
+    assert found.memory == beliefs().memory
+    assert "0.09 -0.0" in found.source
+    assert Beliefs.model_validate(fit_beliefs([small])).immaterial == min(IMMATERIAL)
+
+
+def test_a_number_of_which_the_cases_say_nothing_is_kept() -> None:
+    found = Beliefs.model_validate(fit_beliefs([outcome(lambda i, w: -abs(i - 0.18) + 0.001 * w)]))
+    assert (found.immaterial, found.wrong) == (0.18, beliefs().wrong)
+
+
+def test_the_package_holds_beliefs_that_the_study_wrote() -> None:
+    assert beliefs().belongs_to == STUDY.fits[0].path
+    assert BELIEFS_FILE.as_posix().endswith(STUDY.fits[0].path)
+    assert "python -m tests.lab study beliefs" in beliefs().source
+
+
+def test_cases_hide_nothing_or_effects_of_every_strength_in_every_plant() -> None:
+    drawn: list[dict[str, Any]] = [dict(case.values) for case in STUDY.cases(5, 16)]
+    assert [d["kind"] for d in drawn].count("nothing") == 4
+    assert [d["kind"] for d in drawn].count("pair") == 3
+    singles = [d["number"] for d in drawn if d["kind"] == "single"]
+    assert {(n % 3, n % FOREIGN) for n in singles} == set(product(range(3), range(FOREIGN)))
+    case = Draw("state", "single", 1, 1, drawn[2]["seed"]).case()
+    assert case.strength == "medium"

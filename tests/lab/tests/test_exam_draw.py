@@ -1,0 +1,74 @@
+"""What is drawn for the exam can be folded, and shows."""
+
+import numpy as np
+import pytest
+
+from cell.gap.strength import Ruler, drawn_path
+from cell.record.header import Sigma
+from drivers.strip.effects import registry
+from tests.lab.exam.case import STRENGTHS
+from tests.lab.exam.cases import draw
+from tests.lab.exam.cases.draw import Draw, cases
+from tests.lab.exam.runs.from_model import BY, MOTIONS, plant_of
+from tests.support.gap_strip_cases import denim
+
+
+@pytest.fixture(scope="module")
+def ruler() -> Ruler:
+    return Ruler.standard(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
+
+
+def test_effects_that_cancel_each_leave_next_to_nothing(ruler: Ruler) -> None:
+    twins = {"camera_latency": {"time": 0.03}, "control_delay": {"time": 0.03}}
+    assert ruler.excess([{k: v} for k, v in twins.items()]).min() > 1.0
+    assert ruler.of_each(twins).max() < 0.3
+
+
+def test_different_effects_keep_their_gaps(ruler: Ruler) -> None:
+    both = {
+        "homography_shift": {"x": 0.004, "z": 0.0},
+        "hem_mass": {"mass": 0.001, "position": 0.5, "width": 0.02},
+    }
+    each = ruler.of_each(both)
+    assert each.min() > 1.0
+    assert (each <= 1.1 * ruler.excess([{k: v} for k, v in both.items()])).all()
+
+
+def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(ruler: Ruler) -> None:
+    effect = registry()["grip_slip"]
+    path = drawn_path(effect, denim(), np.random.default_rng(0))
+    found = {s: ruler.share(path, target, draw.JUMP * target) for s, target in STRENGTHS.items()}
+    drawn = {s: share for s, share in found.items() if share is not None}
+    assert 1 <= len(drawn) < len(found)
+    for strength, share in drawn.items():
+        excess = ruler.excess([{"grip_slip": path.at(share)}])[0]
+        assert 1.0 <= excess / STRENGTHS[strength] <= draw.JUMP
+
+
+@pytest.mark.slow
+def test_a_single_effect_is_as_strong_as_asked_on_the_plant_that_hides_it() -> None:
+    (weak, medium) = cases("state", 2, 5, "single")
+    sigma = Sigma.model_validate(BY.sigma())
+    for case, target in ((weak, STRENGTHS["weak"]), (medium, STRENGTHS["medium"])):
+        assert case.motions == "standard"
+        plant = Ruler.standard(plant_of(case), MOTIONS, sigma)
+        assert plant.excess([case.effects])[0] == pytest.approx(target, rel=0.3)
+
+
+def test_half_of_the_plants_from_the_state_are_not_the_model(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plants = [case.plant for case in cases("state", 2, 5, "nothing")]
+    assert plants == ["another engine", "the model itself"]
+    values = {"coefficient": 1.0, "yield_curvature": 9.0, "slope": 0.5, "cubic": 1e-5}
+    monkeypatch.setattr(draw, "_visible_effect", lambda case, *_: (case.strip, values))
+    lawful = Draw("state", "single", 0, 3, 5).case()
+    assert lawful.plant == "another law"
+    assert set(lawful.causes) == {"oblique_drag"}
+    assert lawful.answer == ("air_drag",)
+    assert not lawful.effects
+
+
+@pytest.mark.slow
+def test_the_same_seed_draws_the_same_cases_however_many_at_a_time() -> None:
+    assert cases("state", 3, 5) == cases("state", 3, 5, jobs=2)

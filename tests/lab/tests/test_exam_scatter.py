@@ -1,0 +1,97 @@
+"""Runs of an exam differ from one another by as much as their level says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.record.files import RUN, TICKS
+from drivers.readers import read_yaml
+from drivers.strip.describe import describe
+from tests.lab.exam.report.page import scatter_table
+from tests.lab.exam.runs import from_model
+from tests.lab.exam.runs.scatter import GRASP, LEVELS, RunScatter
+from tests.lab.exam.scoring.results import Entry
+from tests.support.exam_cases import case
+from tests.support.gap_strip_cases import denim
+
+
+def test_without_scatter_a_strip_is_held_and_made_as_described() -> None:
+    none = RunScatter.draw("none", 1, 2)
+    model = describe(denim())
+    assert none.in_rig(model) is model
+    pose = np.array([0.5, 0.1, 0.0])
+    np.testing.assert_array_equal(none.true_pose(pose, 1.0), pose)
+
+
+@pytest.mark.parametrize("level", ["half", "full"])
+def test_runs_differ_by_as_much_as_their_level_says(level) -> None:
+    drawn = [RunScatter.draw(level, 3, index) for index in range(400)]
+    of = LEVELS[level]
+    assert np.std([d.grip for d in drawn]) == pytest.approx(of.grip, rel=0.1)
+    assert np.std([d.damping for d in drawn]) == pytest.approx(of.damping, rel=0.1)
+    assert np.std([d.stiffness for d in drawn]) == pytest.approx(of.stiffness, rel=0.1)
+
+
+def test_scatter_of_a_run_is_the_same_however_often_it_is_made() -> None:
+    first, second = (RunScatter.draw("full", 5, 7) for _ in range(2))
+    np.testing.assert_array_equal(first.grip, second.grip)
+    assert (first.damping, first.stiffness) == (second.damping, second.stiffness)
+
+
+def test_the_edge_moves_to_where_it_is_held_and_stays_there() -> None:
+    scatter, pose = RunScatter.draw("full", 5, 7), np.zeros(3)
+    np.testing.assert_array_equal(scatter.true_pose(pose, 0.0), pose)
+    for time in (GRASP, 5.0):
+        np.testing.assert_allclose(scatter.true_pose(pose, time), [*scatter.grip, 0.0])
+
+
+def test_rig_and_strip_of_a_model_are_scattered() -> None:
+    scatter, model = RunScatter.draw("full", 5, 7), describe(denim())
+    held = scatter.in_rig(model)
+    assert (held.rig.grip_x, held.rig.grip_z) == pytest.approx(tuple(scatter.grip))
+    ratio = held.mechanics.viscosity / model.mechanics.viscosity
+    np.testing.assert_allclose(ratio, scatter.damping)
+
+
+def test_the_table_is_split_by_level() -> None:
+    cases = [case(f"a-{level}", "nothing", {}, scatter=level) for level in ("none", "half", "full")]
+    page = scatter_table([Entry(case=c, of="x", state="failed") for c in cases])
+    assert "0.15 mm, 2.5 %, 0.25 %" in page
+    assert page.count("0 of 1") == 6
+
+
+def test_each_motion_is_made_as_often_as_the_case_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(from_model, "MOTIONS", ("fast",))
+    monkeypatch.setattr(from_model, "SEGMENTS", 40)
+    from_model.make_runs(case("nothing", "nothing", {}).model_copy(update={"repeats": 2}), tmp_path)
+    assert sorted(run.name for run in tmp_path.iterdir()) == ["00-fast", "01-fast"]
+    heads = [read_yaml(tmp_path / name / RUN) for name in ("00-fast", "01-fast")]
+    assert [head["index"] for head in heads] == [0, 1]
+    assert {head["condition"] for head in heads} == {"motion:fast"}
+
+
+def test_a_chain_from_the_state_follows_the_law_of_its_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(from_model, "MOTIONS", ("fast",))
+    monkeypatch.setattr(from_model, "LINKS", 40)
+    plain = case("nothing", "nothing", {}).model_copy(update={"engine": "chain"})
+    lawful = plain.model_copy(update={"causes": {"dahl": {"yield_curvature": 40.0}}})
+    for name, made in (("plain", plain), ("again", plain), ("lawful", lawful)):
+        from_model.make_runs(made, tmp_path / name)
+    of = {n: (tmp_path / n / "00-fast" / TICKS).read_bytes() for n in ("plain", "again", "lawful")}
+    assert of["plain"] == of["again"]
+    assert of["plain"] != of["lawful"]
+
+
+def test_what_a_tare_leaves_differs_from_run_to_run_and_is_none_without_force() -> None:
+    plain, model = case("nothing", "nothing", {}), describe(denim())
+    assert from_model.after_tare(model, plain, 0) is model
+    feeling = plain.model_copy(update={"force": 0.01})
+    left = [from_model.after_tare(model, feeling, i).observation for i in range(40)]
+    offsets = np.array([[seen.force_x, seen.force_z] for seen in left])
+    assert offsets.std(axis=0) == pytest.approx([0.01, 0.01], rel=0.4)
+    assert from_model.after_tare(model, feeling, 3).observation == left[3]

@@ -1,0 +1,214 @@
+"""The scorer of the exam, its statistics and its ledger."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cell.gap.subject.run_folders import RunFolder, find_runs
+from cell.gap.verdict.schema import Verdict
+from tests.lab.exam.case import Case
+from tests.lab.exam.run_case import baselines
+from tests.lab.exam.scoring.oracle import oracle
+from tests.lab.exam.scoring.results import Entry, Ledger
+from tests.lab.exam.scoring.score import Outcome, result, same, score
+from tests.lab.exam.scoring.statistics import (
+    Rate,
+    brier,
+    calibration_error,
+    confusion,
+    reliability,
+    wilson,
+)
+from tests.support.exam_cases import case, few_runs, named, verdict
+from tests.support.gap_strip_cases import STRIP, denim
+
+
+def of(kind: str, *answer: str) -> Case:
+    return case("a", kind, {name: {} for name in answer})
+
+
+@pytest.mark.parametrize(
+    ("said", "hidden", "right"),
+    [
+        (named("desk_tilt"), of("single", "desk_tilt"), "right_strict"),
+        (named("air_drag"), of("single", "desk_tilt"), "wrong_name"),
+        (named("desk_tilt", "air_drag"), of("single", "desk_tilt"), "wrong_name"),
+        (named("camera_latency"), of("single", "control_delay"), "right_class"),
+        (verdict("no_gap"), of("single", "desk_tilt"), "abstained"),
+        (verdict("unexplained"), of("single", "desk_tilt"), "abstained"),
+        (named("seam", "desk_tilt"), of("pair", "desk_tilt", "seam"), "right_strict"),
+        (named("seam"), of("pair", "desk_tilt", "seam"), "partly"),
+        (named("seam", "air_drag"), of("pair", "desk_tilt", "seam"), "wrong_name"),
+        (named("contact_bias", "seam"), of("pair", "homography_shift", "seam"), "right_class"),
+        (named("contact_bias"), of("pair", "homography_shift", "seam"), "partly"),
+        (named("desk_tilt"), of("nothing"), "false_alarm"),
+        (verdict("unexplained"), of("nothing"), "gap_claimed"),
+        (verdict("no_gap"), of("nothing"), "correct_no_gap"),
+        (verdict("unexplained"), of("outside"), "correct_abstention"),
+        (named("desk_tilt"), of("outside"), "wrong_name"),
+        (verdict("ambiguous", classes=[["a", "b"]]), of("outside"), "wrong_name"),
+        (verdict("no_gap"), of("outside"), "abstained"),
+    ],
+)
+def test_a_verdict_is_worth_what_was_hidden(said: Verdict, hidden: Case, right: str) -> None:
+    assert result(said, hidden) == right
+
+
+@pytest.mark.parametrize(
+    ("classes", "answer", "right"),
+    [
+        ([["desk_tilt", "air_drag"]], ("desk_tilt",), "right_class"),
+        ([["seam", "air_drag"]], ("desk_tilt",), "abstained"),
+        ([["seam", "air_drag"]], ("desk_tilt", "seam"), "partly"),
+        ([["seam", "air_drag"], ["desk_tilt", "crease"]], ("desk_tilt", "seam"), "right_class"),
+    ],
+)
+def test_classes_are_right_where_they_hold_the_answer(
+    classes: list[list[str]], answer: tuple[str, ...], right: str
+) -> None:
+    kind = "pair" if len(answer) > 1 else "single"
+    assert result(verdict("ambiguous", classes=classes), of(kind, *answer)) == right
+
+
+def test_twins_are_one_in_the_answer() -> None:
+    assert same("camera_latency", ["seam", "control_delay"])
+    assert not same("camera_latency", ["seam"])
+
+
+def scored(said: Verdict, hidden: Case) -> Outcome:
+    return score(said, hidden, denim())
+
+
+def test_parameters_are_held_against_the_truth_of_equal_laws_only() -> None:
+    said = named("seam", parameters={"factor": (3.0, 2.0, 3.5), "position": (0.3, 0.29, 0.31)})
+    alike = case("a", "single", {"seam": {"factor": 2.5, "position": 0.4, "width": 0.02}})
+    unlike = case("b", "single", {}, causes={"plate": {"size": 1.0}}, answer=("seam",))
+    factor, position = scored(said, alike).parameters
+    assert factor.switch
+    assert factor.covered
+    assert factor.error == pytest.approx(0.5 / 1.5)  # of the distance from no seam, factor 1
+    assert not position.covered
+    assert scored(said, unlike).result == "right_strict"
+    assert scored(said, unlike).parameters == scored(said, unlike).base == ()
+
+
+def test_the_base_is_held_against_its_factors() -> None:
+    said = verdict("no_gap", base={"bending_length": (1.1, 1.0, 1.2)}, unit=denim().bending_length)
+    [length] = scored(said, case("a", "nothing", {}, stiffness=1.15)).base
+    assert length.covered
+    [length] = scored(said, case("a", "nothing", {}, stiffness=0.9)).base
+    assert not length.covered
+
+
+def test_an_open_end_of_an_interval_covers() -> None:
+    said = named("stretch", parameters={"stiffness": (40.0, 20.0, None)})
+    [found] = scored(said, case("a", "single", {"stretch": {"stiffness": 500.0}})).parameters
+    assert found.covered
+
+
+def test_wilson_agrees_with_its_published_values() -> None:
+    """Newcombe 1998, Stat. Med. 17, table I, method 3."""
+    assert wilson(81, 263) == pytest.approx((0.2553, 0.3662), abs=5e-5)
+    assert wilson(15, 148) == pytest.approx((0.0624, 0.1605), abs=5e-5)
+    assert wilson(0, 20) == pytest.approx((0.0, 0.1611), abs=5e-5)
+    assert wilson(1, 29) == pytest.approx((0.0061, 0.1718), abs=5e-5)
+
+
+@given(st.integers(0, 200), st.integers(0, 200))
+def test_an_interval_holds_its_rate(hits: int, misses: int) -> None:
+    found = Rate(hits, hits + misses)
+    low, high = found.interval
+    assert 0.0 <= low <= high <= 1.0
+    if found.count:
+        assert low - 1e-12 <= found.value <= high + 1e-12
+
+
+def test_confidence_is_binned_and_judged() -> None:
+    stated = [(0.95, True), (0.91, False), (0.2, False), (1.0, True)]
+    low, high = reliability(stated)
+    assert (low.right.count, high.right.count, high.right.hits) == (1, 3, 2)
+    assert brier(stated) == pytest.approx((0.05**2 + 0.91**2 + 0.2**2) / 4)
+    away = abs((0.95 + 0.91 + 1.0) / 3 - 2 / 3)
+    assert calibration_error(stated) == pytest.approx((0.2 + 3 * away) / 4)
+    assert calibration_error(stated, counts=[1.0, 1.0, 3.0, 1.0]) == pytest.approx(
+        (0.6 + 3 * away) / 6
+    )
+    assert calibration_error([(1.0, True)]) == 0.0
+
+
+def test_confusion_counts_hidden_causes_by_stated_names() -> None:
+    table = confusion([("tilt", "tilt"), ("tilt", "drag"), ("seam", "none"), ("tilt", "tilt")])
+    assert table.rows == ("seam", "tilt")
+    assert table.columns == ("tilt", "drag", "none")
+    assert table.count("tilt", "tilt") == 2
+    assert table.count("seam", "drag") == 0
+
+
+def entry(name: str, of: str = "1", **changes: Any) -> Entry:
+    return Entry(case=case(name, "nothing", {}), of=of, **{"state": "failed", **changes})
+
+
+def test_a_ledger_goes_on_after_a_line_that_was_cut_off(tmp_path: Path) -> None:
+    path = tmp_path / "ledger.jsonl"
+    ledger = Ledger(path)
+    outcome = scored(verdict("no_gap"), case("a", "nothing", {}))
+    ledger.put(entry("a", state="scored", outcome=outcome))
+    whole = path.read_bytes()
+    ledger.put(entry("b", state="scored"))
+    path.write_bytes(path.read_bytes()[:-20])
+    opened = Ledger(path)
+    assert [e.case.name for e in opened.entries] == ["a"]
+    assert opened.entries[0].outcome == outcome
+    assert path.read_bytes() == whole
+
+
+def test_the_last_line_of_a_case_counts(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "ledger.jsonl")
+    ledger.put(entry("a", reason="first"))
+    ledger.put(entry("a", reason="second"))
+    assert [e.reason for e in Ledger(ledger.path).entries] == ["second"]
+    assert Ledger(ledger.path, again=True).entries == ()
+
+
+@pytest.fixture(scope="module")
+def tilted(tmp_path_factory: pytest.TempPathFactory) -> Sequence[RunFolder]:
+    """Folds on a desk that is tilted by 20 mrad."""
+    folder = tmp_path_factory.mktemp("tilted")
+    few_runs(case("a", "single", {"desk_tilt": {"angle": 0.02}}), folder)
+    return find_runs([folder])
+
+
+def test_knowing_the_truth_closes_the_gap(tilted: Sequence[RunFolder]) -> None:
+    equal = case("a", "single", {"desk_tilt": {"angle": 0.02}})
+    similar = case("b", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("desk_tilt",))
+    beside = case("c", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("contact_bias",))
+    held = [tilted[-1].name]
+    first, second, wrong = (oracle(c, STRIP, tilted, held) for c in (equal, similar, beside))
+    assert first is not None
+    assert second is not None
+    assert wrong is not None
+    assert first.after < 0.5
+    assert first.shrink > 0.8
+    assert second.after == pytest.approx(first.after, abs=0.2)
+    assert wrong.shrink < 0.8
+
+
+def test_there_is_no_truth_to_know_outside_the_library(tilted: Sequence[RunFolder]) -> None:
+    outside = case("a", "outside", {}, causes={"draught": {"speed": 0.3}}, answer=())
+    assert oracle(outside, STRIP, tilted, [tilted[-1].name]) is None
+
+
+def test_the_least_in_sample_error_names_its_single_effect() -> None:
+    tried = [
+        {"name": "base", "effects": 0, "mean_square": 0.1},
+        {"name": "seam", "effects": 1, "mean_square": 0.5},
+        {"name": "air_drag", "effects": 1, "mean_square": 0.4},
+        {"name": "air_drag + seam", "effects": 2, "mean_square": 0.2},
+    ]
+    found = baselines(verdict("no_gap"), tried, of("single", "seam"))
+    assert (found.single, found.right) == ("air_drag", False)
+    assert baselines(verdict("no_gap"), tried[:1], of("single", "seam")).single is None

@@ -1,0 +1,239 @@
+"""The sealed process sees the runs and the strip file, never the key; exams go on."""
+
+import json
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from cell.campaign.journal import Record
+from cell.campaign.part import Part
+from cell.campaign.progress import Quiet
+from drivers.errors import Fault
+from tests.lab.exam.case import Case, Kind
+from tests.lab.exam.cases.answer_key import Sources, open_key, seal
+from tests.lab.exam.run import JOURNAL, LEDGER, run_exam, spread, summarise
+from tests.lab.exam.run_case import VERDICTS_FOLDER, keep_runs
+from tests.lab.exam.sandbox.parent import FILES, NoVerdict, policy, run_sandboxed, stage
+from tests.lab.exam.sandbox.restrict import version
+from tests.lab.exam.scoring.results import Entry, Ledger
+from tests.support.exam_cases import case, few_runs
+from tests.support.gap_strip_cases import STRIP
+
+BARRED = """
+import json, os, sys
+from pathlib import Path
+from tests.lab.exam.sandbox import restrict
+allowed = json.loads(sys.argv[1]).items()
+permit = restrict.Policy(**{{k: tuple(map(Path, v)) for k, v in allowed}})
+if {kernel}:
+    assert restrict.landlock(permit)
+else:
+    restrict.landlock = lambda permit: False
+    assert not restrict.restrict(permit)
+try:
+    {attempt}
+except PermissionError:
+    print("refused")
+else:
+    print("done")
+"""
+
+BY = pytest.mark.parametrize(
+    "kernel",
+    [pytest.param(True, marks=pytest.mark.skipif(not version(), reason="no Landlock here")), False],
+)
+
+
+def attempted(desk: Path, key: Path, kernel: bool, attempt: str) -> str:
+    """What comes of an attempt in a barred process on the desk."""
+    allowed = json.dumps(policy(desk, [key.parent]))
+    program = BARRED.format(kernel=kernel, attempt=attempt)
+    done = subprocess.run(
+        [sys.executable, "-c", program, allowed], cwd=desk, capture_output=True, text=True,
+        env={"PYTHONPATH": str(Path.cwd())}, check=False,
+    )  # fmt: skip
+    assert not done.stderr, done.stderr
+    return done.stdout.strip()
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Path:
+    """A staged folder with a file that may be read."""
+    folder = tmp_path / "desk"
+    folder.mkdir()
+    (folder / "strip.yaml").write_text("name: denim", encoding="utf-8")
+    return folder
+
+
+@BY
+@pytest.mark.parametrize(
+    ("attempt", "comes"),
+    [
+        ("open('{key}').read()", "refused"),
+        ("os.open('{key}', os.O_RDONLY)", "refused"),
+        ("open('{key}', 'a')", "refused"),
+        ("open('../keys/a.yaml').read()", "refused"),
+        ("os.symlink('{key}', 'link'); open('link').read()", "refused"),
+        ("os.listdir('{keys}')", "refused"),
+        ("list(os.scandir('{keys}'))", "refused"),
+        ("open('{outside}').read()", "refused"),
+        ("open('strip.yaml').read()", "done"),
+        ("open('mine', 'w').write('x'); os.rename('mine', 'ours'); os.remove('ours')", "done"),
+        ("import cell.gap.verdict", "done"),
+        ("open('{source}').read()", "refused"),
+    ],
+)
+def test_what_a_sealed_process_may_open(desk: Path, kernel: bool, attempt: str, comes: str) -> None:
+    key = seal(case("a", "single", {"desk_tilt": {"angle": 0.01}}), desk.parent)
+    outside = desk.parent / "outside"
+    outside.write_text("x", encoding="utf-8")
+    source = Path("tests/lab/exam/case.py").resolve()
+    told = attempt.format(key=key, keys=key.parent, outside=outside, source=source)
+    assert attempted(desk, key, kernel, told) == comes
+
+
+@BY
+def test_a_key_within_a_permitted_tree_is_refused_too(desk: Path, kernel: bool) -> None:
+    key = seal(case("a", "nothing", {}), desk / "inner")
+    assert attempted(desk, key, kernel, f"open('{key}').read()") == "refused"
+    assert attempted(desk, key, kernel, "open('strip.yaml').read()") == "done"
+
+
+@pytest.mark.skipif(not version(), reason="no Landlock here")
+def test_no_other_program_reads_the_key_for_it(desk: Path) -> None:
+    key = seal(case("a", "nothing", {}), desk.parent)
+    asked = f"import subprocess; subprocess.run(['cat', '{key}'], stderr=-3, check=True)"
+    with pytest.raises(AssertionError, match="CalledProcessError"):
+        attempted(desk, key, True, asked)
+
+
+def test_where_the_kernel_does_not_help_no_other_program_is_started(desk: Path) -> None:
+    key = seal(case("a", "nothing", {}), desk.parent)
+    program = "import subprocess; subprocess.run(['true'])"
+    assert attempted(desk, key, False, program) == "refused"
+
+
+def test_a_key_comes_back_as_it_was_sealed(tmp_path: Path) -> None:
+    whole = case("a", "single", {"seam": {"factor": 2.0}}, stiffness=1.1, strength="weak")
+    path = seal(whole, tmp_path)
+    assert open_key(tmp_path, "a") == whole
+    assert path.stat().st_mode & 0o077 == 0
+
+
+def test_only_the_files_of_the_contract_are_laid_out(desk: Path, tmp_path: Path) -> None:
+    run = tmp_path / "runs" / "00-normal"
+    run.mkdir(parents=True)
+    for name in (*FILES, "truth.yaml", "report.html"):
+        (run / name).write_text("x", encoding="utf-8")
+    stage(desk, STRIP, [run])
+    assert {p.name for p in (desk / "runs" / "00-normal").iterdir()} == set(FILES)
+
+
+def test_a_process_that_takes_too_long_is_ended(tmp_path: Path) -> None:
+    with pytest.raises(NoVerdict, match="no verdict after"):
+        run_sandboxed(STRIP, [], tmp_path / "out", [tmp_path], limit=0.05)
+
+
+@pytest.mark.slow
+def test_a_refusal_is_reported_in_its_own_words(tmp_path: Path) -> None:
+    with pytest.raises(NoVerdict, match=r"ended with code 2: runs: no such folder"):
+        run_sandboxed(STRIP, [], tmp_path / "out", [tmp_path])
+
+
+def test_runs_are_kept_while_their_case_is_the_same(tmp_path: Path) -> None:
+    asked: list[float] = []
+
+    def make(which: Case, folder: Path) -> None:
+        asked.append(which.stiffness)
+
+    for stiffness in (1.0, 1.0, 1.2):
+        keep_runs(case("a", "nothing", {}, stiffness=stiffness), tmp_path / "a", make)
+    assert asked == [1.0, 1.2]
+
+
+def test_an_exam_that_ends_early_has_seen_every_kind_in_its_share() -> None:
+    kinds: dict[str, Kind] = {"n": "nothing", "s": "single", "p": "pair"}
+    drawn = "n" * 8 + "s" * 8 + "p" * 4
+    cases = [case(f"{i:02d}", kinds[k], {}) for i, k in enumerate(drawn)]
+    order = spread(cases)
+    assert sorted(c.name for c in order) == [c.name for c in cases]
+    assert Counter(c.kind for c in order[:10]) == {"nothing": 4, "single": 4, "pair": 2}
+    for kind in kinds.values():
+        own = [c.name for c in order if c.kind == kind]
+        assert own == sorted(own)
+
+
+def test_what_depends_on_another_engine_is_not_the_same() -> None:
+    one = case("a", "nothing", {})
+    assert Sources("1", "x").verdict(one) == Sources("1", "y").verdict(one)
+    assert len({Sources(e, s).entry(one) for e in "12" for s in "xy"}) == 4
+    assert Sources("1", "x").entry(one) != Sources("1", "x").entry(case("b", "nothing", {}))
+
+
+@pytest.mark.slow
+def test_a_case_that_fails_is_reported_and_the_others_go_on(tmp_path: Path) -> None:
+    cases = [case("bad", "nothing", {}, seed=13), case("good", "nothing", {})]
+    seen = Seen()
+    run_exam(cases, tmp_path, steps="make", make=few_runs, watcher=seen)
+    assert any("bad: failed: unexpected RuntimeError" in line for line in seen.lines)
+    assert "good: runs made" in seen.lines
+    assert [e.state for e in Ledger(tmp_path / LEDGER).entries] == ["failed"]
+
+
+class Seen(Quiet):
+    """A watcher that notes what came of each case."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def finish(self, part: Part, record: Record) -> None:
+        self.lines.append(part.key + summarise(record))
+
+
+def refused(_: Case, __: Path) -> None:
+    raise Fault("preflight_refused", "the desk is too high")
+
+
+@pytest.mark.slow
+def test_judging_without_runs_says_so(tmp_path: Path) -> None:
+    [entry] = run_exam([case("a", "nothing", {})], tmp_path, steps="judge")
+    assert entry.state == "failed"
+    assert "make them first" in entry.reason
+
+
+@pytest.mark.slow
+def test_judging_what_could_not_be_made_says_why(tmp_path: Path) -> None:
+    asked = [case("a", "nothing", {})]
+    run_exam(asked, tmp_path, steps="make", make=refused)
+    [entry] = run_exam(asked, tmp_path, steps="judge")
+    assert "preflight_refused: the desk is too high" in entry.reason
+    [other] = run_exam([case("a", "nothing", {}, seed=9)], tmp_path, steps="judge")
+    assert "make them first" in other.reason
+
+
+@pytest.mark.long
+def test_an_exam_is_carried_out_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tests.lab.exam.run.sources", lambda: Sources("engine", "scorer"))
+    hidden = case("tilted", "single", {"desk_tilt": {"angle": 0.02}}, strength="strong")
+    [entry] = run_exam([hidden], tmp_path, make=few_runs)
+    assert entry.state == "scored", entry.reason
+    assert entry.outcome is not None
+    assert entry.outcome.result in ("right_strict", "right_class")
+    assert entry.oracle is not None
+    assert entry.oracle.shrink > 0.5
+    assert entry.baselines is not None
+    assert entry.wall > 1.0
+    assert 50.0 < entry.memory < 4000.0
+    lines = (tmp_path / LEDGER).read_bytes()
+    shutil.rmtree(tmp_path / VERDICTS_FOLDER)
+    assert run_exam([hidden], tmp_path, make=few_runs) == (entry,)
+    assert (tmp_path / LEDGER).read_bytes() == lines
+    shutil.rmtree(tmp_path / JOURNAL)
+    assert run_exam([hidden], tmp_path, make=few_runs) == (entry,)
+    assert isinstance(entry, Entry)

@@ -1,0 +1,38 @@
+"""The list of bugs put in by hand still fits the code that it is about."""
+
+import ast
+
+import pytest
+
+from tests.lab.mutants import ROOT, Mutant, Unusable, listed
+
+MUTANTS = listed()
+AREAS = (
+    "drivers/arm/",
+    "drivers/camera/",
+    "cell/orchestrator/monitors.py",
+    "calibration/",
+    "drivers/fci_server/",
+)
+
+
+def test_list_is_long_and_covers_every_area() -> None:
+    assert len(MUTANTS) >= 60
+    assert len({mutant.name for mutant in MUTANTS}) == len(MUTANTS)
+    for area in AREAS:
+        assert sum(mutant.file.startswith(area) for mutant in MUTANTS) >= 5
+
+
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name.replace(" ", "-"))
+def test_mutant_applies_once_and_is_still_a_program(mutant: Mutant) -> None:
+    text = (ROOT / mutant.file).read_text("utf-8")
+    assert mutant.old != mutant.new
+    ast.parse(mutant.apply_to(text))
+    assert mutant.tests
+    assert all((ROOT / test.partition("::")[0]).is_file() for test in mutant.tests)
+
+
+def test_mutant_whose_text_is_gone_is_an_error() -> None:
+    gone = Mutant("gone", "README.md", "a text that stands nowhere", "", ())
+    with pytest.raises(Unusable, match="0 times"):
+        gone.apply_to("another text")

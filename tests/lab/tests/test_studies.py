@@ -1,0 +1,163 @@
+"""Every study keeps the contract; tables, pages and the command say what a journal holds."""
+
+import json
+import math
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cell.campaign.journal import Journal, Record
+from cell.campaign.statistic import Quantity, Statistic, figure
+from cell.cli.app import app
+from cell.gap.subject.strip.bias import ModelError
+from drivers.errors import ConfigurationError
+from drivers.settings import load
+from tests.lab.studies.campaign import Asked, inputs, kept_outcomes
+from tests.lab.studies.catalogue import studies, study_of
+from tests.lab.studies.page import write_page
+from tests.lab.studies.table import markdown, rows
+
+D = Quantity("d", Statistic.MEAN_SIZE, bar=2.0)
+
+
+@pytest.mark.parametrize("name", sorted(studies()))
+def test_a_study_is_drawn_from_its_seed_and_travels(name: str) -> None:
+    study = study_of(name)
+    cases = study.cases(3, 5)
+    assert study.cases(3, 2) == cases[:2]
+    assert len({case.key for case in study.cases(3, min(study.usual, 30))}) == min(study.usual, 30)
+    assert json.loads(json.dumps(cases[0].values, allow_nan=False)) == cases[0].values
+    part = Asked(study, 3, 5, Path("out")).parts()[0]
+    assert pickle.loads(pickle.dumps(part)) == part  # noqa: S301  of our own
+    assert set(study.by) <= set(cases[0].values)
+    assert study.question.endswith("?")
+    assert study.name.replace("-", "_") == study.measure.__module__.rsplit(".", 1)[1]
+    assert study.quick <= study.usual
+
+
+def test_an_unknown_study_is_refused_with_those_that_exist() -> None:
+    with pytest.raises(
+        ConfigurationError, match=r"'foldz' is not known .did you mean 'folds'.*; known: .*folds"
+    ):
+        study_of("foldz")
+
+
+@pytest.mark.parametrize("statistic", list(Statistic))
+def test_a_figure_of_nothing_is_nothing(statistic: Statistic) -> None:
+    nothing = figure(Quantity("d", statistic), [[], [math.nan]])
+    assert nothing.text() == "-"
+    assert nothing.count == 0
+
+
+def test_an_interval_contains_the_truth_at_its_nominal_rate() -> None:
+    rng = np.random.default_rng(0)
+    inside = 0
+    for _ in range(200):
+        values = rng.normal(1e-3, 1e-3, size=40)
+        found = figure(Quantity("d", Statistic.MEAN), [[v] for v in values])
+        inside += found.low <= 1.0 <= found.high
+    assert 180 <= inside <= 199
+
+
+def test_samples_of_one_case_do_not_count_as_many_cases() -> None:
+    rng = np.random.default_rng(0)
+    cases = rng.normal(size=10)
+    one = figure(Quantity("d", Statistic.MEAN), [[v] for v in cases])
+    many = figure(Quantity("d", Statistic.MEAN), [[v] * 50 for v in cases])
+    assert many.high - many.low == pytest.approx(one.high - one.low, rel=0.2)
+
+
+def test_a_share_has_the_exact_interval_even_where_all_hold() -> None:
+    found = figure(Quantity("ok", Statistic.SHARE, "%", 100.0), [[1.0]] * 20)
+    assert (found.value, found.high) == (100.0, 100.0)
+    assert found.low == pytest.approx(100 * 0.025 ** (1 / 20), abs=0.1)
+
+
+def test_a_bar_is_a_most_or_a_least() -> None:
+    assert figure(D, [[0.0021]]).held is False
+    assert figure(D, [[-0.0019]]).held is True
+    least = Quantity("ok", Statistic.SHARE, "%", 100.0, bar=90.0, floor=True)
+    assert figure(least, [[1.0], [0.0]]).held is False
+    assert figure(least, [[1.0], [1.0]]).held is True
+
+
+def filled(folder: Path, of: str | None = None, count: int = 4) -> Asked:
+    """Some cases of `validity` with made up outcomes, one of them set aside."""
+    asked = Asked(study_of("validity"), 0, 6, folder)
+    journal, made_of = Journal(asked.journal), of or inputs(asked.study)
+    for case in asked.study.cases(0, count):
+        facts = {"schema": 1, "key": case.key, "of": made_of}
+        outcome = {"values": {"d": 0.001 * case.number, "apart": 0.0, "ended": True}}
+        journal.put(Record(**facts, state="measured", outcome=outcome))
+    late = asked.study.cases(0, 5)[4]
+    facts = {"schema": 1, "key": late.key, "of": made_of}
+    journal.put(Record(**facts, state="set_aside", reason="no outcome after 600 s"))
+    return asked
+
+
+def test_the_table_says_how_many_of_how_many_and_what_was_set_aside(tmp_path: Path) -> None:
+    text = markdown(kept_outcomes(filled(tmp_path)))
+    assert "4 of 6 so far" in text
+    assert "1 set aside" in text
+    assert r"\|finer - d\|" in text
+
+
+def test_records_of_other_code_are_counted_apart(tmp_path: Path) -> None:
+    filled(tmp_path, "other", count=4)
+    found = kept_outcomes(filled(tmp_path, count=2))
+    assert found.present
+    assert len(found.outcomes) == 2
+    assert "5 records of other code left out" in markdown(found)
+
+
+def test_a_journal_of_other_code_alone_is_shown_and_says_so(tmp_path: Path) -> None:
+    found = kept_outcomes(filled(tmp_path, "other"))
+    assert len(found.outcomes) == 4
+    assert "which is other code than this" in markdown(found)
+
+
+def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> None:
+    asked = Asked(study_of("damping"), 0, 4, tmp_path)
+    for case, damping in zip(asked.study.cases(0, 4), (0.03, -0.04, 0.04, -0.03), strict=True):
+        facts = {"schema": 1, "key": case.key, "of": inputs(asked.study), "state": "measured"}
+        values = {"damping": damping, "length": 0.0}
+        Journal(asked.journal).put(Record(**facts, outcome={"values": values}))
+    write_page(kept_outcomes(asked))
+    found = load(tmp_path / "damping.yaml", ModelError)
+    assert found.damping == pytest.approx(0.0354, abs=1e-4)
+    assert found.source.startswith("root mean square over blanket, denim; 4 cases")
+    assert found.belongs_to == "cell/gap/subject/strip/damping.yaml"
+
+
+def test_rows_do_not_depend_on_the_order_in_which_cases_came(tmp_path: Path) -> None:
+    asked = filled(tmp_path / "a")
+    before = [
+        (row.group, row.count, [f.text() for f in row.figures])
+        for row in rows(kept_outcomes(asked))
+    ]
+    for path in asked.journal.iterdir():
+        path.rename(path.with_name("x" + path.name[::-1].removesuffix(".json") + ".json"))
+    after = [
+        (row.group, row.count, [f.text() for f in row.figures])
+        for row in rows(kept_outcomes(asked))
+    ]
+    assert after == before
+
+
+def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
+    listed = CliRunner().invoke(app, ["study"])
+    assert listed.exit_code == 0
+    assert all(name in listed.output for name in studies())
+    filled(tmp_path)
+    shown = CliRunner().invoke(
+        app, ["study", "validity", "--count", "6", "--out", str(tmp_path), "--show"]
+    )
+    assert shown.exit_code == 0
+    assert "4 of 6 so far" in shown.output
+    assert (tmp_path / "study.html").read_text().count("<svg") == 1
+    for wrong in ("0/3", "4/3", "a"):
+        refused = CliRunner().invoke(app, ["study", "validity", "--shard", wrong])
+        assert isinstance(refused.exception, ConfigurationError)
