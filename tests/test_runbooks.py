@@ -82,11 +82,11 @@ def parsed(line: str) -> None:
         if words[0] not in command.commands:
             raise ValueError(f"there is no command {words[0]}")
         command, words = command.commands[words[0]], words[1:]
+    if command.context_settings.get("ignore_unknown_options"):
+        return
     known = {name for each in command.params for name in (*each.opts, *each.secondary_opts)}
     for word in words:
         option = word.partition("=")[0]
-        if command.ignore_unknown_options:
-            return
         if option.startswith("--") and option not in {*known, "--help"}:
             raise ValueError(f"there is no option {option}")
 

@@ -110,7 +110,7 @@ def page_of(results: Results) -> str:
     """Self-contained HTML page of `results`."""
     summary = rows(results)
     return page(
-        "studies/benchmark/benchmark.html",
+        "benchmark/benchmark.html",
         TITLE,
         version=results.made_with.get("cell", ""),
         said=verdict_of(results),

@@ -32,7 +32,6 @@ def test_help_names_every_choice(capsys) -> None:
     for choice in (*known_policies(), "<twin|fci>", "<twin|v4l2>", "<all|key|none>"):
         assert choice in text
     assert "<save|live|off>" in text
-    assert "<state|images|small>" in " ".join(run(capsys, "gap", "exam", "--help").split())
 
 
 def typed() -> list[str]:

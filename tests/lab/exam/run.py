@@ -1,4 +1,4 @@
-"""Runs an exam: writes answer keys, makes runs, diagnoses them in a sandbox, keeps scores."""
+"""Runs an exam: writes answer keys, makes runs, diagnoses them in a process apart, keeps scores."""
 
 from collections import Counter
 from collections.abc import Sequence

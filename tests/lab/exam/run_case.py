@@ -1,4 +1,4 @@
-"""Examines one case: makes its runs, diagnoses them in a sandbox, scores the verdict."""
+"""Examines one case: makes its runs, diagnoses them in a process apart, scores the verdict."""
 
 import json
 import shutil
@@ -15,15 +15,14 @@ from drivers.files import replace_file
 from drivers.strip.describe import load_strip
 from tests.lab.exam.case import Case
 from tests.lab.exam.cases.answer_key import Sources, case_hash, open_key
-from tests.lab.exam.sandbox.child import NOTES, VERDICT_FILE
-from tests.lab.exam.sandbox.parent import SandboxRun, run_sandboxed
+from tests.lab.exam.diagnosis import NOTES, VERDICT_FILE, Effort, diagnose
 from tests.lab.exam.scoring.oracle import oracle
 from tests.lab.exam.scoring.results import Baselines, Entry
 from tests.lab.exam.scoring.score import same, score
 
 Steps = Literal["all", "make", "judge"]
 Maker = Callable[[Case, Path], object]
-RUNS_FOLDER, VERDICTS_FOLDER, STAMP, MADE = "runs", "verdicts", "sandboxed.json", "made"
+RUNS_FOLDER, VERDICTS_FOLDER, STAMP, MADE = "runs", "verdicts", "diagnosed.json", "made"
 CASE_COST = 60.0  # s of one core, about
 
 
@@ -43,7 +42,7 @@ def made_by_tier(case: Case, folder: Path) -> None:
 class Examined:
     """An exam case as a part of a campaign, with its ledger entry as outcome.
 
-    The key of `name` lies in `folder`; sandboxed processes work within `workdirs`, or among the
+    The key of `name` lies in `folder`; diagnoses work within `workdirs`, or among the
     temporary files of a machine that has no such folder.
     """
 
@@ -129,12 +128,12 @@ def judge(
     """Diagnose and score the runs of `case`; reuses a stored verdict on it by the same engine."""
     strip = find_configs(None).strip_path(case.strip)
     runs, out = find_runs([folder / RUNS_FOLDER / case.name]), folder / VERDICTS_FOLDER / case.name
-    sandboxed = None if again else _stored_verdict(out, by.verdict(case))
-    if sandboxed is None:
+    effort = None if again else _stored_verdict(out, by.verdict(case))
+    if effort is None:
         shutil.rmtree(out, ignore_errors=True)
         paths = [run.path for run in runs]
-        sandboxed = run_sandboxed(strip, paths, out, [folder], workdirs=workdirs)
-        facts = {"of": by.verdict(case), **asdict(sandboxed)}
+        effort = diagnose(strip, paths, out, workdirs=workdirs)
+        facts = {"of": by.verdict(case), **asdict(effort)}
         replace_file(out / STAMP, json.dumps(facts).encode())
     verdict = read_verdict(out / VERDICT_FILE)
     notes = json.loads((out / NOTES).read_text(encoding="utf-8"))
@@ -143,7 +142,7 @@ def judge(
         outcome=score(verdict, case, load_strip(strip)),
         oracle=oracle(case, strip, runs, verdict.held_out) if case.answer else None,
         baselines=baselines(verdict, notes["tried"], case),
-        wall=sandboxed.wall, memory=sandboxed.memory, spreads=notes.get("scatter", {}),
+        wall=effort.wall, memory=effort.memory, spreads=notes.get("scatter", {}),
     )  # fmt: skip
 
 
@@ -158,12 +157,12 @@ def baselines(verdict: Verdict, tried: list[dict[str, Any]], case: Case) -> Base
     return Baselines(single=name or None, right=same(name, case.answer))
 
 
-def _stored_verdict(out: Path, of: str) -> SandboxRun | None:
-    """Facts on the process of a stored verdict; None without a verdict that has the digest `of`."""
+def _stored_verdict(out: Path, of: str) -> Effort | None:
+    """Effort of a stored verdict; None without a verdict that has the digest `of`."""
     try:
         facts = json.loads((out / STAMP).read_text(encoding="utf-8"))
         if facts["of"] == of:
-            return SandboxRun(facts["wall"], facts["memory"], facts["kernel"])
+            return Effort(facts["wall"], facts["memory"])
     except (OSError, ValueError, KeyError):
         pass
     return None

@@ -55,7 +55,7 @@ def page_of(kept: Kept) -> str:
     bars = [q for q in study.quantities if q.bar is not None]
     headline = "Its bars are kept" if keeps_bars(found) else "A bar is not kept"
     return page(
-        "studies/study.html",
+        "campaign/study.html",
         f"Study: {study.name}",
         name=study.name,
         said=Verdict(

@@ -1,63 +1,25 @@
-"""The sealed process sees the runs and the strip file, never the key; exams go on."""
+"""A diagnosis sees the runs and the strip file, never the key; exams go on."""
 
-import json
 import shutil
-import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from cell.campaign.journal import Record
 from cell.campaign.part import Part
 from cell.campaign.progress import Quiet
 from drivers.errors import Fault
+from tests.lab.__main__ import app
 from tests.lab.exam.case import Case, Kind
 from tests.lab.exam.cases.answer_key import Sources, open_key, seal
+from tests.lab.exam.diagnosis import FILES, NoVerdict, diagnose, stage
 from tests.lab.exam.run import JOURNAL, LEDGER, run_exam, spread, summarise
 from tests.lab.exam.run_case import VERDICTS_FOLDER, keep_runs
-from tests.lab.exam.sandbox.parent import FILES, NoVerdict, policy, run_sandboxed, stage
-from tests.lab.exam.sandbox.restrict import version
 from tests.lab.exam.scoring.results import Entry, Ledger
 from tests.support.exam_cases import case, few_runs
 from tests.support.gap_strip_cases import STRIP
-
-BARRED = """
-import json, os, sys
-from pathlib import Path
-from tests.lab.exam.sandbox import restrict
-allowed = json.loads(sys.argv[1]).items()
-permit = restrict.Policy(**{{k: tuple(map(Path, v)) for k, v in allowed}})
-if {kernel}:
-    assert restrict.landlock(permit)
-else:
-    restrict.landlock = lambda permit: False
-    assert not restrict.restrict(permit)
-try:
-    {attempt}
-except PermissionError:
-    print("refused")
-else:
-    print("done")
-"""
-
-BY = pytest.mark.parametrize(
-    "kernel",
-    [pytest.param(True, marks=pytest.mark.skipif(not version(), reason="no Landlock here")), False],
-)
-
-
-def attempted(desk: Path, key: Path, kernel: bool, attempt: str) -> str:
-    """What comes of an attempt in a barred process on the desk."""
-    allowed = json.dumps(policy(desk, [key.parent]))
-    program = BARRED.format(kernel=kernel, attempt=attempt)
-    done = subprocess.run(
-        [sys.executable, "-c", program, allowed], cwd=desk, capture_output=True, text=True,
-        env={"PYTHONPATH": str(Path.cwd())}, check=False,
-    )  # fmt: skip
-    assert not done.stderr, done.stderr
-    return done.stdout.strip()
 
 
 @pytest.fixture
@@ -67,54 +29,6 @@ def desk(tmp_path: Path) -> Path:
     folder.mkdir()
     (folder / "strip.yaml").write_text("name: denim", encoding="utf-8")
     return folder
-
-
-@BY
-@pytest.mark.parametrize(
-    ("attempt", "comes"),
-    [
-        ("open('{key}').read()", "refused"),
-        ("os.open('{key}', os.O_RDONLY)", "refused"),
-        ("open('{key}', 'a')", "refused"),
-        ("open('../keys/a.yaml').read()", "refused"),
-        ("os.symlink('{key}', 'link'); open('link').read()", "refused"),
-        ("os.listdir('{keys}')", "refused"),
-        ("list(os.scandir('{keys}'))", "refused"),
-        ("open('{outside}').read()", "refused"),
-        ("open('strip.yaml').read()", "done"),
-        ("open('mine', 'w').write('x'); os.rename('mine', 'ours'); os.remove('ours')", "done"),
-        ("import cell.gap.verdict", "done"),
-        ("open('{source}').read()", "refused"),
-    ],
-)
-def test_what_a_sealed_process_may_open(desk: Path, kernel: bool, attempt: str, comes: str) -> None:
-    key = seal(case("a", "single", {"desk_tilt": {"angle": 0.01}}), desk.parent)
-    outside = desk.parent / "outside"
-    outside.write_text("x", encoding="utf-8")
-    source = Path("tests/lab/exam/case.py").resolve()
-    told = attempt.format(key=key, keys=key.parent, outside=outside, source=source)
-    assert attempted(desk, key, kernel, told) == comes
-
-
-@BY
-def test_a_key_within_a_permitted_tree_is_refused_too(desk: Path, kernel: bool) -> None:
-    key = seal(case("a", "nothing", {}), desk / "inner")
-    assert attempted(desk, key, kernel, f"open('{key}').read()") == "refused"
-    assert attempted(desk, key, kernel, "open('strip.yaml').read()") == "done"
-
-
-@pytest.mark.skipif(not version(), reason="no Landlock here")
-def test_no_other_program_reads_the_key_for_it(desk: Path) -> None:
-    key = seal(case("a", "nothing", {}), desk.parent)
-    asked = f"import subprocess; subprocess.run(['cat', '{key}'], stderr=-3, check=True)"
-    with pytest.raises(AssertionError, match="CalledProcessError"):
-        attempted(desk, key, True, asked)
-
-
-def test_where_the_kernel_does_not_help_no_other_program_is_started(desk: Path) -> None:
-    key = seal(case("a", "nothing", {}), desk.parent)
-    program = "import subprocess; subprocess.run(['true'])"
-    assert attempted(desk, key, False, program) == "refused"
 
 
 def test_a_key_comes_back_as_it_was_sealed(tmp_path: Path) -> None:
@@ -135,13 +49,13 @@ def test_only_the_files_of_the_contract_are_laid_out(desk: Path, tmp_path: Path)
 
 def test_a_process_that_takes_too_long_is_ended(tmp_path: Path) -> None:
     with pytest.raises(NoVerdict, match="no verdict after"):
-        run_sandboxed(STRIP, [], tmp_path / "out", [tmp_path], limit=0.05)
+        diagnose(STRIP, [], tmp_path / "out", limit=0.05)
 
 
 @pytest.mark.slow
 def test_a_refusal_is_reported_in_its_own_words(tmp_path: Path) -> None:
     with pytest.raises(NoVerdict, match=r"ended with code 2: runs: no such folder"):
-        run_sandboxed(STRIP, [], tmp_path / "out", [tmp_path])
+        diagnose(STRIP, [], tmp_path / "out")
 
 
 def test_runs_are_kept_while_their_case_is_the_same(tmp_path: Path) -> None:
@@ -237,3 +151,21 @@ def test_an_exam_is_carried_out_and_goes_on(
     shutil.rmtree(tmp_path / JOURNAL)
     assert run_exam([hidden], tmp_path, make=few_runs) == (entry,)
     assert isinstance(entry, Entry)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--out", "file"], "--out: file is a file; name a folder"),
+        (["--report", "runs"], "--report: runs is a folder; name a file"),
+        (["--beside", "gone"], "--beside: gone holds no ledger.jsonl"),
+        (["--only-judge", "--out", "runs"], "--only-judge: runs holds no runs of an"),
+    ],
+)
+def test_places_are_checked_before_the_exam_begins(
+    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "file").touch()
+    monkeypatch.chdir(tmp_path)
+    assert message in str(CliRunner().invoke(app, ["exam", *words]).exception)

@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 from cell.campaign.journal import Journal, Record
 from cell.campaign.statistic import Quantity, Statistic, figure
-from cell.cli.app import app
 from cell.gap.subject.strip.bias import ModelError
 from drivers.errors import ConfigurationError
 from drivers.settings import load
+from tests.lab.__main__ import app
 from tests.lab.studies.campaign import Asked, inputs, kept_outcomes
 from tests.lab.studies.catalogue import studies, study_of
 from tests.lab.studies.page import write_page
@@ -158,6 +158,9 @@ def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
     assert shown.exit_code == 0
     assert "4 of 6 so far" in shown.output
     assert (tmp_path / "study.html").read_text().count("<svg") == 1
-    for wrong in ("0/3", "4/3", "a"):
-        refused = CliRunner().invoke(app, ["study", "validity", "--shard", wrong])
+    out = ["--out", str(tmp_path / "none")]
+    for words in (*(["--shard", wrong] for wrong in ("0/3", "4/3", "a")), ["--show", *out]):
+        refused = CliRunner().invoke(app, ["study", "validity", *words])
         assert isinstance(refused.exception, ConfigurationError)
+    unknown = CliRunner().invoke(app, ["study", "unkown"])
+    assert "'unkown' is not known (did you mean 'unknown'?)" in str(unknown.exception)

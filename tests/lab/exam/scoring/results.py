@@ -36,7 +36,7 @@ class Entry(Settings):
     """Ledger entry of a case: its state, and its outcome or the `reason` why it failed.
 
     `of` is the digest of case, engine and scorer; `made` if only its runs were asked for. `wall`
-    [s] and `memory` [MB, peak] are the sandboxed process's; `oracle` is None where nothing of the
+    [s] and `memory` [MB, peak] are the diagnosis's; `oracle` is None where nothing of the
     library is hidden; `spreads` are the estimated run-to-run spreads.
     """
 

@@ -1,1 +1,0 @@
-"""Sandbox of the exam: a process that diagnoses a case and can open nothing but its runs."""
