@@ -17,7 +17,6 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from cell.campaign.worker import THREADS
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from drivers.errors import CellError
 
@@ -29,6 +28,7 @@ FILES = (RUN, TICKS, PROFILE, RESULT)
 VERDICT_FILE, NOTES, OUTPUT = "verdict.json", "exam.json", "output"
 TIME_LIMIT = 1800.0  # s; it ends what hangs: how long a fit may take has a bar of its own
 ENVIRONMENT = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LANG", "SYSTEMROOT")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 ROOT = Path(__file__).resolve().parents[3]
 
 
