@@ -18,6 +18,7 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
+from drivers.child import THREADS
 from drivers.errors import CellError
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ FILES = (RUN, TICKS, PROFILE, RESULT)
 VERDICT_FILE, NOTES, OUTPUT = "verdict.json", "exam.json", "output"
 TIME_LIMIT = 1800.0  # s; it ends what hangs: how long a fit may take has a bar of its own
 ENVIRONMENT = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LANG", "SYSTEMROOT")
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 ROOT = Path(__file__).resolve().parents[3]
 
 
