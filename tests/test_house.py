@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.support.docstrings import shapeless, silent
 from tests.support.rooms import ROOT, edges, floor_room, imports, ladder, lines, modules
 
-PRODUCT_LINES, PRODUCT_MODULES, TEST_LINES = 68_409, 596, 50_747
+PRODUCT_LINES, PRODUCT_MODULES, TEST_LINES = 68_409, 596, 51_000
 LONGEST_MODULE = 500  # lines
 
 
