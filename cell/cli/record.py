@@ -38,12 +38,12 @@ def report(
     if folder.is_file() and (folder.name == CALIBRATION or not is_run(folder.parent)):
         _report_calibration(folder, as_json=as_json)
         return
-    from cell.record.salvage import Salvage
+    from cell.record.run import read_broken_run
     from cell.report.page import write_page
     from cell.report.verdict import verdict
 
     with busy("writing the page"):
-        run = Salvage.of(folder)
+        run = read_broken_run(folder)
         page = write_page(run)
     for problem in run.problems:
         sys.stderr.write(f"cell: {problem}\n")
@@ -107,12 +107,12 @@ def note(
 def viz(run: Run) -> None:
     """Build the Rerun recording of a run again from its record, and say how to open it."""
     from cell.record.files import REBUILT, RECORDING
-    from cell.record.salvage import Salvage
+    from cell.record.run import read_broken_run
     from cell.report.viz.recording import viz_from_run
 
     with busy("writing the recording"):
         path = viz_from_run(run)
-    for problem in Salvage.of(run).problems:
+    for problem in read_broken_run(run).problems:
         sys.stderr.write(f"cell: {problem}\n")
     sys.stdout.write(f"{path}\n  open it with: rerun {path}\n")
     if path.name == REBUILT:

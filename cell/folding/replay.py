@@ -14,9 +14,10 @@ from cell.perception.measurement import StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.record.columns import Sights
+from cell.record.events import Event
 from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS, TICKS
 from cell.record.frames import INDEX, frame_file
-from cell.record.run import Event, Run, read_run
+from cell.record.run import Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile

@@ -58,6 +58,11 @@ class Ticks:
         state = table["state"].to_pylist() if table.column_names.count("state") == 1 else []
         return cls(**values, state=tuple(str(name) for name in state))
 
+    @classmethod
+    def none(cls) -> Self:
+        """Ticks of no time: empty columns."""
+        return cls(**{name: frozen([]) for name in (*MUST, *MAY)}, state=())
+
 
 @dataclass(frozen=True, slots=True)
 class Profile:
@@ -80,6 +85,11 @@ class Profile:
             _check_median(values[name], name, origin)
             _check_range(values[name], name, origin, FARTHEST_POINT, "m")
         return cls(**values)
+
+    @classmethod
+    def none(cls) -> Self:
+        """A profile of no images: empty columns."""
+        return cls(*[frozen([]) for _ in cls.__slots__])
 
     def curves(self) -> list[tuple[float, Array]]:
         """Stamp [s] and points (m, 2) [m] of each image, in order."""

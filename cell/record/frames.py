@@ -1,7 +1,6 @@
 """Images of a run: selection, files, index, hashes."""
 
 import hashlib
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cell.record.origin import lift_time
+from cell.record.events import lift_time
 from drivers.errors import ConfigurationError
 from drivers.readers import read_json_lines
 from drivers.types import Frame, Image
@@ -110,17 +109,6 @@ def read_index(folder: Path) -> tuple[FrameNote, ...]:
             f"{folder / INDEX}: a line lacks its sequence, stamp or arrival; "
             "it was changed after the run"
         ) from None
-
-
-def read_frames(folder: Path) -> Iterator[Frame]:
-    """Yield the kept images of a run, each verified against its hash.
-
-    Raises ConfigurationError for an image that differs from the recorded one.
-    """
-    for note in read_index(folder):
-        frame = read_frame(note)
-        if frame is not None:
-            yield frame
 
 
 def read_frame(note: FrameNote) -> Frame | None:

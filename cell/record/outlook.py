@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from cell.record.columns import LARGEST_VALUE
-from cell.record.run import Event
+from cell.record.events import Event
 from drivers.types import Array
 
 PREDICTED = "foretold"  # kind of the events

@@ -1,12 +1,16 @@
-"""Reading of a run: complete, interrupted, or written by hand in a laboratory."""
+"""Reading of a run: complete, interrupted, broken, or written by hand in a laboratory."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cache, wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+import pyarrow as pa
 
 from calibration.calibration import Calibration, load_calibration
 from cell.record.columns import Profile, Sights, Ticks
+from cell.record.events import Event, origin_of, read_events
 from cell.record.files import (
     CALIBRATION,
     EVENTS,
@@ -20,35 +24,57 @@ from cell.record.files import (
     check_run,
     is_under_way,
 )
-from cell.record.frames import FrameNote, read_frames, read_index
+from cell.record.frames import FrameNote, read_frame, read_index
 from cell.record.header import Header, Result
-from cell.record.origin import moment, origin_of
 from cell.record.stream import TICK_ROWS, read_stream
 from cell.record.tables import Tables, assemble
 from drivers.errors import ConfigurationError
-from drivers.readers import read_json_lines, read_parquet
+from drivers.readers import read_parquet
 from drivers.settings import load
 from drivers.types import Array, Frame, frozen
 
+Part = TypeVar("Part")
 
-@dataclass(frozen=True, slots=True)
-class Event:
-    """An event of a run at `t` [s]: its `kind` and its `facts`."""
 
-    t: float
-    kind: str
-    facts: Mapping[str, Any]
+Reader = Callable[["Run"], Part]
+
+
+def _part(empty: Callable[[], Part]) -> Callable[[Reader[Part]], Reader[Part]]:
+    """Decorator of a method that reads a part of a run: once, and `empty` as `_attempt` says."""
+
+    def wrap(read: Reader[Part]) -> Reader[Part]:
+        @wraps(read)
+        def once(run: "Run") -> Part:
+            if read.__name__ not in run.parts:
+                found = _attempt(lambda: read(run), empty, run.problems, lenient=run.lenient)
+                run.parts[read.__name__] = found
+            part: Part = run.parts[read.__name__]
+            return part
+
+        return once
+
+    return wrap
+
+
+def _no_calibration() -> Calibration | None:
+    return None
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A recorded run. `result` is None when the process died before it wrote one."""
+    """A recorded run. `result` is None when the process died before it wrote one.
+
+    Broken parts of a `lenient` one are empty, and `problems` has a line for each of them.
+    """
 
     folder: Path
     header: Header
     ticks: Ticks
     profile: Profile
     result: Result | None
+    lenient: bool = False
+    problems: list[str] = field(default_factory=list, compare=False)
+    parts: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def name(self) -> str:
@@ -60,23 +86,23 @@ class Run:
         """Whether the run ended without a result and is not under way any more."""
         return self.result is None and not is_under_way(self.folder)
 
+    @_part(tuple[Event, ...])
     def events(self) -> tuple[Event, ...]:
         """Events of the run in the order of writing; none in a laboratory's run.
 
         Events are written on the cell's clock, before the start of measured time is known; the
         event `origin` states it, and times here are relative to it.
         """
-        lines = read_json_lines(self.folder / EVENTS)
-        origin = origin_of(lines)
-        return tuple(
-            Event(moment(line.pop("t", None)) - origin, str(line.pop("kind", "")), line)
-            for line in lines
-        )
+        found = read_events(self.folder)
+        origin = origin_of(found)
+        return tuple(replace(event, t=event.t - origin) for event in found)
 
+    @_part(float)
     def origin(self) -> float:
         """Cell's clock [s] at t = 0 of the run; 0 where the run does not state it."""
-        return origin_of(read_json_lines(self.folder / EVENTS))
+        return origin_of(read_events(self.folder))
 
+    @_part(Sights.none)
     def sights(self) -> Sights:
         """Measurements of all images; none in a laboratory's run."""
         path = self.folder / SIGHTS
@@ -86,6 +112,7 @@ class Run:
             return Sights.of(assemble(self.folder).sights, str(self.folder / SIGHT_STREAM))
         return Sights.none()
 
+    @_part(lambda: frozen([]))
     def costs(self) -> Array:
         """Computing time of each cycle of the loop (n,) [s]; empty where not recorded."""
         path = self.folder / TICK_STREAM
@@ -94,18 +121,26 @@ class Run:
         table = read_stream(path, TICK_ROWS)
         return frozen(table["cost"].to_numpy() if "cost" in table.column_names else [])
 
+    @_part(_no_calibration)
     def calibration(self) -> Calibration | None:
         """The calibration of the run's camera, where the run kept it."""
         path = self.folder / CALIBRATION
         return load_calibration(path) if path.exists() else None
 
+    @_part(tuple[FrameNote, ...])
     def frame_index(self) -> tuple[FrameNote, ...]:
         """Index entries of all processed images, in order; none in a laboratory's run."""
         return read_index(self.folder)
 
     def frames(self) -> Iterator[Frame]:
-        """The kept images of the run, each verified against its hash."""
-        return read_frames(self.folder)
+        """The kept images of the run, each verified against its hash; a lenient run skips others.
+
+        Raises ConfigurationError for an image that differs from the recorded one.
+        """
+        for note in self.frame_index():
+            frame = _attempt(lambda: read_frame(note), lambda: None, [], lenient=self.lenient)  # noqa: B023
+            if frame is not None:
+                yield frame
 
 
 def read_run(folder: Path) -> Run:
@@ -114,22 +149,19 @@ def read_run(folder: Path) -> Run:
     A run that died before its tables were written is read from its streams. Raises
     ConfigurationError for files that are missing, broken, or written by a newer version.
     """
-    check_run(folder)
-    header = load(folder / RUN, Header)
-    result = read_result(folder)
-    ticks, profile = folder / TICKS, folder / PROFILE
-    if result is None and not (ticks.exists() and profile.exists()):
-        tables, origin = tables_from_streams(folder, header)
-        return Run(
-            folder, header, Ticks.of(tables.ticks, origin), Profile.of(tables.profile, origin), None
-        )
-    return Run(
-        folder,
-        header,
-        Ticks.of(read_parquet(ticks), str(ticks)),
-        Profile.of(read_parquet(profile), str(profile)),
-        result,
-    )
+    return _read(folder, lenient=False)
+
+
+def read_broken_run(folder: Path) -> Run:
+    """Read the intact parts of the run in `folder`; ConfigurationError where run.yaml is broken.
+
+    A broken table is made again from the streams, if they are intact.
+    """
+    run = _read(folder, lenient=True)
+    for read in (run.events, run.sights, run.costs, run.calibration, run.frame_index):
+        read()
+    run.problems[:] = dict.fromkeys(run.problems)
+    return run
 
 
 def read_result(folder: Path) -> Result | None:
@@ -141,8 +173,43 @@ def read_result(folder: Path) -> Result | None:
     return load(path, Result, bare=True) if path.exists() else None
 
 
-def tables_from_streams(folder: Path, header: Header) -> tuple[Tables, str]:
-    """Make the tables of an interrupted run from its streams; returns them and their source.
+def _read(folder: Path, *, lenient: bool) -> Run:
+    check_run(folder)
+    header, problems = load(folder / RUN, Header), list[str]()
+    result = _attempt(lambda: read_result(folder), lambda: None, problems, lenient=lenient)
+    streams = cache(lambda: _tables_from_streams(folder, header))
+
+    def table(name: str) -> tuple[pa.Table, str]:
+        path = folder / name
+        try:
+            if path.exists() or not (result is None or lenient):
+                return read_parquet(path), str(path)
+        except ConfigurationError as error:
+            if not (lenient and (folder / TICK_STREAM).is_file()):
+                raise
+            problems.append(f"{error}; read from {TICK_STREAM} instead")
+        return getattr(streams(), path.stem), str(folder / TICK_STREAM)
+
+    ticks = _attempt(lambda: Ticks.of(*table(TICKS)), Ticks.none, problems, lenient=lenient)
+    profile = _attempt(lambda: Profile.of(*table(PROFILE)), Profile.none, problems, lenient=lenient)
+    return Run(folder, header, ticks, profile, result, lenient, problems)
+
+
+def _attempt(
+    read: Callable[[], Part], empty: Callable[[], Part], problems: list[str], *, lenient: bool
+) -> Part:
+    """Result of `read`; `empty` where a lenient reader fails, with a line in `problems`."""
+    try:
+        return read()
+    except ConfigurationError as error:
+        if not lenient:
+            raise
+        problems.extend(str(error).splitlines()[:1])
+        return empty()
+
+
+def _tables_from_streams(folder: Path, header: Header) -> Tables:
+    """Make the tables of an interrupted run from its streams.
 
     A run of the cell may have died before its streams were begun. Raises ConfigurationError for any
     other run without tables.
@@ -153,4 +220,4 @@ def tables_from_streams(folder: Path, header: Header) -> tuple[Tables, str]:
         raise ConfigurationError(
             f"{folder}: {missing}: is missing, and there is no {TICK_STREAM} to make it from"
         )
-    return assemble(folder), str(folder / TICK_STREAM)
+    return assemble(folder)

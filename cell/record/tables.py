@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from cell.record.events import lift_time
 from cell.record.files import PROFILE, SIGHT_STREAM, SIGHTS, TICK_STREAM, TICKS
-from cell.record.origin import lift_time
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS, read_stream
 from drivers.errors import ConfigurationError
 from drivers.files import replacing
@@ -36,15 +37,23 @@ def assemble(folder: Path) -> Tables:
     begin = lift_time(folder)
     ticks = _from_time(begin, read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
     sights = _from_time(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
-    try:
-        with np.errstate(all="ignore"):  # readers of the tables refuse what is not finite
-            return _tables(ticks, sights)
-    except (pa.ArrowException, TypeError, ValueError) as error:
-        reason = (str(error).splitlines() or ["no reason given"])[0]
+    _check_profiles(sights, folder / SIGHT_STREAM)
+    with np.errstate(all="ignore"):  # readers of the tables refuse what is not finite
+        return Tables(
+            ticks=tick_table(ticks, sights),
+            profile=profile_table(sights),
+            sights=sights.drop_columns(["profile_x", "profile_z"]),
+        )
+
+
+def _check_profiles(sights: pa.Table, path: Path) -> None:
+    """Refuse rows without a profile, or with one of unequal coordinates."""
+    x, z = (pc.list_value_length(sights[name]) for name in ("profile_x", "profile_z"))
+    if x.null_count or z.null_count or not x.equals(z):
         raise ConfigurationError(
-            f"{folder / SIGHT_STREAM}: rows do not fit each other: {reason}; "
-            "it was changed after the run"
-        ) from None
+            f"{path}: rows do not fit each other: a profile has no or unequal coordinates; it was "
+            "changed after the run"
+        )
 
 
 def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
@@ -56,14 +65,6 @@ def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
     rows = rows.filter(pa.array(kept))
     place = rows.column_names.index(time)
     return rows.set_column(place, rows.schema.field(place), pa.array(t[kept], pa.float64()))
-
-
-def _tables(ticks: pa.Table, sights: pa.Table) -> Tables:
-    return Tables(
-        ticks=tick_table(ticks, sights),
-        profile=profile_table(sights),
-        sights=sights.drop_columns(["profile_x", "profile_z"]),
-    )
 
 
 def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:

@@ -8,8 +8,7 @@ import numpy as np
 
 from cell.record.files import REPORT
 from cell.record.listing import read_row
-from cell.record.run import Run
-from cell.record.salvage import Salvage
+from cell.record.run import Run, read_broken_run
 from cell.report.drawing import MUTED, as_svg, canvas
 from cell.report.facts import facts
 from cell.report.kit import Link, page
@@ -34,7 +33,7 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
             f"{len(folders)} runs are too many for one page, at most {MOST_RUNS}; choose with "
             "`cell runs --where`"
         )
-    runs = [Salvage.of(folder) for folder in folders]
+    runs = [read_broken_run(folder) for folder in folders]
     write_file(out, comparison(runs, out.parent))
     return out
 

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from cell.record.events import Event
 from cell.record.files import TICK_STREAM
 from cell.record.header import Result
-from cell.record.run import Event, Run
+from cell.record.run import Run
 from cell.report.timing import image_ages
 from cell.report.words import MINUS, NO_VALUE, event_title, millimetres, milliseconds, seconds
 

@@ -17,8 +17,7 @@ from cell.record.files import (
 )
 from cell.record.listing import runs_before
 from cell.record.outlook import Outlook
-from cell.record.run import Run
-from cell.record.salvage import Salvage
+from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
 from cell.report.facts import advice, checks, facts, listed_events, measures, remains
 from cell.report.figures import signals_figure, strip_figure
@@ -52,7 +51,7 @@ def write_report(folder: Path, *, ended: bool = False) -> Path:
     A run that died or is damaged is reported as far as it can be read. Raises ConfigurationError
     for a folder without a readable run.yaml, or one that cannot be written.
     """
-    return write_page(Salvage.of(folder), ended=ended)
+    return write_page(read_broken_run(folder), ended=ended)
 
 
 def write_page(run: Run, *, ended: bool = False) -> Path:
@@ -114,7 +113,7 @@ def _earlier(run: Run) -> Iterator[tuple[str | Link, ...]]:
 
 def _truth(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
     """Truth of the run, None where it cannot be read, and lines on broken parts of its folder."""
-    spoilt = list(run.problems) if isinstance(run, Salvage) else []
+    spoilt = list(run.problems)
     try:
         return read_truth(run.folder), spoilt
     except ConfigurationError as error:

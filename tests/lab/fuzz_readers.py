@@ -36,8 +36,7 @@ from cell.gap.verdict.accept import accept, sha256, undo
 from cell.gap.verdict.schema import read_verdict
 from cell.record.header import Header, Result
 from cell.record.listing import list_runs
-from cell.record.run import read_run
-from cell.record.salvage import Salvage
+from cell.record.run import read_broken_run, read_run
 from cell.record.truth import read_truth, write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
@@ -209,7 +208,7 @@ def read_everything(folder: Path, longest: float, *, pages: bool) -> Counter[str
     readers: dict[str, Reader] = {
         "list": lambda f: list_runs(f.parent),
         "run": read_run,
-        "salvage": Salvage.of,
+        "salvage": read_broken_run,
         "truth": read_truth,
         "replay": replay,
         "fit": lambda f: read_runs(find_runs([f.parent]), strip),

@@ -15,11 +15,11 @@ import rerun as rr
 
 from calibration.calibration import Calibration
 from cell.perception.measurement import StripMeasurement
-from cell.record.files import EVENTS, FILM, REBUILT, RECORDING, RESULT, RUN, is_under_way
+from cell.record.events import origin_of, read_events
+from cell.record.files import FILM, REBUILT, RECORDING, RESULT, RUN, is_under_way
 from cell.record.frames import read_index
-from cell.record.origin import origin_of
 from cell.record.outlook import COLUMN_NAMES
-from cell.record.salvage import Salvage
+from cell.record.run import read_broken_run
 from cell.report.verdict import LINE_BREAK, verdict_of
 from cell.report.viz.layout import blueprint
 from cell.report.viz.model_view import NO_SHAPE, Shadow
@@ -27,7 +27,6 @@ from cell.report.viz.playback import LogLine, TickView, moments_of
 from cell.report.viz.saving import saving, send_blueprint
 from drivers.errors import ConfigurationError
 from drivers.files import replacing
-from drivers.readers import read_json_lines
 from drivers.settings import parse
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image
@@ -72,7 +71,7 @@ def viz_from_run(folder: Path) -> Path:
     ConfigurationError for a folder that cannot be read as a run or cannot be written, and for a run
     under way, which writes its own.
     """
-    run = Salvage.of(folder)
+    run = read_broken_run(folder)
     if is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
     name = REBUILT if (folder / RECORDING).exists() else RECORDING
@@ -196,7 +195,7 @@ class Screen:
         """Add the verdict on the run in `folder`, where it has a result."""
         if not (folder / RESULT).is_file():
             return
-        found = verdict_of(Salvage.of(folder), None)
+        found = verdict_of(read_broken_run(folder), None)
         error = found.error.replace(LINE_BREAK, ", ")
         number = [f"**{found.figure}** ({error})"] if found.figure else []
         text = "\n\n".join([f"# {found.headline}", *number, *found.sentences])
@@ -216,7 +215,7 @@ class Screen:
         taken = film.read_frame_timestamps_nanos()
         shown = [note for note in notes if note.film is not None and note.film < len(taken)]
         stamps = np.array([note.stamp for note in shown])
-        clock = stamps + origin_of(read_json_lines(folder / EVENTS))
+        clock = stamps + origin_of(read_events(folder))
         self._to.log("camera/film", film, static=True)
         self._to.send_columns(
             "camera/film",

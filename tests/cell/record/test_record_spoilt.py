@@ -19,8 +19,7 @@ from cell.folding.replay import replay
 from cell.record.columns import Profile
 from cell.record.frames import INDEX, digest
 from cell.record.listing import list_runs
-from cell.record.run import read_run
-from cell.record.salvage import Salvage
+from cell.record.run import read_broken_run, read_run
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
@@ -185,7 +184,8 @@ def test_a_picture_that_states_gigabytes_is_not_decoded(folder) -> None:
     content[16:24] = (60_000).to_bytes(4) * 2
     image.write_bytes(content)
     assert (
-        len(list(Salvage.of(folder).frames())) == len(list((folder / "frames").glob("*.png"))) - 1
+        len(list(read_broken_run(folder).frames()))
+        == len(list((folder / "frames").glob("*.png"))) - 1
     )
     with pytest.raises(ConfigurationError, match="60000 x 60000 px, at most"):
         list(read_run(folder).frames())

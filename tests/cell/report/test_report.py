@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 
 from cell.cli.app import app
 from cell.record.listing import read_row
-from cell.record.run import read_run
-from cell.record.salvage import Salvage
+from cell.record.run import Run, read_broken_run, read_run
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
 from cell.report.compare import write_comparison
@@ -150,8 +149,8 @@ def test_dead_run_is_explained(dead_page):
 
 def test_costs_that_are_no_numbers_are_left_out(finished, monkeypatch):
     signalling = np.array([0x7FF0000000000001], np.uint64).view(np.float64)  # of flipped bits
-    monkeypatch.setattr(Salvage, "costs", lambda _: np.append(signalling, [0.002, np.inf]))
-    assert "median 2" in timing_figure(Salvage.of(finished))
+    monkeypatch.setattr(Run, "costs", lambda _: np.append(signalling, [0.002, np.inf]))
+    assert "median 2" in timing_figure(read_broken_run(finished))
 
 
 def test_run_that_died_at_once_is_explained(tmp_path):
@@ -225,8 +224,10 @@ def test_report_can_be_written_again_with_the_same_bytes(make_run, tmp_path):
 
 
 def test_command_reads_a_record_once(finished, monkeypatch):
-    read, of = [], Salvage.of
-    monkeypatch.setattr(Salvage, "of", lambda folder: read.append(folder) or of(folder))
+    read, of = [], read_broken_run
+    monkeypatch.setattr(
+        "cell.record.run.read_broken_run", lambda folder: read.append(folder) or of(folder)
+    )
     done = CliRunner().invoke(app, ["report", str(finished)])
     assert done.exit_code == 0, done.output
     assert read == [finished]
