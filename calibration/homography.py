@@ -42,28 +42,6 @@ class Homography:
 
 
 @dataclass(frozen=True, slots=True)
-class Rejected:
-    """A touched point rejected by the fit: number, place [m], and residual `error` [px]."""
-
-    number: int
-    x: float
-    z: float
-    error: float
-
-    def __str__(self) -> str:
-        return f"point {self.number} at x {self.x:.3f}, z {self.z:.3f} m is {self.error:.1f} px off"
-
-
-@dataclass(frozen=True, slots=True)
-class HomographyFit:
-    """A homography, the points it used (n,), and the rejected ones."""
-
-    homography: Homography
-    used: NDArray[np.bool_]
-    rejected: tuple[Rejected, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class Viewpoint:
     """The camera's centre in the cell frame [m]: (x, z), and its distance from the plane.
 
@@ -84,11 +62,12 @@ class Viewpoint:
         return depth / (self.distance + depth)
 
 
-def fit_homography(pixels: Array, points: Array) -> HomographyFit:
+def fit_homography(pixels: Array, points: Array) -> tuple[Homography, NDArray[np.bool_]]:
     """Homography from undistorted pixels (n, 2) and touched points (n, 2) x, z [m].
 
-    RANSAC from millimetres to pixels at 1.5 px, then a refit on the inliers. Fewer than twelve
-    points, or points that determine no map, are a ConfigurationError.
+    Also returns the mask (n,) of the points that it used. RANSAC from millimetres to
+    pixels at 1.5 px, then a refit on the inliers. Fewer than twelve points, or points that
+    determine no map, are a ConfigurationError.
     """
     if len(points) < MINIMUM_POINTS:
         raise ConfigurationError(
@@ -106,13 +85,8 @@ def fit_homography(pixels: Array, points: Array) -> HomographyFit:
             "check the pointer and touch again"
         )
     refit, _ = cv2.findHomography(millimetres[used], pixels[used], 0)
-    errors = np.linalg.norm(_apply(refit, millimetres) - pixels, axis=1)
-    rejected = tuple(
-        Rejected(int(i), float(points[i, 0]), float(points[i, 1]), float(errors[i]))
-        for i in np.flatnonzero(~used)
-    )
     homography = Homography.of(np.diag([1e-3, 1e-3, 1.0]) @ np.linalg.inv(refit))  # to metres
-    return HomographyFit(homography, used, rejected)
+    return homography, used
 
 
 def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:

@@ -1,5 +1,7 @@
 """Lens calibration from views of a board, by ask and tell: requests views, judges images."""
 
+from collections.abc import Iterable
+
 import cv2
 import numpy as np
 
@@ -17,10 +19,10 @@ from calibration.wizard.coverage import (
     wanted_views,
 )
 from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
-from calibration.wizard.news import Result, ViewResult
+from calibration.wizard.news import Mark, News, Result, Row
 from drivers.types import Frame, Image
 
-FEWEST_VIEWS = 4  # views from which a lens is fitted, to compute how the board leans
+FEWEST_VIEWS = max(4, MINIMUM_VIEWS)  # from which a lens is fitted, to compute the board's tilt
 TYPICAL_SIZE = (1280, 720)  # px, assumed before the first view
 VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad, from the wanted view
 
@@ -30,10 +32,19 @@ class BoardViews:
     and passes the camera's image to `tell()`.
 
     Views that were not asked for count as well. With `patience` a requested view is given up after
-    that many refused images; a person (`patient`) calls `skip` instead.
+    that many refused images; a person (`patient`) calls `skip` instead. `size` are width and height
+    [px] of the images, those of the first view if it is not known.
     """
 
-    def __init__(self, settings: BoardSettings, *, patient: bool = False) -> None:
+    subject = "board"
+
+    def __init__(
+        self,
+        settings: BoardSettings,
+        *,
+        patient: bool = False,
+        size: tuple[int, int] | None = None,
+    ) -> None:
         self._settings = settings
         self._board = settings.board()
         self._detector = cv2.aruco.CharucoDetector(self._board)
@@ -42,84 +53,106 @@ class BoardViews:
         self._tries = 0
         self._count = 0
         self._length: float | None = None
-        self._last: BoardView | None = None
+        self._last: BoardView | None = None  # the previous image's, if it was not refused
+        self._seen: BoardView | None = None  # the newest image's
         self._views: dict[int, BoardView] = {}
         self._met: dict[int, list[WantedView]] = {}  # the requests that each view met
-        self._size: tuple[int, int] | None = None
+        self._size = size
         self._lens: Lens | None = None
 
     def ask(self) -> WantedView | None:
         """The next view to show; None when the views suffice."""
         return self._wanted[0] if self._wanted else None
 
-    def tell(self, frame: Frame) -> ViewResult:
+    def tell(self, frame: Frame) -> Result:
         """Process an image of the board; two in a row must show it at the same place."""
         number, self._count = self._count, self._count + 1
         look = find_board(frame.image, self._detector, self._board)
         refused = self._refuse(frame, look)
+        view = look.view if refused is None else None
+        last, self._last, self._seen = self._last, view, look.view
+        if view is not None and last is not None:
+            moved = view.distance(last)
+            if moved <= self._settings.still:
+                self._accept(number, frame.image, view)
+                return Result(_row(number, view), taken=True)
+            refused = f"the board moved by {moved:.1f} px between two images; hold it still"
         if refused is not None:
-            self._last = None
             self._drop_request()
-            return Result(number, look.view, None, refused)
-        last, self._last = self._last, look.view
-        view = look.view
-        if last is None or view is None:
-            return Result(number, view, None, None, waits=True)
-        moved = view.distance(last)
-        if moved > self._settings.still:
-            self._drop_request()
-            reason = f"the board moved by {moved:.1f} px between two images; hold it still"
-            return Result(number, view, None, reason)
-        self._accept(number, frame.image, view)
-        return Result(number, view, view, None)
+        return Result(_row(number, look.view, refused))
 
-    def restore(self, number: int, image: Image) -> BoardView | None:
-        """Accept and return the view in a resumed session's `image` (h, w, 3); None without one."""
-        view = find_board(image, self._detector, self._board).view
-        if view is not None:
-            self._accept(number, image, view)
-            self._count = max(self._count, number + 1)
-        return view
-
-    def sketch(self, size: tuple[int, int], view: BoardView | None) -> Sketch:
-        """Outlines of the requested view and of `view` in images of `size` (width, height) [px]."""
-        outline, wanted = self._settings.outline(), self.ask()
-        enough = view is not None and len(view.ids) >= self._settings.corners
-        return Sketch(
-            size,
-            None if wanted is None else wanted.outline(outline, self._lens or guessed_lens(size)),
-            seen_outline(view, outline) if view is not None and enough else None,
-        )
+    def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
+        """Accept the views in a session's images (h, w, 3); returns a row without one, or None."""
+        for row, image in rows:
+            view = find_board(image, self._detector, self._board).view
+            if view is None:
+                return row
+            self._accept(row.number, image, view)
+            self._count = max(self._count, row.number + 1)
+        return None
 
     def skip(self) -> None:
         """Give up the requested view."""
         self._wanted = self._wanted[1:]
         self._tries, self._last = 0, None
 
+    def take_back(self) -> Row | None:
+        """Remove the newest view and request it again; returns its row, None without one."""
+        newest = max(self._views, default=None)
+        if newest is None:
+            return None
+        del self._views[newest]
+        self._wanted = [*self._met.pop(newest), *self._wanted]
+        return Row(number=newest, dropped=True)
+
     def set_length(self, length: float) -> None:
         """Set the ruler's `length` [m] of the board's squares across all columns."""
         self._length = length
-
-    def drop_last(self) -> int | None:
-        """Remove the newest view and request it again; returns its number, None without one."""
-        newest = max(self._views, default=None)
-        if newest is not None:
-            del self._views[newest]
-            self._wanted = [*self._met.pop(newest), *self._wanted]
-        return newest
 
     @property
     def views(self) -> tuple[BoardView, ...]:
         """All accepted views of the board."""
         return tuple(self._views.values())
 
+    @property
+    def marks(self) -> tuple[Mark, ...]:
+        """Corners of all accepted views, to show the coverage."""
+        return tuple(Mark(corner) for view in self.views for corner in view.image)
+
     def gates(self) -> tuple[Gate, ...]:
         """Coverage requirements and how far the views so far meet each."""
         return coverage(self.views, self._lens or guessed_lens(TYPICAL_SIZE), self._settings)
 
+    def news(self, frame: Frame | None = None, result: Result | None = None) -> News:
+        """Request, coverage, and the `result` of the newest image `frame`, if any."""
+        gates, wanted = self.gates(), self.ask()
+        missing = [gate for gate in gates if not gate.passed]
+        seen = () if self._seen is None or result is None else self._seen.image
+        return News(
+            "the lens, from a board",
+            "nothing: all is covered" if wanted is None else f"show the board {wanted}",
+            f"still missing: {missing[0]}" if missing else "all is covered; for good measure",
+            frame,
+            result,
+            answer="" if result is None else result.text("image", "taken"),
+            marks=tuple(map(Mark, seen)),
+            coverage=gates,
+            sketch=self._sketch(wanted),
+        )
+
     def verdict(self) -> LensVerdict:
         """The verdict on the lens from the views so far."""
         return lens_verdict(self._views, self._size, self._length, self._settings)
+
+    def _sketch(self, wanted: WantedView | None) -> Sketch:
+        """Outlines in the image of the `wanted` view and of the newest one."""
+        outline, seen, size = self._settings.outline(), self._seen, self._size or TYPICAL_SIZE
+        enough = seen is not None and len(seen.ids) >= self._settings.corners
+        return Sketch(
+            size,
+            None if wanted is None else wanted.outline(outline, self._lens or guessed_lens(size)),
+            seen_outline(seen, outline) if seen is not None and enough else None,
+        )
 
     def _refuse(self, frame: Frame, look: BoardLook) -> str | None:
         """Reason why this image shows no usable view, or None."""
@@ -136,7 +169,7 @@ class BoardViews:
                 f"the board is too far: its markers are {look.side:.0f} px, at least "
                 f"{self._settings.smallest:.0f} px are needed; come nearer"
             )
-        apart = min((look.view.distance(view) for view in self._views.values()), default=np.inf)
+        apart = min((look.view.distance(view) for view in self.views), default=np.inf)
         if apart < self._settings.distinct:
             return f"a view that differs by only {apart:.0f} px was taken before; move the board"
         return None
@@ -156,7 +189,7 @@ class BoardViews:
         self._size = (image.shape[1], image.shape[0])
         self._views[number] = view
         self._last, self._tries = None, 0
-        self._lens = lens = self._fitted_so_far(self._size)
+        lens = self._lens = self._fitted_so_far(self._size)
         shown = placement(view, self._settings.outline(), lens)
         width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width
         self._met[number] = [wanted for wanted in self._wanted if _matches(wanted, shown, width)]
@@ -169,9 +202,15 @@ class BoardViews:
 
     def _fitted_so_far(self, size: tuple[int, int]) -> Lens:
         """Lens fitted to the views so far, to compute the board's tilt."""
-        if len(self._views) < max(FEWEST_VIEWS, MINIMUM_VIEWS):
+        if len(self._views) < FEWEST_VIEWS:
             return guessed_lens(size)
         return fit_views(self.views, size).lens
+
+
+def _row(number: int, view: BoardView | None, refused: str | None = None) -> Row:
+    corners = [] if view is None else zip(view.ids, view.image, strict=True)
+    numbered = tuple((int(corner), float(u), float(v)) for corner, (u, v) in corners)
+    return Row(number=number, refused=refused, corners=numbered)
 
 
 def _matches(wanted: WantedView, shown: Placement, width: float) -> bool:

@@ -1,6 +1,5 @@
 """Camera latency from steps of the arm: the pointer in images against the arm's positions."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi
 
@@ -41,14 +40,6 @@ class LatencySettings(Settings):
 
 
 @dataclass(frozen=True, slots=True)
-class SeenStep:
-    """One image of the moving pointer: its stamp [s] and the disc's centre (2,) [px]."""
-
-    stamp: float
-    pixel: Array
-
-
-@dataclass(frozen=True, slots=True)
 class LatencyVerdict(Verdict):
     """Measured `latency` [s], the time from an exposure to its stamp, and reasons for refusal.
 
@@ -72,16 +63,18 @@ class LatencyVerdict(Verdict):
         return [grade_line(1e3 * self.apart, *APART_GRADES, text)]
 
 
+NOT_MEASURED = LatencyVerdict(reasons=("the latency was not measured",))
+
+
 class LatencySteps:
     """Collects arm states and images by ask and tell, while the caller moves the arm to `ask()`."""
 
     def __init__(self, settings: LatencySettings) -> None:
-        self._settings = settings
         here = Pose(settings.x, settings.z, pi / 2)
         there = Pose(settings.x + settings.step, settings.z, pi / 2)
         self._queue = [(here, there)[k % 2] for k in range(settings.steps + 1)]
         self._arm: list[tuple[float, float, float]] = []
-        self._seen: list[SeenStep] = []
+        self._seen: list[tuple[float, float, float]] = []
 
     @property
     def left(self) -> int:
@@ -94,9 +87,9 @@ class LatencySteps:
         return np.reshape(self._arm, (-1, 3))
 
     @property
-    def seen(self) -> tuple[SeenStep, ...]:
-        """Positions of the pointer in the images so far."""
-        return tuple(self._seen)
+    def seen(self) -> Array:
+        """Images of the pointer (n, 3): stamp [s] and the disc's centre u, v [px]."""
+        return np.reshape(self._seen, (-1, 3))
 
     def ask(self) -> Pose | None:
         """The next pose of the pointer; None once enough images have shown it."""
@@ -111,33 +104,24 @@ class LatencySteps:
         if not self._arm or state.stamp > self._arm[-1][0]:
             self._arm.append((state.stamp, state.pose.x, state.pose.z))
 
-    def tell_frame(self, frame: Frame) -> bool:
-        """Add a new image; returns whether the pointer was seen in it."""
+    def tell_frame(self, frame: Frame) -> None:
+        """Add a new image, if it shows the pointer."""
         centre = find_pointer(frame.image)
         if centre is not None:
-            self._seen.append(SeenStep(frame.stamp, centre))
-        return centre is not None
-
-    def verdict(self, lens: Lens, homography: Homography) -> LatencyVerdict:
-        """Estimate the camera latency [s] from arm and images; `reasons` say why it is refused.
-
-        `homography` is that of the touched points.
-        """
-        return latency_verdict(self.arm, self._seen, lens, homography, self._settings)
+            self._seen.append((frame.stamp, float(centre[0]), float(centre[1])))
 
 
 def latency_verdict(
-    arm: Array,
-    seen: Sequence[SeenStep],
-    lens: Lens,
-    homography: Homography,
-    settings: LatencySettings,
+    arm: Array, seen: Array, lens: Lens, homography: Homography, settings: LatencySettings
 ) -> LatencyVerdict:
-    """The verdict from images `seen` and arm measurements `arm` (n, 3) stamp [s], x, z [m]."""
-    if len(arm) < 2 or not seen:
+    """The camera's latency from arm measurements (n, 3) and images `seen` (m, 3) of the pointer.
+
+    The first are stamp [s], x, z [m], the second stamp [s], u, v [px]; `homography` is that of the
+    touched points.
+    """
+    if len(arm) < 2 or len(seen) == 0:
         return LatencyVerdict(reasons=("no step of the arm was seen; step again",))
-    stamps = np.array([step.stamp for step in seen])
-    places = homography.to_plane(lens.undistort(np.array([step.pixel for step in seen])))
+    stamps, places = seen[:, 0], homography.to_plane(lens.undistort(seen[:, 1:]))
     inside = (stamps > arm[0, 0] + settings.most) & (stamps < arm[-1, 0])
     stamps, along = stamps[inside], places[inside, 0]
     speed = np.interp(stamps, arm[:, 0], np.abs(np.gradient(arm[:, 1], arm[:, 0])))

@@ -122,6 +122,30 @@ class LensVerdict(Verdict):
     per_view: Mapping[int, float] = field(default_factory=dict)
     bow: Bow | None = None
 
+    def lines(self) -> tuple[Line, ...]:
+        """Lines for the operator, the next step last."""
+        lines = []
+        if self.fit is not None:
+            focal, (u, v) = self.fit.lens.matrix[0, 0], self.fit.lens.matrix[:2, 2]
+            halves = "two halves of the views bend the image alike within "
+            halves += f"{self.bend_mm:.2f} mm at the board, and differ by "
+            halves += f"{100 * self.split:.2f} % in focal length"
+            lines = [
+                Line(Level.PLAIN, f"{self.views} views, corners {self.fit.rms:.2f} px off (rms)"),
+                Line(Level.PLAIN,
+                     f"focal length {focal:.0f} px, principal point {u:.0f}, {v:.0f} px"),
+                grade_line(self.bend_mm, *BEND_GRADES, halves),
+            ]  # fmt: skip
+        last = self.last_line("next, `cell calibrate homography`",
+                              "mend what is said above and go on")  # fmt: skip
+        return (*lines, *self.bad_lines(), last)
+
+    @property
+    def title(self) -> tuple[str, ...]:
+        """Lines over the picture of the session."""
+        worst = max(self.per_view.values(), default=0)
+        return (f"{len(self.per_view)} views; corners off by up to {worst:.2f} px",)
+
 
 def lens_verdict(
     views: Mapping[int, BoardView],
@@ -159,26 +183,6 @@ def lens_verdict(
     per_view = dict(sorted(zip(numbers, fit.per_view.tolist(), strict=True)))
     bend_mm = 1e3 * bend * depth / focal
     return LensVerdict(fit, split, bend, bend_mm, len(ordered), per_view, bent, reasons=found)
-
-
-def lens_lines(verdict: LensVerdict) -> tuple[Line, ...]:
-    """Lines for the operator about the verdict on the lens."""
-    lines = []
-    if verdict.fit is not None:
-        lens = verdict.fit.lens
-        focal, (u, v) = lens.matrix[0, 0], lens.matrix[:2, 2]
-        halves = "two halves of the views bend the image alike within "
-        halves += f"{verdict.bend_mm:.2f} mm at the board, and differ by "
-        halves += f"{100 * verdict.split:.2f} % in focal length"
-        lines = [
-            Line(Level.PLAIN, f"{verdict.views} views, corners {verdict.fit.rms:.2f} px off (rms)"),
-            Line(Level.PLAIN,
-                 f"focal length {focal:.0f} px, principal point {u:.0f}, {v:.0f} px"),
-            grade_line(verdict.bend_mm, *BEND_GRADES, halves),
-        ]  # fmt: skip
-    last = verdict.last_line("next, `cell calibrate homography`",
-                             "mend what is said above and go on")  # fmt: skip
-    return (*lines, *verdict.bad_lines(), last)
 
 
 def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:

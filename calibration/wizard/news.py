@@ -1,123 +1,111 @@
-"""Messages of a wizard to its observers: terminal, Rerun, session folder."""
+"""Messages of a wizard to its observers: the terminal, Rerun, and the session's folder."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Generic, TypeVar
+from typing import NamedTuple
 
-from calibration.board import BoardView
-from calibration.wizard.coverage import Gate, Sketch, WantedView
+from pydantic import ConfigDict
+
+from calibration.wizard.coverage import Gate, Sketch
 from calibration.wizard.latency import LatencySteps
-from calibration.wizard.touches import Touched
-from drivers.types import Array, Frame, Pose
+from drivers.settings import Settings
+from drivers.types import Array, Frame
 
-Seen = TypeVar("Seen")
-Taken = TypeVar("Taken")
+
+class Row(Settings):
+    """One line of told.jsonl: an accepted or refused image and its measurements.
+
+    `corners` are [id, u, v] of the board, `centre` of the pointer; `pose` x, z, pitch of the arm.
+    `dropped` takes the earlier row of the same number back, and of the same touch (`again`).
+    """
+
+    model_config = ConfigDict(extra="allow")  # a program writes it
+
+    number: int
+    image: str | None = None
+    refused: str | None = None
+    corners: tuple[tuple[int, float, float], ...] = ()
+    centre: tuple[float, float] | None = None
+    pose: tuple[float, float, float] | None = None
+    again: bool = False
+    dropped: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Result(Generic[Seen, Taken]):
-    """Result of one image: its `number`, the measurement `seen`, the accepted one (`taken`) or the
-    reason why it was `refused`; `waits` means that the next image decides.
-    """
+class Result:
+    """Result of one image: its `row` in the session's folder, and whether it was accepted."""
 
-    number: int
-    seen: Seen | None
-    taken: Taken | None
-    refused: str | None
-    waits: bool = False
+    row: Row
+    taken: bool = False
+
+    @property
+    def refused(self) -> str | None:
+        """Reason why the image was refused; None where it was not."""
+        return self.row.refused
+
+    @property
+    def waits(self) -> bool:
+        """Whether the next image decides."""
+        return not self.taken and self.row.refused is None
 
     def text(self, kind: str, taken: str) -> str:
         """Text of the result for the operator; empty while the next image is awaited."""
-        if self.refused is None and self.waits:
-            return ""
-        return f"{kind} {self.number}: {self.refused or taken}"
+        return "" if self.waits else f"{kind} {self.row.number}: {self.row.refused or taken}"
 
 
-ViewResult = Result[BoardView, BoardView]
-TouchResult = Result[Array, Touched]  # seen: the disc's centre (2,) [px]
+class MarkKind(StrEnum):
+    """Kinds of points that are drawn into an image."""
+
+    FITTED = "fitted"
+    HELD_OUT = "held out"
+    WILD = "wild"
 
 
-@dataclass(frozen=True, slots=True)
-class ViewNews:
-    """Progress of the lens calibration: view `wanted` and `why`, coverage, last result, sketch."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Mark:
+    """A measured point in the image, `pixel` (2,) [px], its label, and its `error` (2,) [px]."""
 
-    wanted: WantedView | None
-    why: str
-    gates: tuple[Gate, ...]
-    frame: Frame | None = None
-    result: ViewResult | None = None
-    sketch: Sketch | None = None
-
-    @property
-    def title(self) -> str:
-        """Title of the calibration with a board."""
-        return "the lens, from a board"
-
-    @property
-    def request(self) -> str:
-        """Request to the operator: how to hold the board."""
-        return "nothing: all is covered" if self.wanted is None else f"show the board {self.wanted}"
-
-    @property
-    def answer(self) -> str:
-        """Text about the newest image; empty where there is nothing to say."""
-        return "" if self.result is None else self.result.text("image", "taken")
+    pixel: Array
+    kind: MarkKind = MarkKind.FITTED
+    label: str = ""
+    error: Array | None = None
 
 
-class Stage(StrEnum):
-    """Stages of the touch calibration, in order."""
+class PlannedPoint(NamedTuple):
+    """A pose of the plan, x, z [m], and its `state`, a character of the terminal's legend."""
 
-    TOUCH = "touch"
-    AGAIN = "touch again"
-    LATENCY = "latency"
-    REMEMBER = "remember"
+    x: float
+    z: float
+    state: str
 
 
 @dataclass(frozen=True, slots=True)
-class TouchNews:
-    """Progress of the touch calibration: pose `wanted` of the `plan` and `why`, last result.
+class News:
+    """Progress of a wizard: what it requests, `why`, and what came of the newest image.
 
-    `touches` are all points so far; `frame` and `pose` the newest image and the arm's pose;
-    `dropped` the touch that the operator took back.
+    `frame` is that image, `result` what it gave and `answer` this as a text; `marks` are drawn into
+    it. `coverage` and `sketch` show how a board is to be held, `plan` which poses were touched.
+    `taken_back` is the row of a measurement that the operator took back, `steps` the arm's motion
+    that shows the latency.
     """
 
-    stage: Stage
-    plan: tuple[Pose, ...]
-    touches: tuple[Touched, ...]
-    wanted: Pose | None
+    title: str
+    request: str
     why: str
     frame: Frame | None = None
-    pose: Pose | None = None
-    result: TouchResult | None = None
+    result: Result | None = None
+    answer: str = ""
+    marks: tuple[Mark, ...] = ()
+    coverage: tuple[Gate, ...] = ()
+    sketch: Sketch | None = None
+    plan: tuple[PlannedPoint, ...] = ()
+    taken_back: Row | None = None
     steps: LatencySteps | None = None
-    dropped: Touched | None = None
-
-    @property
-    def title(self) -> str:
-        """Title of the calibration by touches."""
-        return f"the map to the plane: {self.stage}"
-
-    @property
-    def request(self) -> str:
-        """The arm's next move, for the operator."""
-        return "nothing" if self.wanted is None else f"the arm goes to {_place(self.wanted)}"
-
-    @property
-    def answer(self) -> str:
-        """Text about the newest image; empty where there is nothing to say."""
-        again = " again" if self.stage is Stage.AGAIN else ""
-        touched = "" if self.pose is None else f"touched{again} at {_place(self.pose)}"
-        return "" if self.result is None else self.result.text("point", touched)
 
 
-News = ViewNews | TouchNews
 Watcher = Callable[[News], None]
 
 
 def nobody(_: News) -> None:
     """An observer that ignores everything."""
-
-
-def _place(pose: Pose) -> str:
-    return f"x {1e3 * pose.x:.0f}, z {1e3 * pose.z:.0f} mm"

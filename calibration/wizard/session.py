@@ -1,24 +1,23 @@
 """A calibration session as a folder: settings, images, measurements, verdict."""
 
 import json
-from collections.abc import Collection, Iterator, Mapping
-from datetime import UTC, datetime
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Protocol
 
 import cv2
 from pydantic import ConfigDict, Field
 
 from calibration.board import BoardSettings
 from calibration.lens import CameraFile
-from calibration.wizard.latency import LatencySettings, LatencySteps
-from calibration.wizard.news import News, TouchNews, ViewNews, Watcher, nobody
+from calibration.wizard.latency import LatencySettings
+from calibration.wizard.news import News, Row, Watcher, nobody
 from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
 from drivers.files import append_line, write_file, writing
 from drivers.readers import MEGABYTE, read_json, read_picture, read_text
 from drivers.settings import Settings, load, parse
-from drivers.types import Image
+from drivers.types import Frame, Image
 from drivers.yaml_text import dump_yaml
 
 LARGEST_LOG = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes less than one
@@ -56,41 +55,9 @@ class Session(Settings):
     latency: LatencySettings = LatencySettings()
 
 
-def new_session(
-    kind: Kind, camera: str, image: tuple[int, int], locks: dict[str, int], **facts: Any
-) -> Session:
-    """A session that begins now, of images of width and height `image` [px]."""
-    date = datetime.now(UTC).isoformat(timespec="seconds")
-    return Session(schema=1, kind=kind, date=date, camera=camera, image=image, locks=locks, **facts)
-
-
-class Row(Settings):
-    """One line of told.jsonl: an accepted or refused image and its measurements.
-
-    `corners` are [id, u, v] of the board, `centre` of the pointer; `pose` x, z, pitch of the arm.
-    `dropped` takes the earlier row of the same number back, and of the same touch (`again`).
-    """
-
-    model_config = ConfigDict(extra="allow")
-
-    number: int
-    image: str | None = None
-    refused: str | None = None
-    corners: tuple[tuple[int, float, float], ...] = ()
-    centre: tuple[float, float] | None = None
-    pose: tuple[float, float, float] | None = None
-    again: bool = False
-    dropped: bool = False
-
-    @property
-    def taken(self) -> bool:
-        """Whether the image of this row was accepted."""
-        return self.image is not None
-
-
 class SessionFolder:
     """An observer that writes each message of a session to its folder at once, so that nothing is
-    lost, and passes it on to `watch`; `newest` is the last message with an image.
+    lost, and passes it on to `watch`; `newest` is the last image.
     """
 
     def __init__(self, folder: Path, session: Session, watch: Watcher = nobody) -> None:
@@ -99,7 +66,7 @@ class SessionFolder:
         A folder that cannot be written is a ConfigurationError.
         """
         self.folder, self.session = folder, session
-        self.newest: News | None = None
+        self.newest: Frame | None = None
         self._count = len([*(folder / IMAGES_FOLDER).glob("*.png")])
         self._watch = watch
         if (folder / SESSION_FILE).exists():
@@ -112,20 +79,15 @@ class SessionFolder:
     def __call__(self, news: News) -> None:
         """Write the measurements in `news`, with the image where it was accepted."""
         if news.frame is not None:
-            self.newest = news
-        if isinstance(news, TouchNews) and news.steps is not None:
-            self._write_latency(news.steps)
-        elif isinstance(news, TouchNews) and news.dropped is not None:
-            self.add(Row(number=news.dropped.number, again=news.dropped.again, dropped=True))
-        elif news.frame is not None and (row := _row(news)) is not None:
-            taken = news.result is not None and news.result.taken is not None
-            self.add(row, news.frame.image if taken else None)
+            self.newest = news.frame
+        if news.steps is not None:
+            content = {"arm": news.steps.arm.tolist(), "seen": news.steps.seen.tolist()}
+            write_file(self.folder / LATENCY_FILE, json.dumps(content) + "\n", MAKE_ROOM)
+        if news.taken_back is not None:
+            self.add(news.taken_back)
+        if news.frame is not None and news.result is not None:
+            self.add(news.result.row, news.frame.image if news.result.taken else None)
         self._watch(news)
-
-    def _write_latency(self, steps: LatencySteps) -> None:
-        seen = [(step.stamp, *step.pixel.tolist()) for step in steps.seen]
-        content = {"arm": steps.arm.tolist(), "seen": seen}
-        write_file(self.folder / LATENCY_FILE, json.dumps(content) + "\n", MAKE_ROOM)
 
     def add(self, row: Row, image: Image | None = None) -> None:
         """Append `row` to the file of rows and write its `image` (height, width, 3), if any.
@@ -142,29 +104,6 @@ class SessionFolder:
             append_line(self.folder / ROWS_FILE, line.encode())
 
 
-def _row(news: News) -> Row | None:
-    """Row of told.jsonl for the newest image, None without a result."""
-    if news.result is None:
-        return None
-    number, refused = news.result.number, news.result.refused
-    if isinstance(news, ViewNews):
-        view = news.result.seen
-        corners = [] if view is None else zip(view.ids, view.image, strict=True)
-        numbered = tuple((int(corner), float(u), float(v)) for corner, (u, v) in corners)
-        return Row(number=number, refused=refused, corners=numbered)
-    if news.pose is None:
-        return None
-    taken, centre = news.result.taken, news.result.seen
-    x, z = (news.pose.x, news.pose.z) if taken is None else map(float, taken.place)
-    return Row(
-        number=number,
-        refused=refused,
-        centre=None if centre is None else (float(centre[0]), float(centre[1])),
-        pose=(x, z, news.pose.pitch),
-        again=taken is not None and taken.again,
-    )
-
-
 def read_session(folder: Path, kind: Kind) -> Session:
     """Read session.yaml in `folder`; another kind of session is a ConfigurationError."""
     session = load(folder / SESSION_FILE, Session)
@@ -176,8 +115,10 @@ def read_session(folder: Path, kind: Kind) -> Session:
     return session
 
 
-def session_to_resume(folder: Path, now: Session) -> Session:
-    """The session in `folder`; ConfigurationError where its settings are not those of `now`."""
+def begin_or_resume(folder: Path, now: Session) -> Session:
+    """The session in `folder`, or `now` in a new one; ConfigurationError where settings differ."""
+    if not (folder / SESSION_FILE).exists():
+        return now
     begun = read_session(folder, now.kind)
     for key in ("camera", "image", "locks", "boards", "touches", "latency", "lens"):
         then, today = getattr(begun, key), getattr(now, key)
@@ -227,7 +168,7 @@ def taken_images(
         if row.dropped:
             mine = (row.number, row.again)
             kept = [other for other in kept if (other.number, other.again) != mine]
-        elif row.taken:
+        elif row.image is not None:
             kept.append(row)
     for row in kept:
         if row.number not in without:
@@ -253,7 +194,7 @@ def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
     return image
 
 
-class Steps(Settings):
+class StepsFile(Settings):
     """Contents of latency.json: `arm` [[t, x, z]] and `seen` [[t, u, v]] during the arm's steps."""
 
     model_config = ConfigDict(extra="ignore")  # a program writes it
@@ -262,12 +203,35 @@ class Steps(Settings):
     seen: tuple[tuple[float, float, float], ...] = ()
 
 
-def read_latency(folder: Path) -> Steps:
+class Task(Protocol):
+    """Protocol of a calibration by ask and tell that a session can restore."""
+
+    subject: str
+    """What its images show."""
+
+    def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
+        """Accept what a session's images (h, w, 3) show; returns a row without it, or None."""
+
+
+def restore(task: Task, folder: Path, session: Session, without: Collection[int] = ()) -> None:
+    """Measure anew in the accepted images in `folder`, `without` those of some numbers.
+
+    Raises ConfigurationError for a broken file or an image that shows nothing.
+    """
+    missing = task.restore(taken_images(folder, session, without))
+    if missing is not None:
+        raise ConfigurationError(
+            f"{folder / str(missing.image)}: shows no {task.subject}; leave number "
+            f"{missing.number} out, or take its line out of {ROWS_FILE}"
+        )
+
+
+def read_latency(folder: Path) -> StepsFile:
     """Contents of latency.json in `folder`, empty without the file, or ConfigurationError."""
     path = folder / LATENCY_FILE
     if not path.exists():
-        return Steps()
-    return parse(read_json(path, LARGEST_LOG), Steps, str(path))
+        return StepsFile()
+    return parse(read_json(path, LARGEST_LOG), StepsFile, str(path))
 
 
 def make_folder(folder: Path) -> None:

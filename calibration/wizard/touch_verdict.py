@@ -8,10 +8,18 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from calibration.homography import Homography, Rejected
+from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.wizard.latency import LatencyVerdict
-from calibration.wizard.touches import Solved, Touched, TouchSettings, camera_move, solve
+from calibration.wizard.picture import ENLARGED
+from calibration.wizard.touches import (
+    Rejected,
+    Touched,
+    TouchFit,
+    TouchSettings,
+    camera_move,
+    solve,
+)
 from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
 from drivers.types import Array
@@ -56,7 +64,14 @@ class TouchVerdict(Verdict):
     errors_mm: dict[int, float] = field(default_factory=dict)
     rejected: tuple[Rejected, ...] = ()
     wild: tuple[Rejected, ...] = ()
-    grade: Grade = Grade.REFUSED
+    clean: bool = False  # no point is left out, and the residual could hardly be smaller
+
+    @property
+    def grade(self) -> Grade:
+        """How usable the map is."""
+        if self.reasons:
+            return Grade.REFUSED
+        return Grade.GOOD if self.clean else Grade.USABLE
 
     def lines(self) -> list[Line]:
         """Lines for the operator on the map and its points, reasons for refusal last."""
@@ -76,6 +91,15 @@ class TouchVerdict(Verdict):
         lines += [Line(Level.FAIR, f"{point}; left out") for point in self.rejected]
         return [*lines, *self.bad_lines()]
 
+    @property
+    def title(self) -> tuple[str, ...]:
+        """Lines over the picture of the session."""
+        return (
+            f"green: fitted, blue: held out, red: wild; errors drawn {ENLARGED:.0f} times",
+            f"held out: {self.residual_mm:.2f} mm rms, {self.worst_mm:.2f} mm at worst; "
+            f"halves agree within {self.halves_mm:.2f} mm",
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class CheckVerdict(Verdict):
@@ -88,6 +112,15 @@ class CheckVerdict(Verdict):
     median_mm: float
     worst_mm: float
 
+    def lines(self) -> tuple[Line, ...]:
+        """Lines for the operator, the next step last."""
+        lines = self.bad_lines()
+        if self.errors_mm:
+            text = f"half of {len(self.errors_mm)} touched points are under "
+            text += f"{self.median_mm:.2f} mm off, the worst {self.worst_mm:.2f}"
+            lines.insert(0, grade_line(self.worst_mm, *WORST_GRADES, text))
+        return (*lines, self.last_line("this calibration still holds", "it no longer holds"))
+
 
 def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> TouchVerdict:
     """The verdict on the map from `touches` through `lens`; independent of their order."""
@@ -98,9 +131,7 @@ def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSetting
         return TouchVerdict(held_out=decide, reasons=(str(error),))
     verdict = _compose(solved, settings)
     causes = _causes(touches, solved, settings)
-    if not causes:
-        return verdict
-    return replace(verdict, reasons=causes, grade=Grade.REFUSED)  # they bring all the others along
+    return replace(verdict, reasons=causes) if causes else verdict  # they bring all others along
 
 
 def check_verdict(
@@ -127,36 +158,18 @@ def check_verdict(
     return CheckVerdict(errors, median, worst, reasons=causes)
 
 
-def touch_lines(
-    touches: TouchVerdict | None, latency: LatencyVerdict | None, speed: float
-) -> tuple[Line, ...]:
+def map_lines(touches: TouchVerdict, latency: LatencyVerdict, speed: float) -> tuple[Line, ...]:
     """Lines for the operator on touches and latency; `speed` [m/s] is that of a fold."""
-    if touches is None:
-        return (Line(Level.BAD, "refused: nothing was touched"),)
-    missing = [Line(Level.BAD, "the latency was not measured")]
-    lines = [*touches.lines(), *(missing if latency is None else latency.lines(speed))]
-    if touches.passed and latency is not None and latency.passed:
+    lines = [*touches.lines(), *latency.lines(speed)]
+    if touches.passed and latency.passed:
         level = Level.GOOD if touches.grade is Grade.GOOD else Level.FAIR
         return (*lines, Line(level, f"{touches.grade}: this calibration may be used"))
     return (*lines, Line(Level.BAD, "refused: mend what is said above and touch again"))
 
 
-def refusals(touches: TouchVerdict | None, latency: LatencyVerdict | None) -> tuple[str, ...]:
+def refusals(touches: TouchVerdict, latency: LatencyVerdict) -> tuple[str, ...]:
     """Every reason to refuse a calibration from these parts."""
-    if touches is None:
-        return ("nothing was touched",)
-    late = ("the latency was not measured",) if latency is None else latency.reasons
-    return (*touches.reasons, *late)
-
-
-def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
-    """Lines for the operator on the check of a calibration in use."""
-    lines = verdict.bad_lines()
-    if verdict.errors_mm:
-        text = f"half of {len(verdict.errors_mm)} touched points are under "
-        text += f"{verdict.median_mm:.2f} mm off, the worst {verdict.worst_mm:.2f}"
-        lines.insert(0, grade_line(verdict.worst_mm, *WORST_GRADES, text))
-    return (*lines, verdict.last_line("this calibration still holds", "it no longer holds"))
+    return (*touches.reasons, *latency.reasons)
 
 
 def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
@@ -171,7 +184,9 @@ def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
         )
 
 
-def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings) -> tuple[str, ...]:
+def _causes(
+    touches: Sequence[Touched], solved: TouchFit, settings: TouchSettings
+) -> tuple[str, ...]:
     """Reasons for refusal that explain all others: a mirrored plane, or a camera that moved."""
     middle = np.mean([touched.place for touched in touches], axis=0)
     triangle = middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
@@ -192,7 +207,7 @@ def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings)
     )
 
 
-def _compose(solved: Solved, settings: TouchSettings) -> TouchVerdict:
+def _compose(solved: TouchFit, settings: TouchSettings) -> TouchVerdict:
     """Verdict on a fitted map: its errors at held-out points, rejected points, and grade."""
     held_out = np.reshape([solved.error(p) for p in solved.decide], (-1, 2))
     errors = 1e3 * np.hypot(*held_out.T)
@@ -208,14 +223,12 @@ def _compose(solved: Solved, settings: TouchSettings) -> TouchVerdict:
         used=len(solved.used),
         held_out=len(solved.decide),
         errors_mm={p.number: 1e3 * float(np.hypot(*solved.error(p))) for p in points},
-        rejected=tuple(solved.rejection(p) for p in sorted(rejected, key=lambda p: p.number)),
-        wild=tuple(solved.rejection(p) for p in sorted(solved.wild, key=lambda p: p.number)),
+        rejected=solved.rejections(rejected),
+        wild=solved.rejections(solved.wild),
+        clean=not rejected and _rms(errors) <= settings.good_mm,
     )
     found = (*_map_reasons(verdict, settings), *_point_reasons(solved, settings))
-    if found:
-        return replace(verdict, reasons=found, grade=Grade.REFUSED)
-    clean = not verdict.rejected and verdict.residual_mm <= settings.good_mm
-    return replace(verdict, grade=Grade.GOOD if clean else Grade.USABLE)
+    return replace(verdict, reasons=found)
 
 
 def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -> float:
@@ -258,7 +271,7 @@ def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, .
     )  # fmt: skip
 
 
-def _point_reasons(solved: Solved, settings: TouchSettings) -> tuple[str, ...]:
+def _point_reasons(solved: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
     """Reasons for refusal: defects of the touched points themselves."""
     numbers = {p.number for p in (*solved.used, *solved.decide, *solved.off)}
     stubborn = ", ".join(str(p.number) for p in solved.stubborn)

@@ -1,24 +1,33 @@
 """Map to the plane by touching, by ask and tell: requests gripper poses, judges images."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from enum import StrEnum
 
 import numpy as np
 
 from calibration.lens import Lens
 from calibration.pointer import find_pointer
-from calibration.wizard.news import Result, TouchResult
+from calibration.wizard.news import Mark, MarkKind, News, PlannedPoint, Result, Row
 from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict
 from calibration.wizard.touches import (
-    BegunPlan,
     Touched,
     TouchSettings,
-    checked_plan,
     held_out,
+    require_enough,
     suspects,
     touch_plan,
 )
 from drivers.errors import ConfigurationError
-from drivers.types import Array, Frame, Pose
+from drivers.types import Array, Frame, Image, Pose
+
+
+class Stage(StrEnum):
+    """Stages of the calibration by touches, in order."""
+
+    TOUCH = "touch"
+    AGAIN = "touch again"
+    LATENCY = "latency"
+    REMEMBER = "remember"
 
 
 class TouchedPoints:
@@ -28,6 +37,8 @@ class TouchedPoints:
     After all poses, those of the map's outliers are requested once more.
     """
 
+    subject = "pointer"
+
     def __init__(
         self,
         lens: Lens,
@@ -36,26 +47,22 @@ class TouchedPoints:
         *,
         fitted: bool = True,
     ) -> None:
-        """Touch the grid of `settings`, or the poses of a `plan`: an edited or a resumed one.
+        """Touch the grid of `settings`, or the poses of a `plan`.
 
-        Points that are not `fitted` may be few, and each is touched once.
+        Points that are not `fitted` may be few, and each is touched once. Raises ConfigurationError
+        for a plan with too few points to fit a map.
         """
-        self._lens = lens
+        self.lens = lens
         self._settings = settings
-        planned = touch_plan(settings) if plan is None else plan
-        self._plan = checked_plan(planned, settings) if fitted else tuple(planned)
-        self._touches = list(plan.touched) if isinstance(plan, BegunPlan) else []
-        done = {point.number for point in self._touches}
-        self._queue = [number for number in range(len(self._plan)) if number not in done]
-        self._fitted, self._second = fitted, False
+        self.plan = touch_plan(settings) if plan is None else tuple(plan)
+        self.fitted = fitted
+        if fitted:
+            require_enough(self.plan, settings)
+        self._touches: list[Touched] = []
+        self._queue = list(range(len(self.plan)))
+        self._second = False
         self._tries = 0
         self._last: tuple[Array, Array] | None = None
-        self._repeat_suspects()
-
-    @property
-    def plan(self) -> tuple[Pose, ...]:
-        """All planned poses, by number."""
-        return self._plan
 
     @property
     def touches(self) -> tuple[Touched, ...]:
@@ -68,25 +75,15 @@ class TouchedPoints:
         return self._queue[0] if self._queue else None
 
     @property
-    def held_out(self) -> bool:
-        """Whether the requested pose is held out of the fit."""
-        return bool(self._queue) and held_out(self._queue[0], self._settings)
-
-    @property
-    def fitted(self) -> bool:
-        """Whether a map is fitted to the points, rather than checked with them."""
-        return self._fitted
-
-    @property
     def again(self) -> bool:
         """Whether points that disagreed are being touched a second time."""
         return self._second
 
     def ask(self) -> Pose | None:
         """The next pose for the pointer, to be held still; None once there are enough points."""
-        return self._plan[self._queue[0]] if self._queue else None
+        return self.plan[self._queue[0]] if self._queue else None
 
-    def tell(self, frame: Frame, pose: Pose) -> TouchResult:
+    def tell(self, frame: Frame, pose: Pose) -> Result:
         """Process an image of the pointer at rest at the measured `pose`.
 
         After `patience` images without two that agree the point is given up. Raises
@@ -94,10 +91,33 @@ class TouchedPoints:
         """
         self._check_size(frame)
         self._tries += 1
-        result = self._accept(self._queue[0], frame, pose)
-        if result.taken is not None or self._tries >= self._settings.patience:
+        number, centre = self._queue[0], find_pointer(frame.image)
+        refused = self._refuse(centre, np.array([pose.x, pose.z]))
+        taken = refused is None and self._last is not None
+        self._last = None if centre is None else (centre, np.array([pose.x, pose.z]))
+        result = Result(self._row(number, centre, pose, refused, taken=taken), taken)
+        if centre is not None and taken:
+            self._touches.append(self._touched(result.row, centre))
+        if taken or self._tries >= self._settings.patience:
             self.skip()
         return result
+
+    def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
+        """Accept the points in a session's images (h, w, 3); returns a row without one, or None.
+
+        Raises ConfigurationError for a row without a pose.
+        """
+        found: dict[tuple[int, bool], Touched] = {}
+        for row, image in rows:
+            centre = find_pointer(image)
+            if centre is None:
+                return row
+            found[row.number, row.again] = self._touched(row, centre)
+        self._touches = [*found.values()]
+        done = {number for number, _ in found}
+        self._queue = [number for number in self._queue if number not in done]
+        self._repeat_suspects()
+        return None
 
     def skip(self) -> None:
         """Give up the requested pose."""
@@ -105,56 +125,129 @@ class TouchedPoints:
         self._tries, self._last = 0, None
         self._repeat_suspects()
 
-    def repeat(self) -> Touched | None:
-        """Request the previous point again; its touch is dropped and returned, None without one."""
+    def take_back(self) -> Row | None:
+        """Remove the newest touch and request it again; returns its row, None without one."""
         if not self._touches:
             return None
         dropped = self._touches.pop()
         self._queue = [dropped.number, *self._queue]
         self._tries, self._last = 0, None
-        return dropped
+        return Row(number=dropped.number, again=dropped.again, dropped=True)
 
     def verdict(self) -> TouchVerdict:
         """The verdict on the touched points so far."""
-        return touch_verdict(self._touches, self._lens, self._settings)
+        return touch_verdict(self._touches, self.lens, self._settings)
+
+    @property
+    def why(self) -> str:
+        """Why the requested pose is to be touched, and how many are."""
+        if self._second:
+            return f"point {self.number} disagrees with the others: touch it once more"
+        done = f"{len(self._touches)} of {len(self.plan)} points are touched"
+        held = self.number is not None and held_out(self.number, self._settings)
+        part = "held out, it decides" if held else "fitted"
+        return f"point {self.number} ({part}): {done}" if self.fitted else done
+
+    def news(self, wanted: Pose | None, why: str, stage: Stage = Stage.TOUCH) -> News:
+        """Progress: the arm is `wanted` at a pose, `why`, and all points so far."""
+        touched = {point.number: point for point in self._touches}
+        return News(
+            f"the map to the plane: {stage}",
+            "nothing" if wanted is None else f"the arm goes to {_place(wanted)}",
+            why,
+            marks=tuple(
+                Mark(point.pixel, _kind(point), str(point.number)) for point in self._touches
+            ),
+            plan=tuple(
+                PlannedPoint(pose.x, pose.z, ">" if pose == wanted else _state(touched.get(number)))
+                for number, pose in enumerate(self.plan)
+            ),
+        )
+
+    def answer(self, result: Result, pose: Pose, stage: Stage) -> str:
+        """Text about the `result` of an image taken at `pose`; empty while the next is awaited."""
+        again = " again" if stage is Stage.AGAIN else ""
+        return result.text("point", f"touched{again} at {_place(pose)}")
+
+    def marks(self, verdict: TouchVerdict) -> tuple[Mark, ...]:
+        """All points with their errors by the map of `verdict`, outliers marked as wild."""
+        off = {point.number for point in verdict.rejected}
+        replaced = {point.number for point in verdict.wild}
+        return tuple(
+            Mark(p.pixel, MarkKind.WILD, str(p.number))
+            if p.number in off or (p.number in replaced and not p.again)
+            else Mark(p.pixel, _kind(p), str(p.number), self._error(p, verdict))
+            for p in self._touches
+        )
+
+    def _error(self, point: Touched, verdict: TouchVerdict) -> Array | None:
+        """Error (2,) [px] of a point in the image by the verdict's map; None without a map."""
+        if verdict.homography is None:
+            return None
+        mapped = self.lens.distort(verdict.homography.to_image(point.place))[0]
+        return np.asarray(point.pixel - mapped)
 
     def _repeat_suspects(self) -> None:
         """Once all poses are touched, request those of the map's outliers a second time."""
-        if not self._queue and self._fitted and not self._second:
+        if not self._queue and self.fitted and not self._second:
             self._second = True
-            self._queue = list(suspects(self._touches, self._lens, self._settings))
+            self._queue = list(suspects(self._touches, self.lens, self._settings))
 
     def _check_size(self, frame: Frame) -> None:
         size = (frame.image.shape[1], frame.image.shape[0])
-        if size != (self._lens.width, self._lens.height):
+        if size != (self.lens.width, self.lens.height):
             raise ConfigurationError(
                 f"touch: the image is {size[0]} x {size[1]} px, the lens was found with "
-                f"{self._lens.width} x {self._lens.height} px; set the camera to that size, "
+                f"{self.lens.width} x {self.lens.height} px; set the camera to that size, "
                 "or run `cell calibrate camera` at this one"
             )
 
-    def _accept(self, number: int, frame: Frame, pose: Pose) -> TouchResult:
-        """Result of an image: accepted if it agrees with the previous one in pixel and pose."""
-        centre = find_pointer(frame.image)
+    def _refuse(self, centre: Array | None, place: Array) -> str | None:
+        """Reason to refuse an image that shows the pointer at `centre` [px], the arm at `place`."""
         if centre is None:
-            self._last = None
-            reason = "the pointer's disc is not seen exactly once; uncover it, light it"
-            return Result(number, None, None, reason)
-        place = np.array([pose.x, pose.z])
-        last, self._last = self._last, (centre, place)
-        if last is None:
-            return Result(number, centre, None, None, waits=True)
-        last_centre, last_place = last
+            return "the pointer's disc is not seen exactly once; uncover it, light it"
+        if self._last is None:
+            return None
+        last_centre, last_place = self._last
         arm_moved = np.hypot(*(place - last_place))
         if arm_moved > self._settings.arm_still:
             reason = f"the arm moved by {1e3 * arm_moved:.1f} mm between two images"
-            return Result(number, centre, None, f"{reason}; wait until it is still")
+            return f"{reason}; wait until it is still"
         moved = np.hypot(*(centre - last_centre))
         if moved > self._settings.still:
             reason = f"the pointer moved by {moved:.1f} px between two images"
-            return Result(number, centre, None, f"{reason}; wait until it is still")
-        touched = Touched(
-            number, place, centre, held_out(number, self._settings), again=self._second
+            return f"{reason}; wait until it is still"
+        return None
+
+    def _row(
+        self, number: int, centre: Array | None, pose: Pose, refused: str | None, *, taken: bool
+    ) -> Row:
+        return Row(
+            number=number,
+            refused=refused,
+            centre=None if centre is None else (float(centre[0]), float(centre[1])),
+            pose=(pose.x, pose.z, pose.pitch),
+            again=taken and self._second,
         )
-        self._touches.append(touched)
-        return Result(number, centre, touched, None)
+
+    def _touched(self, row: Row, centre: Array) -> Touched:
+        """The point of `row`, whose image shows the pointer at `centre` (2,) [px]."""
+        if row.pose is None:
+            raise ConfigurationError(f"told.jsonl: point {row.number} has no pose; leave it out")
+        held = held_out(row.number, self._settings)
+        return Touched(row.number, np.array(row.pose[:2]), centre, held, again=row.again)
+
+
+def _kind(point: Touched) -> MarkKind:
+    return MarkKind.HELD_OUT if point.held_out else MarkKind.FITTED
+
+
+def _state(point: Touched | None) -> str:
+    """Character of a planned pose for the terminal: its touch, or that it is to come."""
+    if point is None:
+        return "."
+    return "x" if point.again else "h" if point.held_out else "o"
+
+
+def _place(pose: Pose) -> str:
+    return f"x {1e3 * pose.x:.0f}, z {1e3 * pose.z:.0f} mm"

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from calibration.homography import MINIMUM_POINTS, Homography, Rejected, fit_homography
+from calibration.homography import MINIMUM_POINTS, Homography, fit_homography
 from calibration.lens import Lens
 from drivers.errors import ConfigurationError
 from drivers.robust import robust_sigma
@@ -47,20 +47,14 @@ class TouchSettings(Settings):
     spread: float = Field(0.6, gt=0, le=1)  # share of the work area that used points enclose
 
 
-class BegunPlan(tuple[Pose, ...]):
-    """Poses to touch, by number, of which some are `touched` already."""
-
-    touched: tuple["Touched", ...] = ()
-
-
 def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
-    """Poses over the work area, row by row, back and forth; at least twelve to fit."""
+    """Poses over the work area, row by row, back and forth."""
     poses: list[Pose] = []
     rightwards = np.linspace(settings.x_min, settings.x_max, settings.columns)
     for row, z in enumerate(np.linspace(settings.z_min, settings.z_max, settings.rows)):
         columns = rightwards if row % 2 == 0 else rightwards[::-1]
         poses += [Pose(float(x), float(z), pi / 2) for x in columns]
-    return checked_plan(poses, settings)
+    return tuple(poses)
 
 
 def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
@@ -71,15 +65,14 @@ def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
     return tuple(Pose(x, z, pi / 2) for x, z in places)
 
 
-def checked_plan(plan: Sequence[Pose], settings: TouchSettings) -> tuple[Pose, ...]:
-    """`plan`, if it leaves at least twelve points to fit; else a ConfigurationError."""
+def require_enough(plan: Sequence[Pose], settings: TouchSettings) -> None:
+    """Refuse a `plan` that leaves fewer than twelve points to fit, by a ConfigurationError."""
     fitted = sum(not held_out(number, settings) for number in range(len(plan)))
     if fitted < MINIMUM_POINTS:
         raise ConfigurationError(
             f"touch: {len(plan)} points with every {settings.hold_out}th held out leave "
             f"{fitted}; at least {MINIMUM_POINTS} are fitted; ask for more"
         )
-    return plan if isinstance(plan, BegunPlan) else tuple(plan)
 
 
 def held_out(number: int, settings: TouchSettings) -> bool:
@@ -101,7 +94,20 @@ class Touched:
 
 
 @dataclass(frozen=True, slots=True)
-class Solved:
+class Rejected:
+    """A touched point rejected by the fit: number, place [m], and residual `error` [px]."""
+
+    number: int
+    x: float
+    z: float
+    error: float
+
+    def __str__(self) -> str:
+        return f"point {self.number} at x {self.x:.3f}, z {self.z:.3f} m is {self.error:.1f} px off"
+
+
+@dataclass(frozen=True, slots=True)
+class TouchFit:
     """The map fitted to the points `used`, and the groups of all other points.
 
     `decide` are held-out points, `off` all outliers, `stubborn` those of them whose second touch
@@ -121,15 +127,18 @@ class Solved:
         seen = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
         return np.asarray(seen - touched.place)
 
-    def rejection(self, touched: Touched) -> Rejected:
-        """Description of a rejected point: number, place [m], and residual [px] in the image."""
+    def rejections(self, points: Sequence[Touched]) -> tuple[Rejected, ...]:
+        """Descriptions of rejected `points`, by number."""
+        return tuple(map(self._rejection, sorted(points, key=lambda p: p.number)))
+
+    def _rejection(self, touched: Touched) -> Rejected:
         mapped = self.homography.to_image(touched.place)[0]
         residual = float(np.hypot(*(mapped - self.lens.undistort(touched.pixel)[0])))
         x, z = map(float, touched.place)
         return Rejected(touched.number, x, z, residual)
 
 
-def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> Solved:
+def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> TouchFit:
     """The map fitted robustly to the newest touch of each pose that is not held out.
 
     Independent of the order of `touches`. Raises ConfigurationError where they give no map.
@@ -137,12 +146,12 @@ def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> So
     newest = _newest_touches(touches)
     fitted = [p for p in newest if not p.held_out]
     held = [p for p in newest if p.held_out]
-    fit = fit_homography(
+    homography, used = fit_homography(
         lens.undistort(np.reshape([p.pixel for p in fitted], (-1, 2))),
         np.reshape([p.place for p in fitted], (-1, 2)),
     )
-    solved = Solved(fit.homography, tuple(compress(fitted, fit.used)), (), (), (), (), lens)
-    off = list(compress(fitted, ~fit.used))
+    solved = TouchFit(homography, tuple(compress(fitted, used)), (), (), (), (), lens)
+    off = list(compress(fitted, ~used))
     off += [p for p in held if 1e3 * np.hypot(*solved.error(p)) > settings.worst_mm]
     firsts = {p.number: p for p in touches if not p.again}
     stubborn = tuple(p for p in off if _repeats_error(p, firsts, solved, settings))
@@ -160,7 +169,7 @@ def _newest_touches(touches: Sequence[Touched]) -> list[Touched]:
 
 
 def _repeats_error(
-    again: Touched, firsts: dict[int, Touched], solved: Solved, settings: TouchSettings
+    again: Touched, firsts: dict[int, Touched], solved: TouchFit, settings: TouchSettings
 ) -> bool:
     """Whether a second touch repeats the first one's error, which shows that the map is wrong."""
     first = firsts.get(again.number)

@@ -9,8 +9,10 @@ from pathlib import Path
 from calibration.calibration import Calibration, load_calibration, save_calibration
 from calibration.lens import Lens
 from calibration.wizard.board_views import BoardViews
-from cell.calibrating.homography_wizard import assemble, touch
+from calibration.wizard.touch_verdict import refusals
+from calibration.wizard.touched_points import TouchedPoints
 from cell.calibrating.keyboard import TwinOperator
+from cell.calibrating.wizard import assemble, touch
 from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, PACKAGED, cache_folder
 from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
@@ -109,11 +111,14 @@ def calibrate(
     if devices.aids is None:
         raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
     lens = lens_from_boards(settings, devices.aids)
+    points = TouchedPoints(lens, settings.touches)
     operator = TwinOperator(devices.aids, Unattended())
-    context = CalibrationContext(settings.controller, lens, operator)
-    touch(devices, context, interrupted)
-    camera = devices.camera_identity
-    return assemble(lens, context.touches, context.latency, camera=camera)
+    context = CalibrationContext(settings.controller, points, operator)
+    found = touch(devices, context, interrupted), context.latency
+    made = assemble(lens, *found, devices.camera_identity)
+    if made is None:
+        raise CellError("homography failed: " + "; ".join(refusals(*found)))
+    return made
 
 
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:

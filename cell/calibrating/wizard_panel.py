@@ -13,8 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calibration.wizard.coverage import Gate, Sketch
-from calibration.wizard.news import News, TouchNews, ViewNews
-from calibration.wizard.touches import Touched
+from calibration.wizard.news import News, PlannedPoint
 from calibration.wizard.verdict import Level, Line
 from drivers.types import Array
 
@@ -25,6 +24,7 @@ SKETCH = (32, 9)  # characters of the board's picture, 16:9 like an image
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of a braille character
 BRAILLE = 0x2800
 RECENT = 4  # answers that stay in sight
+POINT_STYLES = {"o": "green", "h": "blue", "x": "yellow", ">": "bold cyan", ".": "dim"}
 MARK_LEGEND = "o fitted   h held out   x twice touched   > wanted   . to come"
 
 
@@ -74,7 +74,7 @@ class WizardPanel:
 
     def draw(self, news: News) -> RenderableType:
         """Render the panel, no higher than the terminal: a higher live view leaves lines behind."""
-        body = views_table(news) if isinstance(news, ViewNews) else touches_map(news)
+        body = points_map(news.plan) if news.plan else views_table(news)
         rows = (("next", news.request, "bold"), ("why ", news.why, ""))
         head = [
             Text(f"{word}  {text}", style=style)
@@ -103,11 +103,11 @@ def verdict_text(lines: Iterable[Line]) -> Text:
     return text
 
 
-def views_table(news: ViewNews) -> Table:
+def views_table(news: News) -> Table:
     """Table of the gates of coverage, with a sketch of the board as requested and as seen."""
     table = Table.grid(padding=(0, 2))
     sketch = [] if news.sketch is None else [sketch_text(news.sketch)]
-    table.add_row(gates_table(news.gates), *sketch)
+    table.add_row(gates_table(news.coverage), *sketch)
     return table
 
 
@@ -152,25 +152,11 @@ def gates_table(gates: Sequence[Gate]) -> Table:
     return table
 
 
-def touches_map(news: TouchNews) -> RenderableType:
+def points_map(plan: Sequence[PlannedPoint]) -> RenderableType:
     """Map of the planned poses in the plane, one character for the state of each."""
-    touched = {point.number: point for point in news.touches}
-    heights = sorted({round(pose.z, 3) for pose in news.plan}, reverse=True)
     table = Table.grid(padding=(0, 2))
-    for height in heights:
-        row = [k for k, pose in enumerate(news.plan) if round(pose.z, 3) == height]
-        row.sort(key=lambda k: news.plan[k].x)
-        marks = [_pose_mark(k, news, touched) for k in row]
-        table.add_row(f"z {1e3 * height:4.0f} mm", *marks)
+    for height in sorted({round(point.z, 3) for point in plan}, reverse=True):
+        row = sorted(point for point in plan if round(point.z, 3) == height)
+        states = [Text(point.state, style=POINT_STYLES[point.state]) for point in row]
+        table.add_row(f"z {1e3 * height:4.0f} mm", *states)
     return Group(table, Text(MARK_LEGEND, style="dim"))
-
-
-def _pose_mark(number: int, news: TouchNews, touched: dict[int, Touched]) -> Text:
-    if news.wanted is not None and news.plan[number] == news.wanted:
-        return Text(">", style="bold cyan")
-    point = touched.get(number)
-    if point is None:
-        return Text(".", style="dim")
-    if point.again:
-        return Text("x", style="yellow")
-    return Text("h", style="blue") if point.held_out else Text("o", style="green")

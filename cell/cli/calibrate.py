@@ -1,8 +1,11 @@
 """`cell calibrate`: the twin's own calibration, and the wizards `camera`, `homography`, `check`."""
 
 import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,22 +15,22 @@ from cell.cli.options import (
     Configs,
     FullSpeed,
     Json,
+    Viz,
     VizOption,
     ask,
     length_parser,
     print_json,
 )
-from cell.cli.wizard_sitting import sitting, terminal
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from calibration.lens import Lens
-    from calibration.wizard.lens_verdict import LensVerdict
+    from calibration.wizard.news import News, Watcher
     from calibration.wizard.verdict import Line
-    from cell.calibrating.homography_wizard import TouchSession
+    from cell.calibrating.wizard import TouchSession
+    from cell.calibrating.wizard_panel import WizardPanel
     from cell.config.cell import CellFile
     from cell.devices.devices import Devices
+    from cell.orchestrator.operator import Operator
 
 MEASURED_LENGTH = length_parser("--measured", "mm", least=1e-3)
 SESSIONS = Path("calibrations")
@@ -105,15 +108,14 @@ def calibrate_camera(
     as_json: Json = False,
 ) -> None:
     """Find the lens from views of a ChArUco board; says which view is wanted next, and why."""
-    from calibration.wizard.lens_verdict import lens_lines
-    from cell.calibrating.lens_wizard import calibrate_lens, lens_again
+    from cell.calibrating.wizard import calibrate_lens, lens_again
 
     settings = _settings(configs)
     if print_to is not None:
         _print_board(settings, print_to)
         return
     if again is not None:
-        verdict, folder = lens_again(again, without or (), out), out or again
+        found, folder = lens_again(again, without or (), out), out or again
     else:
         folder = _session_folder(out, resume, settings.name, "camera")
         settings, devices = _open_devices(settings, "twin", camera)  # no arm is needed
@@ -122,17 +124,17 @@ def calibrate_camera(
             measured = typer.prompt(words, value_proc=_ask_length)
         with sitting(folder, "camera", viz) as at:
             operator = at.operator(devices, interactive=interactive)
-            verdict = calibrate_lens(
+            found = calibrate_lens(
                 settings, devices, folder, operator, at.watch, measured, at.interrupted
-            ).verdict
-            at.say(lens_lines(verdict))
-    page = None if again and out is None else _write_page(folder)
+            )
+            at.record(found.lines)
+    page = None if found.folder is None else _write_page(found.folder)
     if as_json:
-        print_json(_lens_facts(verdict) | {"folder": str(folder)})
+        print_json(found.facts() | {"folder": str(folder)})
     else:
-        _print_lines(lens_lines(verdict))
+        _print_lines(found.lines)
         sys.stdout.write(f"  {page or folder}\n")
-    sys.exit(0 if verdict.passed else 1)
+    sys.exit(0 if found.passed else 1)
 
 
 @calibrate.command(name="homography")
@@ -162,8 +164,7 @@ def calibrate_homography(
     as_json: Json = False,
 ) -> None:
     """Find the map to the plane and the latency from touches of the gripper's tip."""
-    from calibration.wizard.touch_verdict import touch_lines
-    from cell.calibrating import homography_wizard as wizard
+    from cell.calibrating import wizard
 
     settings = _settings(configs)
     _check_writable(configs, use=use)
@@ -188,14 +189,16 @@ def calibrate_homography(
                 accept_anyway=accept_anyway,
                 interrupted=at.interrupted,
             )
-            at.say(touch_lines(found.touches, found.latency, settings.fold.speed))
+            at.record(found.lines)
     page = None if found.folder is None else _write_page(found.folder)
     in_use = _use_calibration(configs, found, again) if use else None
     if as_json:
-        print_json(_touch_facts(found))
+        print_json(found.facts() | {"folder": None if found.folder is None else str(found.folder)})
     else:
-        _print_touches(found, settings.fold.speed, in_use, page)
-    sys.exit(0 if found.calibration is not None else 1)
+        _print_lines(found.lines)
+        _print_use(found, in_use)
+        sys.stdout.write("" if page is None else f"  {page}\n")
+    sys.exit(0 if found.passed else 1)
 
 
 @calibrate.command(name="check")
@@ -212,9 +215,8 @@ def calibrate_check(
 ) -> None:
     """Touch a few points again: does the calibration still hold?"""
     from calibration.calibration import load_calibration
-    from calibration.wizard.touch_verdict import check_lines
     from cell.calibrating.calibrate import calibration_of
-    from cell.calibrating.homography_wizard import check_calibration
+    from cell.calibrating.wizard import check_calibration
 
     settings, devices = _open_devices(_settings(configs), arm, camera, full_speed=full_speed)
     with terminal() as at:
@@ -229,7 +231,7 @@ def calibrate_check(
         worst = {"median_mm": verdict.median_mm, "worst_mm": verdict.worst_mm}
         print_json(facts | worst | {"reasons": list(verdict.reasons)})
     else:
-        _print_lines(check_lines(verdict))
+        _print_lines(verdict.lines())
     sys.exit(0 if verdict.passed else 1)
 
 
@@ -291,8 +293,7 @@ def _open_devices(
 def _find_lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
     """Lens of the session to `resume`, of the `file`, or else the newest of this camera."""
     from calibration.lens import read_lens
-    from cell.calibrating.homography_wizard import lens_of
-    from cell.calibrating.lens_wizard import newest_lens
+    from cell.calibrating.wizard import lens_of, newest_lens
 
     if resume is not None:
         return lens_of(resume)
@@ -343,51 +344,19 @@ def _print_board(settings: "CellFile", path: Path) -> None:
     )
 
 
-def _lens_facts(verdict: "LensVerdict") -> dict[str, Any]:
-    return {
-        "passed": verdict.passed,
-        "views": verdict.views,
-        "rms_px": None if verdict.fit is None else verdict.fit.rms,
-        "halves_mm": None if verdict.fit is None else verdict.bend_mm,
-        "reasons": list(verdict.reasons),
-    }
-
-
-def _print_touches(
-    found: "TouchSession", speed: float, in_use: Path | None, page: Path | None
-) -> None:
-    from calibration.wizard.touch_verdict import touch_lines
-
-    _print_lines(touch_lines(found.touches, found.latency, speed))
-    made = found.calibration
-    if made is None:
+def _print_use(found: "TouchSession", in_use: Path | None) -> None:
+    """Print how to use the calibration of a session, or that it is `in_use` already."""
+    if found.calibration is None:
         sys.stdout.write("not accepted; --accept-anyway takes it, and every run will say so\n")
     elif in_use is not None:
         sys.stdout.write(f"in use: {in_use} names it\n")
     elif found.folder is None:
         sys.stdout.write("name a folder with --out to keep it\n")
     else:
-        if made.accepted_anyway:
+        if found.calibration.accepted_anyway:
             sys.stdout.write("accepted in spite of this; every run will say so\n")
         path = (found.folder / "calibration.yaml").resolve()
         sys.stdout.write(f"to use it: --use, or in cell.yaml\n  calibration: {path}\n")
-    if page is not None:
-        sys.stdout.write(f"  {page}\n")
-
-
-def _touch_facts(found: "TouchSession") -> dict[str, Any]:
-    from calibration.wizard.touch_verdict import refusals
-
-    keys = ("residual_mm", "worst_mm", "halves_mm", "displacement_mm")
-    made = found.calibration
-    return {
-        "accepted": made is not None,
-        "calibration": None if made is None else made.id,
-        **{key: None if found.touches is None else getattr(found.touches, key) for key in keys},
-        "latency": None if found.latency is None else found.latency.latency,
-        "reasons": list(refusals(found.touches, found.latency)),
-        "folder": None if found.folder is None else str(found.folder),
-    }
 
 
 def _print_lines(lines: "Iterable[Line]") -> None:
@@ -397,3 +366,80 @@ def _print_lines(lines: "Iterable[Line]") -> None:
     from cell.calibrating.wizard_panel import verdict_text
 
     Console(highlight=False, soft_wrap=True).print(verdict_text(lines), end="")
+
+
+@dataclass(slots=True)
+class Sitting:
+    """Session of a wizard at a terminal: its `panel`, what else watches, and Ctrl-C.
+
+    `record` adds a verdict's lines to the recording.
+    """
+
+    panel: "WizardPanel"
+    watch: "Watcher"
+    interrupted: Callable[[], bool]
+    record: "Callable[[Iterable[Line]], None]" = lambda _: None
+
+    def operator(self, devices: "Devices", *, interactive: bool) -> "Operator":
+        """Operator of `devices` who answers at this terminal."""
+        from cell.calibrating.keyboard import operator_of
+
+        return operator_of(devices, self.panel.ask, self.interrupted, interactive=interactive)
+
+
+@contextmanager
+def terminal() -> Iterator[Sitting]:
+    """Open a session at the terminal, with panel, single keys and Ctrl-C."""
+    from rich.console import Console
+
+    from cell.calibrating.keyboard import single_keys
+    from cell.calibrating.wizard_panel import WizardPanel
+    from cell.orchestrator.interrupt import Interrupt
+
+    panel = WizardPanel(Console(stderr=True))
+    with Interrupt() as interrupted, single_keys(sys.stdin), panel:
+        yield Sitting(panel, panel, interrupted)
+
+
+@contextmanager
+def sitting(folder: Path, kind: str, viz: Viz) -> Iterator[Sitting]:
+    """Open a wizard's session; unless `viz` is off, all is drawn into wizard.rrd too.
+
+    Raises Interrupted that says what `folder` keeps, after one Ctrl-C as after two.
+    """
+    from cell.orchestrator.interrupt import Interrupted
+
+    try:
+        with terminal() as at:
+            if viz == "off":
+                yield at
+                return
+            from cell.report.viz.wizard import wizard_screen
+
+            folder.mkdir(parents=True, exist_ok=True)
+            with wizard_screen(folder, live=viz == "live") as screen:
+
+                def both(news: "News") -> None:
+                    at.panel(news)
+                    screen(news)
+
+                at.watch = both
+                at.record = lambda lines: screen.verdict("\n".join(line.text for line in lines))
+                yield at
+    except (Interrupted, KeyboardInterrupt):
+        raise Interrupted(_resume_hint(folder, kind)) from None
+
+
+def _resume_hint(folder: Path, kind: str) -> str:
+    """Text on an interrupted session: what `folder` keeps, and how to resume."""
+    from calibration.wizard.session import ROWS_FILE, read_rows
+    from cell.report.words import plural
+
+    rows = read_rows(folder) if (folder / ROWS_FILE).is_file() else ()
+    taken = sum(row.image is not None for row in rows)
+    if taken == 0:
+        return f"interrupted; nothing was taken yet; {folder} may be deleted"
+    return (
+        f"interrupted; {plural(taken, 'image')} kept in {folder}: `cell calibrate {kind} --resume "
+        f"{folder}` goes on, `cell calibrate {kind} --from {folder}` solves them"
+    )

@@ -3,12 +3,10 @@
 from collections.abc import Generator
 from dataclasses import replace
 
+from calibration.homography import Homography
 from calibration.landmarks import remember
-from calibration.wizard.latency import LatencySteps
-from calibration.wizard.news import Stage, TouchNews
-from calibration.wizard.touch_verdict import check_verdict
-from calibration.wizard.touched_points import TouchedPoints
-from calibration.wizard.touches import check_plan
+from calibration.wizard.latency import LatencySteps, latency_verdict
+from calibration.wizard.touched_points import Stage
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Answer, Ask, Question
 from cell.orchestrator.recorder import Record
@@ -44,77 +42,72 @@ def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -
 
 
 def calibrate(cell: CalibrationContext, record: Record, begin: Snapshot) -> Phase:
-    """Phase that measures homography, latency and landmarks, or checks an old calibration."""
-    points = _make_points(cell)
+    """Phase that touches all points; where a map is fitted, it measures latency and landmarks."""
+    points = cell.points
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
     require_clear([first, *points.plan], cell.desk)
     yield from open_hand()
     yield from _wait_for_answer(cell, POINTER_IN)
     yield from close_hand()
     yield from turn(points.plan[0].pitch)
-    yield from _touch_all(cell, points, record)
-    if cell.old is not None:
-        cell.check = check_verdict(points.touches, cell.old, cell.settings.touches)
+    yield from _touch_all(cell, record)
+    if not points.fitted:
         yield from open_hand()
         yield from _wait_for_answer(cell, POINTER_OUT)
         return Event.CALIBRATED
     cell.touches = points.verdict()
     if cell.touches.homography is not None:
-        yield from _measure_latency(cell, points)
-    if cell.touches.homography is not None and cell.remembers:
-        yield from _take_landmarks(cell, points)
+        yield from _measure_latency(cell, cell.touches.homography)
+        if cell.remembers:
+            yield from _take_landmarks(cell, cell.touches.homography)
     return Event.CALIBRATED
 
 
-def _make_points(cell: CalibrationContext) -> TouchedPoints:
-    """Points to touch: those to be fitted, or the few that check an old calibration."""
-    settings = cell.settings.touches
-    if cell.old is None:
-        return TouchedPoints(cell.lens, settings, cell.plan)
-    return TouchedPoints(cell.lens, settings, cell.plan or check_plan(settings), fitted=False)
-
-
-def _touch_all(cell: CalibrationContext, points: TouchedPoints, record: Record) -> Doing:
+def _touch_all(cell: CalibrationContext, record: Record) -> Doing:
     """Touch every requested pose, and once more each point that disagrees with the others."""
+    points = cell.points
     while (pose := points.ask()) is not None:
-        why = _reason(points)
-        cell.watch(_news(points, pose, why))
-        answer = yield from _wait_for_answer(cell, Question(Ask.TOUCH, why))
+        stage = Stage.AGAIN if points.again else Stage.TOUCH
+        news = points.news(pose, points.why, stage)
+        cell.watch(news)
+        answer = yield from _wait_for_answer(cell, Question(Ask.TOUCH, news.why))
         if answer is Answer.SKIP:
             points.skip()
         elif answer is Answer.AGAIN:
-            cell.watch(replace(_news(points, pose, why), dropped=points.repeat()))
+            cell.watch(replace(news, taken_back=points.take_back()))
         else:
             yield from move(pose)
-            yield from _touch(cell, points, record, why)
+            yield from _touch(cell, record, pose, news.why, stage)
 
 
-def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record, why: str) -> Doing:
-    """Take images at rest until the point is accepted or given up."""
-    number, again, wanted = points.number, points.again, points.ask()
-    settle = True
-    while (points.number, points.again) == (number, again):
+def _touch(cell: CalibrationContext, record: Record, pose: Pose, why: str, stage: Stage) -> Doing:
+    """Take images at rest at `pose` until the point is accepted or given up."""
+    points = cell.points
+    touch, settle = (points.number, points.again), True
+    while (points.number, points.again) == touch:
         picture = yield from still_picture(settle=settle)
         result = points.tell(picture.frame, picture.gripper)
         settle = result.refused is not None
-        news = _news(points, wanted, why, Stage.AGAIN if again else Stage.TOUCH)
-        cell.watch(replace(news, frame=picture.frame, pose=picture.gripper, result=result))
+        answer = points.answer(result, picture.gripper, stage)
+        news = points.news(pose, why, stage)
+        cell.watch(replace(news, frame=picture.frame, result=result, answer=answer))
         if result.refused is not None:
             record.event(picture.time, "touch_refused", reason=result.refused)
 
 
-def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
+def _measure_latency(cell: CalibrationContext, homography: Homography) -> Doing:
     """Step the arm back and forth, and measure how late the images show it."""
     yield from _wait_for_answer(cell, STEPS_QUESTION)
     steps = LatencySteps(cell.settings.latency)
     while (pose := steps.ask()) is not None:
         why = f"{steps.left} steps are left, to see how late the images are"
-        cell.watch(_news(points, pose, why, Stage.LATENCY))
+        cell.watch(cell.points.news(pose, why, Stage.LATENCY))
         yield from _step(steps, pose)
         steps.record_arrival()
-    cell.watch(replace(_news(points, None, "seen", Stage.LATENCY), steps=steps))
-    if cell.touches is not None and cell.touches.homography is not None:
-        cell.latency = steps.verdict(cell.lens, cell.touches.homography)
+    cell.watch(replace(cell.points.news(None, "seen", Stage.LATENCY), steps=steps))
+    cell.latency = latency_verdict(
+        steps.arm, steps.seen, cell.points.lens, homography, cell.settings.latency
+    )
 
 
 def _step(steps: LatencySteps, pose: Pose) -> Doing:
@@ -130,23 +123,19 @@ def _step(steps: LatencySteps, pose: Pose) -> Doing:
             arrived = snapshot.time
 
 
-def _take_landmarks(cell: CalibrationContext, points: TouchedPoints) -> Doing:
+def _take_landmarks(cell: CalibrationContext, homography: Homography) -> Doing:
     """Record landmarks from an image of the empty hand; none where no finger tip is visible."""
     yield from open_hand()
     yield from _wait_for_answer(cell, POINTER_OUT)
     pose = cell.settings.landmarks.pose
     why = "the empty hand here shows later whether the camera moved"
-    cell.watch(_news(points, pose, why, Stage.REMEMBER))
+    cell.watch(cell.points.news(pose, why, Stage.REMEMBER))
     yield from move(pose)
     picture = yield from still_picture()
-    if cell.touches is None or cell.touches.homography is None:
-        return
     try:
-        cell.landmarks = remember(
-            picture.frame, picture.gripper, cell.lens, cell.touches.homography
-        )
+        cell.landmarks = remember(picture.frame, picture.gripper, cell.points.lens, homography)
     except CellError as error:
-        cell.watch(_news(points, pose, str(error), Stage.REMEMBER))
+        cell.watch(cell.points.news(pose, str(error), Stage.REMEMBER))
 
 
 def _wait_for_answer(cell: CalibrationContext, question: Question) -> Answering:
@@ -155,18 +144,3 @@ def _wait_for_answer(cell: CalibrationContext, question: Question) -> Answering:
         yield Hold()
     yield Hold()
     return answer
-
-
-def _reason(points: TouchedPoints) -> str:
-    if points.again:
-        return f"point {points.number} disagrees with the others: touch it once more"
-    done = f"{len(points.touches)} of {len(points.plan)} points are touched"
-    part = "held out, it decides" if points.held_out else "fitted"
-    return f"point {points.number} ({part}): {done}" if points.fitted else done
-
-
-def _news(
-    points: TouchedPoints, wanted: Pose | None, why: str, stage: Stage | None = None
-) -> TouchNews:
-    stage = stage or (Stage.AGAIN if points.again else Stage.TOUCH)
-    return TouchNews(stage, points.plan, points.touches, wanted, why)

@@ -7,10 +7,10 @@ from math import degrees
 
 from calibration.calibration import Calibration
 from calibration.landmarks import Landmarks
-from calibration.lens import Lens
-from calibration.wizard.latency import LatencyVerdict
+from calibration.wizard.latency import NOT_MEASURED, LatencyVerdict
 from calibration.wizard.news import Watcher, nobody
-from calibration.wizard.touch_verdict import CheckVerdict, TouchVerdict
+from calibration.wizard.touch_verdict import TouchVerdict
+from calibration.wizard.touched_points import TouchedPoints
 from cell.config.settings import CellSettings
 from cell.orchestrator.operator import Operator, Unattended
 from cell.orchestrator.outcome import StopReason
@@ -81,24 +81,21 @@ class FoldContext(Context):
 
 @dataclass
 class CalibrationContext(Context):
-    """Context of a homography calibration: settings, lens, operator, and the results so far.
+    """Context of a homography calibration: settings, points to touch, operator, and the results.
 
-    The `operator` is asked before the arm moves, `watch` receives all news. `plan` replaces the
-    poses of the settings. Only a run that `remembers` leaves `landmarks`. With an `old` calibration
-    nothing is fitted: a few touches leave a `check` of it. No strip is read.
+    The `operator` is asked before the arm moves, `watch` receives all news. Only a run that
+    `remembers` leaves `landmarks`. Where `points` only check a calibration, nothing is fitted and
+    `touches` stays None. No strip is read.
     """
 
     settings: CellSettings
-    lens: Lens
+    points: TouchedPoints
     operator: Operator = field(default_factory=Unattended)
     watch: Watcher = nobody
-    plan: tuple[Pose, ...] | None = None
     remembers: bool = False
     touches: TouchVerdict | None = None
-    latency: LatencyVerdict | None = None
+    latency: LatencyVerdict = NOT_MEASURED
     landmarks: Landmarks | None = None
-    old: Calibration | None = None
-    check: CheckVerdict | None = None
 
     def completion(self) -> StopReason:
         """All points were touched."""

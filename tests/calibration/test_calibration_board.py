@@ -9,6 +9,7 @@ from calibration.board import BoardSettings
 from calibration.wizard.board_views import BoardViews
 from calibration.wizard.coverage import WantedView
 from calibration.wizard.lens_verdict import LensVerdict
+from calibration.wizard.news import Row
 from drivers.errors import ConfigurationError
 from drivers.twin.board import Held, board_frame, held_before
 from drivers.twin.renderer.optics import Optics
@@ -58,7 +59,7 @@ def test_lens_is_found_through_images_to_half_a_percent() -> None:
 def test_shaken_board_gives_no_view() -> None:
     views = BoardViews(SETTINGS)
     answers = [views.tell(_frame(Held(0.5 + 0.004 * (k % 2), 0.5, 0.4))) for k in range(6)]
-    assert all(told.taken is None for told in answers)
+    assert not any(told.taken for told in answers)
     assert "the board moved by 5." in str(answers[1].refused)
     assert "hold it still" in str(answers[1].refused)
 
@@ -130,9 +131,9 @@ def test_newest_view_can_be_taken_back() -> None:
     wanted = views.ask()
     assert _shown(views, Held(0.5, 0.5, 0.4)) is None
     assert views.ask() != wanted
-    assert views.drop_last() == 1
+    assert views.take_back() == Row(number=1, dropped=True)
     assert views.ask() == wanted
-    assert views.drop_last() is None
+    assert views.take_back() is None
     assert views.verdict().views == 0
 
 

@@ -25,20 +25,19 @@ def _seen(points: Array) -> Array:
 
 
 def test_exact_points_give_the_exact_map_and_its_inverse() -> None:
-    fit = fit_homography(_seen(POINTS), POINTS)
+    homography, used = fit_homography(_seen(POINTS), POINTS)
     away = np.array([[0.1, 0.2], [0.55, 0.01]])
-    assert np.abs(fit.homography.to_plane(_seen(away)) - away).max() < 1e-7
-    assert np.abs(fit.homography.to_image(away) - _seen(away)).max() < 1e-3
-    assert fit.used.all()
+    assert np.abs(homography.to_plane(_seen(away)) - away).max() < 1e-7
+    assert np.abs(homography.to_image(away) - _seen(away)).max() < 1e-3
+    assert used.all()
 
 
-def test_outliers_are_named_and_do_not_move_the_map() -> None:
+def test_outliers_do_not_move_the_map() -> None:
     pixels = _seen(POINTS)
     pixels[[3, 11]] += (9.0, -14.0)
-    fit = fit_homography(pixels, POINTS)
-    assert [r.number for r in fit.rejected] == [3, 11]
-    assert "point 3 at x 0.000, z 0.320 m is 16.6 px off" in str(fit.rejected[0])
-    assert np.abs(fit.homography.to_plane(_seen(POINTS)) - POINTS).max() < 1e-6
+    homography, used = fit_homography(pixels, POINTS)
+    assert np.flatnonzero(~used).tolist() == [3, 11]
+    assert np.abs(homography.to_plane(_seen(POINTS)) - POINTS).max() < 1e-6
 
 
 def test_fewer_than_twelve_points_are_refused() -> None:
@@ -60,15 +59,15 @@ def test_singular_matrix_is_refused() -> None:
 
 def test_camera_centre_follows_from_lens_and_map() -> None:
     rng = np.random.default_rng(2)
-    fit = fit_homography(_seen(POINTS) + 0.05 * rng.normal(size=(len(POINTS), 2)), POINTS)
-    where = viewpoint(LENS, fit.homography)
+    homography, _ = fit_homography(_seen(POINTS) + 0.05 * rng.normal(size=(len(POINTS), 2)), POINTS)
+    where = viewpoint(LENS, homography)
     assert np.abs(where.foot() - CENTRE[[0, 2]]).max() < 0.01
     assert abs(where.distance - 2.0) < 0.01
 
 
 def test_far_edge_appears_drawn_towards_the_foot() -> None:
-    fit = fit_homography(_seen(POINTS), POINTS)
-    where = viewpoint(LENS, fit.homography)
+    homography, _ = fit_homography(_seen(POINTS), POINTS)
+    where = viewpoint(LENS, homography)
     depth = 0.05
     ray = np.array([0.5, depth, 0.02]) - CENTRE
     plane = CENTRE + ray * (2.0 / ray[1])
@@ -81,6 +80,6 @@ def test_camera_that_looks_from_behind_the_strip_is_refused() -> None:
     world = np.column_stack([POINTS[:, 0], np.zeros(len(POINTS)), POINTS[:, 1]])
     rays = (world - CENTRE * (1, -1, 1)) @ look.T
     pixels = rays[:, :2] / rays[:, 2:] * 3400.0 + MATRIX[:2, 2]
-    fit = fit_homography(pixels, POINTS)
+    homography, _ = fit_homography(pixels, POINTS)
     with pytest.raises(ConfigurationError, match="from behind"):
-        viewpoint(LENS, fit.homography)
+        viewpoint(LENS, homography)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from calibration.board import BoardSettings
-from calibration.wizard.latency import SeenStep, latency_verdict
+from calibration.wizard.latency import latency_verdict
 from calibration.wizard.lens_verdict import lens_verdict
 from calibration.wizard.touch_verdict import touch_verdict
-from tests.calibration.wizard.test_latency import LENS, MAP, SETTINGS, _arm
+from tests.calibration.wizard.test_latency import LENS, MAP, SETTINGS, arm_steps, images_of
 from tests.support.board_sessions import bent_session, session
 from tests.support.touch_sessions import SETTINGS as TOUCHES
 from tests.support.touch_sessions import Camera, touched
@@ -76,12 +76,10 @@ def test_mirrored_touches_are_named() -> None:
 
 def test_stamps_that_drift_are_named() -> None:
     rng = np.random.default_rng(1)
-    arm, stamps = _arm(rng), np.arange(0.5, 9.5, 0.1)
+    arm, stamps = arm_steps(rng), np.arange(0.5, 9.5, 0.1)
     shown = stamps - 0.03 - 0.002 * (stamps - 5.0)
     x = np.interp(shown, arm[:, 0], arm[:, 1])
-    pixels = LENS.distort(MAP.to_image(np.column_stack([x, np.full(len(x), 0.15)])))
-    pixels += 0.1 * rng.standard_normal(pixels.shape)
-    seen = [SeenStep(float(t), p) for t, p in zip(stamps, pixels, strict=True)]
+    seen = images_of(stamps, x, 0.1, rng)
     (reason,) = latency_verdict(arm, seen, LENS, MAP, SETTINGS).reasons
     assert "stamps drift" in reason
     assert "+18 ms over 9 s" in reason

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.homography import Homography
-from calibration.wizard.latency import LatencySettings, LatencyVerdict, SeenStep, latency_verdict
+from calibration.wizard.latency import LatencySettings, LatencyVerdict, latency_verdict
 from drivers.types import Array
 from tests.support.board_sessions import LENS
 
@@ -13,7 +13,7 @@ AWAY = np.array([[1700.0, 0, 100], [0, -1700.0, 600], [0, 0, 1]])
 MAP = Homography.of(np.linalg.inv(AWAY))
 
 
-def _arm(rng: np.random.Generator) -> Array:
+def arm_steps(rng: np.random.Generator) -> Array:
     """Ten seconds of smooth steps along x, 100 readings a second."""
     t = np.arange(0.0, 10.0, 0.01)
     x = 0.25 + 0.06 * (1 - np.cos(2 * np.pi * t / 1.5)) + 2e-5 * rng.standard_normal(len(t))
@@ -22,14 +22,17 @@ def _arm(rng: np.random.Generator) -> Array:
 
 def _verdict(latency: float, noise: float = 0.1, jitter: float = 0.0) -> LatencyVerdict:
     rng = np.random.default_rng(1)
-    arm = _arm(rng)
+    arm = arm_steps(rng)
     stamps = np.arange(0.5, 9.5, 0.1)
     shown = stamps - latency + jitter * rng.standard_normal(len(stamps))
     x = np.interp(shown, arm[:, 0], arm[:, 1])
+    return latency_verdict(arm, images_of(stamps, x, noise, rng), LENS, MAP, SETTINGS)
+
+
+def images_of(stamps: Array, x: Array, noise: float, rng: np.random.Generator) -> Array:
+    """Images (n, 3) at `stamps` of a pointer at `x`: stamp, u, v with `noise` [px]."""
     pixels = LENS.distort(MAP.to_image(np.column_stack([x, np.full(len(x), 0.15)])))
-    pixels += noise * rng.standard_normal(pixels.shape)
-    seen = [SeenStep(float(t), p) for t, p in zip(stamps, pixels, strict=True)]
-    return latency_verdict(arm, seen, LENS, MAP, SETTINGS)
+    return np.column_stack([stamps, pixels + noise * rng.standard_normal(pixels.shape)])
 
 
 @pytest.mark.parametrize("latency", [-0.02, 0.0, 0.013, 0.06, 0.19])
@@ -46,11 +49,13 @@ def test_unsteady_stamps_are_refused() -> None:
 
 def test_arm_that_does_not_move_says_nothing_of_time() -> None:
     arm = np.column_stack([np.arange(0, 5, 0.01), np.full((500, 2), 0.2)])
-    seen = [SeenStep(0.1 * k, np.array([400.0, 300.0])) for k in range(40)]
+    seen = np.column_stack([0.1 * np.arange(40), np.full(40, 400.0), np.full(40, 300.0)])
     verdict = latency_verdict(arm, seen, LENS, MAP, SETTINGS)
     assert "0 images show the pointer under way, 10 are needed" in verdict.reasons[0]
 
 
 def test_step_that_nobody_saw_is_refused() -> None:
-    verdict = latency_verdict(_arm(np.random.default_rng(0)), [], LENS, MAP, SETTINGS)
+    verdict = latency_verdict(
+        arm_steps(np.random.default_rng(0)), np.empty((0, 3)), LENS, MAP, SETTINGS
+    )
     assert verdict.reasons == ("no step of the arm was seen; step again",)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from rich.console import Console
 
-from calibration.wizard.coverage import Gate, Sketch, WantedView
-from calibration.wizard.latency import LatencyVerdict
-from calibration.wizard.news import Result, Stage, TouchNews, ViewNews
-from calibration.wizard.touch_verdict import Grade, touch_lines, touch_verdict
+from calibration.wizard.coverage import Gate, Sketch
+from calibration.wizard.latency import NOT_MEASURED, LatencyVerdict
+from calibration.wizard.news import News, PlannedPoint, Result, Row
+from calibration.wizard.touch_verdict import Grade, map_lines, touch_verdict
 from calibration.wizard.touches import Touched, TouchSettings, held_out, touch_plan
 from calibration.wizard.verdict import Level
 from cell.calibrating.keyboard import KEY_HELP
@@ -28,10 +28,17 @@ GATES = (
 )
 
 
-def _terminal(news: ViewNews | TouchNews) -> str:
+def _terminal(news: News) -> str:
     console = Console(file=io.StringIO(), width=100, record=True, force_terminal=True)
     console.print(WizardPanel(console).draw(news))
     return console.export_text()
+
+
+WANTED = "show the board high and left, 40 % of the image wide, top away by 16 deg"
+
+
+def _views(why: str) -> News:
+    return News("the lens, from a board", WANTED, why, coverage=GATES)
 
 
 def _touches(count: int) -> tuple[Touched, ...]:
@@ -43,8 +50,7 @@ def _touches(count: int) -> tuple[Touched, ...]:
 
 
 def test_board_panel_states_request_reason_and_missing_coverage() -> None:
-    wanted = WantedView(0.16, 0.27, 0.4, 0.28, 0.28)
-    shown = _terminal(ViewNews(wanted, f"still missing: {GATES[0]}", GATES))
+    shown = _terminal(_views(f"still missing: {GATES[0]}"))
     assert "show the board high and left, 40 % of the image wide, top away by 16 deg" in shown
     assert "why   still missing: x: 0.20 of 0.50" in shown
     assert "0.20 of 0.50" in shown.split("why")[1].splitlines()[2]
@@ -64,19 +70,20 @@ def test_panel_draws_the_wanted_board_and_the_one_that_is_seen() -> None:
 
 
 def test_question_that_says_what_is_next_is_not_said_twice() -> None:
-    news = ViewNews(WantedView(0.5, 0.5, 0.4), "still missing: x", GATES)
+    news = _views("still missing: x")
     console = Console(file=io.StringIO(), width=80, record=True, force_terminal=True)
     panel = WizardPanel(console)
     panel.ask(f"{news.request}  [{KEY_HELP}]")
     console.print(panel.draw(news))
     shown = console.export_text()
-    assert shown.count("show the board the middle") == 1
+    assert shown.count("show the board high and left") == 1
     assert shown.count("why   still missing: x") == 1
 
 
 def test_touch_panel_maps_the_plane() -> None:
-    touches = (*_touches(8), replace(_touches(1)[0], again=True))
-    shown = _terminal(TouchNews(Stage.TOUCH, PLAN, touches, PLAN[8], "point 8: 8 of 24"))
+    states = ["x", "o", "h", "o", "o", "o", "h", "o", ">", *15 * "."]
+    plan = tuple(PlannedPoint(p.x, p.z, state) for p, state in zip(PLAN, states, strict=True))
+    shown = _terminal(News("the map", "the arm goes to x 368, z 110 mm", "point 8", plan=plan))
     rows = [line for line in shown.splitlines() if "z " in line and " mm " in line]
     assert rows[-2].split("mm")[-1].replace("│", "").split() == [".", ".", ".", ">", "o", "h"]
     assert rows[-1].split("mm")[-1].replace("│", "").split() == ["x", "o", "h", "o", "o", "o"]
@@ -86,21 +93,24 @@ def test_touch_panel_maps_the_plane() -> None:
 def test_without_a_terminal_each_answer_is_a_line() -> None:
     out = io.StringIO()
     panel = WizardPanel(Console(file=out, width=60))
-    told = Result(7, None, None, "0 corners of the board are seen, 16 are needed; light it")
+    refused = Result(Row(number=7, refused="0 corners of the board are seen; light it"))
+    waits, taken = Result(Row(number=8)), Result(Row(number=3), taken=True)
     with panel:
-        panel(ViewNews(None, "", GATES, None, told))
-        panel(ViewNews(None, "", GATES, None, Result(8, None, None, None, waits=True)))
-        number = Result(3, None, _touches(4)[3], None)
-        panel(TouchNews(Stage.AGAIN, PLAN, (), None, "", None, PLAN[3], number))
+        for answer in (
+            refused.text("image", "taken"),
+            waits.text("image", "taken"),
+            taken.text("point", "touched again at x 368, z 15 mm"),
+        ):
+            panel(News("the lens", "", "", answer=answer))
     assert out.getvalue().splitlines() == [
-        "image 7: 0 corners of the board are seen, 16 are needed; light it",
+        "image 7: 0 corners of the board are seen; light it",
         "point 3: touched again at x 368, z 15 mm",
     ]
 
 
 def test_verdict_is_coloured_and_says_what_to_do() -> None:
     good = touch_verdict(_touches(24), LENS, SETTINGS)
-    lines = touch_lines(good, LATE, 0.1)
+    lines = map_lines(good, LATE, 0.1)
     assert [line.level for line in lines] == 5 * [Level.GOOD]
     assert "this moves the displacement by 0.00 mm (rms)" in lines[2].text
     assert "images show the world +31.0 ms before their stamps" in lines[3].text
@@ -108,7 +118,7 @@ def test_verdict_is_coloured_and_says_what_to_do() -> None:
     assert lines[-1].text == "good: this calibration may be used"
     bad = touch_verdict(_touches(6), LENS, SETTINGS)
     assert bad.grade is Grade.REFUSED
-    refused = touch_lines(bad, None, 0.1)
+    refused = map_lines(bad, NOT_MEASURED, 0.1)
     assert refused[-1].text.startswith("refused: mend what is said above")
     assert {str(span.style) for span in verdict_text(refused).spans} == {"bold red"}
 
@@ -121,7 +131,7 @@ FULL = tuple(
 )  # fmt: skip
 
 
-def small_terminal(panel_news: list[ViewNews | TouchNews], question: str) -> list[str]:
+def small_terminal(panel_news: list[News], question: str) -> list[str]:
     """What a panel leaves on a small screen, by playing its control sequences."""
     out = io.StringIO()
     columns, lines = SMALL
@@ -152,13 +162,11 @@ def screen_of(content: str) -> list[str]:
 
 def test_small_terminal_keeps_the_question_and_leaves_no_old_panel() -> None:
     why = "0 corners of the board are seen, 16 are needed; light it evenly and hold it still"
-    wanted = WantedView(0.16, 0.27, 0.4, 0.28, 0.28)
     views = [
-        ViewNews(wanted, "still missing: x", FULL, None, Result(k, None, None, why))
+        replace(_views("still missing: x"), answer=f"image {k}: {why}", coverage=FULL)
         for k in range(8)
     ]
-    question = f"show the board: {wanted}  [{KEY_HELP}]"
-    rows = small_terminal(views, question)
+    rows = small_terminal(views, f"{WANTED}  [{KEY_HELP}]")
     screen = "\n".join(rows[-SMALL[1] :])
     assert len(rows) <= SMALL[1]
     assert screen.count("the lens, from a board") == 1

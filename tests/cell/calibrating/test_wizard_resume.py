@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from calibration.calibration import save_calibration
-from calibration.wizard.news import ViewNews
+from calibration.wizard.news import News, Row
 from calibration.wizard.session import read_rows
 from calibration.wizard.touched_points import TouchedPoints
-from calibration.wizard.touches import BegunPlan, Touched, TouchSettings, held_out, touch_plan
+from calibration.wizard.touches import TouchSettings
 from cell.calibrating.calibrate import NO_STRIP
 from cell.calibrating.calibration_in_use import use_calibration
-from cell.calibrating.lens_wizard import LensSession, calibrate_lens, lens_again
+from cell.calibrating.wizard import LensSession, calibrate_lens, lens_again
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import open_cell
@@ -22,9 +22,12 @@ from cell.orchestrator.interrupt import Interrupted
 from cell.orchestrator.operator import Answer, Question, Unattended
 from cell.report.calibration_page import write_session_page
 from drivers.errors import ConfigurationError
-from drivers.types import frozen
+from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.settings import CameraSettings
 from tests.cell.conftest import straight_camera
 from tests.support.board_sessions import LENS
+from tests.support.twin_calibration import NO_STRIP as NO_LOOK
+from tests.support.twin_calibration import pointer_frame
 
 pytestmark = pytest.mark.slow
 
@@ -50,7 +53,7 @@ class Hesitant:
 
 
 @pytest.fixture(scope="module")
-def gone_on(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, int, list[ViewNews]]:
+def gone_on(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, int, list[News]]:
     """A session that was interrupted, its images until then, and the news since."""
     folder, person = tmp_path_factory.mktemp("sessions") / "lens", Hesitant()
     arguments = (folder, person, lambda _: None, None, person.stops)
@@ -59,7 +62,7 @@ def gone_on(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, int,
     with (folder / "told.jsonl").open("a") as file:
         file.write('{"number": 99, "ima')  # the process died while it wrote
     before = len([*(folder / "images").iterdir()])
-    news: list[ViewNews] = []
+    news: list[News] = []
     made = calibrate_lens(SETTINGS, _devices(), folder, Unattended(), news.append, None)
     return made, before, news
 
@@ -68,7 +71,7 @@ def test_interrupted_session_goes_on_with_the_views_it_has(gone_on) -> None:
     made, before, news = gone_on
     assert made.verdict.passed, made.verdict.reasons
     assert before == 6
-    views = next(gate for gate in news[0].gates if gate.name == "views")
+    views = next(gate for gate in news[0].coverage if gate.name == "views")
     assert views.have == before - 1  # one was taken back
     assert len([*(made.folder / "images").iterdir()]) == made.verdict.views + 1
     assert all(row.number != 99 for row in read_rows(made.folder))
@@ -76,7 +79,7 @@ def test_interrupted_session_goes_on_with_the_views_it_has(gone_on) -> None:
 
 def test_view_that_was_taken_back_is_left_out_when_the_session_is_solved_again(gone_on) -> None:
     made, _, _ = gone_on
-    again = lens_again(made.folder, (), None)
+    again = lens_again(made.folder, (), None).verdict
     assert again.views == made.verdict.views
     assert np.array_equal(again.fit.lens.matrix, made.verdict.fit.lens.matrix)
 
@@ -92,7 +95,7 @@ def test_session_of_another_camera_does_not_go_on(gone_on) -> None:
 def test_wanted_board_is_drawn_where_the_twin_then_shows_it(gone_on) -> None:
     _, _, news = gone_on
     asked = [item for item in news if item.result is None and item.sketch is not None]
-    taken = [item for item in news if item.result is not None and item.result.taken is not None]
+    taken = [item for item in news if item.result is not None and item.result.taken]
     assert len(taken) > 5
     for wanted, seen in zip(asked, taken, strict=False):
         ghost, board = wanted.sketch.wanted, seen.sketch.seen
@@ -107,14 +110,12 @@ def test_page_of_a_session_says_what_it_found(gone_on) -> None:
 
 
 def test_touches_go_on_with_the_points_that_are_missing() -> None:
-    settings = TouchSettings()
-    plan = BegunPlan(touch_plan(settings))
-    places = [np.array([plan[k].x, plan[k].z]) for k in (0, 1, 4)]
-    plan.touched = tuple(
-        Touched(k, place, frozen(1000 * place), held_out(k, settings))
-        for k, place in zip((0, 1, 4), places, strict=True)
+    points, renderer = TouchedPoints(LENS, TouchSettings()), Renderer(CameraSettings(), NO_LOOK, 0)
+    rows = [(k, points.plan[k]) for k in (0, 1, 4)]
+    points.restore(
+        (Row(number=k, pose=(p.x, p.z, p.pitch)), pointer_frame(renderer, p, k).image)
+        for k, p in rows
     )
-    points = TouchedPoints(LENS, settings, plan)
     assert [point.number for point in points.touches] == [0, 1, 4]
     asked = []
     while points.number is not None:

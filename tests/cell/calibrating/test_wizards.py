@@ -13,19 +13,22 @@ import yaml
 from calibration.calibration import load_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens, read_lens
-from calibration.wizard.news import Stage, TouchNews, ViewNews
+from calibration.wizard.news import News
 from calibration.wizard.session import read_rows, read_session
-from calibration.wizard.touch_verdict import check_lines
+from calibration.wizard.touched_points import Stage
 from cell.calibrating.calibrate import NO_STRIP
-from cell.calibrating.homography_wizard import (
+from cell.calibrating.keyboard import TwinOperator
+from cell.calibrating.wizard import (
+    LensSession,
     TouchSession,
     calibrate_homography,
+    calibrate_lens,
     check_calibration,
     homography_again,
+    lens_again,
+    newest_lens,
     read_poses,
 )
-from cell.calibrating.keyboard import TwinOperator
-from cell.calibrating.lens_wizard import LensSession, calibrate_lens, lens_again, newest_lens
 from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
@@ -40,7 +43,6 @@ pytestmark = pytest.mark.slow
 
 SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 CAMERA = SETTINGS.twin.camera
-News = list[ViewNews | TouchNews]
 
 
 def _devices(settings: CellFile = SETTINGS) -> Devices:
@@ -72,7 +74,7 @@ class Person:
 
 
 @pytest.fixture(scope="module")
-def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[TouchSession, News, Person]:
+def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[TouchSession, list[News], Person]:
     devices, news, person = _devices(), [], Person()
     assert devices.aids is not None
     folder = tmp_path_factory.mktemp("sessions") / "homography"
@@ -83,8 +85,8 @@ def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[TouchSession, New
 
 
 @pytest.fixture(scope="module")
-def shown(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, News]:
-    news: News = []
+def shown(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, list[News]]:
+    news: list[News] = []
     folder = tmp_path_factory.mktemp("sessions") / "camera"
     session = calibrate_lens(SETTINGS, _devices(), folder, Unattended(), news.append, None)
     return session, news
@@ -111,19 +113,18 @@ def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
     assert 3 not in session.touches.errors_mm
     assert sum(q.words.startswith("point 5 ") for q in person.asked) == 2
     rows = [
-        (row.number, row.taken) for row in read_rows(session.folder) if row.taken or row.dropped
+        (row.number, row.image is not None)
+        for row in read_rows(session.folder)
+        if row.image is not None or row.dropped
     ]
     assert rows[4:7] == [(5, True), (5, False), (5, True)], "taken, taken back, taken anew"
 
 
 def test_watchers_are_notified_of_every_stage(touched) -> None:
     _, news, _ = touched
-    assert [*dict.fromkeys(item.stage for item in news)] == [
-        Stage.TOUCH,
-        Stage.LATENCY,
-        Stage.REMEMBER,
-    ]
-    taken = [item for item in news if item.result is not None and item.result.taken is not None]
+    stages = dict.fromkeys(item.title.partition(": ")[2] for item in news)
+    assert [*stages] == [Stage.TOUCH, Stage.LATENCY, Stage.REMEMBER]
+    taken = [item for item in news if item.result is not None and item.result.taken]
     assert len(taken) == 24  # 23 points, one of them twice
 
 
@@ -222,7 +223,7 @@ def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
 
 def test_views_solved_again_from_their_folder_are_the_same_to_the_last_bit(shown) -> None:
     session, _ = shown
-    verdict = lens_again(session.folder, (), None)
+    verdict = lens_again(session.folder, (), None).verdict
     assert session.verdict.fit is not None
     assert verdict.fit is not None
     assert np.array_equal(verdict.fit.lens.matrix, session.verdict.fit.lens.matrix)
@@ -236,9 +237,10 @@ def test_session_says_with_what_it_was_made(shown) -> None:
     assert kept.length == pytest.approx(SETTINGS.boards.width)
     assert kept.boards == SETTINGS.boards
     rows = [*read_rows(session.folder)]
-    assert sum(row.taken for row in rows) == session.verdict.views
-    assert all(len(row.corners) >= SETTINGS.boards.corners for row in rows if row.taken)
-    assert isinstance(news[-1], ViewNews)
+    taken = [row for row in rows if row.image is not None]
+    assert len(taken) == session.verdict.views
+    assert all(len(row.corners) >= SETTINGS.boards.corners for row in taken)
+    assert news[-1].request == "nothing: all is covered"
     with pytest.raises(ConfigurationError, match="is a session of `cell calibrate camera`, not of"):
         read_session(session.folder, "homography")
 
@@ -274,7 +276,7 @@ def test_calibration_is_checked_by_touching_five_points(touched, shift: float, h
     made = touched[0].calibration
     moved = np.array([[1, 0, shift], [0, 1, 0], [0, 0, 1]]) @ made.homography.matrix
     old = replace(made, homography=Homography.of(moved))
-    news: News = []
+    news: list[News] = []
     devices = _devices()
     assert devices.aids is not None
     operator = TwinOperator(devices.aids, Unattended())
@@ -282,9 +284,8 @@ def test_calibration_is_checked_by_touching_five_points(touched, shift: float, h
     assert verdict.passed is holds
     assert sorted(verdict.errors_mm) == [0, 1, 2, 3, 4]
     assert verdict.median_mm == pytest.approx(1e3 * shift, abs=0.15)
-    assert check_lines(verdict)[-1].text.startswith("good" if holds else "refused")
-    assert isinstance(news[0], TouchNews)
-    assert news[0].wanted is not None
+    assert verdict.lines()[-1].text.startswith("good" if holds else "refused")
+    assert news[0].request.startswith("the arm goes to x ")
 
 
 def test_calibration_of_another_camera_is_not_checked(touched) -> None:
@@ -309,6 +310,6 @@ def test_misprinted_board_is_refused_by_the_ruler(shown, tmp_path) -> None:
     content = yaml.safe_load((session.folder / "session.yaml").read_text())
     content["length"] = 0.98 * SETTINGS.boards.width
     (again / "session.yaml").write_text(yaml.safe_dump(content))
-    verdict = lens_again(again, (), None)
+    verdict = lens_again(again, (), None).verdict
     assert not verdict.passed
     assert "9 squares measure 247.0 mm, configured are 252.0 mm, +2.0 %" in verdict.reasons[0]

@@ -13,14 +13,11 @@ from pathlib import Path
 import cv2
 from rich.console import Console
 
-from calibration.wizard.lens_verdict import lens_lines
-from calibration.wizard.news import TouchNews, ViewNews
-from calibration.wizard.touch_verdict import touch_lines
+from calibration.wizard.news import News
 from calibration.wizard.verdict import Line
 from cell.calibrating.calibrate import NO_STRIP
-from cell.calibrating.homography_wizard import calibrate_homography
 from cell.calibrating.keyboard import TwinOperator
-from cell.calibrating.lens_wizard import calibrate_lens
+from cell.calibrating.wizard import calibrate_homography, calibrate_lens
 from cell.calibrating.wizard_panel import WizardPanel, verdict_text
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
@@ -40,7 +37,7 @@ class Half:
         self.shown: object = ""
         self._left = when
 
-    def __call__(self, news: ViewNews | TouchNews) -> None:
+    def __call__(self, news: News) -> None:
         self.panel(news)
         self._left -= 1
         if self._left == 0:
@@ -75,15 +72,14 @@ def main() -> None:
         views, devices = Half(14), _devices()
         operator = Unattended()
         lens = calibrate_lens(SETTINGS, devices, scratch / "camera", operator, views, None)
-        _draw(views, lens_lines(lens.verdict), "cell calibrate camera", out / "wizard-camera.svg")
+        _draw(views, lens.lines, "cell calibrate camera", out / "wizard-camera.svg")
         _reduced(scratch / "camera", out / "views.jpg")
         touches, devices = Half(62), _devices()
         if devices.aids is None or lens.verdict.fit is None:
             raise SystemExit("the twin has no hands, or no lens")
         hands, found = TwinOperator(devices.aids, operator), lens.verdict.fit.lens
         made = calibrate_homography(SETTINGS, devices, found, scratch / "map", hands, touches)
-        lines = touch_lines(made.touches, made.latency, SETTINGS.fold.speed)
-        _draw(touches, lines, "cell calibrate homography", out / "wizard-homography.svg")
+        _draw(touches, made.lines, "cell calibrate homography", out / "wizard-homography.svg")
         _reduced(scratch / "map", out / "touches.jpg")
     finally:
         shutil.rmtree(scratch)

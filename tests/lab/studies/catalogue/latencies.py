@@ -1,13 +1,14 @@
 """Study of the accuracy of the homography wizard's latency."""
 
 from dataclasses import replace
+from math import isnan
 
 import numpy as np
 
-from calibration.wizard.latency import LatencyVerdict
+from calibration.wizard.touched_points import TouchedPoints
 from cell.calibrating.calibrate import NO_STRIP, calibration_of
-from cell.calibrating.homography_wizard import touch
 from cell.calibrating.keyboard import TwinOperator
+from cell.calibrating.wizard import touch
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
@@ -37,12 +38,12 @@ def measure(case: Values) -> Values:
         raise Fault("no_aids", "the twin has no hands")
     operator = TwinOperator(late.aids, Unattended())
     lens = calibration_of(settings).lens
-    context = CalibrationContext(settings.controller, lens, operator)
+    points = TouchedPoints(lens, settings.touches)
+    context = CalibrationContext(settings.controller, points, operator)
     touch(late, context, lambda: False)
-    found: LatencyVerdict | None = context.latency
-    if found is None:
+    if isnan(context.latency.latency):
         raise Fault("no_latency", "the wizard measured no latency")
-    return {"off": found.latency - case["latency"]}
+    return {"off": context.latency.latency - case["latency"]}
 
 
 def _late_twin(latency: float, seed: int) -> Devices:
