@@ -354,7 +354,7 @@ def run_calibration(
 
 
 def touch(devices: Devices, context: CalibrationContext, interrupted: Interruption) -> TouchVerdict:
-    """Touch all points of `context` and return the verdict on their map; errors as of the run."""
+    """Touch all points of `context`; returns the verdict on their map, raises as the run does."""
     run_calibration(devices, context, interrupted)
     if context.touches is None:
         raise Fault("illegal_event", "the calibration ended without a verdict")

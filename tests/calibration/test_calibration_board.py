@@ -137,12 +137,6 @@ def test_newest_view_can_be_taken_back() -> None:
     assert views.verdict().views == 0
 
 
-def test_verdict_without_views_says_how_many_are_needed() -> None:
-    verdict = BoardViews(SETTINGS).verdict()
-    assert not verdict.passed
-    assert "0 views, at least 6 are needed" in verdict.reasons[0]
-
-
 def test_board_with_even_rows_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="rows: is 8, must be odd"):
         BoardViews(BoardSettings(rows=8))

@@ -82,14 +82,6 @@ def test_changed_file_is_refused_in_one_line(
     assert "\n" not in str(caught.value)
 
 
-def test_truncated_file_is_refused_in_one_line(calibration: Calibration, tmp_path: Path) -> None:
-    path = tmp_path / "calibration.yaml"
-    save_calibration(calibration, path)
-    path.write_text(path.read_text()[:300])
-    with pytest.raises(ConfigurationError):
-        load_calibration(path)
-
-
 def test_unwritable_place_is_a_configuration_error(
     calibration: Calibration, tmp_path: Path
 ) -> None:
