@@ -21,11 +21,10 @@ from drivers.fci_server.settings import ServerSettings
 from drivers.installation import Installation
 from drivers.protocols import Camera
 from drivers.strip.file import StripFile
-from drivers.twin.clock import TwinClock
+from drivers.twin.camera import PacedCamera
+from drivers.twin.clock import RealTimeClock, TwinClock
 from drivers.twin.follow import Follower
 from drivers.twin.open import ORDINARY, Desk, PlantOptions, open_desk
-from drivers.twin.paced_camera import PacedCamera
-from drivers.twin.real_time_clock import RealTimeClock
 from drivers.types import Array, Frame, frozen
 
 NO_FORCE = frozen([0.0, 0.0, 0.0])

@@ -8,8 +8,7 @@ from drivers.camera.camera import V4l2Camera
 from drivers.camera.settings import V4l2Settings
 from drivers.errors import ConfigurationError
 from drivers.protocols import Clock
-from drivers.twin.clock import TwinClock
-from drivers.twin.real_time_clock import RealTimeClock
+from drivers.twin.clock import RealTimeClock, TwinClock
 
 
 def camera_settings(settings: CellFile) -> V4l2Settings:

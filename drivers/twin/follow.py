@@ -7,9 +7,9 @@ import numpy as np
 from drivers.geometry import CellInRobot
 from drivers.protocols import Hand
 from drivers.twin.clock import Turn
-from drivers.twin.fingers import Fingers
 from drivers.twin.open import Desk
 from drivers.twin.settings import HandSettings
+from drivers.twin.world import Fingers
 from drivers.types import Array, Pose
 
 PERIOD = 0.005  # s

@@ -1,9 +1,8 @@
 """The twin's hand: two fingers that close on the strip's edge, or on nothing."""
 
 from drivers.twin.clock import Event, Turn, TwinClock
-from drivers.twin.fingers import Fingers
 from drivers.twin.settings import HandSettings
-from drivers.twin.world import World
+from drivers.twin.world import Fingers, World
 from drivers.types import HandState
 
 SOURCE = "twin hand"

@@ -2,22 +2,97 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass, replace
+from math import cos, sin
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 
 from drivers.errors import Fault
 from drivers.strip.engine import Observables, Stepper
 from drivers.strip.file import GRAVITY
-from drivers.strip.model import StripModel
+from drivers.strip.grip_path import share_away, true_poses
+from drivers.strip.model import Rig, StripModel
 from drivers.strip.shape import Touch
 from drivers.twin.clock import NANOSECONDS, nanoseconds
-from drivers.twin.fingers import Fingers
-from drivers.twin.grip import Grip, RigOffsets
 from drivers.twin.scene import History, Scene, Truth
 from drivers.twin.settings import WorldSettings
 from drivers.types import Array, Pose, frozen
+
+
+@dataclass(frozen=True, slots=True)
+class Fingers:
+    """A finger motion from `width` [m] at `start` [s] to `target` [m] at `speed` [m/s]."""
+
+    width: float
+    target: float
+    start: float
+    speed: float
+
+    @property
+    def end(self) -> float:
+        """Time of arrival [s]."""
+        return self.start + abs(self.target - self.width) / self.speed
+
+    def at(self, time: float) -> float:
+        """Width [m] between the fingers at `time` [s]."""
+        travel = self.speed * max(time - self.start, 0.0)
+        return float(min(max(self.target, self.width - travel), self.width + travel))
+
+
+@dataclass(frozen=True, slots=True)
+class Grasp:
+    """A rigid grasp: position `along`, `across` [m] and `turn` [rad] of the edge in the hand."""
+
+    along: float
+    across: float
+    turn: float
+
+    @classmethod
+    def between(cls, hand: Pose, edge: Pose) -> Self:
+        """The grasp of a hand at pose `hand` that closed on an edge at pose `edge`."""
+        dx, dz = edge.x - hand.x, edge.z - hand.z
+        c, s = cos(hand.pitch), sin(hand.pitch)
+        return cls(c * dx + s * dz, c * dz - s * dx, edge.pitch - hand.pitch)
+
+    def edge(self, hand: Pose) -> Pose:
+        """Pose of the strip's edge while the hand is at `hand`."""
+        c, s = cos(hand.pitch), sin(hand.pitch)
+        return Pose(
+            hand.x + c * self.along - s * self.across,
+            hand.z + s * self.along + c * self.across,
+            hand.pitch + self.turn,
+        )
+
+
+class RigOffsets:
+    """Converter of reported gripper poses to true poses over the true desk.
+
+    The offsets of `rig` grow as in `grip_path`: from zero at the grasp.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._start: Pose | None = None
+        self._share = 0.0
+
+    def grasp(self, reported: Pose) -> None:
+        """Set `reported` as the pose of the grasp, from which on offsets grow with the distance."""
+        self._start = reported
+
+    def advance(self, reported: Pose) -> Pose:
+        """The true pose of a gripper that has moved to the pose `reported`."""
+        if self._start is not None:
+            share = share_away(reported.as_array(), self._start.as_array())
+            self._share = max(self._share, float(share))
+        return self.true(reported)
+
+    def true(self, reported: Pose) -> Pose:
+        """The true pose of a gripper at the pose `reported`, with the offsets grown so far."""
+        if self._share == 0:
+            return reported
+        x, z, pitch = true_poses(self._rig, reported.as_array(), self._share).tolist()
+        return Pose(x, z, pitch)
 
 
 class Plant(Stepper, Protocol):
@@ -57,7 +132,7 @@ class World:
         self._fingers = Fingers(opening, opening, start=0.0, speed=1.0)
         self._pointer = False
         self._offsets = RigOffsets(model.rig)
-        self._grip: Grip | None = None
+        self._grasp: Grasp | None = None
         self._grasped_at: float | None = None
         plant.reset([model])
         self._arc = frozen(plant.arc()[0])
@@ -131,21 +206,21 @@ class World:
                 "the twin grasps a strip once; start another run for another grasp",
             )
         stated = Pose(self.model.stated_length, 0.0, 0.0)
-        self._grip = Grip.between(self.gripper, stated)
+        self._grasp = Grasp.between(self.gripper, stated)
         self._offsets.grasp(self.gripper)
         self._points = frozen(self._plant.shapes()[0])
         self._grasped_at = self.time
 
     def detach(self) -> None:
         """Release the strip, if the fingers hold it."""
-        if self._grip is not None:
-            self._grip = None
+        if self._grasp is not None:
+            self._grasp = None
             self._plant.release()
 
     @property
     def holds_strip(self) -> bool:
         """Whether the fingers hold the strip's edge."""
-        return self._grip is not None
+        return self._grasp is not None
 
     @property
     def load(self) -> float:
@@ -186,7 +261,7 @@ class World:
         return replace(touch, time=touch.time + self._grasped_at)
 
     def _step_strip(self, hand: Pose) -> None:
-        target = hand if self._grip is None else self._grip.edge(hand)
+        target = hand if self._grasp is None else self._grasp.edge(hand)
         seen = self._plant.step(target.as_array()[None], self._settings.step)
         self._points = frozen(self._plant.shapes()[0])
         self._seen.append(seen)

@@ -17,9 +17,8 @@ from drivers.clock import WallClock
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.strip.describe import load_strip
 from drivers.strip.model import Rig
-from drivers.twin.clock import TwinClock
+from drivers.twin.clock import RealTimeClock, TwinClock
 from drivers.twin.open import Twin, open_twin
-from drivers.twin.real_time_clock import RealTimeClock
 from drivers.twin.settings import CameraSettings, TwinSettings
 from drivers.types import Pose
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel

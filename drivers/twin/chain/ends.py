@@ -1,4 +1,4 @@
-"""Ends of a chain that slide with dry friction: a slipping grip, a loose fixed edge."""
+"""Ends of a chain: the grip's weld, its approach, and ends that slide with dry friction."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -9,9 +9,58 @@ import numpy as np
 from drivers.strip.model import StripModel
 from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.lumps import Lumps
+from drivers.twin.chain.spec import CONSTRAINT_SHARE, TIME_CONSTANT
+from drivers.types import Array
 
+HOLD_DAMPING = 2 / (CONSTRAINT_SHARE * TIME_CONSTANT)  # 1/s
+HOLD_STIFFNESS = 1 / (CONSTRAINT_SHARE * TIME_CONSTANT**2)  # 1/s^2
+APPROACH_STEPS, SETTLING_STEPS = 120, 280  # until the edge is there, and until the strip lies still
+APPROACH_HEIGHT = 0.7  # of the arc on which the edge is brought in, over what a slack strip allows
+VELOCITY_DECAY = 0.9  # of the velocities that are left after a step, meanwhile
 NOT_SLIDING = 0.0
 GIVE = 1e-4  # m, by which an end yields before it slides
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """Commanded gripper `pose` (3,) of x, z, pitch, and its `rate` (3,)."""
+
+    pose: Array
+    rate: Array
+
+    @classmethod
+    def at_rest(cls, pose: Array) -> Self:
+        """A gripper at rest at `pose`."""
+        return cls(pose, np.zeros(3))
+
+    def to(self, pose: Array, h: float) -> Self:
+        """The grip moved to `pose` within `h` [s]."""
+        return type(self)(pose, (pose - self.pose) / h)
+
+    def target(self, before: Self, h: float) -> Array:
+        """Weld target (3,) with which the tip is at this grip's pose after the step.
+
+        The weld obeys a + b v + k r = 0, with acceleration a, rate v and violation r (tip minus
+        target) at the step's end; a tip on its commanded motion has r = -(a + b v) / k.
+        """
+        acceleration = (self.rate - before.rate) / h
+        return self.pose + (acceleration + HOLD_DAMPING * self.rate) / HOLD_STIFFNESS
+
+
+def approach_poses(model: StripModel) -> Array:
+    """Gripper poses (k, 3) that move the free edge from where it lies to its stated place.
+
+    A strip that is too long is brought there in an arc, which leaves its slack as a wave; one that
+    is too short is pulled taut. Empty for a strip of exactly the stated length.
+    """
+    length, stated = model.mechanics.length, model.stated_length
+    slack = length - stated
+    if slack == 0:
+        return np.empty((0, 3))
+    share = np.concatenate([np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:], np.ones(SETTLING_STEPS)])
+    reach = np.sqrt(2 * length * max(slack, 0.0))
+    height = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
+    return np.stack([length - slack * share, height, np.zeros_like(share)], axis=1)
 
 
 @dataclass(slots=True)
@@ -30,16 +79,16 @@ class Slide:
     rest: float = 0.0
     sliding: float = NOT_SLIDING
 
-    def judge(self, position: float, rate: float) -> None:
+    def update(self, position: float, rate: float) -> None:
         """Decide between stick and slip from the joint's position and velocity."""
         if self.sliding != NOT_SLIDING:
             if self.sliding * rate <= 0:  # reversed: stick, with the spring at the same force
                 self.rest = position - self.sliding * self.limit / self.stiffness
                 self.sliding = NOT_SLIDING
             return
-        pull = self.stiffness * (position - self.rest)
-        if (abs(pull) if self.both_ways else pull) > self.limit:
-            self.sliding = float(np.sign(pull))
+        force = self.stiffness * (position - self.rest)
+        if (abs(force) if self.both_ways else force) > self.limit:
+            self.sliding = float(np.sign(force))
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Hold the joint, or resist its motion, in the next step."""
@@ -82,15 +131,15 @@ class Ends:
         """Whether any end can slide."""
         return self.grip is not None or self.edge is not None
 
-    def renew(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def update(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Decide stick or slip for the next step from the state of `data`."""
         if not self.slide:
             return
         if self.edge is not None and data.ncon > 0:
-            self.edge.limit = self.friction * (self.edge_weight + borne(model, data))
+            self.edge.limit = self.friction * (self.edge_weight + desk_force(model, data))
         for slide in (self.grip, self.edge):
             if slide is not None:
-                slide.judge(float(data.qpos[slide.joint]), float(data.qvel[slide.joint]))
+                slide.update(float(data.qpos[slide.joint]), float(data.qvel[slide.joint]))
         self.apply(model, data)
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -100,7 +149,7 @@ class Ends:
                 slide.apply(model, data)
 
 
-def borne(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+def desk_force(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     """Normal force [scaled N] of the desk on the chain in the last step."""
     desk = model.geom("desk").id
     touching = (data.contact.geom == desk).any(axis=1) & (data.contact.efc_address >= 0)

@@ -1,18 +1,164 @@
 """The chain engine: MuJoCo steps strips as planar chains of hinges; the twin's plant."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 
+import mujoco
 import numpy as np
 
+from drivers.errors import SimulationNotFinite
 from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
-from drivers.strip.shape import desk_contact, fold_tip
-from drivers.twin.chain.contact import LONGEST_STEP
-from drivers.twin.chain.extra_forces import ExtraForce
-from drivers.twin.chain.strip import ChainStrip
+from drivers.strip.shape import Gap, Touch, desk_contact, fold_tip, layer_gap, touch_between
+from drivers.twin.chain.ends import VELOCITY_DECAY, Ends, Grip, approach_poses
+from drivers.twin.chain.forces import ExtraForce, ExtraForces, Loads, Parts, own_laws
+from drivers.twin.chain.joints import Joints
+from drivers.twin.chain.lumps import Lumps
+from drivers.twin.chain.spec import LONGEST_STEP, Layers, compile_chain
 from drivers.types import Array
 
+OPENING = 2.0  # touch gaps by which the layers must have opened before they can touch
+PULL = 2e-5  # m beyond a strip's reach: some three times its weight
+# rad that a hinge turns in a step when the chain has lost its way; 0.9 is known
+LOST_TURN = np.pi
+STATE_SPEC = mujoco.mjtState.mjSTATE_INTEGRATION
+EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)  # arrays compare slowly with a member
 FEWEST_LINKS = 8
+
+
+class ChainStrip:
+    """Simulation of a strip as a chain of `links` links, flat at time 0 and held at its end.
+
+    `points` (links + 1, 2) [m] are its nodes now, at arc lengths `arc` (links + 1,) [m] from the
+    fixed edge; `touch` is its layer_touch, once it has happened. `foreign` forces act on it in
+    addition to those of its model.
+    """
+
+    def __init__(self, model: StripModel, links: int, foreign: Sequence[ExtraForce] = ()) -> None:
+        self._description, self._links = model, links
+        self._lumps = Lumps.of(model, links)
+        self._load(compile_chain(model, links))
+        self._joints = Joints.of(self._model, self._lumps.spans)
+        self._loads = Loads(self._lumps, self._joints)
+        self._foreign = ExtraForces(
+            (*own_laws(model), *foreign), Parts(model, self._lumps, self._joints)
+        )
+        self._ends = Ends.of(model, self._lumps, self._joints)
+        self._state = np.empty(mujoco.mj_stateSize(self._model, STATE_SPEC))
+        self._grip = Grip.at_rest(np.array([model.mechanics.length, 0.0, 0.0]))
+        self._held = True
+        self._time = 0.0
+        self._gap: Gap | None = None
+        self.arc = np.concatenate([[0.0], np.cumsum(self._lumps.spans)])
+        self.points = self._joints.nodes(self._data.qpos)
+        self.touch: Touch | None = None
+        self._approach()
+
+    def release(self) -> None:
+        """Release the grasped edge."""
+        self._held = False
+        self._data.eq_active[0] = 0
+
+    def advance(self, pose: Array, dt: float, parts: int) -> None:
+        """Step to gripper `pose` (3,) after `dt` [s], in equal `parts` on a straight line.
+
+        Raises SimulationNotFinite when the strip leaves the finite numbers.
+        """
+        start, h = self._grip.pose, dt / parts
+        self._pace(h)
+        for part in range(1, parts + 1):
+            grip = self._grip.to(start + (pose - start) * (part / parts), h)
+            self._foreign.clear(self._model, self._data, h)
+            self._loads.update(self._data, h)
+            self._ends.update(self._model, self._data)
+            self._foreign.add(self._model, self._data, self._time, h)
+            if self.touch is None:
+                self._step_until_touch(grip, h)
+            else:
+                self._step(grip, h)
+            self._grip = grip
+            self._time += h
+
+    def holding_force(self) -> float:
+        """Horizontal force [N] of the fixed edge on the strip during the last step."""
+        along = self._data.site_xmat[0, :3] @ self._data.sensordata
+        return float(along) / self._lumps.scale
+
+    def grip_force(self) -> Array:
+        """Force (2,) [N] along x and z of the strip on the gripper during the last step."""
+        # the weld is the only one; its first rows are x, y, z
+        rows = np.flatnonzero(self._data.efc_type == EQUALITY)[:3]
+        if len(rows) < 3:
+            return np.zeros(2)
+        x, _, z = self._data.efc_force[rows]
+        return np.array([x, z]) / self._lumps.scale
+
+    def _approach(self) -> None:
+        """Move the grasped edge to its stated position, if need be, and let the strip settle."""
+        for pose in approach_poses(self._description):
+            grip = self._grip.to(pose, LONGEST_STEP)
+            self._loads.update(self._data, LONGEST_STEP)
+            self._step(grip, LONGEST_STEP)
+            self._data.qvel[:] *= VELOCITY_DECAY
+            self._grip = grip
+        self._grip = Grip.at_rest(self._grip.pose)
+
+    def _step_until_touch(self, grip: Grip, h: float) -> None:
+        """Advance by a step; repeat it from its start with solid layers if they touch in it."""
+        mujoco.mj_getState(self._model, self._data, self._state, STATE_SPEC)
+        before = (self._time, self._gap)
+        self._step(grip, h)
+        strip = self._description.mechanics
+        self._gap = layer_gap(self.points, self.arc, OPENING * strip.touch_gap)
+        after = (self._time + h, self._gap)
+        touch = touch_between(before, after, strip.touch_gap, strip.length)
+        if touch is not None:
+            self.touch = replace(touch, to_fixed=touch.x - float(self.points[0, 0]))
+            layers = Layers.of(self._joints.angles(self._data.qpos)[:-1])
+            self._load(compile_chain(self._description, self._links, layers))
+            self._pace(h)
+            self._foreign.restore_damping(self._model)
+            mujoco.mj_setState(self._model, self._data, self._state, STATE_SPEC)
+            self._ends.apply(self._model, self._data)
+            self._step(grip, h)
+
+    def _step(self, grip: Grip, h: float) -> None:
+        if self._held:
+            x, z, pitch = self._within_reach(grip.target(self._grip, h))
+            self._data.mocap_pos[0] = x, 0.0, z
+            self._data.mocap_quat[0] = np.cos(pitch / 2), 0.0, -np.sin(pitch / 2), 0.0
+        mujoco.mj_step(self._model, self._data)
+        self.points = self._joints.nodes(self._data.qpos)
+        diverged = self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
+        turn = h * np.abs(self._data.qvel[self._joints.hinges]).max()
+        if diverged or not turn < LOST_TURN:
+            raise SimulationNotFinite("chain", self._time + h)
+
+    def _within_reach(self, target: Array) -> Array:
+        """`target` (3,), moved no further from the fixed edge than a taut strip and `PULL` reach.
+
+        A weld with a larger violation pulls so hard that the solver loses the weight in rounding.
+        """
+        far, reach = math.hypot(target[0], target[1]), self.arc[-1] + PULL
+        if self._lumps.stretches or self._ends.slide or not reach < far < math.inf:
+            return target
+        return target * (reach / far, reach / far, 1.0)
+
+    def _pace(self, h: float) -> None:
+        if self._model.opt.timestep != h:
+            self._model.opt.timestep = h
+            self._model.dof_damping[self._joints.hinges] = self._lumps.damping_at(h)
+
+    def _load(self, model: mujoco.MjModel) -> None:
+        # A strip that diverges is a fault with a name, not a line on the screen.
+        mujoco.set_mju_user_warning(_ignore_warning)
+        self._model = model
+        self._data = mujoco.MjData(model)
+
+
+def _ignore_warning(_: str) -> None:
+    """Discard a warning of MuJoCo."""
 
 
 class Chain:

@@ -1,17 +1,23 @@
-"""The MuJoCo description of a strip: a planar chain of hinges, desk and gripper."""
+"""The MuJoCo description of a strip: a planar chain of hinges, its layers, desk and gripper."""
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
+from typing import Self
 
 import mujoco
 import numpy as np
 
 from drivers.errors import Unsupported
 from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel
-from drivers.twin.chain.contact import LONGEST_STEP, SOLIMP, SOLREF, sag, solid
 from drivers.twin.chain.joints import HINGE, SLIDE
-from drivers.twin.chain.layers import Layers
 from drivers.twin.chain.lumps import Lumps
+from drivers.types import Array
 
+LONGEST_STEP = 0.005  # s, the longest step of the chain
+TIME_CONSTANT = 2 * LONGEST_STEP  # s, the shortest that MuJoCo allows
+# of a violation's pull that a constraint exerts: sags by 1e-4 of a free fall
+CONSTRAINT_SHARE = 0.9999
+SOLREF = (TIME_CONSTANT, 1.0)
+SOLIMP = np.array([CONSTRAINT_SHARE, CONSTRAINT_SHARE, 0.001, 0.5, 2.0])
 GRIP_WEIGHT = 30.0  # 1/kg: a pull of 10 N stretches the grip by 7 um
 TIP_MASS = 1e-3  # of a link's mass
 DESK = 1  # collision class
@@ -22,6 +28,60 @@ KNOWN_FIELDS: dict[type, str] = {
     " relaxation_time",
     Boundary: "gravity edge_friction grip_force grip_compliance",
 }
+THICK = 0.005  # m, how far one layer may fall through the other and is still pushed back
+LAYER_FRICTION = 1.0  # of fabric on fabric, assumed; more than on a desk (paper, III-A)
+UPPER = 2  # collision class
+FLAT = np.sqrt(0.5)  # cosine of the angle to the desk at which the bend between layers begins
+CLING_REACH = 0.0005  # m, how far layers that cling may part before they let go
+
+
+@dataclass(frozen=True, slots=True)
+class Layers:
+    """Links up to number `lower` form the lower layer, nodes from number `upper` the upper one.
+
+    The bend between them belongs to neither: it never touches itself.
+    """
+
+    lower: int
+    upper: int
+
+    @classmethod
+    def of(cls, angle: Array) -> Self:
+        """The layers of a fold whose links stand at `angle` (n,) [rad] from flat."""
+        level = np.cos(angle)
+        turned = int(np.argmax(level < 0))
+        flat = np.flatnonzero(level[:turned] > FLAT)
+        back = np.flatnonzero(level[turned:] < -FLAT)
+        return cls(
+            lower=int(flat[-1]) if len(flat) else 0,
+            upper=turned + int(back[0]) if len(back) else len(angle),
+        )
+
+    def add(self, body: mujoco.MjsBody, node: int, lumps: Lumps, gap: float) -> None:
+        """Add to `body` the contact shape of the link that begins at `node`.
+
+        It keeps midlines `gap` [m] apart, and together with adhesion. It lies on the outer side of
+        the fold and is thick, because a falling layer moves by more than the thickness of fabric
+        within a step.
+        """
+        link = min(node, len(lumps.spans) - 1)
+        radius = max(THICK, gap)
+        outside = 0.5 * gap - radius
+        if node >= self.upper:
+            bead = solid(body, contype=UPPER, conaffinity=0)
+            bead.size = [radius, 0.0, 0.0]
+            bead.pos = [0.0, 0.0, outside]
+        elif node <= self.lower:
+            bead = solid(body, contype=0, conaffinity=UPPER)
+            bead.type = mujoco.mjtGeom.mjGEOM_CAPSULE
+            bead.size = [radius, 0.0, 0.0]
+            bead.fromto = [0.0, 0.0, outside, lumps.spans[link], 0.0, outside]
+        else:
+            return
+        if lumps.cling[link] > 0:
+            bead.adhesion, bead.gap = lumps.cling[link], CLING_REACH
+        bead.condim = 3
+        bead.friction = [LAYER_FRICTION, 0.0, 0.0]
 
 
 def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjSpec:
@@ -167,4 +227,28 @@ def _add_force_sensor(spec: mujoco.MjSpec) -> None:
         type=mujoco.mjtSensor.mjSENS_FORCE,
         objtype=mujoco.mjtObj.mjOBJ_SITE,
         objname="fixed_edge",
+    )
+
+
+def sag(acceleration: float) -> float:
+    """Depth [m] to which a body under `acceleration` [m/s^2] sinks into a contact at rest.
+
+    Over it a strip starts at rest. Over a desk without it the strip would fall freely for a step,
+    to a kink of 0.1 mm at its fixed edge, and under the push of a lift the strip would buckle there
+    instead of at the grip.
+    """
+    return (1.0 - CONSTRAINT_SHARE) * acceleration * TIME_CONSTANT**2
+
+
+def solid(body: mujoco.MjsBody, contype: int, conaffinity: int) -> mujoco.MjsGeom:
+    """A massless, frictionless sphere on `body` whose stiffness determines its contacts."""
+    return body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        contype=contype,
+        conaffinity=conaffinity,
+        condim=1,
+        priority=1,
+        solref=SOLREF,
+        solimp=SOLIMP,
+        mass=0.0,
     )

@@ -18,8 +18,7 @@ from drivers.camera.camera import V4l2Camera
 from drivers.camera.listing import UnusableDevice, device_links, list_cameras, report
 from drivers.camera.settings import V4l2Settings
 from drivers.errors import ConfigurationError
-from drivers.twin.clock import TwinClock
-from drivers.twin.real_time_clock import RealTimeClock
+from drivers.twin.clock import RealTimeClock, TwinClock
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 
 REAL = DeviceSelection(camera="v4l2")

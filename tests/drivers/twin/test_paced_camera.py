@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import Fault
-from drivers.twin.paced_camera import PacedCamera
+from drivers.twin.camera import PacedCamera
 from drivers.types import Frame
 
 

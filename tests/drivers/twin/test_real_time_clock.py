@@ -3,8 +3,7 @@
 import pytest
 
 import drivers.clock
-from drivers.twin.clock import Turn, TwinClock
-from drivers.twin.real_time_clock import RealTimeClock
+from drivers.twin.clock import RealTimeClock, Turn, TwinClock
 
 
 class Wall:

@@ -8,10 +8,8 @@ from drivers.strip.describe import describe
 from drivers.strip.engine import Observables
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Touch
-from drivers.twin.fingers import Fingers
-from drivers.twin.grip import Grip
 from drivers.twin.settings import WorldSettings
-from drivers.twin.world import World
+from drivers.twin.world import Fingers, Grasp, World
 from drivers.types import Pose
 
 STRIP = StripFile.model_validate(
@@ -183,7 +181,7 @@ def test_edge_keeps_its_place_between_the_fingers() -> None:
 
 def test_grip_inverts_itself() -> None:
     hand, edge = Pose(0.3, 0.2, 0.7), Pose(0.31, 0.19, 0.9)
-    assert Grip.between(hand, edge).edge(hand).as_array() == pytest.approx(edge.as_array())
+    assert Grasp.between(hand, edge).edge(hand).as_array() == pytest.approx(edge.as_array())
 
 
 def test_released_strip_stays_while_the_hand_goes() -> None:

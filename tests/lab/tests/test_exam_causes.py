@@ -12,8 +12,8 @@ from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.model import Effects, StripModel
-from drivers.twin.chain.dahl import DahlFriction
 from drivers.twin.chain.engine import Chain
+from drivers.twin.chain.forces import DahlFriction
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.scene import Scene
 from drivers.types import Array, Pose

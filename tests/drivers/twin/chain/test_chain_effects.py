@@ -12,9 +12,8 @@ from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.strip.model import Boundary, Drag, StripModel
 from drivers.twin.chain.engine import Chain
-from drivers.twin.chain.extra_forces import Parts, own_laws
+from drivers.twin.chain.forces import Loads, Parts, own_laws
 from drivers.twin.chain.joints import Joints
-from drivers.twin.chain.loads import Loads
 from drivers.twin.chain.lumps import Lumps
 from drivers.twin.chain.spec import build
 from drivers.types import Array
@@ -90,12 +89,12 @@ def test_drag_is_that_of_a_plate_that_turns_about_its_edge() -> None:
     drag, turn = 1.7, 3.0
     lumps, _, data, loads = loads_of(affected("air_drag", coefficient=drag))
     data.qvel[0] = turn
-    loads.renew(data, 1e-9)
+    loads.update(data, 1e-9)
     force = data.xfrc_applied[:, 2].sum() / lumps.scale
     plate = 0.5 * 1.2 * drag * 0.05 * turn**2 * LENGTH**3 / 3
     assert force == pytest.approx(-plate, rel=1e-3)
     data.qpos[0] = np.pi / 2
-    loads.renew(data, 1e-9)
+    loads.update(data, 1e-9)
     assert data.xfrc_applied[:, 0].sum() / lumps.scale == pytest.approx(plate, rel=1e-3)
     assert abs(data.xfrc_applied[:, 2]).max() < 1e-12
 
@@ -105,7 +104,7 @@ def test_drag_leaves_motion_along_the_strip_alone() -> None:
     blown = replace(model, mechanics=replace(model.mechanics, drag=Drag(coefficient=2.0)))
     lumps, chain, data, loads = loads_of(blown)
     data.qvel[Joints.of(chain, lumps.spans).edge] = 1.0
-    loads.renew(data, H)
+    loads.update(data, H)
     assert not data.xfrc_applied.any()
 
 
@@ -115,7 +114,7 @@ def test_air_rubs_along_the_strip_where_its_drag_says_so() -> None:
     blown = replace(model, mechanics=replace(model.mechanics, drag=air))
     lumps, chain, data, loads = loads_of(blown)
     data.qvel[Joints.of(chain, lumps.spans).edge] = speed
-    loads.renew(data, 1e-9)
+    loads.update(data, 1e-9)
     rubbed = 0.5 * 1.2 * 2.0 * 0.05 * LENGTH * (0.5 * speed + 0.1) * 0.5 * speed
     assert data.xfrc_applied[:, 0].sum() / lumps.scale == pytest.approx(-rubbed, rel=1e-6)
     assert not data.xfrc_applied[:, 2].any()
@@ -164,10 +163,10 @@ def test_strip_forgets_its_bend_in_the_time_of_its_relaxation() -> None:
     """Held bent, a Maxwell element's moment falls by exp(-t / time)."""
     lumps, _, data, loads = loads_of(affected("relaxation", ratio=0.4, time=0.3))
     data.qpos[:] = 0.1
-    loads.renew(data, H)
+    loads.update(data, H)
     held = [data.qfrc_applied.copy()]
     for _ in range(60):
-        loads.renew(data, H)
+        loads.update(data, H)
         held.append(data.qfrc_applied.copy())
     lost = 0.4 * lumps.stiffness * 0.1
     np.testing.assert_allclose(held[0], 0.0, atol=1e-9)

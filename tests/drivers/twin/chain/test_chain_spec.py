@@ -11,9 +11,8 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile, paper_strip
 from drivers.strip.model import CELLS, BendingLaw, StripModel
 from drivers.twin.chain import spec
-from drivers.twin.chain.layers import Layers
 from drivers.twin.chain.lumps import Lumps
-from drivers.twin.chain.spec import build
+from drivers.twin.chain.spec import Layers, build
 
 LINKS = 24
 

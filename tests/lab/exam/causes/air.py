@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drivers.twin.chain.extra_forces import Parts
+from drivers.twin.chain.forces import Parts
 from drivers.twin.chain.joints import Joints
 from drivers.types import Array
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.settings import Settings
 from drivers.strip.model import StripModel
-from drivers.twin.chain.extra_forces import ForceFunction, Parts
+from drivers.twin.chain.forces import ForceFunction, Parts
 from drivers.types import Array
 
 Sizes = Mapping[str, Mapping[str, float]]

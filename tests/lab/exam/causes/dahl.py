@@ -5,8 +5,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from drivers.twin.chain.dahl import DahlFriction
-from drivers.twin.chain.extra_forces import ForceFunction, Parts, resistance
+from drivers.twin.chain.forces import DahlFriction, ForceFunction, Parts, resistance
 from tests.lab.exam.causes.cause import Cause
 
 

@@ -5,7 +5,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from drivers.twin.chain.extra_forces import ForceFunction, Parts, resistance
+from drivers.twin.chain.forces import ForceFunction, Parts, resistance
 from drivers.types import Array
 from tests.lab.exam.causes.cause import Cause
 

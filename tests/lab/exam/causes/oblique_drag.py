@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from drivers.twin.chain.extra_forces import ForceFunction, Parts
+from drivers.twin.chain.forces import ForceFunction, Parts
 from drivers.twin.chain.lumps import AIR_DENSITY
 from tests.lab.exam.causes.air import LEAST_SPEED, drag_step, link_motion
 from tests.lab.exam.causes.cause import FORCE_XZ, LINK_ROWS, Cause

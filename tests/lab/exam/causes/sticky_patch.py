@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from drivers.twin.chain.extra_forces import ForceFunction, Parts
+from drivers.twin.chain.forces import ForceFunction, Parts
 from tests.lab.exam.causes.cause import FORCE_Z, LINK_ROWS, Cause, Sizes
 
 

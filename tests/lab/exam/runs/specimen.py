@@ -9,7 +9,7 @@ from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
 from drivers.twin.camera import Visible
 from drivers.twin.chain.engine import Chain
-from drivers.twin.chain.extra_forces import ForceFunction, Parts
+from drivers.twin.chain.forces import ForceFunction, Parts
 from drivers.twin.scene import Scene
 from drivers.types import Array
 from tests.lab.exam.case import Scattered

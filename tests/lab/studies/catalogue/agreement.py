@@ -15,7 +15,7 @@ from cell.perception.agreement import MeasuredFold, agreement
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.twin.chain.engine import Chain
-from drivers.twin.chain.extra_forces import ForceFunction, Parts
+from drivers.twin.chain.forces import ForceFunction, Parts
 from policies.adaptive.checkpoint import load_critic
 from policies.adaptive.fabrics import STRIP_LENGTH, effect, plain, unknown
 from policies.rollout import Rollout, roll_out

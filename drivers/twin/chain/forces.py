@@ -1,0 +1,218 @@
+"""Forces on a chain that MuJoCo has no field for, and the extension point for further ones."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from drivers.strip.model import StripModel
+from drivers.twin.chain.joints import Joints
+from drivers.twin.chain.lumps import Lumps
+from drivers.types import Array
+
+
+class Loads:
+    """Applied forces of one chain, computed before each step; keeps the history of its strip.
+
+    A chain steps like leapfrog: a force at the angles of a step's beginning is second-order
+    accurate.
+    """
+
+    def __init__(self, lumps: Lumps, joints: Joints) -> None:
+        self._lumps, self._joints = lumps, joints
+        self._has_friction, self._relaxes = bool(lumps.slip.any()), bool(lumps.fading.any())
+        self._has_drag = bool(lumps.drag.any())
+        self._angle = lumps.rest * 0.0
+        self._strain = lumps.rest * 0.0  # of the Maxwell elements [rad]
+        self._elapsed = 0.0
+
+    def update(self, data: mujoco.MjData, h: float) -> None:
+        """Compute the forces for a step of `h` [s] from the state of `data`."""
+        if self._has_friction or self._relaxes:
+            data.qfrc_applied[self._joints.hinges] = self._moments(data, h)
+        if self._has_drag:
+            # bodies between world and tip plus gripper; force components x and z
+            data.xfrc_applied[1:-2, :3:2] = self._drag(data, h)
+
+    def _moments(self, data: mujoco.MjData, h: float) -> Array:
+        """Moments (n + 1,) of friction and relaxation at the hinges."""
+        lumps, hinges = self._lumps, self._joints.hinges
+        moment = np.zeros(len(hinges))
+        if self._has_friction:
+            # The engine takes the yarns' moment where the step would end. That damps like h times
+            # their stiffness, even while they slide; its share at the present rate is taken back.
+            moment += h * lumps.presliding * data.qvel[hinges]
+        if self._relaxes:
+            moment += self._relax(data.qpos[hinges], h)
+        return moment
+
+    def _relax(self, angle: Array, h: float) -> Array:
+        """Moments (n + 1,) by which Maxwell elements have relaxed below springs.
+
+        Their strain obeys dq/dt = dangle/dt - q / time; exact for a uniform rate between calls.
+        """
+        lumps = self._lumps
+        periods = self._elapsed / lumps.fading_time
+        kept = -np.expm1(-periods) / periods if periods > 0 else 1.0
+        self._strain = np.exp(-periods) * self._strain + kept * (angle - self._angle)
+        self._angle, self._elapsed = angle.copy(), h
+        return np.asarray(lumps.fading * (angle - lumps.rest - self._strain))
+
+    def _drag(self, data: mujoco.MjData, h: float) -> Array:
+        """Drag forces (n, 2) on the links against their motion.
+
+        Divided by what an implicit step of an isolated link would slow it down by, so that light
+        strips stay stable.
+        """
+        air, (speed, tangents) = self._lumps.air, self._joints.speeds(data.qpos, data.qvel)
+        along, across = speed.T
+        resistance = self._lumps.drag * (np.sqrt(across**2 + air.oblique * along**2) + air.slow)
+        slowed = resistance / (1.0 + h * resistance / self._lumps.mass)
+        normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+        rubbed, pushed = (slowed * air.along * along)[:, None], (slowed * across)[:, None]
+        return np.asarray(-rubbed * tangents - pushed * normals)
+
+
+class DahlFriction:
+    """Moment law of Dahl elements, each with its `limit` [N m] and `stiffness` [N m/rad].
+
+    dM/dangle = stiffness (1 - s M / limit)^exponent, where s is the sign of the rate. Source: Dahl,
+    Solid friction damping of mechanical vibrations, AIAA Journal 14(12), 1976.
+    """
+
+    def __init__(self, limit: Array, stiffness: Array, exponent: float) -> None:
+        self._limit, self._stiffness, self._exponent = limit, stiffness, exponent
+        self._moment = 0.0 * limit
+        self._angle = 0.0 * limit
+
+    def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
+        """Moments [N m] and slopes [N m/rad] at `angle` [rad]; exact for turns in one direction."""
+        turn = angle - self._angle
+        sign = np.where(turn < 0, -1.0, 1.0)
+        reserve = 1.0 - sign * self._moment / self._limit  # 0 in full sliding, 2 at a reversal
+        travel = self._stiffness * np.abs(turn) / self._limit
+        self._moment = sign * self._limit * (1.0 - _decay(reserve, travel, self._exponent))
+        self._angle = angle
+        ahead = np.where(rate < 0, -1.0, 1.0)  # direction in which the hinge turns next
+        reserve = np.clip(1.0 - ahead * self._moment / self._limit, 0.0, 2.0)
+        return self._moment, self._stiffness * reserve**self._exponent
+
+
+def _decay(start: Array, x: Array, exponent: float) -> Array:
+    """Solution u of du/dx = -u^exponent at `x`, from u = `start` at 0."""
+    start = np.maximum(start, 1e-12)  # a power below would divide by zero
+    if exponent == 1:
+        return np.asarray(start * np.exp(-x))
+    power = exponent - 1.0
+    return np.asarray((start**-power + power * x) ** (-1.0 / power))
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """Quantities of a chain that an extra force may read."""
+
+    model: StripModel
+    lumps: Lumps
+    joints: Joints
+
+
+ForceFunction = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
+"""An extra force on one chain, called with model, data, time and h before each step.
+
+It adds to the applied forces and the damping of the step of h [s] that begins at time [s]:
+`data.qfrc_applied`, `data.xfrc_applied` and `model.dof_damping` hold what the chain has by
+itself, in the chain's own unit of mass. It may remember the past of its strip.
+"""
+
+
+class ExtraForce(Protocol):
+    """An extra force, attached to chains by `begin`."""
+
+    def begin(self, parts: Parts) -> ForceFunction:
+        """Attach the force to one chain that lies flat and at rest; returns its function."""
+
+
+class ExtraForces:
+    """The extra forces that act on one chain, and the damping that they add."""
+
+    def __init__(self, laws: Sequence[ExtraForce], parts: Parts) -> None:
+        self._lumps, self._hinges = parts.lumps, parts.joints.hinges
+        self._acts = [law.begin(parts) for law in laws]
+        self._damping: Array = np.zeros(0)
+
+    def clear(self, model: mujoco.MjModel, data: mujoco.MjData, h: float) -> None:
+        """Reset the applied forces and the damping of the last step, if there are extra forces."""
+        if self._acts:
+            data.qfrc_applied[:] = 0.0
+            data.xfrc_applied[:] = 0.0
+            model.dof_damping[self._hinges] = self._lumps.damping_at(h)
+
+    def add(self, model: mujoco.MjModel, data: mujoco.MjData, time: float, h: float) -> None:
+        """Add all extra forces to the next step."""
+        for act in self._acts:
+            act(model, data, time, h)
+        self._damping = model.dof_damping.copy() if self._acts else self._damping
+
+    def restore_damping(self, model: mujoco.MjModel) -> None:
+        """Copy the damping of this step into the `model` of a recompiled chain."""
+        if self._acts:
+            model.dof_damping[:] = self._damping
+
+
+class MomentLaw(Protocol):
+    """A moment that resists bending, as a function of all hinge angles and their history."""
+
+    def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:
+        """Moment (n + 1,) [N m] and its slope (n + 1,) [N m/rad], for a step of `h` [s]."""
+
+
+def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:
+    """An extra force from a moment law, with the damping that keeps the step stable.
+
+    A step of h with the moment at its end is equivalent to a damper of h times the slope; its force
+    at the present rate is subtracted, so that in steady motion only the moment remains.
+    """
+    hinges = parts.joints.hinges
+
+    def act(model: mujoco.MjModel, data: mujoco.MjData, _: float, h: float) -> None:
+        angle, rate = data.qpos[hinges], data.qvel[hinges]
+        moment, slope = law(angle.copy(), rate, h)
+        ahead = h * np.maximum(slope, 0.0)
+        model.dof_damping[hinges] += ahead
+        data.qfrc_applied[hinges] += ahead * rate - moment
+
+    return act
+
+
+class FifthOrder:
+    """Extra force of the fifth-order term of the elastic bending law."""
+
+    def begin(self, parts: Parts) -> ForceFunction:
+        """Attach the moment to the hinges of one chain; returns its function."""
+        lumps = parts.lumps
+
+        def law(angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG001
+            bent = angle - lumps.rest
+            return lumps.fifth * bent**5, 5.0 * lumps.fifth * bent**4
+
+        return resistance(parts, law)
+
+
+class GradualFriction:
+    """Extra force of the yarns' friction that has no yield point."""
+
+    def begin(self, parts: Parts) -> ForceFunction:
+        """Attach the moment to the hinges of one chain; returns its function."""
+        lumps = parts.lumps
+        law = DahlFriction(lumps.gradual_limit, lumps.gradual, exponent=1.0)
+        return resistance(parts, law)
+
+
+def own_laws(model: StripModel) -> Sequence[ExtraForce]:
+    """Extra forces that simulate terms of the strip's own bending law."""
+    law = model.mechanics.law
+    fifth = (FifthOrder(),) if law.cubic != 0 and law.fifth != 0 else ()
+    rubs = law.yield_curvature != 0 and law.gradual != 0
+    return (*fifth, GradualFriction()) if rubs else fifth
