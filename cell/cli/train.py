@@ -95,16 +95,15 @@ def _train(
     from cell.extras import require_library
 
     require_library("torch" if policy == "adaptive" else "cmaes")
-    from cell.train.critic import train_critic
-    from cell.train.run import train as train_in
-    from policies.adaptive.train.settings import CriticSettings
-    from policies.train.settings import TrainingSettings
+    from cell.train.run import train_adaptive, train_feedback
+    from policies.adaptive.train.piece import CriticSettings
+    from policies.train.objective import TrainingSettings
 
     console = Console(stderr=True)
     if policy == "adaptive":
-        return train_critic(CriticSettings(seed=seed), folder, workers, grid, console)
+        return train_adaptive(CriticSettings(seed=seed), folder, workers, grid, console)
     settings = TrainingSettings(seed=seed, **size)
-    return train_in(settings, folder, workers, grid, console)
+    return train_feedback(settings, folder, workers, grid, console)
 
 
 def _only_adaptive(policy: Learned) -> None:

@@ -1,23 +1,32 @@
-"""Evaluation of trained weights on strips outside the training set, in rod and chain."""
+"""Evaluation of a trained policy on other strips than its training's, in rod and chain."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper
+from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
+from policies.adaptive.fabrics import CONDITIONS, STRIP_LENGTH, strip_with
 from policies.domain import grid
-from policies.train.folding import JUDGING_SEGMENTS
-from policies.train.objective import fold_all, rollout_settings
-from policies.train.settings import TrainingSettings
+from policies.policy import Policy
+from policies.rollout import Rollout, roll_out
+from policies.train.objective import JUDGING_SEGMENTS
 
+Key = TypeVar("Key")
+Watch = Callable[[int, int], None]  # number of pieces done, and of all
 LINKS = 80  # of the chain that plays the plant; 60 are 3 mm off for the softest strips
-SUBSTEPS = 4  # between decisions: 4.2 ms, which the chain takes in one part
+STRIPS_PER_EFFECT = 64  # folded for each effect
+EFFECTS_STREAM = 4  # of random numbers, apart from those of the training
 
 
 class Engine(StrEnum):
@@ -72,24 +81,40 @@ class Evaluation:
         }
 
 
+@dataclass(frozen=True, slots=True)
+class EffectErrors:
+    """Displacements (n,) [m] of strips in which `effect` is hidden; NaN without a touch."""
+
+    effect: str
+    displacement: Array
+
+    def facts(self) -> dict[str, float | int]:
+        """Bias, mean, 95 % quantile and largest |d| [m], and how many folds did not touch."""
+        d, miss = self.displacement, np.abs(self.displacement)
+        return {
+            "strips": len(d),
+            "bias": float(np.nanmean(d)),
+            "mean": float(np.nanmean(miss)),
+            "p95": float(np.nanquantile(miss, 0.95)),
+            "worst": float(np.nanmax(miss)),
+            "untouched": int(np.isnan(d).sum()),
+        }
+
+
 def evaluate(
-    fold: Callable[..., Array],
-    trained: tuple[object, ...],
+    policy: Policy,
+    rollout: Rollout,
+    seed: Sequence[int],
     side: int,
     executor: Executor,
-    watch: Callable[[int, int], None] = lambda _done, _pieces: None,
+    watch: Watch = lambda _done, _pieces: None,
 ) -> tuple[Evaluation, ...]:
     """Fold a grid of `side` x `side` strips on each engine, a row for each task of `executor`.
 
-    `fold(*trained, side, engine, row)` gives the displacements (side,) [m] of a row. Engines get
-    the same noise and delays. `watch` is called with the number of pieces done and their total.
+    Engines get the same noise and delays, of random numbers by `seed` and row.
     """
     pieces = [(engine, row) for engine in reversed(Engine) for row in range(side)]
-    waiting = {executor.submit(fold, *trained, side, *piece): piece for piece in pieces}
-    rows: dict[tuple[Engine, int], Array] = {}
-    for done in as_completed(waiting):
-        rows[waiting[done]] = done.result()
-        watch(len(rows), len(pieces))
+    rows = _gather(executor, partial(_fold_row, policy, rollout, seed, side), pieces, watch)
     found = {engine: np.array([rows[engine, row] for row in range(side)]) for engine in Engine}
     half = 0.5 * grid(side)[0].length
     return tuple(
@@ -98,17 +123,59 @@ def evaluate(
     )
 
 
-def fold_row(
-    weights: Array, settings: TrainingSettings, side: int, engine: Engine, row: int
+def evaluate_effects(
+    policy: Policy,
+    rollout: Rollout,
+    segments: int,
+    executor: Executor,
+    watch: Watch = lambda _done, _pieces: None,
+) -> tuple[EffectErrors, ...]:
+    """Fold unmeasured strips in the rod with nothing, friction and each effect hidden in turn.
+
+    The strips are the same for every policy.
+    """
+    found = _gather(executor, partial(_fold_with, policy, rollout, segments), CONDITIONS, watch)
+    return tuple(EffectErrors(name, found[name]) for name in CONDITIONS)
+
+
+def _gather(
+    executor: Executor, fold: Callable[[Key], Array], keys: Iterable[Key], watch: Watch
+) -> dict[Key, Array]:
+    """Displacements by `fold(key)` of each of `keys`, computed by `executor`."""
+    waiting = {executor.submit(fold, key): key for key in keys}
+    found: dict[Key, Array] = {}
+    for done in as_completed(waiting):
+        found[waiting[done]] = done.result()
+        watch(len(found), len(waiting))
+    return found
+
+
+def _fold_row(
+    policy: Policy, rollout: Rollout, seed: Sequence[int], side: int, piece: tuple[Engine, int]
 ) -> Array:
-    """Fold one row of the grid by `feedback` with weights (p,); returns displacements (side,)."""
+    """Displacements (side,) [m] of one row of the grid on one engine."""
+    engine, row = piece
     strips = grid(side)[row * side : (row + 1) * side]
-    rollout = replace(rollout_settings(settings), substeps=SUBSTEPS)
-    rng = np.random.default_rng([settings.seed, 3, row])
-    stepper = make_stepper(engine)
-    return fold_all(stepper, np.atleast_2d(weights), strips, rollout, rng).displacement
+    rod = engine is Engine.ROD
+    stepper: Stepper = Rod(JUDGING_SEGMENTS, strict=False) if rod else Chain(LINKS)
+    return _displacements(policy, rollout, stepper, strips, np.random.default_rng([*seed, row]))
 
 
-def make_stepper(engine: Engine) -> Stepper:
-    """Make the simulation engine of this kind."""
-    return Rod(JUDGING_SEGMENTS, strict=False) if engine is Engine.ROD else Chain(LINKS)
+def _fold_with(policy: Policy, rollout: Rollout, segments: int, name: str) -> Array:
+    """Displacements (n,) [m] of random strips with the effect `name`."""
+    rng = np.random.default_rng([EFFECTS_STREAM, CONDITIONS.index(name)])
+    strips = [strip_with(name, rng, STRIP_LENGTH) for _ in range(STRIPS_PER_EFFECT)]
+    return _displacements(policy, rollout, Rod(segments, strict=False), strips, rng)
+
+
+def _displacements(
+    policy: Policy,
+    rollout: Rollout,
+    engine: Stepper,
+    strips: Sequence[StripFile],
+    rng: np.random.Generator,
+) -> Array:
+    models = [describe(strip) for strip in strips]
+    with threadpool_limits(1, user_api="blas"):
+        folds = roll_out(policy, engine, strips[0], models, settings=rollout, rng=rng)
+    return folds.displacement

@@ -6,22 +6,27 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from cell.train.effects import EffectErrors
-from cell.train.evaluation import Evaluation, evaluate, fold_row
-from cell.train.screen import GenerationText, Meter
+from cell.train.evaluation import EffectErrors, Evaluation, evaluate, evaluate_effects
+from cell.train.screen import Meter
 from drivers.errors import ConfigurationError
 from drivers.files import write_file, writing
-from policies.adaptive.train.settings import CriticSettings
-from policies.adaptive.train.trial import Trial
-from policies.train.settings import TrainingSettings
-from policies.train.training import TrainingRun
+from policies.adaptive.train.piece import CriticSettings
+from policies.rollout import Rollout
+from policies.sensing import IMAGE_SENSING
+from policies.train.objective import TrainingSettings
+
+if TYPE_CHECKING:
+    from policies.adaptive.train.training import CriticTraining, Trial
+    from policies.train.search import Search
 
 EVALUATION = "evaluation.json"
+SUBSTEPS = 4  # between decisions of the evaluation: 4.2 ms, which the chain takes in one part
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +38,7 @@ class Trained:
     checkpoint: Path
     settings: TrainingSettings | CriticSettings
     evaluations: tuple[Evaluation, ...]
-    trial: Trial | None = None
+    trial: "Trial | None" = None
     effects: tuple[EffectErrors, ...] = ()
 
     def line(self) -> dict[str, object]:
@@ -42,13 +47,13 @@ class Trained:
             "schema": 1,
             "checkpoint": str(self.checkpoint),
             "settings": self.settings.model_dump(mode="json"),
-            **({} if self.trial is None else {"trial": self.trial.facts()}),
+            **({} if self.trial is None else {"trial": asdict(self.trial)}),
             "evaluations": [evaluation.line() for evaluation in self.evaluations],
             **({"effects": {e.effect: e.facts() for e in self.effects}} if self.effects else {}),
         }
 
 
-def train(
+def train_feedback(
     settings: TrainingSettings,
     folder: Path,
     workers: AbstractContextManager[Executor],
@@ -60,15 +65,53 @@ def train(
     The weights are evaluated on a grid of `side` x `side` strips. Raises ConfigurationError for a
     folder that cannot be used, WorkersLost when the workers are gone.
     """
+    from policies.train.search import Search
+
     with alone_in(folder):
-        run = TrainingRun(settings, folder)
-        text = GenerationText(settings.generations)
-        with workers as executor, Meter(console, settings.generations, run.known) as meter:
-            for step in run.run(executor):
-                meter.show(step.generation + 1, text(step))
-            weights = (run.weights, settings)
-            found = evaluate(fold_row, weights, side, executor, meter.show_evaluation)
-        return keep(Trained(run.checkpoint, settings, found), folder)
+        search = Search(settings, folder)
+        with _run(search, workers, console) as (executor, meter):
+            rollout, seed = replace(settings.rollout, substeps=SUBSTEPS), (settings.seed, 3)
+            judge = meter.show_evaluation
+            found = evaluate(search.policy, rollout, seed, side, executor, judge)
+        return keep(Trained(search.checkpoint, settings, found), folder)
+
+
+def train_adaptive(
+    settings: CriticSettings,
+    folder: Path,
+    workers: AbstractContextManager[Executor],
+    side: int,
+    console: Console,
+) -> Trained:
+    """Train the critic of `adaptive` in `folder` as `train_feedback` does.
+
+    The weights are also evaluated with each effect hidden.
+    """
+    from policies.adaptive.train.training import CriticTraining
+
+    with alone_in(folder):
+        training = CriticTraining(settings, folder)
+        with _run(training, workers, console) as (executor, meter):
+            policy, judge = training.policy, meter.show_evaluation
+            rollout = Rollout(speed=settings.speed, sensing=IMAGE_SENSING)
+            finer = replace(rollout, substeps=SUBSTEPS)
+            found = evaluate(policy, finer, (settings.seed,), side, executor, judge)
+            errors = evaluate_effects(policy, rollout, settings.segments, executor, judge)
+        trained = Trained(training.checkpoint, settings, found, training.trial, errors)
+        return keep(trained, folder)
+
+
+@contextmanager
+def _run(
+    training: "Search | CriticTraining",
+    workers: AbstractContextManager[Executor],
+    console: Console,
+) -> Iterator[tuple[Executor, Meter]]:
+    """Context of a `training` that has run to its end, with its workers and its display."""
+    with workers as executor, Meter(console, training.total, training.known) as meter:
+        for step in training.run(executor):
+            meter.show(step.done, step.text)
+        yield executor, meter
 
 
 def keep(trained: Trained, folder: Path) -> Trained:

@@ -1,7 +1,9 @@
 """Shows a training in the terminal: a bar while it runs, a table at its end."""
 
+import time
 from collections import deque
 from collections.abc import Sequence
+from itertools import pairwise
 from statistics import median
 from typing import Self
 
@@ -11,34 +13,11 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from cell.campaign.progress import clock
-from cell.train.effects import EffectErrors
-from cell.train.evaluation import Engine, Evaluation
-from policies.train.search import Progress
+from cell.train.evaluation import EffectErrors, Engine, Evaluation
 
-RECENT = 30  # generations from whose times the time left is estimated
+RECENT = 30  # steps from whose times the time left is estimated
 LINES = 20  # printed in a whole training where there is no terminal
 ENGINE_NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
-
-
-class GenerationText:
-    """Formats the progress of a training by CMA-ES, generation by generation."""
-
-    def __init__(self, generations: int) -> None:
-        self._generations = generations
-        self._took: deque[float] = deque(maxlen=RECENT)
-        self._validated = ""
-
-    def __call__(self, step: Progress) -> str:
-        """Format the newest generation, `step`, with the time left."""
-        self._took.append(step.seconds)
-        if step.validated is not None:
-            self._validated = f"  validated {1e3 * step.validated:.1f} mm rms"
-        done = step.generation + 1
-        left = (self._generations - done) * median(self._took)
-        return (
-            f"generation {done} of {self._generations}  |d| best {1e3 * step.best:.1f} "
-            f"mean {1e3 * step.mean:.1f} mm{self._validated}  {clock(left)} left"
-        )
 
 
 class Meter:
@@ -46,6 +25,7 @@ class Meter:
 
     def __init__(self, console: Console, total: int, known: int) -> None:
         self._console, self._total = console, total
+        self._times = deque([time.monotonic()], maxlen=RECENT + 1)
         self._bar = Bar(
             BarColumn(bar_width=28),
             TextColumn("{task.description}"),
@@ -54,7 +34,7 @@ class Meter:
         )
         self._task: TaskID = self._bar.add_task("begins", total=total, completed=known)
         if known:
-            console.print(f"goes on after {known} of {total} generations", highlight=False)
+            console.print(f"goes on after {known} of {total}", highlight=False)
 
     def __enter__(self) -> Self:
         """Show the bar."""
@@ -68,7 +48,10 @@ class Meter:
             self._console.print("interrupted; the same command goes on", highlight=False)
 
     def show(self, done: int, text: str) -> None:
-        """Show the number of steps `done`, and `text` on the last one."""
+        """Show the number of steps `done`, `text` on the last one, and the time left."""
+        self._times.append(time.monotonic())
+        step = median(after - before for before, after in pairwise(self._times))
+        text = f"{text}  {clock((self._total - done) * step)} left"
         self._bar.update(self._task, completed=done, description=text)
         due = done % max(1, self._total // LINES) == 0 or done == self._total
         if due and not self._console.is_terminal:

@@ -1,18 +1,64 @@
-"""The paper's reward, as a cost to be minimised."""
+"""The paper's reward, as a cost to be minimised over simulated folds of random strips."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from pydantic import Field
 
+from drivers.settings import Settings
 from drivers.strip.describe import describe
-from drivers.strip.engine import Stepper
 from drivers.strip.file import GRAVITY, StripFile
+from drivers.strip.rod.engine import Rod
 from drivers.types import Array
+from policies.domain import grid, sample
 from policies.feedback import Feedback
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
-from policies.train.settings import TrainingSettings
+
+PIECE = 12  # candidates a piece; fixed, so that no result depends on the number of workers
+JUDGING_SEGMENTS = 100  # segments of the rod in a validation
+VALIDATION = 8  # strips along each side of the grid that a validation folds
+
+
+class TrainingSettings(Settings):
+    """Settings of CMA-ES and of the folds that evaluate its candidates.
+
+    The same settings and seed give the same weights. `strips` squared strips a generation, one from
+    each cell of the paper's range; `force_weight` a [m] scales the mean holding force over the
+    strip's weight.
+    """
+
+    seed: int = Field(0, ge=0)
+    generations: int = Field(300, ge=1)
+    population: int = Field(48, ge=4)
+    sigma: float = Field(0.05, gt=0)
+    strips: int = Field(4, ge=1)
+    speed: float = Field(0.1, gt=0)
+    segments: int = Field(60, ge=20)
+    substeps: int = Field(2, ge=1)
+    contact_sigma: float = Field(0.001, ge=0)
+    contact_bias: float = Field(0.001, ge=0)
+    delay: float = Field(0.06, ge=0)  # s, largest
+    force_weight: float = Field(0.01, ge=0)
+    validate_every: int = Field(5, ge=1)
+
+    @property
+    def folds_per_generation(self) -> int:
+        """Folds that one generation simulates."""
+        return self.population * self.strips**2
+
+    @property
+    def rollout(self) -> Rollout:
+        """Simulated folds of the training: late and noisy observations, coarse steps."""
+        sensing = Sensing(
+            contact_sigma=self.contact_sigma,
+            contact_bias=self.contact_bias,
+            delay=(0.0, self.delay),
+        )
+        return Rollout(speed=self.speed, substeps=self.substeps, sensing=sensing, profile=False)
 
 
 class Scores(NamedTuple):
@@ -22,14 +68,41 @@ class Scores(NamedTuple):
     miss: Array
 
 
-def rollout_settings(settings: TrainingSettings) -> Rollout:
-    """Rollout settings of training: late and noisy observations, coarse steps."""
-    sensing = Sensing(
-        contact_sigma=settings.contact_sigma,
-        contact_bias=settings.contact_bias,
-        delay=(0.0, settings.delay),
+def evaluate(
+    settings: TrainingSettings, candidates: Array, generation: int, executor: Executor
+) -> Scores:
+    """Scores of `candidates` (p, WEIGHT_COUNT) in `generation`, in equal pieces over `executor`."""
+    pieces = [candidates[i : i + PIECE] for i in range(0, len(candidates), PIECE)]
+    jobs = [executor.submit(evaluate_piece, settings, p, generation) for p in pieces]
+    found = [job.result() for job in jobs]
+    return Scores(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
+    """Scores of `candidates`, each over the same strips and noise: a pure function."""
+    strips = sample(settings.strips, np.random.default_rng([settings.seed, generation, 0]))
+    rng = np.random.default_rng([settings.seed, generation, 1])
+    folds = fold_all(settings.segments, candidates, strips, settings.rollout, rng)
+    weight = np.tile([s.linear_density * s.length * GRAVITY for s in strips], len(candidates))
+    length = strips[0].length
+    cost = fold_cost(folds, weight, length, settings.force_weight)
+    shape = (len(candidates), -1)
+    return Scores(
+        cost=cost.reshape(shape).mean(axis=1),
+        miss=misses(folds, length).reshape(shape).mean(axis=1),
     )
-    return Rollout(speed=settings.speed, substeps=settings.substeps, sensing=sensing, profile=False)
+
+
+def validate(settings: TrainingSettings, weights: Array) -> float:
+    """Rms displacement [m] by `weights` (WEIGHT_COUNT,) over a grid, with noise, in a finer rod.
+
+    The root mean square, because a policy must be good on every strip.
+    """
+    rollout = replace(settings.rollout, substeps=3)
+    rng = np.random.default_rng([settings.seed, 2])
+    strips = grid(VALIDATION)
+    folds = fold_all(JUDGING_SEGMENTS, np.atleast_2d(weights), strips, rollout, rng)
+    return float(np.sqrt(np.mean(misses(folds, strips[0].length) ** 2)))
 
 
 def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -> Array:
@@ -43,40 +116,21 @@ def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -
     return np.asarray(end + force_weight * folds.holding_force / weight)
 
 
-def scores(
-    engine: Stepper,
-    candidates: Array,
-    strips: Sequence[StripFile],
-    settings: TrainingSettings,
-    rng: np.random.Generator,
-) -> Scores:
-    """Scores of `candidates` (p, WEIGHT_COUNT), each over the same strips and noise."""
-    folds = fold_all(engine, candidates, strips, rollout_settings(settings), rng)
-    weight = np.tile([s.linear_density * s.length * GRAVITY for s in strips], len(candidates))
-    length = strips[0].length
-    cost = fold_cost(folds, weight, length, settings.force_weight)
-    shape = (len(candidates), -1)
-    return Scores(
-        cost=cost.reshape(shape).mean(axis=1),
-        miss=misses(folds, length).reshape(shape).mean(axis=1),
-    )
-
-
 def misses(folds: Folds, length: float) -> Array:
     """|d| (n,) [m] of each fold; half the strip's length where the layers never touched."""
     return np.asarray(np.where(folds.touched, np.abs(folds.displacement), 0.5 * length))
 
 
 def fold_all(
-    engine: Stepper,
+    segments: int,
     candidates: Array,
     strips: Sequence[StripFile],
     rollout: Rollout,
     rng: np.random.Generator,
 ) -> Folds:
-    """Fold every strip with each of `candidates` (p, WEIGHT_COUNT), candidates outermost."""
+    """Fold every strip in a rod with each of `candidates` (p, WEIGHT_COUNT), these outermost."""
     models = [describe(strip) for strip in strips] * len(candidates)
-    policy = Feedback(candidates)
+    engine, policy = Rod(segments, strict=False), Feedback(candidates)
     return roll_out(
         policy, engine, strips[0], models, settings=rollout, rng=rng, groups=len(candidates)
     )

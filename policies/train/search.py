@@ -1,9 +1,10 @@
-"""CMA-ES over the weights of the feedback network."""
+"""Training of `feedback`: CMA-ES over the weights of its network, in a folder."""
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from pathlib import Path as FilePath
 
 import numpy as np
 from cmaes import CMA
@@ -11,15 +12,14 @@ from threadpoolctl import ThreadpoolController
 
 from drivers.errors import ConfigurationError
 from drivers.types import Array
+from policies.checkpoint import Checkpoint, Training, save_checkpoint
+from policies.feedback import Feedback
 from policies.network import HIDDEN_UNITS, INPUT_CENTRE, INPUT_SPREAD, INPUTS
-from policies.train.journal import Journal, Line
-from policies.train.objective import Scores
-from policies.train.settings import TrainingSettings
+from policies.train.journal import Journal, Line, Progress
+from policies.train.objective import TrainingSettings, evaluate, validate
 
-Evaluate = Callable[[Array, int], Scores]  # of candidates (p, WEIGHT_COUNT) in a generation
-Validate = Callable[[Array], float]  # weights (WEIGHT_COUNT,) -> rms d [m] over strips kept apart
-
-
+JOURNAL, CHECKPOINT = "feedback.jsonl", "feedback.json"
+REPLAYED = frozenset({"asked", "costs", "validated"})  # of a generation in the journal
 APEX = 0.5  # of the strip's length, where the heading turns
 TURN_LENGTH = 0.06  # of the strip's length, over which it turns
 RISING, FALLING = 0.73, 1.25  # headings of the two legs, over pi
@@ -42,32 +42,23 @@ def first_weights(rng: np.random.Generator) -> Array:
     return np.concatenate([input_weights.ravel(), hidden_biases, output_weights, output_bias])
 
 
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """State of the search after a generation: mean |d| [m] of its `best` candidate and of all
-    (`mean`), `validated` rms d [m] where it was measured, wall time `seconds` that it took.
-    """
-
-    generation: int
-    best: float
-    mean: float
-    validated: float | None
-    seconds: float
-
-
 class Search:
-    """Search by CMA-ES; `weights` are the optimiser's mean at its best validation so far.
+    """Search by CMA-ES that begins in an empty folder, or resumes one of the same settings.
 
-    The optimiser's linear algebra is limited to one thread: its rounding depends on their number,
-    and a training may be resumed on another machine.
+    `weights` (WEIGHT_COUNT,) are the optimiser's mean at its best validation so far. The
+    optimiser's linear algebra is limited to one thread: its rounding depends on their number, and a
+    training may be resumed on another machine. Raises ConfigurationError for a folder that cannot
+    be written or holds something else.
     """
 
-    def __init__(self, settings: TrainingSettings, journal: Journal) -> None:
+    def __init__(self, settings: TrainingSettings, folder: FilePath) -> None:
         self.settings = settings
+        self.checkpoint = folder / CHECKPOINT
         self.weights: Array = first_weights(np.random.default_rng(settings.seed))
         self.validated = np.inf
-        self._journal = journal
+        self._journal = Journal(folder / JOURNAL, settings, REPLAYED)
         self._blas = ThreadpoolController()
+        self._last_validation = ""
         self._optimiser = CMA(
             mean=self.weights.copy(),
             sigma=settings.sigma,
@@ -75,35 +66,57 @@ class Search:
             population_size=settings.population,
         )
 
-    def run(self, evaluate: Evaluate, validate: Validate) -> Iterator[Progress]:
-        """Run the remaining generations, one at a time; those in the journal are replayed."""
-        for line in list(self._journal.generations):
+    @property
+    def total(self) -> int:
+        """Steps of the whole training: generations."""
+        return self.settings.generations
+
+    @property
+    def known(self) -> int:
+        """Generations in the journal."""
+        return len(self._journal.lines)
+
+    @property
+    def policy(self) -> Feedback:
+        """The policy with the best weights so far."""
+        return Feedback(self.weights)
+
+    def run(self, executor: Executor) -> Iterator[Progress]:
+        """Run the remaining generations, folds by `executor`; those in the journal are replayed.
+
+        A checkpoint is saved whenever a generation validates better than all before, and at the
+        end.
+        """
+        for line in list(self._journal.lines):
             self._replay(line)
         while self._optimiser.generation < self.settings.generations:
-            yield self._generation(evaluate, validate)
+            yield self._generation(executor)
+        self._save_checkpoint()
 
-    def _generation(self, evaluate: Evaluate, validate: Validate) -> Progress:
+    def _generation(self, executor: Executor) -> Progress:
         """Run one generation: ask, evaluate, update, validate if due, write to the journal."""
         number = self._optimiser.generation
         start = time.monotonic()
         asked = self._ask()
-        scores = evaluate(asked, number)
+        scores = evaluate(self.settings, asked, number, executor)
         self._tell(asked, scores.cost)
         validated = None
         if self._is_validated(number):
-            validated = validate(self._optimiser.mean)
-            self._keep_best(validated)
-        progress = Progress(
-            generation=number,
-            best=float(scores.miss.min()),
-            mean=float(scores.miss.mean()),
-            validated=validated,
-            seconds=round(time.monotonic() - start, 3),
-        )
+            validated = executor.submit(validate, self.settings, self._optimiser.mean).result()
+            self._last_validation = f"  validated {1e3 * validated:.1f} mm rms"
+        best, mean = float(scores.miss.min()), float(scores.miss.mean())
+        seconds = round(time.monotonic() - start, 3)
         self._journal.append(
-            {"asked": _digest(asked), "costs": scores.cost.tolist(), **asdict(progress)}
+            {"asked": _digest(asked), "costs": scores.cost.tolist(), "generation": number,
+             "best": best, "mean": mean, "validated": validated, "seconds": seconds}
+        )  # fmt: skip
+        if validated is not None and self._keep_best(validated):
+            self._save_checkpoint()
+        return Progress(
+            number + 1,
+            f"generation {number + 1} of {self.total}  |d| best {1e3 * best:.1f} "
+            f"mean {1e3 * mean:.1f} mm{self._last_validation}",
         )
-        return progress
 
     def _is_validated(self, number: int) -> bool:
         """Whether to validate this generation; only validated weights are kept."""
@@ -130,10 +143,23 @@ class Search:
         with self._blas.limit(limits=1, user_api="blas"):
             self._optimiser.tell([(x, float(c)) for x, c in zip(asked, costs, strict=True)])
 
-    def _keep_best(self, validated: float) -> None:
-        if validated < self.validated:
-            self.validated = validated
-            self.weights = self._optimiser.mean.copy()
+    def _keep_best(self, validated: float) -> bool:
+        """Keep the optimiser's mean if it `validated` [m] best so far; returns whether it did."""
+        if not validated < self.validated:
+            return False
+        self.validated, self.weights = validated, self._optimiser.mean.copy()
+        return True
+
+    def _save_checkpoint(self) -> None:
+        generations = self._optimiser.generation
+        training = Training(
+            seed=self.settings.seed,
+            generations=generations,
+            folds=generations * self.settings.folds_per_generation,
+        )
+        weights = tuple(float(w) for w in self.weights)
+        made = Checkpoint(schema=1, policy="feedback", weights=weights, training=training)
+        save_checkpoint(self.checkpoint, made)
 
 
 def _digest(asked: Array) -> str:

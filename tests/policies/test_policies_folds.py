@@ -18,9 +18,8 @@ from policies.domain import grid
 from policies.feedback import COMMITTED
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
-from policies.train.folding import evaluate_piece, evaluator, validate
+from policies.train.objective import TrainingSettings, evaluate, evaluate_piece, validate
 from policies.train.search import first_weights
-from policies.train.settings import TrainingSettings
 
 pytestmark = pytest.mark.slow
 
@@ -88,8 +87,8 @@ def test_feedback_is_gentler_than_the_circle() -> None:
 def test_costs_do_not_depend_on_how_many_workers_there_are() -> None:
     asked = candidates(SMALL.population)
     with ThreadPoolExecutor(1) as one, ThreadPoolExecutor(2) as two:
-        alone = evaluator(SMALL, one)(asked, 3)
-        together = evaluator(SMALL, two)(asked, 3)
+        alone = evaluate(SMALL, asked, 3, one)
+        together = evaluate(SMALL, asked, 3, two)
     np.testing.assert_array_equal(alone, together)
     assert len(set(alone.cost)) == SMALL.population
     assert np.all(alone.miss < alone.cost)

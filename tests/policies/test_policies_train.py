@@ -1,6 +1,7 @@
 """Training: deterministic, survives kills, and makes the policy better."""
 
 import json
+from concurrent.futures import Executor, Future
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,15 @@ from policies.domain import grid, sample, strip_at
 from policies.network import WEIGHT_COUNT, HeadingNetwork
 from policies.rollout import Folds
 from policies.train.journal import Journal
-from policies.train.objective import Scores, fold_cost, misses
+from policies.train.objective import (
+    Scores,
+    TrainingSettings,
+    evaluate_piece,
+    fold_cost,
+    misses,
+    validate,
+)
 from policies.train.search import Search, first_weights
-from policies.train.settings import TrainingSettings
 
 SETTINGS = TrainingSettings(generations=12, population=6, validate_every=2)
 
@@ -32,9 +39,21 @@ def depth(weights: Array) -> float:
     return float(np.sum((weights - 1.0) ** 2))
 
 
+class Bowl(Executor):
+    """Computes the bowl instead of folding; `folded` counts what it was asked for."""
+
+    folded = 0
+
+    def submit(self, compute, settings, *asked):
+        self.folded += 1
+        job = Future()
+        job.set_result({evaluate_piece: bowl, validate: depth}[compute](*asked))
+        return job
+
+
 def train(folder: Path, generations: int, settings: TrainingSettings = SETTINGS) -> Search:
-    search = Search(settings, Journal(folder / "feedback.jsonl", settings))
-    run = search.run(bowl, depth)
+    search = Search(settings, folder)
+    run = search.run(Bowl())
     for _ in range(generations):
         if next(run, None) is None:
             break
@@ -48,8 +67,7 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(tmp_path: Path
     again = train(tmp_path / "killed", 99)
     np.testing.assert_array_equal(alone.weights, again.weights)
     lines = [
-        len(Journal(tmp_path / n / "feedback.jsonl", SETTINGS).generations)
-        for n in ("alone", "killed")
+        len(Journal(tmp_path / n / "feedback.jsonl", SETTINGS).lines) for n in ("alone", "killed")
     ]
     assert lines == [12, 12]
 
@@ -65,8 +83,9 @@ def test_line_cut_off_by_a_kill_is_dropped_and_done_again(tmp_path: Path) -> Non
 
 def test_finished_run_is_not_folded_again(tmp_path: Path) -> None:
     first = train(tmp_path, 99)
-    search = Search(SETTINGS, Journal(tmp_path / "feedback.jsonl", SETTINGS))
-    assert list(search.run(lambda *_: pytest.fail("folded again"), depth)) == []
+    search, folds = Search(SETTINGS, tmp_path), Bowl()
+    assert list(search.run(folds)) == []
+    assert folds.folded == 0
     np.testing.assert_array_equal(first.weights, search.weights)
 
 
@@ -141,7 +160,7 @@ def test_file_that_is_no_journal_is_refused_and_kept(tmp_path: Path, content: by
     path = tmp_path / "feedback.jsonl"
     path.write_bytes(content)
     with pytest.raises(ConfigurationError, match=r"feedback\.jsonl: ") as refused:
-        Journal(path, SETTINGS)
+        Search(SETTINGS, tmp_path)
     assert "\n" not in str(refused.value)
     assert path.read_bytes() == content
 

@@ -5,9 +5,11 @@ from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 from threadpoolctl import threadpool_limits
 
 from drivers.files import replacing
+from drivers.settings import Settings
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
@@ -18,7 +20,6 @@ from policies.adaptive.critic import YIELD_UNIT, Critic
 from policies.adaptive.fabrics import STRIP_LENGTH, plain, unknown
 from policies.adaptive.features import RISE_AT
 from policies.adaptive.train.explorer import Explorer
-from policies.adaptive.train.settings import CriticSettings
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING, TRAINING
 
@@ -28,6 +29,37 @@ RATES, TRIAL_RATE = (45.0, 75.0), 60.0  # Hz, of the camera in training and in t
 
 Flags = NDArray[np.bool_]
 T = TypeVar("T", bound=np.generic)
+
+
+class CriticSettings(Settings):
+    """Settings of a critic's training: rounds of simulated folds, each followed by a regression.
+
+    In the first round rises are drawn at random; in later ones the critic steers, until at a
+    random moment the rise is moved by `perturbation` [m] (one sigma) and kept. Every second piece
+    folds strips of 0.6 m, the others one length within `adaptive.LENGTH_RANGE`. A last round of
+    `trials` pieces folds without perturbation and as images are, to set the sigmas. `friction`
+    (and other effects) in training, `profile`, `tip` and `memory` can be left out, to measure
+    what each contributes.
+    """
+
+    seed: int = Field(0, ge=0)
+    pieces: tuple[int, ...] = (24, 32, 48)  # of folds, in each round
+    trials: int = Field(4, ge=1)
+    folds: int = Field(256, ge=8)  # in a piece
+    perturbation: tuple[float, ...] = (0.0, 0.008, 0.005)
+    epochs: tuple[int, ...] = (24, 20, 45)
+    speed: float = Field(0.1, gt=0)
+    segments: int = Field(100, ge=20)
+    memory: int = Field(32, ge=0)
+    hidden: tuple[int, int] = (128, 96)
+    friction: bool = True
+    profile: bool = True
+    tip: bool = True
+
+    @property
+    def rounds(self) -> int:
+        """Number of rounds, each of folds and a regression."""
+        return len(self.pieces)
 
 
 class Piece(NamedTuple):

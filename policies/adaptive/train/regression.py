@@ -19,8 +19,7 @@ from policies.adaptive.critic import (
     Critic,
 )
 from policies.adaptive.features import CHANNELS, COUNT, PROFILE_CHANNELS, STATE_SIZE, TIP_CHANNEL
-from policies.adaptive.train.piece import Piece
-from policies.adaptive.train.settings import CriticSettings
+from policies.adaptive.train.piece import CriticSettings, Piece
 from policies.profile import POINTS
 
 BATCH = 64  # folds

@@ -1,31 +1,29 @@
-"""A resumable training of the critic in a folder: data, critic of each round, final weights."""
+"""Training of the critic in a folder: folds, critic of each round, final weights and their trial.
 
-import json
+It resumes with the pieces and critics that are in the folder.
+"""
+
 from collections.abc import Iterator
 from concurrent.futures import Executor, as_completed
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
 
+import numpy as np
+
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
-from drivers.readers import MEGABYTE, read_bytes
+from drivers.files import writing
+from drivers.types import Array
+from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import load_critic, save_critic
-from policies.adaptive.critic import Critic
-from policies.adaptive.train.piece import Piece, concatenate, explore
+from policies.adaptive.critic import Critic, Judgement
+from policies.adaptive.train.piece import CriticSettings, Piece, concatenate, explore
 from policies.adaptive.train.regression import fit
-from policies.adaptive.train.settings import CriticSettings
-from policies.adaptive.train.trial import Trial, calibrate_sigmas
+from policies.train.journal import Journal, Progress
 
 SETTINGS, CHECKPOINT = "adaptive.json", "adaptive.npz"
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """Progress of a training: `done` of `total` steps; `said` describes the last one."""
-
-    done: int
-    total: int
-    said: str
+LAST = 16  # kept decisions before the touch, about a second, on which sigmas are set
+ONE, TWO = 1.0, 1.96
+COVERAGES = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are to hold it
 
 
 class CriticTraining:
@@ -34,12 +32,14 @@ class CriticTraining:
     Raises ConfigurationError for a folder of other settings, or one that cannot be written.
     """
 
+    known = 0  # steps in the folder are soon counted
+
     def __init__(self, settings: CriticSettings, folder: FilePath) -> None:
         self.settings, self.folder = settings, folder
         self.checkpoint = folder / CHECKPOINT
-        self._trial: Trial | None = None
         self._critic: Critic | None = None
-        _check_settings(folder / SETTINGS, settings)
+        self._trial: Trial | None = None
+        Journal(folder / SETTINGS, settings)
 
     @property
     def total(self) -> int:
@@ -47,14 +47,14 @@ class CriticTraining:
         return sum(self.settings.pieces) + self.settings.rounds + self.settings.trials
 
     @property
-    def finished(self) -> Critic:
-        """The critic of a completed training."""
-        if self._critic is None or self._trial is None:
+    def policy(self) -> Adaptive:
+        """The policy with the critic of a completed training."""
+        if self._critic is None:
             raise RuntimeError("the training has not run to its end")
-        return self._critic
+        return Adaptive(self._critic)
 
     @property
-    def tried(self) -> Trial:
+    def trial(self) -> "Trial":
         """The trial of a completed training."""
         if self._trial is None:
             raise RuntimeError("the training has not run to its end")
@@ -62,18 +62,20 @@ class CriticTraining:
 
     def run(self, executor: Executor) -> Iterator[Progress]:
         """Run the remaining steps, folds by `executor`; ends with the weights saved."""
-        done = 0
-        for turn in range(self.settings.rounds):
-            for piece in self._pieces(turn, self.settings.pieces[turn], executor):
-                done += 1
-                yield Progress(done, self.total, f"round {turn + 1}, piece {piece}")
-            self._critic = self._fit(turn)
-            done += 1
-            yield Progress(done, self.total, f"round {turn + 1}, regression")
-        for piece in self._pieces(self.settings.rounds, self.settings.trials, executor):
-            done += 1
-            yield Progress(done, self.total, f"trial {piece}")
+        steps = self._steps(executor)
+        for done, text in enumerate(steps, 1):
+            yield Progress(done, f"{done} of {self.total}: {text}")
         self._finish()
+
+    def _steps(self, executor: Executor) -> Iterator[str]:
+        """Run rounds and trial; yields a text on each step."""
+        for turn, count in enumerate(self.settings.pieces):
+            for piece in self._pieces(turn, count, executor):
+                yield f"round {turn + 1}, piece {piece}"
+            self._critic = self._fit(turn)
+            yield f"round {turn + 1}, regression"
+        for piece in self._pieces(self.settings.rounds, self.settings.trials, executor):
+            yield f"trial {piece}"
 
     def _pieces(self, turn: int, count: int, executor: Executor) -> Iterator[int]:
         """Fold and store the missing pieces of round `turn`; yields each piece's number."""
@@ -81,7 +83,8 @@ class CriticTraining:
         yield from sorted(set(range(count)) - set(missing))
         jobs = {executor.submit(explore, self.settings, turn, n, self._critic): n for n in missing}
         for job in as_completed(jobs):
-            self._store(job.result(), turn, jobs[job])
+            with writing(self.folder, "make room and go on"):
+                job.result().save(self._path(turn, jobs[job]))
             yield jobs[job]
 
     def _fit(self, turn: int) -> Critic:
@@ -100,7 +103,7 @@ class CriticTraining:
         pieces = [self._load(rounds, n) for n in range(self.settings.trials)]
         last = load_critic(self.folder / f"critic-{rounds - 1}.npz")
         self._critic, self._trial = calibrate_sigmas(last, concatenate(pieces))
-        facts = {"settings": self.settings.model_dump(mode="json"), "trial": self._trial.facts()}
+        facts = {"settings": self.settings.model_dump(mode="json"), "trial": asdict(self._trial)}
         save_critic(self.checkpoint, self._critic, {"training": facts})
 
     def _path(self, turn: int, number: int) -> FilePath:
@@ -120,31 +123,64 @@ class CriticTraining:
             )
         return piece
 
-    def _store(self, piece: Piece, turn: int, number: int) -> None:
-        with writing(self.folder, "make room and go on"):
-            piece.save(self._path(turn, number))
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """Results of trial folds: mean, 95 % quantile, worst |d| [m]; shares within 1, 1.96 sigma."""
+
+    folds: int
+    untouched: int
+    mean: float
+    most: float
+    worst: float
+    within: tuple[float, float]
 
 
-def _check_settings(path: FilePath, settings: CriticSettings) -> None:
-    """Write the settings into the folder, or refuse a folder that was begun with others."""
-    asked = json.loads(settings.model_dump_json())
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if not path.exists():
-            replace_file(path, (json.dumps(asked, indent=1) + "\n").encode())
-            return
-        begun = json.loads(read_bytes(path, MEGABYTE))
-    except OSError as error:
-        raise ConfigurationError(
-            f"{path}: cannot be used: {error.strerror}; name another output folder"
-        ) from None
-    except (UnicodeDecodeError, json.JSONDecodeError):
-        begun = None
-    if not isinstance(begun, dict):
-        raise ConfigurationError(f"{path}: holds no settings of a training; name another folder")
-    other = [name for name in asked if begun.get(name) != asked[name]]
-    if other:
-        changes = "; ".join(f"{name} was {begun.get(name)}, is {asked[name]}" for name in other)
-        raise ConfigurationError(
-            f"{path}: was begun with other settings: {changes}; use those, or another output folder"
-        )
+def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
+    """`critic` with sigmas scaled to cover the errors in `piece`, and the results of the trial."""
+    ratios = error_ratios(critic, piece)
+    critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
+    at_touch = error_ratios(critic, piece, last=1)[0]
+    miss = np.abs(piece.displacement)
+    return critic, Trial(
+        folds=len(miss),
+        untouched=int(np.isnan(miss).sum()),
+        mean=float(np.nanmean(miss)),
+        most=float(np.nanquantile(miss, 0.95)),
+        worst=float(np.nanmax(miss)),
+        within=(float(np.mean(at_touch < ONE)), float(np.mean(at_touch < TWO))),
+    )
+
+
+def error_ratios(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
+    """Four arrays (m,) |error| / sigma, of d and the strip, in the `last` decisions of folds."""
+    ratios: list[list[Array]] = [[] for _ in range(4)]
+    count = len(piece.displacement)
+    memory, counted = np.zeros((count, critic.memory)), np.zeros((count, 1))
+    to_touch = piece.alive[:, ::-1].cumsum(axis=1)[:, ::-1]  # decisions from each to the touch
+    for k in range(piece.alive.shape[1]):
+        alive = piece.alive[:, k]
+        whitened = critic.whiten(piece.inputs[:, k].astype(np.float64))
+        memory += alive[:, None] * critic.memorise(whitened)
+        counted += alive[:, None]
+        judged = critic.judge(whitened, memory / np.maximum(counted, 1))
+        near = alive & (to_touch[:, k] <= last) & np.isfinite(piece.displacement)
+        for kept, ratio in zip(ratios, _ratios(judged, piece), strict=True):
+            kept.append(ratio[near])
+    return [np.concatenate(kept) for kept in ratios]
+
+
+def _ratios(judged: Judgement, piece: Piece) -> list[Array]:
+    """Ratios |error| / sigma (n,) of a prediction of n folds: displacement, then strip."""
+    displacement = np.abs(piece.displacement - judged.displacement) / judged.sigma
+    strip = [
+        np.abs(true - estimate[:, 0]) / estimate[:, 1]
+        for true, estimate in zip(piece.strip.T, judged.belief, strict=True)
+    ]
+    return [displacement, *strip]
+
+
+def _stretch(ratios: Array) -> float:
+    """Factor on sigma with which the shares within 1 and 1.96 sigma are nearest to normal."""
+    needed = [np.quantile(ratios, share) / sigmas for share, sigmas in COVERAGES]
+    return float(np.sqrt(np.prod(needed)))

@@ -17,8 +17,8 @@ from cell.campaign.cluster import event_loop
 from cell.campaign.cluster import executor as cluster
 from drivers.errors import ConfigurationError
 from drivers.types import Array
-from policies.train.settings import TrainingSettings
-from policies.train.training import TrainingRun
+from policies.train.objective import TrainingSettings
+from policies.train.search import Search
 
 distributed = pytest.importorskip("distributed", reason="pip install '.[cluster]'")
 dask = pytest.importorskip("dask", reason="pip install '.[cluster]'")
@@ -43,9 +43,9 @@ def local() -> Iterator[distributed.LocalCluster]:
 
 
 def trained(folder: Path, executor: Executor, between: object = None) -> Array:
-    run = TrainingRun(TINY, folder)
+    run = Search(TINY, folder)
     for step in run.run(executor):
-        if between is not None and step.generation == 0:
+        if between is not None and step.done == 1:
             between()
     return run.weights
 

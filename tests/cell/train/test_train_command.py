@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +15,13 @@ import pytest
 
 from cell.__main__ import main
 from cell.parallel import workers
-from cell.train.evaluation import Engine, Evaluation, evaluate, fold_row
-from cell.train.run import alone_in
+from cell.train.evaluation import Engine, Evaluation, evaluate
+from cell.train.run import SUBSTEPS, alone_in
 from drivers.errors import WorkersLost
 from policies.adaptive.train.transfer import FitQuality
 from policies.adaptive.transfer import Transfer
-from policies.checkpoint import load_checkpoint
-from policies.feedback import COMMITTED
 from policies.registry import make_policy
-from policies.train.settings import TrainingSettings
+from policies.train.objective import TrainingSettings
 
 TINY = ["--generations", "6", "--population", "4", "--strips", "1", "--grid", "2"]
 
@@ -103,11 +102,14 @@ def test_end_of_a_training_through_images_is_printed(monkeypatch, capsys, tmp_pa
 
 @pytest.mark.slow
 def test_committed_weights_keep_their_displacement_on_the_chain() -> None:
-    weights = np.array(load_checkpoint(COMMITTED).weights)
+    policy, rollout = (
+        make_policy("feedback"),
+        replace(TrainingSettings().rollout, substeps=SUBSTEPS),
+    )
     heard: list[tuple[int, int]] = []
     with workers(1) as executor:
         rod, chain = evaluate(
-            fold_row, (weights, TrainingSettings()), 3, executor, lambda *done: heard.append(done)
+            policy, rollout, (0, 3), 3, executor, lambda *done: heard.append(done)
         )
     assert (rod.engine, chain.engine) == (Engine.ROD, Engine.CHAIN)
     assert rod.untouched == chain.untouched == 0

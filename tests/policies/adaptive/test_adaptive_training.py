@@ -8,7 +8,7 @@ import pytest
 from cell.parallel import workers
 from drivers.errors import ConfigurationError
 from policies.adaptive.critic import ARRAY_NAMES, Critic
-from policies.adaptive.train.settings import CriticSettings
+from policies.adaptive.train.piece import CriticSettings
 from policies.adaptive.train.training import CriticTraining
 
 TINY = CriticSettings(
@@ -29,7 +29,7 @@ def trained(folder: Path, settings: CriticSettings = TINY, stop_after: int = 99)
         for step in training.run(executor):
             if step.done == stop_after:
                 return None
-    return training.finished
+    return training.policy.critic
 
 
 @pytest.mark.slow  # three trainings
