@@ -79,7 +79,7 @@ def evaluate(
 
 
 def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
-    """Scores of `candidates`, each over the same strips and noise: a pure function."""
+    """Scores of `candidates` (p, WEIGHT_COUNT) over the same strips and noise: a pure function."""
     strips = sample(settings.strips, np.random.default_rng([settings.seed, generation, 0]))
     rng = np.random.default_rng([settings.seed, generation, 1])
     folds = fold_all(settings.segments, candidates, strips, settings.rollout, rng)
