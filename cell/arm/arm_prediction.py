@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.config.cell import CellFile
 from cell.devices.fold_path import whole_path
-from drivers.arm.clearance import RISE, desk_clearance, desk_end
+from drivers.arm.obstacles import RISE, desk_clearance, desk_end
 from drivers.arm.reach import Reach, dense, plan_reach
 from drivers.strip.file import StripFile
 from drivers.types import Array

@@ -10,8 +10,8 @@ from cell.devices.fold_path import triangle, whole_path
 from cell.devices.twin import TwinCalibrationAids, TwinPlant, bare, on_desk
 from drivers.arm.arm import FciArm
 from drivers.arm.bridge import Bridge
-from drivers.arm.clear_way import floor_of
 from drivers.arm.hand import FciHand
+from drivers.arm.obstacles import floor_of
 from drivers.arm.process import Task
 from drivers.arm.reach import plan_reach
 from drivers.clock import WallClock

@@ -29,8 +29,7 @@ def library() -> Check:
 
 def robot(address: str) -> Check:
     """Check whether a robot answers at `address` in the library's version of the protocol."""
-    from drivers.arm.description import LIBRARY_VERSION
-    from drivers.arm.robot import robot_version
+    from drivers.arm.checks import LIBRARY_VERSION, robot_version
 
     why = "robot and library must speak one version; a mismatch is refused at connect"
     spoken = robot_version(address)

@@ -7,7 +7,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.config.settings import CellSettings
 from cell.devices.fold_path import whole_path
-from drivers.arm.clearance import require_clear
+from drivers.arm.obstacles import require_clear
 from drivers.errors import CellError, Fault, PreflightRefused
 from drivers.installation import Installation
 from drivers.strip.describe import describe

@@ -41,7 +41,7 @@ from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.watch import Mode, watching
-from drivers.arm.clearance import desk_end
+from drivers.arm.obstacles import desk_end
 from drivers.errors import CellError, Fault
 from drivers.files import replace_file
 from drivers.readers import MEGABYTE, read_bytes

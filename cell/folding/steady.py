@@ -6,8 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from drivers.arm.scheduling import wake_promptly
-from drivers.clock import lock_memory, take_priority
+from drivers.clock import lock_memory, take_priority, wake_promptly
 
 PRIORITY = 20  # of 1 to 99, of the loop's thread: far below the process that owns the robot
 TURNS = 0.0005  # s after which a thread that computes hands the interpreter on

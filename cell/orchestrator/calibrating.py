@@ -22,7 +22,7 @@ from cell.orchestrator.steps import (
     still_picture,
     turn,
 )
-from drivers.arm.clearance import require_clear
+from drivers.arm.obstacles import require_clear
 from drivers.errors import CellError
 from drivers.types import Pose
 

@@ -19,7 +19,7 @@ from cell.orchestrator.steps import Motion
 from cell.perception.laid import LaidFold
 from cell.perception.measurement import SeenTouch
 from cell.perception.sight import Reader
-from drivers.arm.clearance import desk_end
+from drivers.arm.obstacles import desk_end
 from drivers.strip.file import StripFile
 from drivers.types import Pose
 from policies.policy import Policy

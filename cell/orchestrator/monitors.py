@@ -9,7 +9,7 @@ import numpy as np
 from cell.config.settings import MonitorLimits
 from cell.orchestrator.snapshot import Command, Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import TERMINAL, State
-from drivers.arm.clearance import require_clear
+from drivers.arm.obstacles import require_clear
 from drivers.errors import Fault
 from drivers.limits import MotionLimits, Workspace
 from drivers.strip.grip_path import LIFT_TRAVEL

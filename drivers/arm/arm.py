@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.arm.bridge import Bridge
 from drivers.arm.joint_log import joint_rows
-from drivers.arm.messages import Kind, Report
+from drivers.arm.orders import Kind, Report
 from drivers.errors import Fault
 from drivers.installation import Installation
 from drivers.motion import TICK

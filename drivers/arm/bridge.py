@@ -1,49 +1,47 @@
-"""Connection to the process that owns the robot: starts it, supervises it, ends it."""
+"""Connection to the process that runs the robot's 1 kHz loop, and that process itself."""
 
+import json
 from contextlib import suppress
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from typing import Any
 
-from drivers.arm.failure import Cause, Failure, decode, encode
-from drivers.arm.joint_log import joint_rows
-from drivers.arm.latest import Latest, allocate
-from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Kind, Order, Report
-from drivers.arm.process import Task, run
+from drivers.arm.failure import ArmFault, Cause
+from drivers.arm.joint_log import JointLog, Timing, joint_rows
+from drivers.arm.joint_motion import CartesianMotion
+from drivers.arm.loop import Loop, rehearse
+from drivers.arm.orders import Kind, Latest, Order, Report
+from drivers.arm.process import RobotProcess, Task, TerminationFlag, schedule, send
+from drivers.arm.robot import Robot
+from drivers.clock import WallClock
 from drivers.errors import Fault
 
-ENDING_TIMEOUT = 1.5  # s for the arm to come to rest and the process to end
-SENDING = 20.0  # s for the log of the joints, which is sent once the arm rests
+END_PATIENCE = 1.5  # s for the arm to come to rest
+LOG_PATIENCE = 20.0  # s for the log of the joints, which is sent once the arm rests
 TICKS_PER_ANSWER = 50  # in lock-step: many ticks take a busy machine longer than an answer may
+BETWEEN_LOOKS = 0.1  # s between looks, where no message comes, whether to end
 
 
 class Bridge:
-    """Connection to a process that owns one robot; every wait has a timeout.
+    """Connection to a process that runs the loop of one robot; every wait has a timeout.
 
-    A process that does not answer is killed: its connection closes and the robot stops. After a
-    failure every call raises the same Fault.
+    A process that does not answer is killed. After a fault every call raises it again.
     """
 
     def __init__(self, task: Task) -> None:
         """Start the process and wait until it controls the robot; raises Fault where that fails."""
         context = get_context("forkserver")
-        context.set_forkserver_preload([__name__])
-        orders, reports = (allocate(layout, context) for layout in (ORDER_LAYOUT, REPORT_LAYOUT))
+        orders, reports = (Latest.allocate(kind, context) for kind in (Order, Report))
         self._task = task
-        self._orders = Latest(orders, Order, ORDER_LAYOUT)
-        self._reports = Latest(reports, Report, REPORT_LAYOUT)
+        self._orders, self._reports = Latest(orders, Order), Latest(reports, Report)
         self._order = Order(0, Kind.HOLD, 0, 0.0, 0.0, 0.0)
-        self._failure: Failure | None = None
+        self._fault: ArmFault | None = None
         self._ended = False
         self.ticks = 0
         self.timing: dict[str, Any] = {}
         self.joints = joint_rows(b"")
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(
-            target=run, args=(task, theirs, orders, reports), daemon=True
-        )
-        self._process.start()
-        theirs.close()
-        self._receive_answer(task.settings.start)
+        self._process = RobotProcess(run_loop, task, orders, reports)
+        self._receive(task.settings.start)
 
     @property
     def lock_step(self) -> bool:
@@ -53,7 +51,7 @@ class Bridge:
     @property
     def process(self) -> int | None:
         """Process ID of the process that owns the robot."""
-        return self._process.pid
+        return self._process.id
 
     def order(self, kind: Kind, a: float = 0.0, b: float = 0.0, c: float = 0.0) -> None:
         """Replace the command that the loop follows."""
@@ -72,9 +70,8 @@ class Bridge:
         self.check()
         first = self.ticks + TICKS_PER_ANSWER
         for tick in (*range(first, until, TICKS_PER_ANSWER), until):
-            with suppress(OSError):  # it has ended, and the answer will say so
-                self._pipe.send_bytes(encode({"until": tick}))
-            self._receive_answer(self._task.settings.answer)
+            send(self._process.pipe, {"until": tick})
+            self._receive(self._task.settings.answer)
             self.ticks = tick
 
     def report(self) -> tuple[Report, bool]:
@@ -85,47 +82,95 @@ class Bridge:
 
     def check(self) -> None:
         """Raise the Fault with which the robot has stopped, if it has."""
-        if self._failure is None and not self._ended and self._pipe.poll():
-            self._receive_answer(0.0)
-        if self._failure is not None:
-            raise self._failure.fault()
+        if self._fault is None and not self._ended and self._process.pipe.poll():
+            self._receive(0.0)
+        if self._fault is not None:
+            raise self._fault
 
     def close(self) -> None:
-        """Bring the arm to rest and end the process; allowed twice and after a failure."""
+        """Bring the arm to rest and end the process; allowed twice and after a fault."""
         if self._ended:
             return
         self._ended = True
-        if self._failure is None:
+        if self._fault is None:
             with suppress(OSError, EOFError, Fault):
-                self._pipe.send_bytes(encode({"close": True}))
-                self._receive_answer(ENDING_TIMEOUT)
-                if self._pipe.poll(SENDING):
-                    self.joints = joint_rows(self._pipe.recv_bytes())
-        self._process.join(ENDING_TIMEOUT)
-        self._kill()
-        self._pipe.close()
+                send(self._process.pipe, {"close": True})
+                while not self.timing:
+                    self.timing = self._receive(END_PATIENCE).get("timing", {})
+                if self._process.pipe.poll(LOG_PATIENCE):
+                    self.joints = joint_rows(self._process.pipe.recv_bytes())
+        self._process.end()
 
-    def _receive_answer(self, patience: float) -> None:
-        """Receive one answer of the process within `patience` [s]."""
+    def _receive(self, patience: float) -> dict[str, Any]:
+        """One answer of the process within `patience` [s]; a process that gives none is killed."""
         try:
-            if not self._pipe.poll(patience):
-                self._fail(Cause.SILENT, f"the robot did not answer within {patience:.1f} s")
-            answer = decode(self._pipe.recv_bytes())
-        except (EOFError, OSError):
-            self._process.join(ENDING_TIMEOUT)
-            code = self._process.exitcode
-            self._fail(Cause.LOST, f"the process of the arm ended by itself, code {code}")
-        self.timing = answer.get("timing", self.timing)
-        if "failure" in answer:
-            self._failure = Failure.of(answer["failure"])
-            raise self._failure.fault()
+            return self._process.receive(patience)
+        except ArmFault as fault:
+            self._fault = fault
+            if fault.cause in (Cause.SILENT, Cause.LOST):
+                self._process.kill()
+            raise
 
-    def _fail(self, cause: Cause, words: str) -> None:
-        self._failure = Failure(cause, words)
-        self._kill()
-        raise self._failure.fault()
 
-    def _kill(self) -> None:
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join(ENDING_TIMEOUT)
+def run_loop(pipe: Connection, task: Task, orders: Any, reports: Any) -> None:
+    """Run a robot's loop until the cell at the other end of `pipe` closes or dies, or it stops.
+
+    Timing and joints are sent at its end. Raises ArmFault where the robot has stopped.
+    """
+    clock = WallClock(task.origin)
+    rehearse(task.installation)
+    robot = Robot(task.address, task.settings)
+    schedule(task.settings.realtime)
+    robot.require_ready()
+    robot.require_tool()
+    robot.configure(task.settings.collision)
+    joints, timing = JointLog(), Timing()
+    loop = Loop(
+        CartesianMotion(robot, own_clock=not task.lock_step),
+        task.settings,
+        task.installation,
+        Latest(orders, Order),
+        Latest(reports, Report),
+        clock.now,
+        lock_step=task.lock_step,
+        guard=robot.guard(),
+        joints=joints,
+    )
+    termination = TerminationFlag()
+    loop.begin()
+    send(pipe, {"ready": True})
+    if task.lock_step:
+        _run_in_lock_step(loop, pipe, termination)
+    else:
+        while loop.halted is None and not pipe.poll() and not termination.is_set:
+            loop.step()
+            timing.update(clock.now(), loop.success)
+    loop.end()
+    if loop.halted is not None:
+        raise loop.halted
+    termination.check()
+    send(pipe, {"timing": timing.content()})
+    with suppress(OSError):
+        pipe.send_bytes(joints.content())
+
+
+def _run_in_lock_step(loop: Loop, pipe: Connection, termination: TerminationFlag) -> None:
+    """Step the loop as far as the cell allows and confirm, until the cell closes or dies."""
+    while (message := _receive(pipe, termination)) is not None and "until" in message:
+        while loop.ticks < message["until"]:
+            loop.step()
+            if loop.halted is not None:
+                return
+        send(pipe, {})
+
+
+def _receive(pipe: Connection, termination: TerminationFlag) -> dict[str, Any] | None:
+    """The cell's next message; None where the cell has gone or this process is to end."""
+    try:
+        while not pipe.poll(BETWEEN_LOOKS):
+            if termination.is_set:
+                return None
+        message: dict[str, Any] = json.loads(pipe.recv_bytes())
+    except (EOFError, OSError):
+        return None
+    return None if termination.is_set else message

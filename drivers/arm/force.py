@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from drivers.arm.failure import Cause, Failed, Failure
+from drivers.arm.failure import ArmFault, Cause
 
 Numbers = tuple[float, ...]
 SETTLING = 0.3  # s at rest before what is felt counts as drift
@@ -27,16 +27,16 @@ class Tare:
 
     @classmethod
     def of(cls, states: Sequence[Any], most: float) -> Self:
-        """Mean over `states` at rest; raises Failed for a force above `most` [N], or for NaN."""
+        """Mean over `states` at rest; raises ArmFault for a force above `most` [N], or for NaN."""
         wrench = np.mean([state.O_F_ext_hat_K for state in states], axis=0)
         torques = np.mean([state.tau_ext_hat_filtered for state in states], axis=0)
         force = float(np.linalg.norm(wrench[:3]))
         if not force <= most:
             words = f"the gripper feels {force:.1f} N at rest, allowed {most:.1f} N"
-            raise Failed(Failure(Cause.PRESSED, words))
+            raise ArmFault(Cause.PRESSED, words)
         if not (np.isfinite(wrench).all() and np.isfinite(torques).all()):
             words = "the robot reports moments or torques at rest that are no numbers"
-            raise Failed(Failure(Cause.PRESSED, words))
+            raise ArmFault(Cause.PRESSED, words)
         return cls(tuple(wrench.tolist()), tuple(torques.tolist()))
 
 

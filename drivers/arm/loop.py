@@ -3,17 +3,15 @@
 from collections import deque
 from collections.abc import Callable
 from math import degrees, hypot, isfinite
-from typing import Any, Protocol
+from typing import Any
 
-from drivers.arm.failure import Cause, Failed, Failure
+from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import Drift, ForceGuard
-from drivers.arm.guard import REACTION, ReachGuard, Soon
 from drivers.arm.joint_log import JointLog
-from drivers.arm.latest import Latest
-from drivers.arm.messages import Kind, Order, Report
-from drivers.arm.offset import FadingOffset
-from drivers.arm.plane import LEANING, OUT_OF_PLANE, StripPlane
-from drivers.arm.setpoint import SetpointEstimate
+from drivers.arm.joint_motion import CartesianMotion, largest_difference
+from drivers.arm.orders import Kind, Latest, Order, Report
+from drivers.arm.plane import LEANING, OUT_OF_PLANE, FadingOffset, StripPlane
+from drivers.arm.reach import REACTION, ReachGuard, Soon
 from drivers.arm.settings import FciSettings
 from drivers.errors import Fault
 from drivers.franka.kinematics import HOME
@@ -26,22 +24,10 @@ TICKS_BETWEEN_LOOKS = 10  # ticks between looks ahead
 VELOCITY_STATES = 8  # states over which the velocity is measured
 # m/s and rad/s of its setpoint at which a robot may be commanded to stand
 REST_SPEEDS = (1e-4, 3e-4)
+POSE_ROUNDING = 1e-7  # m, and of a rotation's entries
 BESIDE = 0.02  # m from the strip's plane at which the arm brakes
 SLOW_SPEED = 0.01  # m/s and rad/s
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
-
-
-class Driven(Protocol):
-    """Interface of a robot that runs a motion of the hand, as `drivers.arm.by_joints.ByJoints`."""
-
-    def start_poses(self) -> Any:
-        """Start a motion that follows poses of the hand."""
-
-    def read(self, motion: Any) -> Any:
-        """The robot's next state, once a millisecond."""
-
-    def write_pose(self, motion: Any, pose: list[float], *, last: bool = False) -> None:
-        """Send the pose for this tick, 16 numbers by columns; `last` ends the motion."""
 
 
 class Loop:
@@ -53,7 +39,7 @@ class Loop:
 
     def __init__(
         self,
-        robot: Driven,
+        robot: CartesianMotion,
         settings: FciSettings,
         installation: Installation,
         orders: Latest[Order],
@@ -77,14 +63,14 @@ class Loop:
         self._taken = orders.read().number
         self._beat, self._heard_at = 0, 0.0  # of the cell, and when, by the robot's time [s]
         self._new = False  # whether a command has come since the last look ahead
-        self._reason: Failure | None = None
+        self._reason: ArmFault | None = None
         self.ticks = 0
         self.success = 0.0
         self._offset = FadingOffset()
         self._path: deque[tuple[float, float, float, float]] = deque(maxlen=VELOCITY_STATES + 1)
 
     def begin(self) -> None:
-        """Start from rest at the present pose; Failed when the hand is out of the strip's plane."""
+        """Start from rest at the present pose; ArmFault for a hand out of the strip's plane."""
         self._motion = self._robot.start_poses()
         state = self._robot.read(self._motion)
         pose = state.O_T_EE_c
@@ -96,7 +82,6 @@ class Loop:
         self._guard = ReachGuard(self._plane, limits, state.q)
         # from here on the robot counts the commands that it misses
         self._state = state = self._wait_until_followed(state)
-        self._setpoint = SetpointEstimate(state)
         self._time = state.time.to_sec()
         self._publish(state)
 
@@ -110,7 +95,7 @@ class Loop:
         return state
 
     def step(self) -> None:
-        """Run one tick of the robot's time; raises Failed when the robot has stopped.
+        """Run one tick of the robot's time; raises ArmFault when the robot has stopped.
 
         On the robot's clock the command goes out first, and the state that it answers is considered
         while the next one is on its way; in lock-step it is the newest that is considered.
@@ -143,7 +128,7 @@ class Loop:
         self._robot.write_pose(self._motion, self._state.O_T_EE_c, last=True)
 
     @property
-    def halted(self) -> Failure | None:
+    def halted(self) -> ArmFault | None:
         """Reason why the arm braked for good, once it is at rest; None while it may go on."""
         return None if self._profile.moving else self._reason
 
@@ -159,7 +144,7 @@ class Loop:
             self._apply(order)
         elif silence > self._settings.silence and self._profile.moving:
             self._brake_for_good(
-                Cause.UNHEARD, f"the cell gave no sign of life for {silence:.2f} s"
+                Cause.CELL_SILENT, f"the cell gave no sign of life for {silence:.2f} s"
             )
 
     def _apply(self, order: Order) -> None:
@@ -174,7 +159,7 @@ class Loop:
                 case _:
                     self._profile.stop()
         except Fault as fault:
-            raise Failed(Failure(Cause.COMMAND, str(fault))) from fault
+            raise ArmFault(Cause.COMMAND, str(fault)) from fault
 
     def _check_force(self, state: Any) -> None:
         """Brake for a force beyond its limit, or for one that drifts at rest."""
@@ -191,7 +176,7 @@ class Loop:
         """
         before, self._time = self._time, state.time.to_sec()
         ticks = round((self._time - before) / TICK)
-        if self._setpoint.keep_up(state, sent, ticks):
+        if ticks > 1 or largest_difference(state.O_T_EE_c, sent) >= POSE_ROUNDING:
             self._resume(state, ticks - 1)
 
     def _resume(self, state: Any, lost: int) -> None:
@@ -201,7 +186,7 @@ class Loop:
         """
         gains = [0.5 * TICK * part for part in state.O_ddP_EE_c]
         twist = [part + gain for part, gain in zip(state.O_dP_EE_c, gains, strict=True)]
-        course = self._plane.course(self._setpoint.pose, twist, state.O_ddP_EE_c)
+        course = self._plane.course(state.O_T_EE_c, twist, state.O_ddP_EE_c)
         pose, velocity = Pose(*course.pose), Velocity(*course.velocity)
         self._profile.resume(pose, velocity, Velocity(*course.acceleration), lost)
         self._offset.begin(course.aside, course.aside_velocity, course.aside_acceleration)
@@ -219,7 +204,7 @@ class Loop:
     def _brake_for_good(self, cause: Cause, words: str) -> None:
         """Brake to a rest that no command ends, for `cause`; the first cause is kept."""
         if self._reason is None:
-            self._reason = Failure(cause, words)
+            self._reason = ArmFault(cause, words)
             self._profile.stop()
 
     def _publish(self, state: Any) -> None:
@@ -299,18 +284,16 @@ def at_rest(state: Any) -> bool:
 
 
 def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
-    """The strip's plane for the hand at `pose`; raises Failed when the hand is not in it."""
+    """The strip's plane for the hand at `pose`; raises ArmFault when the hand is not in it."""
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
     plane = min(planes, key=lambda candidate: candidate.aside(pose)[1])
     beside, leaning = plane.aside(pose)
     if beside > OUT_OF_PLANE or leaning > LEANING:
-        raise Failed(
-            Failure(
-                Cause.PLACE,
-                f"the hand stands {1e3 * beside:.0f} mm beside the strip's plane and leans "
-                f"{degrees(leaning):.1f} deg out of it, allowed {1e3 * OUT_OF_PLANE:.0f} mm and "
-                f"{degrees(LEANING):.1f} deg",
-            )
+        raise ArmFault(
+            Cause.PLACE,
+            f"the hand stands {1e3 * beside:.0f} mm beside the strip's plane and leans "
+            f"{degrees(leaning):.1f} deg out of it, allowed {1e3 * OUT_OF_PLANE:.0f} mm and "
+            f"{degrees(LEANING):.1f} deg",
         )
     return plane

@@ -5,15 +5,17 @@ from math import atan2, cos, pi, sin
 
 import numpy as np
 
-from drivers.arm.offset import NO_OFFSET
 from drivers.franka.tracking import rotation, rotation_vector
 from drivers.geometry import CellInRobot
+from drivers.motion import TICK
 from drivers.types import Array
 
 Numbers = list[float]
 Triple = tuple[float, float, float]
 OUT_OF_PLANE = 0.005  # m beside the strip's plane at which a motion may begin, and stays
 LEANING = 0.05  # rad out of it, likewise
+FADE_TICKS = 100  # ticks until a hand that drifted is back in the plane
+NO_OFFSET = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +137,44 @@ class StripPlane:
     def force(self, wrench: Numbers) -> tuple[float, float]:
         """f_x, f_z [N] in the cell frame of a wrench (6,) in the base."""
         return _dot(self._along, wrench), _dot(self._up, wrench)
+
+
+class FadingOffset:
+    """Offset of the hand across the strip's plane [m] and two angles [rad], faded to zero.
+
+    A robot that hears no command continues what it heard last, and with it the rounding of its
+    state: it drifts out of the plane. From where it is found, with the velocity and acceleration
+    that it has there, a polynomial of fifth degree takes each of the three to rest at zero.
+    """
+
+    def __init__(self) -> None:
+        self._place: Numbers = list(NO_OFFSET)
+        self._rate: Numbers = list(NO_OFFSET)
+        self._change: Numbers = list(NO_OFFSET)
+        self._age = FADE_TICKS
+
+    def begin(self, place: Numbers, rate: Numbers, change: Numbers) -> None:
+        """Fade from `place` (3,) [m, rad, rad] with its derivatives `rate` and `change` (3,)."""
+        self._place, self._rate, self._change = place, rate, change
+        self._age = 0
+
+    def tick(self) -> tuple[float, float, float]:
+        """Advance by one period; returns offset and angles (3,) [m, rad, rad] at its end."""
+        if self._age >= FADE_TICKS:
+            return NO_OFFSET
+        self._age += 1
+        share, duration = self._age / FADE_TICKS, FADE_TICKS * TICK
+        left = (1.0 - share) ** 3
+        weights = (
+            left * (1.0 + 3.0 * share + 6.0 * share**2),
+            left * share * (1.0 + 3.0 * share) * duration,
+            left * share**2 * duration**2 / 2.0,
+        )
+        offset, about_x, about_z = (
+            sum(w * part for w, part in zip(weights, parts, strict=True))
+            for parts in zip(self._place, self._rate, self._change, strict=True)
+        )
+        return offset, about_x, about_z
 
 
 def _correct_for_pitch(

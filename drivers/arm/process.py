@@ -1,30 +1,29 @@
-"""The process that owns the connection to the robot, and whose end ends the motion."""
+"""Processes that own the connection to a robot, and whose end ends its motion."""
 
 import gc
+import json
 import signal
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
-from drivers.arm.by_joints import ByJoints
-from drivers.arm.ending import Ending
-from drivers.arm.failure import Cause, Failed, Failure, decode, encode, one_line
-from drivers.arm.joint_log import JointLog, Timing
-from drivers.arm.latest import Latest
-from drivers.arm.loop import Loop, rehearse
-from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Order, Report
-from drivers.arm.robot import Robot
-from drivers.arm.scheduling import schedule
-from drivers.arm.settings import FciSettings
-from drivers.clock import WallClock
+from drivers.arm.failure import ArmFault, Cause, one_line
+from drivers.arm.settings import FciSettings, RealTime
+from drivers.clock import lock_memory, take_priority, wake_promptly
 from drivers.installation import Installation
 
-BETWEEN_LOOKS = 0.1  # s between looks, where no message comes, whether to end
+ENDING_TIMEOUT = 2.0  # s for the arm to come to rest and the process to end
+PRIORITY = 80  # of 1 to 99, above ordinary threads and below the kernel's own
+
+Main = Callable[..., None]
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Arguments of the process that owns the robot, with the `origin` of the clock it shares."""
+    """Arguments of a process that owns a robot, with the `origin` of the clock it shares."""
 
     address: str
     settings: FciSettings
@@ -37,87 +36,103 @@ class Task:
         return self.origin is None
 
 
-def run(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
-    """Serve the cell at the other end of `pipe` until it closes or dies, or the robot stops."""
+class RobotProcess:
+    """The cell's side of a process that owns a robot; every wait has a timeout.
+
+    Messages are JSON. The process sees the end of its pipe when the cell closes or dies, and
+    brakes; one that does not end then is killed: its connection closes and the robot stops.
+    """
+
+    def __init__(self, main: Main, *given: Any) -> None:
+        """Start a process that runs `main(pipe, *given)`."""
+        context = get_context("forkserver")
+        context.set_forkserver_preload([main.__module__])
+        self.pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_run, args=(main, theirs, *given), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    @property
+    def id(self) -> int | None:
+        """Process ID."""
+        return self._process.pid
+
+    def receive(self, patience: float) -> dict[str, Any]:
+        """The next answer, within `patience` [s]; raises ArmFault for a fault or for none."""
+        try:
+            if not self.pipe.poll(patience):
+                raise ArmFault(Cause.SILENT, f"the robot did not answer within {patience:.1f} s")
+            answer: dict[str, Any] = json.loads(self.pipe.recv_bytes())
+        except (EOFError, OSError):
+            self._process.join(ENDING_TIMEOUT)
+            code = self._process.exitcode
+            words = f"the process of the arm ended by itself, code {code}"
+            raise ArmFault(Cause.LOST, words) from None
+        if "fault" in answer:
+            raise ArmFault.of(answer["fault"])
+        return answer
+
+    def end(self) -> None:
+        """End the process, at the latest by a kill after ENDING_TIMEOUT; allowed twice."""
+        self.pipe.close()
+        self._process.join(ENDING_TIMEOUT)
+        self.kill()
+
+    def kill(self) -> None:
+        """Kill the process, which ends the robot's motion; allowed twice."""
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join(ENDING_TIMEOUT)
+
+
+class TerminationFlag:
+    """Flag that SIGTERM or SIGHUP sets in this process, so that the arm brakes first.
+
+    A closed terminal or a shutdown asks every process at once. One that died of it in a motion
+    would leave it to the robot to notice that its commands stay away.
+    """
+
+    def __init__(self) -> None:
+        self.is_set = False
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._note_signal)
+
+    def check(self) -> None:
+        """Raise ArmFault if this process was asked to end; to be called once the arm rests."""
+        if self.is_set:
+            raise ArmFault(Cause.ENDED, "the process of the arm was asked to end")
+
+    def _note_signal(self, *_: object) -> None:
+        self.is_set = True
+
+
+def send(pipe: Connection, content: dict[str, Any]) -> None:
+    """Send a message through `pipe`, unless the other side is gone."""
+    with suppress(OSError):
+        pipe.send_bytes(json.dumps(content).encode())
+
+
+def schedule(mode: RealTime) -> None:
+    """Schedule this thread as `fci.realtime` asks; to be called once the library has connected.
+
+    Raises ArmFault where it may not have the real-time priority that is asked for.
+    """
+    if mode != "ignore":
+        lock_memory()
+    if mode == "priority" and not take_priority(PRIORITY):
+        words = f"this user may not have real-time priority {PRIORITY}, see `ulimit -r`"
+        raise ArmFault(Cause.REALTIME, words)
+    if mode == "ignore":
+        wake_promptly()
+
+
+def _run(main: Main, pipe: Connection, *given: Any) -> None:
+    """Run `main` in this process, which reports its fault, whatever it is, and ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the cell decides when the arm stops
     gc.disable()  # nothing here makes cycles, and a collection takes longer than a tick
     try:
-        _serve(task, pipe, orders, reports)
-    except Failed as failed:
-        _send_failure(pipe, failed.failure)
+        main(pipe, *given)
+    except ArmFault as fault:
+        send(pipe, {"fault": fault.content()})
     except Exception as error:  # noqa: BLE001  an edge: the process ends, and with it the motion
-        _send_failure(pipe, Failure(Cause.LOST, one_line(error)))
-
-
-def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
-    """Connect to the robot, run its loop to the end, send timing and joints through `pipe`."""
-    clock = WallClock(task.origin)
-    rehearse(task.installation)
-    robot = Robot(task.address, task.settings)
-    schedule(task.settings.realtime)
-    robot.require_ready()
-    robot.require_tool()
-    robot.configure(task.settings.collision)
-    joints = JointLog()
-    loop = Loop(
-        ByJoints(robot, own_clock=not task.lock_step),
-        task.settings,
-        task.installation,
-        Latest(orders, Order, ORDER_LAYOUT),
-        Latest(reports, Report, REPORT_LAYOUT),
-        clock.now,
-        lock_step=task.lock_step,
-        guard=robot.guard(),
-        joints=joints,
-    )
-    ending = Ending()
-    loop.begin()
-    pipe.send_bytes(encode({"ready": True}))
-    drive = _run_in_lock_step if task.lock_step else _run_in_real_time
-    timing = Timing()
-    drive(loop, pipe, timing, clock, ending)
-    loop.end()
-    if loop.halted is not None:
-        raise Failed(loop.halted)
-    ending.check()
-    pipe.send_bytes(encode({"ended": True, "timing": timing.content()}))
-    pipe.send_bytes(joints.content())
-
-
-def _run_in_lock_step(
-    loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClock, ending: Ending
-) -> None:
-    """Step the loop as far as the cell allows and confirm, until the cell closes or dies."""
-    while (message := _receive(pipe, ending)) is not None and "until" in message:
-        while loop.ticks < message["until"]:
-            loop.step()
-            if loop.halted is not None:
-                return
-        pipe.send_bytes(b"{}")
-
-
-def _run_in_real_time(
-    loop: Loop, pipe: Connection, timing: Timing, clock: WallClock, ending: Ending
-) -> None:
-    """Step the loop on the robot's clock until the cell closes or dies."""
-    while loop.halted is None and not pipe.poll() and not ending():
-        loop.step()
-        timing.update(clock.now(), loop.success)
-
-
-def _receive(pipe: Connection, ending: Ending) -> dict[str, Any] | None:
-    """The cell's next message; None where the cell has gone or this process is to end."""
-    try:
-        while not pipe.poll(BETWEEN_LOOKS):
-            if ending():
-                return None
-        return None if ending() else decode(pipe.recv_bytes())
-    except (EOFError, OSError):
-        return None
-
-
-def _send_failure(pipe: Connection, failure: Failure) -> None:
-    try:
-        pipe.send_bytes(encode({"failure": failure.content()}))
-    except OSError:
-        return
+        send(pipe, {"fault": ArmFault(Cause.LOST, one_line(error)).content()})

@@ -1,30 +1,40 @@
-"""Check before a motion whether the arm can follow a gripper path: joint limits, margins, rates."""
+"""Reach of the arm: checked for a whole gripper path before a motion, and ahead in every motion."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from drivers.arm.guard import ReachGuard, Soon
 from drivers.arm.plane import StripPlane
+from drivers.franka import limits
 from drivers.franka.inverse import Unreachable, manipulability, solve
 from drivers.franka.kinematics import HOME, jacobian, pose_and_jacobian
-from drivers.franka.limits import margins, velocity_bounds
-from drivers.franka.tracking import ELBOW_JOINT, joint_step
+from drivers.franka.tracking import ELBOW_JOINT, joint_rates, track
 from drivers.installation import Installation
+from drivers.limits import MotionLimits
 from drivers.types import ZERO_VELOCITY, Array, Pose, Velocity, frozen
 
+# of a whole path, before the motion
 POSE_STEP = 0.01  # m along the path at most between poses that are solved
 PITCH_PER_METRE = 5  # rad of pitch that count as one metre along the path
 SHORTEST_STEP = 1e-6  # m that a step counts at least, so that each takes some time
 RATE_FLOOR = 1e-9  # rad/s, so that no velocity is divided by 0 where a joint may not turn
-JOINT_MARGIN = 0.05  # rad that every joint keeps from its ends
+PATH_MARGIN = 0.05  # rad that every joint keeps from its ends
 SINGULAR = 0.02  # smallest singular value of the Jacobian that is allowed
-VELOCITY_SHARE = 0.9  # of a joint's allowed velocity
-NEWTON_ITERATIONS, POSE_TOLERANCE = 12, 1e-6  # iterations; m or rad that may be missing after them
+PATH_VELOCITY_SHARE = 0.9  # of a joint's allowed velocity
+PATH_ITERATIONS = 12  # Newton steps for one pose
 HANGING = np.pi / 2 - 1e-6  # rad of pitch, from the end of the lift on
-MOST_PROBLEMS = 5  # problems of one way, after which it is given up
+MOST_PROBLEMS = 5  # problems of one path, after which it is given up
 ELBOWS = (-1.2, -0.9, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 0.9, 1.2)  # rad of joint 3, tried
+
+# ahead in a motion
+JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
+ITERATIONS, TOLERANCE = 3, 1e-3  # Newton steps for one pose, and rad that the last may have
+REACTION = 0.015  # s until a braking is under way
+VELOCITY_SHARE = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
+ACCELERATION_SHARE = 0.9  # of a joint's in a motion; the rest is for what changes on the way
+CHANGE_SHARE = 1.6  # of a joint's acceleration, if all axes changed at once in the worst directions
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,9 +117,9 @@ def _postures(
             near = solve(plane.matrix(*poses[0].tolist()), seed)
         except Unreachable:
             continue
-        start = _track_pose(near, plane.matrix(*poses[0].tolist()), elbow)
-        if start is not None:
-            yield _follow_path(plane, poses, times, start)
+        found = track(near, plane.matrix(*poses[0].tolist()), elbow, PATH_ITERATIONS)
+        if found is not None:
+            yield _follow_path(plane, poses, times, found[0])
 
 
 def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
@@ -118,13 +128,15 @@ def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) ->
     margin, joint = np.inf, 0
     for pose, time in zip(poses, times, strict=True):
         x, z, pitch = pose.tolist()
-        there = _track_pose(joints, plane.matrix(x, z, pitch), float(start[ELBOW_JOINT]))
-        if there is None:
+        elbow = float(start[ELBOW_JOINT])
+        found = track(joints, plane.matrix(x, z, pitch), elbow, PATH_ITERATIONS)
+        if found is None:
             problems.append(Problem(x, z, pitch, "no posture of the arm brings the hand there"))
             break
-        room = margins(there)
+        there = found[0]
+        room = limits.margins(there)
         margin, joint = min((margin, joint), (float(room.min()), int(room.argmin())))
-        reason = _objection(joints, there, time)
+        reason = _step_objection(joints, there, time)
         if reason:
             problems.append(Problem(x, z, pitch, reason))
         if len(problems) >= MOST_PROBLEMS:
@@ -152,28 +164,18 @@ def _progress(way: Reach) -> tuple[bool, float]:
     return way.allowed, way.margin
 
 
-def _track_pose(joints: Array, pose: Array, elbow: float) -> Array | None:
-    """Joints (7,) near `joints` at `pose` (4, 4) with the elbow at `elbow` [rad]; None if none."""
-    for _ in range(NEWTON_ITERATIONS):
-        reached, jac = pose_and_jacobian(joints)
-        step = joint_step(joints, reached, jac, pose, elbow)
-        joints = joints + step
-        if float(np.abs(step).max()) < POSE_TOLERANCE:
-            return joints
-    return None
-
-
-def _objection(joints: Array, there: Array, time: float) -> str:
+def _step_objection(joints: Array, there: Array, time: float) -> str:
     """Reason why a step from `joints` to `there` in `time` [s] is not allowed; empty if it is."""
-    room, joint = float(margins(there).min()), int(margins(there).argmin()) + 1
-    if room < JOINT_MARGIN:
+    room, joint = float(limits.margins(there).min()), int(limits.margins(there).argmin()) + 1
+    if room < PATH_MARGIN:
         return (
-            f"joint {joint} comes within {room:.2f} rad of its end, allowed {JOINT_MARGIN:.2f} rad"
+            f"joint {joint} comes within {room:.2f} rad of its end, allowed {PATH_MARGIN:.2f} rad"
         )
-    low, high = velocity_bounds(there)
+    low, high = limits.velocity_bounds(there)
     rate = (there - joints) / time
     used = np.maximum(
-        rate / (VELOCITY_SHARE * high + RATE_FLOOR), rate / (VELOCITY_SHARE * low - RATE_FLOOR)
+        rate / (PATH_VELOCITY_SHARE * high + RATE_FLOOR),
+        rate / (PATH_VELOCITY_SHARE * low - RATE_FLOOR),
     )
     if used.max() > 1.0:
         worst = int(used.argmax())
@@ -194,3 +196,105 @@ def dense(path: Array, speeds: Array) -> tuple[Array, Array]:
         poses.append(here + shares * (there - here))
         times.append(np.full(count, max(way, turn, SHORTEST_STEP) / speed / count))
     return np.concatenate(poses), np.concatenate(times)
+
+
+class Soon(NamedTuple):
+    """Pose, velocity and acceleration [m/s^2, rad/s^2] commanded for REACTION [s] from now."""
+
+    pose: Pose
+    velocity: Velocity
+    acceleration: Velocity
+
+
+class ReachGuard:
+    """Checks joint limits on the motion REACTION ahead, and where braking from there would end.
+
+    The elbow is taken to stay where the motion began. At both places each joint must have room, and
+    what the motion asks of it, curvature included, must lie within VELOCITY_SHARE of its velocity
+    and ACCELERATION_SHARE of its acceleration; what braking would ask, within its acceleration. So
+    the arm can brake, whatever is commanded next. Where a change of all axes at once in the worst
+    directions would ask CHANGE_SHARE of a joint's acceleration, it objects: there hardly any
+    command could be followed.
+    """
+
+    def __init__(self, plane: StripPlane, motion: MotionLimits, joints: list[float]) -> None:
+        """Check a motion that begins at `joints` (7,) [rad]."""
+        self._plane = plane
+        self._elbow = float(joints[ELBOW_JOINT])
+        self._soon: Array = np.array(joints)
+        self._rest: Array = np.array(joints)
+        self._twists = _twists(plane)
+        self._most = np.array([axis.acceleration for axis in motion.axes])
+        self._jerk = np.array([axis.jerk for axis in motion.axes])
+
+    def objection(self, soon: Soon) -> str:
+        """Reason to end a motion that will be at `soon`; empty while the motion may go on."""
+        speed, change = (
+            np.array([rate.vx, rate.vz, rate.pitch_rate])
+            for rate in (soon.velocity, soon.acceleration)
+        )
+        where = np.array([soon.pose.x, soon.pose.z, soon.pose.pitch])
+        self._soon, here = self._track(self._soon, where)
+        rest = where + speed * np.abs(speed) / (2 * self._most)
+        self._rest, there = self._track(self._rest, rest)
+        if here is None or there is None:
+            return "the arm does not reach on"
+        room = np.minimum(limits.margins(self._soon), limits.margins(self._rest))
+        if room.min() < JOINT_MARGIN:
+            return f"joint {int(room.argmin()) + 1} comes to its end"
+        demand = self._demand(here, there, speed, change)
+        if demand.max() > 1.0:
+            return f"joint {int(demand.argmax()) + 1} could not follow any further"
+        return ""
+
+    def _demand(self, here: Array, there: Array, speed: Array, change: Array) -> Array:
+        """Share (7,) of each joint's limits that a motion needs, and braking from it; 1 is all.
+
+        `here` and `there` (7, 3) are joint rates per unit velocity of each axis: at the motion with
+        `speed` (3,) and its derivative `change` (3,), and where braking from it ends.
+        """
+        peak = np.minimum(self._most, np.sqrt(np.abs(speed) * self._jerk))
+        braking = -np.sign(speed) * peak
+        turning = here @ speed
+        later = pose_and_jacobian(self._soon + REACTION * turning)[1]
+        # rad/s^2 that the path's curvature asks at constant velocity
+        bending = (joint_rates(later, self._twists) @ speed - turning) / REACTION
+        demand: Array = np.maximum.reduce(
+            [
+                # the motion: velocity, acceleration; braking at once, and at its end
+                self._rate_shares(turning),
+                np.abs(here @ change + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
+                np.abs(here @ braking + bending) / limits.ACCELERATION,
+                np.abs(there @ braking) / limits.ACCELERATION,
+                # a change of all axes at once where the arm would rest
+                np.abs(there) @ self._most / limits.ACCELERATION / CHANGE_SHARE,
+            ]
+        )
+        return demand
+
+    def _track(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
+        """Joints (7,) [rad] at pose `where` (3,), and their rates (7, 3) per velocity of each axis.
+
+        Searched from near `joints` (7,); the rates are None where the pose is out of reach.
+        """
+        target = self._plane.matrix(*where.tolist())
+        found = track(joints, target, self._elbow, ITERATIONS, TOLERANCE)
+        if found is None:
+            return joints, None
+        return found[0], joint_rates(found[1], self._twists)
+
+    def _rate_shares(self, rates: Array) -> Array:
+        """Joint `rates` (7,) [rad/s] as shares of their limits; 1 is the limit."""
+        low, high = limits.velocity_bounds(self._soon)
+        return np.asarray(np.maximum(rates / high, rates / low) / VELOCITY_SHARE, dtype=np.float64)
+
+
+def _twists(plane: StripPlane) -> Array:
+    """Hand twist and elbow rate (7, 3) in the base per unit of velocity on x, z and pitch."""
+    here, small = plane.matrix(0.0, 0.0, 0.0), 1e-6
+    x, z = (plane.matrix(*at)[:3, 3] - here[:3, 3] for at in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    turn = (plane.matrix(0.0, 0.0, small)[:3, :3] @ here[:3, :3].T) / small  # per rad of pitch
+    columns = np.zeros((7, 3))
+    columns[:3, 0], columns[:3, 1] = x, z
+    columns[3:6, 2] = turn[2, 1], turn[0, 2], turn[1, 0]
+    return columns

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from drivers.arm.clear_way import ARM_CLEARANCE, CLEARANCE_TOLERANCE
-from drivers.arm.failure import Cause, Failed, Failure
+from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import ForceGuard
+from drivers.arm.joint_motion import follow_joints
+from drivers.arm.obstacles import ARM_CLEARANCE, CLEARANCE_TOLERANCE
 from drivers.arm.settings import CollisionSettings, FciSettings
-from drivers.arm.way import follow_joints
 from drivers.franka import limits
 from drivers.franka.body import Solids
 from drivers.franka.inverse import straight
@@ -31,8 +31,8 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids:
     """Move a `robot` at rest along the force on its gripper, if that is more than allowed.
 
     The reflexes are loosened for it, as they would stop it at once, and set again by the caller.
-    Raises Failed where the force is no number or rises on the way, where the way leads towards one
-    of the `solids`, or does not free the arm within AWAY.
+    Raises ArmFault where the force is no number or rises on the way, where the way leads towards
+    one of the `solids`, or does not free the arm within AWAY.
     """
     state = robot.state()
     force = np.array(state.O_F_ext_hat_K[:3])
@@ -41,7 +41,7 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids:
         return
     if not isfinite(size):
         words = "the robot reports a force that is no number; look at its log before it moves again"
-        raise Failed(Failure(Cause.PRESSED, words))
+        raise ArmFault(Cause.PRESSED, words)
     way = _steps_away(np.array(state.q), force / size)
     _require_room(way, solids)
     robot.configure(_raise_thresholds(settings.collision, size))
@@ -57,7 +57,7 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids:
             f"the gripper still feels {after:.1f} N after a retreat of {1e3 * AWAY:.0f} mm from "
             f"{size:.1f} N, allowed {settings.rest:.1f} N"
         )
-        raise Failed(Failure(Cause.PRESSED, words))
+        raise ArmFault(Cause.PRESSED, words)
 
 
 def _steps_away(joints: Array, direction: Array) -> Array:
@@ -66,18 +66,18 @@ def _steps_away(joints: Array, direction: Array) -> Array:
     way = np.array([joints, *places])
     if not limits.margins(way[-1]).min() >= JOINT_MARGIN:
         words = "no way leads out of the contact: a joint is at its end; free the arm by hand"
-        raise Failed(Failure(Cause.PRESSED, words))
+        raise ArmFault(Cause.PRESSED, words)
     return way
 
 
 def _require_room(way: Array, solids: Solids) -> None:
-    """Raise Failed where `way` (n, 7) [rad] comes nearer to a solid than it began, too near."""
+    """Raise ArmFault where `way` (n, 7) [rad] comes nearer to a solid than it began, too near."""
     gaps = solids.clearance(way)
     allowed = np.minimum(gaps[0] - CLEARANCE_TOLERANCE, ARM_CLEARANCE)
     for box, gap, least in zip(solids.boxes, gaps.T, allowed, strict=True):
         if not gap.min() >= least:
             words = f"the way out of the contact leads towards the {box.name}; free the arm by hand"
-            raise Failed(Failure(Cause.PRESSED, words))
+            raise ArmFault(Cause.PRESSED, words)
 
 
 def _raise_thresholds(collision: CollisionSettings, force: float) -> CollisionSettings:

@@ -1,33 +1,27 @@
 """The robot through libfranka's Python client: connect, configure, one motion at a time."""
 
 import os
-import socket
-import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from importlib.metadata import version
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
+import numpy as np
 import pylibfranka as franka
 
-from drivers.arm.description import (
-    CONNECT,
-    CONNECT_MESSAGE,
+from drivers.arm.checks import (
     LIBRARY_VERSION,
-    PORT,
     read_description,
     require_limits,
+    require_tool,
+    robot_version,
 )
-from drivers.arm.failure import Cause, Failed, Failure, one_line
+from drivers.arm.failure import ArmFault, Cause, one_line
 from drivers.arm.force import ForceGuard, Tare
 from drivers.arm.settings import CollisionSettings, FciSettings
-from drivers.arm.tool import IDENTITY, require_tool
 
 TARE_STATES = 50  # states, of which the force at rest is the mean
-VERSION_TIMEOUT = 0.5  # s for a robot to send its version
-VERSION_REPLY = struct.Struct("<12xBH")  # after the header: status, version of the robot
 AWAITED = 5e-5  # s at least to read a state that has yet to come; one at hand takes 2e-5
 
 CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
@@ -40,24 +34,15 @@ CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
     (franka.FrankaException, Cause.LIBRARY),
     (RuntimeError, Cause.NETWORK),  # what the library raises once its connection is gone
 )
+IDENTITY = np.eye(4).ravel().tolist()
 ERROR_NAMES = tuple(name for name in dir(franka.Errors) if not name.startswith("_"))
 
 
-class Motion(Protocol):
-    """A running motion: one state read, one command written, a thousand times a second."""
-
-    def readOnce(self) -> tuple[Any, Any]:  # noqa: N802
-        """The robot's next state."""
-
-    def writeOnce(self, command: Any) -> None:  # noqa: N802
-        """Send `command` for this tick."""
-
-
 class Robot:
-    """One connection to a robot; every library error is raised as Failed."""
+    """One connection to a robot; every library error is raised as ArmFault."""
 
     def __init__(self, address: str, settings: FciSettings) -> None:
-        """Connect in the real-time mode of `settings`; Failed for a robot with narrower limits."""
+        """Connect as `settings.realtime` asks; ArmFault for a robot with narrower limits."""
         description = read_description(address)
         if description is not None:
             require_limits(description)
@@ -74,21 +59,21 @@ class Robot:
             return self._robot.read_once()
 
     def require_ready(self) -> None:
-        """Raise Failed for a robot that cannot move."""
+        """Raise ArmFault for a robot that cannot move."""
         state = self.state()
         failure = failure_in(state)
         if failure is None and state.robot_mode != franka.RobotMode.Idle:
             mode = state.robot_mode.name
-            failure = Failure(Cause.REFUSED, f"the robot is not at rest and free, but in {mode}")
+            failure = ArmFault(Cause.REFUSED, f"the robot is not at rest and free, but in {mode}")
         if failure is None and bool(state.current_errors):
-            failure = Failure(
+            failure = ArmFault(
                 Cause.REFLEX, "the robot reports errors", _flags(state.current_errors)
             )
         if failure is not None:
-            raise Failed(failure)
+            raise failure
 
     def require_tool(self) -> None:
-        """Raise Failed for a tool or load that is not the cell's."""
+        """Raise ArmFault for a tool or load that is not the cell's."""
         require_tool(self.state(), self._settings.tool)
 
     def reset_tool(self) -> None:
@@ -107,7 +92,7 @@ class Robot:
             self._robot.set_collision_behavior(lower, upper, soft, hard)
 
     def guard(self) -> ForceGuard:
-        """Force guard of a motion from this posture; Failed for too large a force at rest."""
+        """Force guard of a motion from this posture; ArmFault for too large a force at rest."""
         states = [self.state() for _ in range(TARE_STATES)]
         settings = self._settings
         tare = Tare.of(states, settings.rest)
@@ -118,15 +103,15 @@ class Robot:
         with _library_errors(self._stop_reason):
             self._robot.automatic_error_recovery()
 
-    def start_joints(self) -> Motion:
+    def start_joints(self) -> Any:
         """Start a motion commanded by joint positions."""
         with _library_errors(self._stop_reason):
-            motion: Motion = self._robot.start_joint_position_control(
+            motion: Any = self._robot.start_joint_position_control(
                 franka.ControllerMode.JointImpedance
             )
         return motion
 
-    def read(self, motion: Motion, *, awaited: bool = True) -> Any:
+    def read(self, motion: Any, *, awaited: bool = True) -> Any:
         """The next state of `motion`; on the robot's own clock, if `awaited`, a fresh one.
 
         A state that lay there came while the last one was answered. Its answer would be late, and
@@ -140,26 +125,26 @@ class Robot:
                 state = motion.readOnce()[0]
             return state
 
-    def write_joints(self, motion: Motion, joints: list[float], *, last: bool = False) -> None:
+    def write_joints(self, motion: Any, joints: list[float], *, last: bool = False) -> None:
         """Command the joints (7,) [rad]; `last` ends the motion there."""
         with _library_errors(self._stop_reason):
             command = franka.JointPositions(joints)
             command.motion_finished = last
             motion.writeOnce(command)
 
-    def _stop_reason(self, cause: Cause) -> Failure | None:
+    def _stop_reason(self, cause: Cause) -> ArmFault | None:
         """Reason for the stop in the robot's state; None where the state has none."""
         return None if cause is Cause.NETWORK else failure_in(self._robot.read_once())
 
 
-def failure_in(state: Any) -> Failure | None:
-    """Failure for which a robot in `state` cannot move; None when it can."""
+def failure_in(state: Any) -> ArmFault | None:
+    """ArmFault for which a robot in `state` cannot move; None when it can."""
     flagged = state.current_errors if bool(state.current_errors) else state.last_motion_errors
     errors = _flags(flagged)
     if state.robot_mode == franka.RobotMode.UserStopped:
-        return Failure(Cause.USER_STOP, "the robot's user stop is pressed", errors)
+        return ArmFault(Cause.USER_STOP, "the robot's user stop is pressed", errors)
     if state.robot_mode == franka.RobotMode.Reflex:
-        return Failure(Cause.REFLEX, "the robot has stopped by reflex", errors)
+        return ArmFault(Cause.REFLEX, "the robot has stopped by reflex", errors)
     return None
 
 
@@ -169,8 +154,8 @@ def _flags(flagged: Any) -> tuple[str, ...]:
 
 
 @contextmanager
-def _library_errors(explain: Callable[[Cause], Failure | None]) -> Iterator[None]:
-    """Context that raises library errors as Failed, by class or, if more specific, by state."""
+def _library_errors(explain: Callable[[Cause], ArmFault | None]) -> Iterator[None]:
+    """Context that raises library errors as ArmFault, by class or, if more specific, by state."""
     try:
         yield
     except (franka.FrankaException, RuntimeError, ValueError) as error:
@@ -180,8 +165,8 @@ def _library_errors(explain: Callable[[Cause], Failure | None]) -> Iterator[None
             seen = explain(cause)
         words = one_line(error)
         if seen is not None:
-            raise Failed(replace(seen, words=f"{seen.words}: {words}")) from error
-        raise Failed(Failure(cause, words)) from error
+            raise ArmFault(seen.cause, f"{seen.words}: {words}", seen.errors) from error
+        raise ArmFault(cause, words) from error
 
 
 @contextmanager
@@ -195,27 +180,13 @@ def _scheduler_kept(*, restore: bool) -> Iterator[None]:
             os.sched_setscheduler(0, policy, priority)
 
 
-def _mismatch(address: str) -> Failure | None:
-    """Failure that names both versions, if they are why the robot refused; None if they agree."""
+def _mismatch(address: str) -> ArmFault | None:
+    """ArmFault that names both versions, if they are why the robot refused; None if they agree."""
     spoken = robot_version(address)
     if spoken is None or spoken == LIBRARY_VERSION:
         return None
-    return Failure(
+    return ArmFault(
         Cause.VERSION,
         f"the robot at {address} speaks version {spoken} of its interface, "
         f"the library pylibfranka {version('pylibfranka')} speaks {LIBRARY_VERSION}",
     )
-
-
-def robot_version(address: str) -> int | None:
-    """Interface version that a robot answers with; None when it does not answer."""
-    request = CONNECT_MESSAGE.pack(CONNECT, 1, CONNECT_MESSAGE.size, LIBRARY_VERSION, 0)
-    with suppress(OSError), socket.create_connection((address, PORT), VERSION_TIMEOUT) as link:
-        link.settimeout(VERSION_TIMEOUT)
-        link.sendall(request)
-        reply = b""
-        while len(reply) < VERSION_REPLY.size and (more := link.recv(64)):
-            reply += more
-        if len(reply) >= VERSION_REPLY.size:
-            return int(VERSION_REPLY.unpack_from(reply)[1])
-    return None

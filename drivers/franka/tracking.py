@@ -4,10 +4,12 @@ from math import atan2, cos, hypot, sin
 
 import numpy as np
 
+from drivers.franka.kinematics import pose_and_jacobian
 from drivers.types import Array
 
 ELBOW_JOINT = 2  # its angle is the elbow's, as libfranka defines it
 INVERSE_DAMPING = 1e-4
+CONVERGED = 1e-6  # rad, a step of Newton's that ends a search
 SMALL_SINE = 1e-6  # of an angle, below which dividing by the sine loses precision
 
 
@@ -23,6 +25,24 @@ def joint_step(q: Array, reached: Array, jac: Array, target: Array, elbow: float
     wanted[3:6] = rotation_vector(target[:3, :3] @ reached[:3, :3].T)
     wanted[6] = elbow - q[ELBOW_JOINT]
     return joint_rates(jac, wanted)
+
+
+def track(
+    q: Array, pose: Array, elbow: float, iterations: int, tolerance: float = CONVERGED
+) -> tuple[Array, Array] | None:
+    """Joints (7,) [rad] near `q` (7,) with the tool at `pose` (4, 4), and a Jacobian (6, 7) there.
+
+    The elbow stands at `elbow` [rad]. None where the last of at most `iterations` Newton steps is
+    not below `tolerance` [rad].
+    """
+    for _ in range(iterations):
+        reached, jac = pose_and_jacobian(q)
+        step = joint_step(q, reached, jac, pose, elbow)
+        q = q + step
+        size = float(np.abs(step).max())
+        if size < CONVERGED:
+            break
+    return (q, jac) if size < tolerance else None
 
 
 def joint_rates(jac: Array, wanted: Array) -> Array:

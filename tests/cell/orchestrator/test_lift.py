@@ -18,9 +18,8 @@ from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
-from drivers.arm.guard import REACTION, ReachGuard, Soon
 from drivers.arm.loop import plane_of
-from drivers.arm.reach import dense
+from drivers.arm.reach import REACTION, ReachGuard, Soon, dense
 from drivers.arm.settings import REACHABLE
 from drivers.franka.inverse import solve
 from drivers.franka.kinematics import forward

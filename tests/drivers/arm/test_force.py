@@ -8,21 +8,26 @@ import pytest
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
-from drivers.arm.clear_way import solids_of
-from drivers.arm.failure import Cause, Failed
+from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import Drift, ForceGuard, Tare
-from drivers.arm.messages import Kind
-from drivers.arm.plane import StripPlane
+from drivers.arm.obstacles import solids_of
+from drivers.arm.orders import Kind
 from drivers.arm.requests import go_to
 from drivers.arm.retreat import retreat
 from drivers.arm.settings import FciSettings
 from drivers.errors import Fault
 from drivers.franka.body import Box, Solids
 from drivers.motion import TICK
-from tests.drivers.arm.fake_robot import FakeRobot
-from tests.drivers.arm.lossy_robot import LossyRobot
-from tests.drivers.arm.served import COLLISION, near, served, task
-from tests.drivers.arm.test_loop import INSTALLATION, JOINTS, PLANE, START, begun_with, columns
+from tests.drivers.arm.rig import (
+    COLLISION,
+    INSTALLATION,
+    JOINTS,
+    LossyRobot,
+    begun,
+    near,
+    served,
+    task,
+)
 
 OFFSET = [2.0, -3.0, 4.0, 0.5, 0.0, 0.1]  # N, N m, at rest and touching nothing
 TORQUES = [0.5, -1.0, 0.2, 0.0, 0.1, 0.0, 0.0]
@@ -46,9 +51,9 @@ def test_tare_is_the_mean_of_forces_at_rest() -> None:
 
 @pytest.mark.parametrize("force", [(0.0, 0.0, 20.0), (float("nan"), 0.0, 0.0)])
 def test_what_presses_at_rest_is_not_tared_away(force) -> None:
-    with pytest.raises(Failed) as failed:
+    with pytest.raises(ArmFault) as failed:
         Tare.of([state(force)] * 3, 10.0)
-    assert failed.value.failure.cause is Cause.PRESSED
+    assert failed.value.cause is Cause.PRESSED
 
 
 def test_guards_hold_beyond_the_tare_and_in_every_direction() -> None:
@@ -69,12 +74,12 @@ def test_push_on_the_arm_itself_is_felt_by_its_joint(joint: int) -> None:
     assert guard.objection(state(torques=0.8 * push)) == ""
     push[joint] = np.nan
     assert f"joint {joint + 1} met nan N m" in guard.objection(state(torques=push))
-    with pytest.raises(Failed, match="no numbers"):
+    with pytest.raises(ArmFault, match="no numbers"):
         Tare.of([state(torques=push)] * 3, 10.0)
 
 
 def test_loop_guards_and_reports_force_beyond_the_tare() -> None:
-    setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS), guard=TARED)
+    setup = begun(guard=TARED)
     setup.robot.force, setup.robot.torques = OFFSET, TORQUES
     setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
     report = setup.steps(50)
@@ -101,7 +106,7 @@ def test_force_that_stays_at_rest_is_drift_and_one_in_motion_is_not() -> None:
 
 
 def test_drift_at_rest_ends_the_motion() -> None:
-    setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS))
+    setup = begun()
     setup.robot.force = [0.0, 0.0, -10.0, 0.0, 0.0, 0.0]
     setup.steps(3000)
     assert setup.loop.halted is not None
@@ -144,7 +149,7 @@ class Pressed(LossyRobot):
     """A robot that loses nothing, with a force on its gripper that depends on where that is."""
 
     def __init__(self, push) -> None:
-        super().__init__(JOINTS, 1, 1, share=0.0)
+        super().__init__(JOINTS)
         self.push = push
         self.begin = self.place
         self.thresholds: list[float] = []
@@ -180,29 +185,29 @@ def test_retreat_leaves_a_contact_along_its_force_and_no_further() -> None:
 
 def test_retreat_that_frees_nothing_ends_after_its_way() -> None:
     robot = Pressed(lambda _: -20.0)  # somebody who follows
-    with pytest.raises(Failed, match=r"still feels 20\.0 N after a retreat of 30 mm") as failed:
+    with pytest.raises(ArmFault, match=r"still feels 20\.0 N after a retreat of 30 mm") as failed:
         retreat(robot, FciSettings(), lambda: False, SOLIDS)
-    assert failed.value.failure.cause is Cause.PRESSED
+    assert failed.value.cause is Cause.PRESSED
     assert robot.moved == pytest.approx([0.0, -0.03, 0.0], abs=2e-3)
     assert robot.ended
 
 
 def test_retreat_ends_where_the_force_rises() -> None:
     robot = Pressed(lambda y: -20.0 + 2 * STIFF * y)  # clamped: it grows along the way out
-    with pytest.raises(Failed, match=r"met 28\.\d N, allowed 28\.0 N"):
+    with pytest.raises(ArmFault, match=r"met 28\.\d N, allowed 28\.0 N"):
         retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert -0.003 < robot.moved[1] < 0.0
 
 
 def test_force_that_is_no_number_begins_no_retreat_and_ends_one() -> None:
     robot = Pressed(lambda _: float("nan"))
-    with pytest.raises(Failed, match="a force that is no number") as failed:
+    with pytest.raises(ArmFault, match="a force that is no number") as failed:
         retreat(robot, FciSettings(), lambda: False, SOLIDS)
-    assert failed.value.failure.cause is Cause.PRESSED
+    assert failed.value.cause is Cause.PRESSED
     assert not robot.thresholds
     assert robot.robot.ticks == 0
     robot = Pressed(lambda y: -20.0 if y > -0.005 else float("nan"))
-    with pytest.raises(Failed, match="met nan N"):
+    with pytest.raises(ArmFault, match="met nan N"):
         retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert robot.moved[1] > -0.01
 
@@ -219,7 +224,7 @@ def test_retreat_does_not_lead_towards_obstacles(room: float, free: bool) -> Non
         retreat(robot, FciSettings(), lambda: False, wall)
         assert robot.ended
         return
-    with pytest.raises(Failed, match="leads towards the wall; free the arm by hand"):
+    with pytest.raises(ArmFault, match="leads towards the wall; free the arm by hand"):
         retreat(robot, FciSettings(), lambda: False, wall)
     assert robot.robot.ticks == 0
 

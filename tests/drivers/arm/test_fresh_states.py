@@ -8,14 +8,12 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 import drivers.arm.robot
-from drivers.arm.by_joints import ByJoints
-from drivers.arm.messages import Kind
+from drivers.arm.orders import Kind
 from drivers.arm.robot import Robot
 from drivers.arm.settings import FciSettings
 from drivers.fci_server.robot import MOST_MISSED_TICKS
 from drivers.fci_server.wire import RobotCommand
-from tests.drivers.arm.lossy_robot import LossyRobot
-from tests.drivers.arm.test_loop import JOINTS, begun_with
+from tests.drivers.arm.rig import JOINTS, LossyRobot, begun_losing, joint_command
 
 TICK, AT_HAND, ON_THE_WAY = 1e-3, 2e-5, 1e-4  # s: of the robot, to read a state, of each message
 RESUMED = 1.2e-3  # s to an answer after one that was lost: more than a tick
@@ -72,7 +70,7 @@ class Timed(LossyRobot):
     """A robot on its own clock in simulated time, before which answers take a while."""
 
     def __init__(self) -> None:
-        super().__init__(JOINTS, 1, 1, share=0.0)
+        super().__init__(JOINTS)
         self.now, self.row, self.longest = 0.0, 0, 0
         self._next: RobotCommand | None = None
         self._seen = -1
@@ -86,12 +84,10 @@ class Timed(LossyRobot):
         self.now += (RESUMED if self.row else ANSWER) if awaited else AT_HAND
         return super().read(motion)
 
-    def _command(self, joints: np.ndarray, pose: np.ndarray, last: bool) -> None:
+    def _command(self, joints: np.ndarray, last: bool) -> None:
         self._go_on()
         if self._seen == self.robot.time:
-            self._next = RobotCommand(
-                self._seen, joints, np.zeros(7), pose, np.zeros(6), None, last
-            )
+            self._next = joint_command(self._seen, joints, last)
 
     def _go_on(self) -> None:
         while self.robot.time < int(self.now / TICK + 1e-9):
@@ -109,7 +105,7 @@ class Timed(LossyRobot):
 @pytest.mark.parametrize("own_clock", [False, True])
 def test_one_lost_command_does_not_lose_all_that_follow(own_clock: bool) -> None:
     robot = Timed()
-    setup = begun_with(ByJoints(robot, own_clock=own_clock))
+    setup = begun_losing(robot, own_clock=own_clock)
     setup.order(Kind.FOLLOW, -0.1, 0.05, 0.0)
     setup.steps(60)
     assert robot.longest <= 2

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from drivers.arm.guard import ReachGuard, Soon
-from drivers.arm.messages import Kind
+from drivers.arm.orders import Kind
 from drivers.arm.plane import StripPlane
+from drivers.arm.reach import ReachGuard, Soon
 from drivers.franka import limits
 from drivers.types import Pose, Velocity
-from tests.drivers.arm.lossy_robot import LossyRobot
-from tests.drivers.arm.test_loop import INSTALLATION, JOINTS, PLANE, START, begun_with
+from tests.drivers.arm.rig import INSTALLATION, JOINTS, PLANE, START, LossyRobot, begun_losing
 
 FOLLOWED = np.array([-1.0, -1.0, 0.0, 0.5, 1.0])  # of the highest velocity of an axis
 HIGHEST = np.array([axis.velocity for axis in INSTALLATION.limits.axes])
@@ -19,7 +18,7 @@ STILL = Velocity(0.0, 0.0, 0.0)
 @pytest.mark.parametrize("seed", range(4))
 def test_full_speed_reversals_at_any_place_stay_within_the_joints_limits(seed: int) -> None:
     robot, rng = LossyRobot(JOINTS, seed, 1, share=0.0), np.random.default_rng(5000 + seed)
-    setup = begun_with(robot)
+    setup = begun_losing(robot)
     fastest = 0.0
     for _ in range(16):
         if rng.random() < 0.3:

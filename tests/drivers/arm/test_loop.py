@@ -1,94 +1,34 @@
 """The 1 kHz loop over a robot that goes where it is told."""
 
-from dataclasses import dataclass
-from multiprocessing import get_context
-
 import numpy as np
 import pytest
 
-from drivers.arm.failure import Cause, Failed
-from drivers.arm.latest import Latest, allocate
-from drivers.arm.loop import Loop
-from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Kind, Order, Report
+from drivers.arm.failure import ArmFault, Cause
+from drivers.arm.orders import Kind
 from drivers.arm.plane import StripPlane, matrix
-from drivers.arm.reach import plan_reach
-from drivers.arm.settings import FciSettings
 from drivers.franka.tracking import rotation
-from drivers.installation import Installation
-from tests.drivers.arm.fake_robot import FakeRobot
-from tests.drivers.arm.lossy_robot import LossyRobot
-
-INSTALLATION = FciSettings().limit(Installation())
-PLANE = INSTALLATION.mounting.transform()
-START = (0.6, 0.15, 0.0)
-PATH = np.array([START, (0.2, 0.2, 0.4)])
-JOINTS = plan_reach(INSTALLATION, PATH, np.array([0.1, 0.1])).start.tolist()
-
-
-@dataclass
-class Setup:
-    robot: FakeRobot
-    loop: Loop
-    orders: Latest
-    reports: Latest
-    number: int = 0
-    beats: int = 0
-
-    def order(self, kind: Kind, *values: float) -> None:
-        self.number += 1
-        self.beat(kind, *values)
-
-    def beat(self, kind: Kind = Kind.HOLD, *values: float) -> None:
-        self.beats += 1
-        a, b, c = values or (0.0, 0.0, 0.0)
-        self.orders.write(Order(self.number, kind, self.beats, a, b, c))
-
-    def steps(self, count: int) -> Report:
-        for _ in range(count):
-            self.beats += 1
-            self.orders.write(self.orders.read()._replace(beat=self.beats))
-            self.loop.step()
-        return self.reports.read()
-
-
-def columns(pose: np.ndarray) -> list[float]:
-    return pose.T.ravel().tolist()
+from tests.drivers.arm.rig import (
+    JOINTS,
+    PLANE,
+    START,
+    Driven,
+    FakeRobot,
+    LossyRobot,
+    begun,
+    begun_losing,
+    columns,
+)
 
 
 @pytest.fixture
-def setup() -> Setup:
-    return begun(columns(StripPlane(PLANE).matrix(*START)))
-
-
-def begun(pose: list[float], *, keep: bool = False) -> Setup:
-    setup = begun_with(FakeRobot(pose, JOINTS))
-    if not keep:
-        setup.robot.written.clear()
-    return setup
-
-
-def begun_with(robot, *, lock_step: bool = True, guard=None) -> Setup:
-    context = get_context("spawn")
-    orders = Latest(allocate(ORDER_LAYOUT, context), Order, ORDER_LAYOUT)
-    reports = Latest(allocate(REPORT_LAYOUT, context), Report, REPORT_LAYOUT)
-    loop = Loop(
-        robot,
-        FciSettings(),
-        INSTALLATION,
-        orders,
-        reports,
-        lambda: 0.0,
-        lock_step=lock_step,
-        guard=guard,
-    )
-    loop.begin()
-    return Setup(robot, loop, orders, reports)
+def setup() -> Driven:
+    return begun()
 
 
 def test_first_command_is_the_pose_that_the_robot_commands_itself() -> None:
     aside = StripPlane(PLANE).matrix(*START)
     aside[:3, 3] += [0.002, -0.001, 0.001]
-    setup = begun(columns(aside), keep=True)
+    setup = begun(FakeRobot(columns(aside)))
     assert setup.robot.written[0] == columns(aside)
     setup.loop.step()
     assert setup.robot.written[-1] == pytest.approx(columns(aside), abs=1e-15)
@@ -97,23 +37,23 @@ def test_first_command_is_the_pose_that_the_robot_commands_itself() -> None:
 def test_arm_out_of_the_strip_s_plane_is_not_taken_over() -> None:
     aside = StripPlane(PLANE).matrix(*START)
     aside[0, 3] += 0.02
-    with pytest.raises(Failed, match="beside the strip's plane") as failed:
-        begun(columns(aside))
-    assert failed.value.failure.cause is Cause.PLACE
+    with pytest.raises(ArmFault, match="beside the strip's plane") as failed:
+        begun(FakeRobot(columns(aside)))
+    assert failed.value.cause is Cause.PLACE
 
 
 @pytest.mark.parametrize("axis", [0, 2])
 def test_hand_that_leans_out_of_the_plane_is_not_taken_over(axis: int) -> None:
     leaning = StripPlane(PLANE).matrix(*START)
     leaning[:3, :3] = leaning[:3, :3] @ rotation(0.1 * np.eye(3)[axis])
-    with pytest.raises(Failed) as failed:
-        begun(columns(leaning))
-    assert failed.value.failure.cause is Cause.PLACE
+    with pytest.raises(ArmFault) as failed:
+        begun(FakeRobot(columns(leaning)))
+    assert failed.value.cause is Cause.PLACE
 
 
 def test_motion_ends_only_once_the_arm_rests() -> None:
-    robot = LossyRobot(JOINTS, 1, 1, share=0.0)
-    setup = begun_with(robot)
+    robot = LossyRobot(JOINTS)
+    setup = begun_losing(robot)
     setup.order(Kind.FOLLOW, -0.1, 0.1, 0.3)
     setup.steps(60)
     assert np.linalg.norm(robot.robot.posture.tool.velocity[:3]) > 0.05
@@ -130,7 +70,7 @@ def test_turned_hand_is_half_a_turn_about_its_own_axis() -> None:
 
 def test_hand_that_is_turned_is_taken_over_turned() -> None:
     turned = columns(StripPlane(PLANE, turned=True).matrix(*START))
-    setup = begun(turned)
+    setup = begun(FakeRobot(turned))
     setup.loop.step()
     assert setup.robot.written[0] == pytest.approx(turned, abs=1e-12)
 
@@ -157,24 +97,22 @@ def test_loop_follows_orders_and_reports_what_it_measured(setup) -> None:
 def test_on_the_robot_s_clock_the_answer_goes_out_before_the_report(
     lock_step: bool, reported: int
 ) -> None:
-    setup = begun_with(
-        FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS), lock_step=lock_step
-    )
+    setup = begun(lock_step=lock_step)
     seen: list[tuple[int, int]] = []  # reports at each write and at each read
-    begun, write, read = setup.reports.count, setup.robot.write_pose, setup.robot.read
+    before, write, read = setup.reports.count, setup.robot.write_pose, setup.robot.read
 
     def written(*given, **named) -> None:
-        seen.append((setup.reports.count - begun, 0))
+        seen.append((setup.reports.count - before, 0))
         write(*given, **named)
 
     def asked(motion):
-        seen.append((setup.reports.count - begun, 1))
+        seen.append((setup.reports.count - before, 1))
         return read(motion)
 
     setup.robot.write_pose, setup.robot.read = written, asked
     setup.loop.step()
     assert seen == [(0, 0), (reported, 1)]
-    assert setup.reports.count - begun == 1
+    assert setup.reports.count - before == 1
 
 
 def test_silent_cell_makes_the_arm_brake_for_good(setup) -> None:
@@ -183,7 +121,7 @@ def test_silent_cell_makes_the_arm_brake_for_good(setup) -> None:
     for _ in range(600):
         setup.loop.step()
     assert setup.loop.halted is not None
-    assert setup.loop.halted.cause is Cause.UNHEARD
+    assert setup.loop.halted.cause is Cause.CELL_SILENT
     rest = setup.reports.read()
     setup.order(Kind.MOVE, 0.6, 0.2, 0.0)
     after = setup.steps(100)
@@ -216,10 +154,11 @@ def test_end_brakes_to_rest_and_finishes_the_motion(setup) -> None:
 
 
 def test_order_that_the_profile_refuses_is_a_failure_not_a_motion(setup) -> None:
+    setup.robot.written.clear()
     setup.order(Kind.FOLLOW, float("nan"), 0.0, 0.0)
-    with pytest.raises(Failed) as failed:
+    with pytest.raises(ArmFault) as failed:
         setup.loop.step()
-    assert failed.value.failure.cause is Cause.COMMAND
+    assert failed.value.cause is Cause.COMMAND
     assert setup.robot.written == []
 
 

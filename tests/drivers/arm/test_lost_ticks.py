@@ -5,19 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drivers.arm.failure import Failed
+from drivers.arm.failure import ArmFault
 from drivers.arm.force import ForceGuard
-from drivers.arm.messages import Kind
-from drivers.arm.offset import FADE_TICKS, FadingOffset
-from drivers.arm.plane import StripPlane
-from drivers.arm.way import follow_joints
+from drivers.arm.joint_motion import CartesianMotion, follow_joints
+from drivers.arm.orders import Kind
+from drivers.arm.plane import FADE_TICKS, FadingOffset, StripPlane
 from drivers.franka.kinematics import HOME
 from drivers.franka.tracking import rotation
 from drivers.motion import TICK
 from drivers.types import Pose
-from tests.drivers.arm.fake_robot import FakeRobot
-from tests.drivers.arm.lossy_robot import LossyRobot
-from tests.drivers.arm.test_loop import JOINTS, PLANE, START, begun_with, columns
+from tests.drivers.arm.rig import JOINTS, PLANE, START, LossyRobot, begun, begun_losing, columns
 
 LOSSES = [(1, 0.1), (8, 0.1), (15, 0.1), (1, 0.5)]  # worst in a row, share of commands
 
@@ -28,29 +25,63 @@ def long_enough(share: float) -> int:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("own_clock", [False, True])
 @pytest.mark.parametrize(("worst", "share"), LOSSES)
-def test_lost_commands_stop_no_motion_and_move_no_goal(worst: int, share: float) -> None:
+def test_lost_commands_stop_no_motion_move_no_goal_and_no_elbow(
+    worst: int, share: float, own_clock: bool
+) -> None:
     robot = LossyRobot(JOINTS, worst, worst, share)
-    setup = begun_with(robot)
-    goal = Pose(0.45, 0.25, 0.6)
+    setup = begun_losing(robot, own_clock=own_clock)
+    elbow, goal = float(robot.robot.posture.q[2]), Pose(0.45, 0.25, 0.6)
     setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
     setup.steps(300)
     setup.order(Kind.FOLLOW, 0.1, 0.0, -0.3)
     setup.steps(60)
     setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
-    report = setup.steps(long_enough(share))
+    report = setup.steps((1 + own_clock) * long_enough(share))
     assert robot.lost > 100
     assert not robot.robot.errors
     assert (report.x, report.z, report.pitch) == pytest.approx(
         (goal.x, goal.z, goal.pitch), abs=1e-4
     )
+    assert float(robot.robot.posture.q[2]) == pytest.approx(elbow, abs=1e-3)
     setup.loop.end()
     assert robot.ended
     assert not robot.robot.errors
 
 
+def test_elbow_stays_where_the_motion_began() -> None:
+    robot = LossyRobot(JOINTS)
+    setup = begun_losing(robot)
+    setup.order(Kind.MOVE, 0.35, 0.3, 1.2)
+    setup.steps(600)
+    assert float(robot.robot.posture.q[2]) == pytest.approx(JOINTS[2], abs=1e-6)
+    assert not robot.robot.errors
+
+
+def test_a_pose_before_the_first_state_is_refused() -> None:
+    motion = CartesianMotion(LossyRobot(JOINTS))
+    with pytest.raises(ArmFault, match="before the first state"):
+        motion.write_pose(motion.start_poses(), [0.0] * 16)
+
+
+@pytest.mark.parametrize("further", [False, True])
+def test_an_answer_made_for_a_tick_is_sent_in_that_tick_only(monkeypatch, further: bool) -> None:
+    robot, written = LossyRobot(JOINTS), []
+    setup = begun_losing(robot, own_clock=True)
+    setup.order(Kind.FOLLOW, -0.1, 0.05, 0.0)
+    setup.steps(80)
+    after_a_loss = setup.robot.read(None)
+    if further:
+        robot.robot.miss()
+        robot.robot.time += 1
+    monkeypatch.setattr(robot, "write_joints", lambda *given, **_: written.append(given))
+    setup.robot.write_pose(None, after_a_loss.O_T_EE_c)
+    assert bool(written) is not further
+
+
 def test_corrections_at_rest_before_the_cell_s_first_sign_are_no_failure() -> None:
-    setup = begun_with(LossyRobot(JOINTS, 1, 1, 0.5))
+    setup = begun_losing(LossyRobot(JOINTS, 1, 1, 0.5))
     for _ in range(1500):
         setup.loop.step()
     assert setup.loop.halted is None
@@ -59,7 +90,7 @@ def test_corrections_at_rest_before_the_cell_s_first_sign_are_no_failure() -> No
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_half_of_the_commands_lost_end_in_no_reflex(seed: int) -> None:
     robot = LossyRobot(JOINTS, seed, 1, 0.5)
-    setup = begun_with(robot)
+    setup = begun_losing(robot)
     goal = Pose(0.45, 0.25, 0.6)
     setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
     setup.steps(300)
@@ -76,7 +107,7 @@ def test_velocity_targets_are_followed_and_braked_while_commands_are_lost(
     worst: int, share: float
 ) -> None:
     robot = LossyRobot(JOINTS, 7, worst, share)
-    setup = begun_with(robot)
+    setup = begun_losing(robot)
     for vx, vz, turn in ((-0.1, 0.1, 1.2), (-0.15, 0.0, 0.3), (0.0, 0.1, -0.5)):
         setup.order(Kind.FOLLOW, vx, vz, turn)
         setup.steps(50)
@@ -116,7 +147,7 @@ def test_one_who_leaves_on_the_way_home_finds_the_robot_at_rest(worst: int, shar
 
 
 def test_velocity_is_measured_by_the_robot_s_time_not_by_counting_states() -> None:
-    setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS))
+    setup = begun()
     robot, plane = setup.robot, StripPlane(PLANE)
     for skipped in (0, 3, 0, 5, 0, 0, 2, 0, 9):
         robot.clock += skipped
@@ -189,7 +220,7 @@ def test_contact_on_the_way_home_ends_in_a_quick_stop_that_the_cell_commands(
 
     robot.read = pressed
     goal = [JOINTS[0] + 0.4, *JOINTS[1:]]
-    with pytest.raises(Failed, match=r"met 30\.0 N, allowed 20\.0 N"):
+    with pytest.raises(ArmFault, match=r"met 30\.0 N, allowed 20\.0 N"):
         follow_joints(robot, goal, 1.0, ForceGuard(20.0), lambda: False)
     assert robot.ended
     assert not robot.robot.errors

@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 from drivers.arm.bridge import Bridge
-from drivers.arm.description import read_description, require_limits
-from drivers.arm.failure import Failed
+from drivers.arm.checks import read_description, require_limits
+from drivers.arm.failure import ArmFault
 from drivers.arm.requests import go_to, hand_pose
 from drivers.errors import Fault
 from drivers.fci_server.model import robot_model
@@ -18,7 +18,7 @@ from drivers.fci_server.server import RobotServer
 from drivers.fci_server.wire import Mode
 from drivers.franka.kinematics import FLANGE_TO_TIP
 from drivers.types import frozen
-from tests.drivers.arm.served import near, served, task
+from tests.drivers.arm.rig import near, served, task
 from tests.drivers.fci_server.test_conformance import told_by
 
 NARROWER = {
@@ -129,9 +129,9 @@ def test_robot_gives_the_description_that_its_client_reads() -> None:
 def test_joint_that_allows_less_than_the_cell_plans_with_is_refused(name: str) -> None:
     old, new = NARROWER[name]
     assert old in robot_model()
-    with pytest.raises(Failed, match=f"joint 1: {name} is") as failed:
+    with pytest.raises(ArmFault, match=f"joint 1: {name} is") as failed:
         require_limits(robot_model().replace(old, new, 1))
-    words = failed.value.failure.words
+    words = failed.value.words
     assert all(value.split('"')[1].rstrip("0").rstrip(".") in words for value in (old, new))
 
 
@@ -145,7 +145,7 @@ def test_joints_that_allow_more_are_taken() -> None:
     "text", ["", "no xml", "<robot/>", '<!DOCTYPE a [<!ENTITY b "c">]><robot/>']
 )
 def test_description_that_states_no_limits_is_refused(text: str) -> None:
-    with pytest.raises(Failed):
+    with pytest.raises(ArmFault):
         require_limits(text)
 
 

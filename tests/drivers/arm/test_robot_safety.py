@@ -18,14 +18,14 @@ from drivers.arm.arm import FciArm
 from drivers.arm.bridge import Bridge
 from drivers.arm.failure import Cause
 from drivers.arm.force import ForceGuard
-from drivers.arm.guard import ReachGuard, Soon
 from drivers.arm.hand import FciHand
-from drivers.arm.messages import Kind
+from drivers.arm.joint_motion import follow_joints
+from drivers.arm.orders import Kind
 from drivers.arm.plane import StripPlane
+from drivers.arm.reach import ReachGuard, Soon
 from drivers.arm.requests import go_to
 from drivers.arm.robot import Robot
 from drivers.arm.settings import FciSettings, HandLimits
-from drivers.arm.way import follow_joints
 from drivers.clock import WallClock
 from drivers.errors import Fault
 from drivers.fci_server.faults import ContactFault
@@ -36,10 +36,19 @@ from drivers.geometry import CellInRobot
 from drivers.installation import Installation
 from drivers.limits import AxisLimits, MotionLimits
 from drivers.types import HandState, Pose, Velocity
-from tests.drivers.arm.fake_robot import FakeRobot
-from tests.drivers.arm.lossy_robot import LossyRobot
-from tests.drivers.arm.served import COLLISION, near, served, task
-from tests.drivers.arm.test_loop import INSTALLATION, JOINTS, PLANE, START, begun_with, columns
+from tests.drivers.arm.rig import (
+    COLLISION,
+    INSTALLATION,
+    JOINTS,
+    PLANE,
+    START,
+    LossyRobot,
+    begun,
+    columns,
+    near,
+    served,
+    task,
+)
 
 STILL = Velocity(0.0, 0.0, 0.0)
 
@@ -80,21 +89,13 @@ def test_guard_stops_the_way_home() -> None:
         assert server.robot.mode is Mode.IDLE  # commanded to stand, not dropped in motion
 
 
-class NeverEnding:
-    def __call__(self) -> bool:
-        return False
-
-    def check(self) -> None:
-        pass
-
-
 @pytest.mark.parametrize(("rate", "tares"), [(0.002, 3), (0.05, 1)])
 def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rate, tares) -> None:
     taken: list[float] = []
 
     class Still(LossyRobot):
         def __init__(self, *_: object) -> None:
-            super().__init__(JOINTS, 1, 1, share=0.0)
+            super().__init__(JOINTS)
             self.require_ready = self.require_tool = lambda: None
             self.configure = lambda _: None
 
@@ -111,10 +112,13 @@ def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rat
     monkeypatch.setattr("drivers.arm.robot.Robot", Still)
     monkeypatch.setattr(requests, "clear_way", lambda *_: way)
     monkeypatch.setattr(requests, "schedule", lambda _: None)
-    monkeypatch.setattr(requests, "Ending", NeverEnding)
+    monkeypatch.setattr(
+        requests, "TerminationFlag", lambda: SimpleNamespace(is_set=False, check=bool)
+    )
     request = {"joints": near(0.04), "share": 1.0, "recover": False, "reset_tool": False}
     given = SimpleNamespace(address="", settings=FciSettings(), installation=INSTALLATION)
-    requests._execute(given, request, SimpleNamespace(poll=lambda: False))
+    pipe = SimpleNamespace(poll=lambda: False, send_bytes=lambda _: None)
+    requests._execute(pipe, given, request)
     assert taken == pytest.approx([JOINTS[0], JOINTS[0], near(0.02)[0]][:tares], abs=1e-4)
 
 
@@ -195,7 +199,7 @@ def test_pressed_user_stop_is_named_and_nothing_moves() -> None:
 
 
 def test_pose_that_is_not_a_number_stops_the_arm() -> None:
-    setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS))
+    setup = begun()
     setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
     setup.steps(50)
     read = setup.robot.read
@@ -212,7 +216,7 @@ def test_pose_that_is_not_a_number_stops_the_arm() -> None:
 
 
 def test_arm_brakes_before_it_comes_where_it_could_not_follow() -> None:
-    setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS))
+    setup = begun()
     setup.order(Kind.MOVE, 0.84, START[1], START[2])
     report = setup.steps(3000)
     assert setup.loop.halted is not None
@@ -228,7 +232,7 @@ def test_speed_of_the_robot_bounds_that_of_the_cell() -> None:
 
 
 def test_share_of_the_speed_bounds_every_joint_on_the_way_home() -> None:
-    robot, rates = LossyRobot(JOINTS, 1, 1, share=0.0), []
+    robot, rates = LossyRobot(JOINTS), []
     written = robot.write_joints
 
     def noted(*given, **named) -> None:
@@ -298,7 +302,7 @@ def test_way_home_that_was_asked_to_end_says_that_it_did_not_arrive() -> None:
 @pytest.mark.parametrize(("aside", "halts"), [(0.01, False), (0.03, True), (-0.03, True)])
 def test_arm_that_is_pushed_out_of_the_strip_s_plane_brakes(aside: float, halts: bool) -> None:
     """Along the plane the cell's monitor of tracking sees it, across it nobody else does."""
-    setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS))
+    setup = begun()
     setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
     setup.steps(50)
     read = setup.robot.read

@@ -33,9 +33,8 @@ from cell.devices.fci import start_joints
 from cell.folding.fold import Request, fold
 from cell.record.run import read_run
 from drivers.arm.joint_log import Timing
-from drivers.arm.process import Task
+from drivers.arm.process import PRIORITY, Task, schedule
 from drivers.arm.requests import go_to
-from drivers.arm.scheduling import PRIORITY, schedule
 from drivers.arm.settings import RealTime
 from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer

@@ -51,7 +51,7 @@ from cell.orchestrator.context import ManualContext
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from cell.orchestrator.steps import pause
-from drivers.arm.latest import Latest, allocate
+from drivers.arm.orders import Latest
 from drivers.arm.process import Task
 from drivers.arm.requests import go_to
 from drivers.clock import WallClock, lock_memory, take_priority
@@ -151,7 +151,7 @@ def play(poses: list[list[float]], places: Any, shows: Any) -> None:
     """Show 60 images a second, each the one nearest to where the gripper is, never going back."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     take_priority(PLAYER)  # a camera waits for no processor
-    place, shown = Latest(places, Place, PLACE), Latest(shows, Shown, SHOWN)
+    place, shown = Latest(places, Place), Latest(shows, Shown)
     film, index, number, last = np.array(poses), 0, 0, -1.0
     while True:
         time.sleep(1.0 / RATE)
@@ -398,13 +398,13 @@ def bench() -> Iterator[Bench]:
         calibration = calibration_of(find_configs(configs).cell())
         film = recorded(configs, folder, calibration)
         context = get_context("spawn")
-        places, shows = allocate(PLACE, context), allocate(SHOWN, context)
+        places, shows = (Latest.allocate(kind, context) for kind in (Place, Shown))
         player = context.Process(target=play, args=(film.poses, places, shows), daemon=True)
         player.start()
         try:
             yield Bench(
                 folder, find_configs(configs).cell(), configs, calibration, address, joints, film,
-                Latest(places, Place, PLACE), Latest(shows, Shown, SHOWN),
+                Latest(places, Place), Latest(shows, Shown),
             )  # fmt: skip
         finally:
             player.kill()

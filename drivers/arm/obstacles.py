@@ -1,17 +1,24 @@
-"""Joint waypoints to a goal, on a way that is clear of the arm itself and of all obstacles."""
+"""Obstacles of the arm: desk, clamp and floor; whether the hand clears them, and ways around."""
 
 from collections.abc import Iterator, Sequence
 from itertools import islice, pairwise
 
 import numpy as np
 
-from drivers.arm.clearance import RISE, desk_end
-from drivers.arm.failure import Cause, Failed, Failure
+from drivers.arm.failure import ArmFault, Cause
+from drivers.errors import Fault
 from drivers.franka import limits
 from drivers.franka.body import Box, Solids, apart
 from drivers.franka.inverse import straight
 from drivers.installation import Installation
-from drivers.types import Array, frozen
+from drivers.types import Array, Pose, frozen
+
+# Behind the finger tips along the approach axis, and half the thickness there [m]: the palm of the
+# Franka Hand at its front and back, and the flange. Source: its data sheet, rounded up.
+HAND_BODY = ((0.037, 0.032), (0.07, 0.032), (0.103, 0.05), (0.2, 0.05))
+RISE = 0.06  # m that a desk must stand above what is beside it, for a hand that lies flat
+LEAVING = 1e-4  # m by which a hand that begins inside must not go deeper
+WAY_STEPS = 200  # poses on a straight way that are looked at: 5 mm apart at most in a workspace
 
 # m that the arm keeps from everything, tracking and the shapes' own errors included
 ARM_CLEARANCE = 0.03
@@ -26,6 +33,57 @@ UPRIGHT = frozen([0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398])  # r
 # than this. Both are to be checked by hand on the first day.
 DESK_EDGE, CLAMP_LENGTH, CLAMP_HEIGHT, DESK_DEPTH, FLOOR_SIZE = 0.3, 0.08, 0.04, 1.0, 3.0
 UNDER = 0.1  # m under the desk: published shapes of the wrist reach 9 cm below a hand lying flat
+
+
+def desk_end(installation: Installation, length: float | None = None) -> float:
+    """x [m] at which the desk ends along the strip: as configured, or the workspace's end.
+
+    A desk that nobody stated ends with a strip of known `length` [m]: no hand could grasp its edge
+    otherwise. No desk ends before it.
+    """
+    stated = installation.desk
+    if stated is None:
+        return installation.workspace.x[1] if length is None else length
+    return max(stated, length or 0.0)
+
+
+def require_clear(way: list[Pose], end: float) -> None:
+    """Raise Fault `hand_meets_desk` for a `way` of the hand into a desk that ends at `end` [m].
+
+    Poses are joined by straight lines; a hand that begins inside may leave.
+    """
+    corners = np.array([pose.as_array() for pose in way])
+    times = np.linspace(0.0, len(way) - 1, WAY_STEPS * (len(way) - 1) + 1)
+    poses = np.stack([np.interp(times, np.arange(len(way)), axis) for axis in corners.T], axis=1)
+    heights = desk_clearance(poses, end)
+    deepest = int(np.argmin(heights))
+    if heights[deepest] > min(0.0, heights[0] - LEAVING):
+        return
+    x, z, pitch = poses[deepest]
+    raise Fault(
+        "hand_meets_desk",
+        f"the hand would come {-1e3 * heights[deepest]:.0f} mm into the desk at x {1e3 * x:.0f}, "
+        f"z {1e3 * z:.0f} mm, pitch {np.degrees(pitch):.0f} deg: the desk ends at x "
+        f"{1e3 * end:.0f} mm; move higher or further away, or correct installation.desk in "
+        "cell.yaml",
+    )
+
+
+def desk_clearance(poses: Array, length: float) -> Array:
+    """Height (n,) [m] of the hand's lowest point over the desk for gripper poses (n, 3).
+
+    The desk reaches from x = 0 to `length` [m] and no further: beside it the hand may hang lower.
+    Infinite for poses with nothing of the hand over the desk.
+    """
+    x, z, pitch = poses.T
+    lowest = np.full(len(poses), np.inf)
+    for behind, half in HAND_BODY:
+        for side in (-half, half):
+            along = x + behind * np.cos(pitch) - side * np.sin(pitch)
+            height = z + behind * np.sin(pitch) + side * np.cos(pitch)
+            over = (along > 0) & (along < length)
+            lowest = np.where(over, np.minimum(lowest, height), lowest)
+    return lowest
 
 
 def solids_of(installation: Installation) -> Solids:
@@ -49,7 +107,7 @@ def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
     """Joint waypoints (7,) [rad] after `start`, up to `goal`, on a way clear of all `solids`.
 
     A straight line in joint space where that is clear, else over points above start or goal, or
-    over the upright posture. Raises Failed, naming what is in the way, where none is clear.
+    over the upright posture. Raises ArmFault, naming what is in the way, where none is clear.
     """
     objection = _objection([start, goal], solids)
     if not objection:
@@ -58,7 +116,7 @@ def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
         if not _objection([start, *points, goal], solids):
             return [*points, goal]
     words = f"{objection}, and neither a way above nor one over the upright posture is clear"
-    raise Failed(Failure(Cause.WAY, words))
+    raise ArmFault(Cause.WAY, words)
 
 
 def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:

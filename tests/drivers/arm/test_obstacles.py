@@ -1,4 +1,4 @@
-"""The way home meets nothing: straight where it may, else around, else it is refused."""
+"""Hand and arm meet nothing: desk, clamp, floor, the arm itself; ways lead around."""
 
 from itertools import pairwise
 
@@ -7,20 +7,27 @@ import pytest
 
 from cell.arm.by_hand import PARKED, home_joints
 from cell.config.places import find_configs
-from drivers.arm.clear_way import (
+from drivers.arm.failure import ArmFault
+from drivers.arm.obstacles import (
     ARM_CLEARANCE,
     UPRIGHT,
     _joints_above,
     _keeps_clear,
     clear_way,
+    desk_clearance,
+    desk_end,
+    require_clear,
     solids_of,
 )
-from drivers.arm.failure import Failed
+from drivers.errors import Fault
 from drivers.franka.body import Box, Solids, apart
 from drivers.franka.kinematics import forward
-from tests.drivers.arm.test_loop import INSTALLATION
+from drivers.installation import Installation
+from drivers.types import Pose
+from tests.drivers.arm.rig import INSTALLATION
 
 SOLIDS = solids_of(INSTALLATION)
+ABOVE_EDGE = Pose(0.6, 0.15, 0.0)
 UP = np.array([0.0, 0.0, 1.0])
 HOME = np.array(home_joints(find_configs(None).cell(), find_configs(None).strip("denim")))
 
@@ -59,9 +66,9 @@ def test_blocked_way_is_gone_around() -> None:
 def test_way_without_a_detour_is_refused_and_names_the_obstacle() -> None:
     fence = Solids(np.eye(4), (Box("fence", (-2, 0.1, -1), (2, 0.14, 2)),))
     crossed = HOME + np.array([2 * -HOME[0], 0, 0, 0, 0, 0, 0])
-    with pytest.raises(Failed, match="from the fence") as refused:
+    with pytest.raises(ArmFault, match="from the fence") as refused:
         clear_way(crossed, HOME, fence)
-    assert refused.value.failure.cause == "arm_way_blocked"
+    assert refused.value.cause == "arm_way_blocked"
 
 
 def test_arm_that_begins_too_near_may_leave_but_not_dive() -> None:
@@ -77,3 +84,46 @@ def test_points_above_are_straight_above() -> None:
     places = np.array([forward(q)[:3, 3] for q in (HOME, *_joints_above(HOME, UP, 0.1))])
     assert places[-1] - places[0] == pytest.approx([0, 0, 0.1], abs=1e-3)
     assert len(places) == 3
+
+
+def test_hand_that_points_down_stands_clear_of_the_desk() -> None:
+    assert desk_clearance(np.array([[0.3, 0.0, np.pi / 2]]), 0.6)[0] > 0.03
+
+
+def test_hand_that_lies_flat_over_the_desk_would_run_into_it() -> None:
+    assert desk_clearance(np.array([[0.3, 0.0, 0.0]]), 0.6)[0] < 0
+
+
+def test_hand_that_lies_flat_beside_the_desk_is_free() -> None:
+    poses = np.array([[0.6, 0.0, 0.0], [0.0, 0.0, np.pi]])
+    assert np.isinf(desk_clearance(poses, 0.6)).all()
+
+
+@pytest.mark.parametrize(
+    ("stated", "length", "end"),
+    [(None, None, 0.85), (None, 0.6, 0.6), (0.7, None, 0.7), (0.7, 0.6, 0.7), (0.5, 0.6, 0.6)],
+)
+def test_desk_ends_where_the_cell_says_else_with_workspace_or_strip(stated, length, end) -> None:
+    installation = Installation(desk=stated)
+    assert desk_end(installation, length) == end
+    if length is None:
+        assert solids_of(installation).boxes[0].high[0] == end
+
+
+def test_hand_is_not_driven_into_the_desk() -> None:
+    with pytest.raises(Fault, match="22 mm into the desk at x 500, z 10 mm") as fault:
+        require_clear([ABOVE_EDGE, Pose(0.5, 0.01, 0.0)], 0.6)
+    assert fault.value.name == "hand_meets_desk"
+    require_clear([ABOVE_EDGE, Pose(0.5, 0.06, 0.0)], 0.6)
+
+
+def test_way_between_two_clear_poses_may_not_lead_through_the_desk() -> None:
+    with pytest.raises(Fault, match="into the desk"):
+        require_clear([Pose(0.65, 0.0, 0.0), Pose(-0.3, 0.0, 0.0)], 0.6)
+
+
+def test_hand_that_begins_inside_the_desk_may_leave_it_and_go_no_deeper() -> None:
+    inside = Pose(0.5, 0.01, 0.0)
+    require_clear([inside, Pose(0.5, 0.02, 0.0)], 0.6)
+    with pytest.raises(Fault, match="into the desk"):
+        require_clear([inside, Pose(0.5, 0.005, 0.0)], 0.6)

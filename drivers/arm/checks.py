@@ -1,0 +1,192 @@
+"""Checks of what a robot states before the cell moves it: version, joint limits, tool."""
+
+import socket
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from drivers.arm.failure import ArmFault, Cause
+from drivers.arm.settings import ToolSettings
+from drivers.franka import limits
+from drivers.franka.kinematics import FLANGE_TO_TIP
+from drivers.franka.tracking import rotation_vector
+from drivers.types import Array
+
+PORT = 1337
+LIBRARY_VERSION = 10  # of the robot's interface that pylibfranka 0.21 speaks
+ANSWER_TIMEOUT = 1.0  # s for each answer
+LARGEST_DESCRIPTION = 1 << 20  # bytes of a description
+CONNECT, GET_MODEL = 0, 11  # commands
+HEADER = struct.Struct("<III")  # command, command id, size with header
+CONNECT_MESSAGE = struct.Struct("<IIIHH")  # header, version, UDP port of the client
+CONNECT_REPLY = struct.Struct("<BH")  # status, version of the robot
+SUCCESS = 0  # status of a reply, its first byte
+SLACK = 1e-3  # rad, rad/s, rad/s^2 by which a limit may be narrower than the cell's
+
+# Attribute of the description, what the cell assumes (7,), and whether the robot's must reach it
+# from below (+1: at least so large) or from above (-1: at most so large).
+ASSUMED_LIMITS = (
+    ("limit", "lower", limits.POSITION_LOW, -1),
+    ("limit", "upper", limits.POSITION_HIGH, 1),
+    ("limit", "velocity", limits.VELOCITY, 1),
+    ("position_based_velocity_limits", "velocity_offset", limits.VELOCITY_OFFSET, -1),
+    ("position_based_velocity_limits", "deceleration_limit", limits.DECELERATION, 1),
+)
+
+PLACE_TOLERANCE, ANGLE_TOLERANCE = 5e-4, 5e-3  # m and rad by which frames may differ
+MASS_TOLERANCE, CENTRE_TOLERANCE = 0.02, 5e-3  # kg and m, likewise
+IN_DESK = "set end effector Franka Hand in Desk"
+BY_RESET = "see what is mounted; if only the hand is, `cell home --reset-tool` sets it back"
+
+
+def robot_version(address: str) -> int | None:
+    """Interface version that a robot answers with; None when it does not answer."""
+    with suppress(OSError), _connection(address) as (_, _, version):
+        return version
+    return None
+
+
+def read_description(address: str) -> str | None:
+    """URDF text of the robot at `address`; None where the robot gives none.
+
+    The library then says why. A connection of its own, before the library's: a robot serves one
+    client, and pylibfranka keeps the text that it reads to itself. Never tried on hardware.
+    """
+    with suppress(OSError), _connection(address) as (link, status, _):
+        if status == SUCCESS:
+            link.sendall(HEADER.pack(GET_MODEL, 2, HEADER.size))
+            reply = _reply(link)
+            return reply[1:].decode("utf-8", "replace") if reply[0] == SUCCESS else None
+    return None
+
+
+def require_limits(description: str) -> None:
+    """Raise ArmFault where a joint of this robot allows less than the cell plans with.
+
+    Both values are named. The format is that of franka_description.
+    """
+    if "<!" in description.replace("<!--", ""):
+        raise ArmFault(Cause.MODEL, "the robot's description declares entities")
+    try:
+        root = ElementTree.fromstring(description)  # noqa: S314  no entities: refused above
+    except ElementTree.ParseError as error:
+        raise ArmFault(Cause.MODEL, f"the robot's description is no XML: {error}") from None
+    joints = {joint.get("name", "").rpartition("joint")[2]: joint for joint in root.iter("joint")}
+    narrower = list(_narrower_limits(joints))
+    if narrower:
+        raise ArmFault(Cause.MODEL, "; ".join(narrower))
+
+
+def require_tool(state: Any, tool: ToolSettings) -> None:
+    """Raise ArmFault, with both values and the remedy, for a tool that is not the cell's."""
+    differences = list(_tool_differences(state, tool))
+    if differences:
+        raise ArmFault(Cause.TOOL, "; ".join(differences))
+
+
+@contextmanager
+def _connection(address: str) -> Iterator[tuple[socket.socket, int, int]]:
+    """Connection to the arm at `address`, with status and version of its reply; or OSError."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as states,
+        socket.create_connection((address, PORT), ANSWER_TIMEOUT) as link,
+    ):
+        states.bind((link.getsockname()[0], 0))
+        port = states.getsockname()[1]
+        link.sendall(CONNECT_MESSAGE.pack(CONNECT, 1, CONNECT_MESSAGE.size, LIBRARY_VERSION, port))
+        reply = _reply(link)
+        if len(reply) < CONNECT_REPLY.size:
+            raise OSError(f"a reply of {len(reply)} bytes")
+        yield link, *CONNECT_REPLY.unpack_from(reply)
+
+
+def _reply(link: socket.socket) -> bytes:
+    """Content of the next reply; OSError where it does not come or is too long."""
+    link.settimeout(ANSWER_TIMEOUT)
+    _, _, size = HEADER.unpack(_read_exactly(link, HEADER.size))
+    if not HEADER.size < size <= LARGEST_DESCRIPTION:
+        raise OSError(f"a reply of {size} bytes")
+    return _read_exactly(link, size - HEADER.size)
+
+
+def _read_exactly(link: socket.socket, count: int) -> bytes:
+    content = b""
+    while len(content) < count:
+        more = link.recv(count - len(content))
+        if not more:
+            raise ConnectionResetError("it closed the connection")
+        content += more
+    return content
+
+
+def _narrower_limits(joints: dict[str, ElementTree.Element]) -> Iterator[str]:
+    """Yield a text for each limit of `joints` that is narrower than the cell assumes."""
+    for number in range(7):
+        for tag, name, wanted, sign in ASSUMED_LIMITS:
+            value, planned = _value(joints, number, tag, name), wanted[number]
+            if not sign * (value - planned) >= -SLACK:  # true for NaN
+                yield f"joint {number + 1}: {name} is {value:g}, the cell plans with {planned:g}"
+
+
+def _value(joints: dict[str, ElementTree.Element], number: int, tag: str, name: str) -> float:
+    """Attribute `name` of a joint's `tag`; NaN, which no limit allows, where it is missing."""
+    joint = joints.get(str(number + 1))
+    element = None if joint is None else joint.find(tag)
+    try:
+        return float("nan" if element is None else element.get(name, "nan"))
+    except ValueError:
+        return float("nan")
+
+
+def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
+    """Yield what differs between the tool in the robot's `state` and the Franka Hand and `tool`.
+
+    Left by another program are NE_T_EE, EE_T_K and the load; F_T_NE and the hand's mass are Desk's.
+    """
+    effector_remedy = IN_DESK if _same_frame(_matrix(state.NE_T_EE), np.eye(4)) else BY_RESET
+    frames = [
+        ("the end effector (F_T_EE)", state.F_T_EE, FLANGE_TO_TIP, effector_remedy),
+        ("the stiffness frame (EE_T_K)", state.EE_T_K, np.eye(4), BY_RESET),
+    ]
+    for what, numbers, wanted, remedy in frames:
+        frame = _matrix(numbers)
+        if not _same_frame(frame, wanted):
+            yield _difference(what, _frame_text(frame), _frame_text(wanted), remedy)
+    masses = [
+        ("the hand's mass", state.m_ee, tool.mass, IN_DESK),
+        ("the load", state.m_load, 0.0, BY_RESET),
+    ]
+    for what, mass, stated, remedy in masses:
+        if not abs(mass - stated) <= MASS_TOLERANCE:
+            yield _difference(what, f"{mass:.2f} kg", f"{stated:.2f} kg", remedy)
+    off = np.abs(np.array(state.F_x_Cee) - tool.centre).max()
+    if not off <= CENTRE_TOLERANCE:
+        here, there = (_place_text(np.array(place)) for place in (state.F_x_Cee, tool.centre))
+        yield _difference("the hand's centre of mass", here, there, IN_DESK)
+
+
+def _difference(what: str, found: str, assumed: str, remedy: str) -> str:
+    return f"{what} is {found}, the cell assumes {assumed}; {remedy}"
+
+
+def _matrix(columns: Any) -> Array:
+    return np.reshape(np.array(columns, dtype=np.float64), (4, 4)).T
+
+
+def _same_frame(one: Array, other: Array) -> bool:
+    turn = rotation_vector(one[:3, :3] @ other[:3, :3].T)
+    apart = np.abs(one[:3, 3] - other[:3, 3]).max()
+    return bool(apart <= PLACE_TOLERANCE and np.abs(turn).max() <= ANGLE_TOLERANCE)  # False for NaN
+
+
+def _frame_text(frame: Array) -> str:
+    turn = np.degrees(np.linalg.norm(rotation_vector(frame[:3, :3])))
+    return f"{_place_text(frame[:3, 3])} turned by {turn:.1f} deg"
+
+
+def _place_text(place: Array) -> str:
+    return "(" + ", ".join(f"{1e3 * part:.1f}" for part in place) + ") mm"

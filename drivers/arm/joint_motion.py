@@ -1,0 +1,367 @@
+"""Joint motions of a robot that may miss commands: to given joints, or after poses of the hand.
+
+A robot that hears nothing keeps its acceleration, and a command that does not continue what it did
+meanwhile is a discontinuity, which stops it. So each setpoint continues the robot's own.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import ruckig
+
+from drivers.arm.failure import ArmFault, Cause
+from drivers.arm.force import ForceGuard
+from drivers.franka.kinematics import forward, pose_and_jacobian
+from drivers.franka.tracking import ELBOW_JOINT, joint_step
+from drivers.motion import TICK
+from drivers.types import Array
+
+AXES = 7
+JOINT_SPEED = 0.5  # rad/s
+JOINT_ACCELERATION = 1.5  # rad/s^2
+JOINT_JERK = 50.0  # rad/s^3 at full speed
+HARD_ACCELERATION, HARD_JERK = 8.0, 2000.0  # rad/s^2, rad/s^3 of a stop out of contact
+HARD_GAIN = 30.0  # 1/s, likewise: a robot that hears nothing for 15 ms still turns it around
+ROUNDING = 3e-7  # rad: more than the rounding of the state
+ACCELERATION_ROUNDING = 1e-6  # rad/s^2, likewise
+GOAL_TOLERANCE = 5e-5  # rad from the goal, from which nothing is corrected any more
+REST_RATE = 1e-3  # rad/s at which the robot may be commanded to stand
+APPROACH_GAIN = 3.0  # 1/s, speed over the distance that is left
+RATE_GAIN = 12.0  # 1/s, how fast a joint takes up the speed that is wanted
+ELBOW_GAIN = 20.0  # 1/s, how fast an elbow comes back that went on by itself
+
+Numbers = list[float]
+
+
+class JointRobot(Protocol):
+    """Interface of a robot that runs a joint motion, such as `drivers.arm.robot.Robot`."""
+
+    def start_joints(self) -> Any:
+        """Start a motion that follows joint positions."""
+
+    def read(self, motion: Any, *, awaited: bool = True) -> Any:
+        """The robot's next state; unless `awaited`, one that arrived earlier will do."""
+
+    def write_joints(self, motion: Any, joints: Numbers, *, last: bool = False) -> None:
+        """Send the joints (7,) [rad] for this tick; `last` ends the motion."""
+
+
+class JointCourse(NamedTuple):
+    """Joints (7,) [rad] with rates and accelerations, as differences of successive setpoints."""
+
+    position: Numbers
+    rate: Numbers
+    acceleration: Numbers
+
+    @classmethod
+    def of(cls, state: Any) -> "JointCourse":
+        """The course of the setpoint in the robot's `state`, as rounded there."""
+        return cls(list(state.q_d), list(state.dq_d), list(state.ddq_d))
+
+    def after_a_tick(self) -> "JointCourse":
+        """The course one tick on without a command: the robot keeps accelerating."""
+        position, rate, acceleration = (np.array(part) for part in self)
+        rate = rate + TICK * acceleration
+        position = position + TICK * rate
+        return JointCourse(position.tolist(), rate.tolist(), self.acceleration)
+
+    def followed_by(self, state: Any, sent: Numbers, ticks: int) -> "JointCourse":
+        """The robot's course in `state`, finer than its rounding, `ticks` after this one.
+
+        A robot that heard its command was at the joints `sent` (7,) one tick later; else it
+        accelerates on.
+        """
+        seen = JointCourse.of(state)
+        heard = largest_difference(seen.acceleration, self.acceleration) > ACCELERATION_ROUNDING
+        position = sent if heard else self.position
+        for ago in range(max(ticks - 1, 0) if heard else ticks):
+            position = [
+                p + TICK * (rate - ago * TICK * acceleration)
+                for p, rate, acceleration in zip(
+                    position, seen.rate, seen.acceleration, strict=True
+                )
+            ]
+        rounded = largest_difference(seen.position, position) <= ROUNDING
+        return seen._replace(position=position) if rounded else seen
+
+
+class JointMotion:
+    """Generator of joint setpoints (7,) [rad] to a goal, one per tick.
+
+    It follows a plan while every command arrives, afterwards it goes step by step. A plan in the
+    shortest time turns its acceleration around at the last moment: a robot that hears nothing turns
+    late, overshoots, and swings about the goal for ever. Step by step the speed falls in proportion
+    to the distance that is left, ten times more slowly than any such delay, so that each step is
+    right whatever became of the last.
+    """
+
+    def __init__(self, state: Any, goal: Numbers, share: float) -> None:
+        """Plan from rest in `state` to rest at `goal` (7,) [rad], at a `share` of full speed."""
+        start = list(state.q_d)
+        self._plan = _plan(start, goal, share)
+        self._planner, self._output = (ruckig.Ruckig(AXES, TICK), ruckig.OutputParameter(AXES))
+        self._goal: Numbers | None = goal
+        self._speed, self._acceleration = share * JOINT_SPEED, share * JOINT_ACCELERATION
+        self._jerk, self._rate_gain = JOINT_JERK, RATE_GAIN
+        self._time = state.time.to_sec()
+        self._here, self._sent = JointCourse(start, [0.0] * AXES, [0.0] * AXES), start
+        self._planned, self._missed = True, False
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the setpoints have reached the goal."""
+        if not self._missed:
+            return not self._planned
+        still = max(map(abs, self._here.rate)) < REST_RATE
+        if self._goal is None:
+            return still
+        return still and largest_difference(self._here.position, self._goal) < GOAL_TOLERANCE
+
+    def tick(self) -> Numbers:
+        """The next setpoint (7,) [rad]; ArmFault where no motion leads to the goal."""
+        self._sent = self._stepwise_setpoint() if self._missed else self._planned_setpoint()
+        return self._sent
+
+    def update(self, state: Any) -> None:
+        """Continue from the robot's own setpoint in `state` where that is not the one last sent.
+
+        Its state is rounded, and a rounding of 1e-7 rad in one tick is 0.1 rad/s^2. But a robot
+        that has heard nothing keeps its acceleration, so where it is follows from what it heard.
+        """
+        now = state.time.to_sec()
+        ticks, self._time = round((now - self._time) / TICK), now
+        off = largest_difference(state.q_d, self._sent) > ROUNDING
+        self._missed = self._missed or ticks != 1 or off
+        self._here = self._here.followed_by(state, self._sent, ticks)
+
+    def brake(self, *, hard: bool = False) -> None:
+        """Brake to rest in any posture; if `hard`, as quickly as the joints may."""
+        self._goal, self._acceleration = None, JOINT_ACCELERATION
+        if hard:
+            self._acceleration, self._jerk = HARD_ACCELERATION, HARD_JERK
+            self._rate_gain = HARD_GAIN
+        self._plan.max_acceleration = [self._acceleration] * AXES
+        self._plan.max_jerk = [self._jerk] * AXES
+        self._plan.control_interface = ruckig.ControlInterface.Velocity
+        self._plan.target_velocity = self._plan.target_acceleration = [0.0] * AXES
+
+    def _planned_setpoint(self) -> Numbers:
+        result = self._planner.update(self._plan, self._output)
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+            raise ArmFault(Cause.COMMAND, "no motion leads to these joints")
+        self._planned = bool(result == ruckig.Result.Working)
+        self._output.pass_to_input(self._plan)
+        setpoint: Numbers = self._output.new_position
+        return setpoint
+
+    def _stepwise_setpoint(self) -> Numbers:
+        wanted = [0.0] * AXES
+        if self._goal is not None:
+            away = [end - p for end, p in zip(self._goal, self._here.position, strict=True)]
+            fastest = APPROACH_GAIN * max(map(abs, away))
+            gain = APPROACH_GAIN * min(1.0, self._speed / fastest) if fastest else 0.0
+            wanted = [gain * distance for distance in away]  # one gain for all: straight
+        return [self._next_position(*joint) for joint in zip(*self._here, wanted, strict=True)]
+
+    def _next_position(
+        self, position: float, rate: float, acceleration: float, wanted: float
+    ) -> float:
+        """Setpoint [rad] of one joint, which takes up the rate `wanted` [rad/s]."""
+        asked = _clip(self._rate_gain * (wanted - rate), self._acceleration)
+        acceleration += _clip(asked - acceleration, self._jerk * TICK)
+        return position + TICK * (rate + TICK * acceleration)
+
+
+def follow_joints(
+    robot: JointRobot,
+    joints: Numbers,
+    share: float,
+    guard: ForceGuard,
+    left: Callable[[], bool],
+    enough: Callable[[Any], bool] = lambda _: False,
+) -> Numbers:
+    """Bring `robot` to `joints` (7,) [rad] and return the joints (7,) at which it comes to rest.
+
+    It brakes earlier once `left` or, for its state, `enough` is true. Raises ArmFault for an
+    objection of the `guard`, once the robot stands.
+    """
+    motion = robot.start_joints()
+    state = robot.read(motion)
+    setpoints, objection = JointMotion(state, joints, share), ""
+    while not (setpoints.arrived and _is_still(state)):
+        if not objection and (left() or enough(state)):
+            setpoints.brake()
+        robot.write_joints(motion, setpoints.tick())
+        state = robot.read(motion)
+        setpoints.update(state)
+        objection = objection or guard.objection(state)
+        if objection:
+            setpoints.brake(hard=True)
+    robot.write_joints(motion, list(state.q_d), last=True)
+    if objection:
+        raise ArmFault(Cause.CONTACT, objection)
+    return list(state.q)
+
+
+class Duration(NamedTuple):
+    """Time [s] of a robot's state, with the interface of the library's durations."""
+
+    seconds: float
+
+    def to_sec(self) -> float:
+        """This time [s]."""
+        return self.seconds
+
+
+class CartesianState:
+    """A robot's state at `time` [s] with the hand's commanded pose, twist and acceleration."""
+
+    def __init__(
+        self, state: Any, time: float, pose: Numbers, twist: Numbers, acceleration: Numbers
+    ) -> None:
+        self._state, self.time = state, Duration(time)
+        self.O_T_EE_c, self.O_dP_EE_c, self.O_ddP_EE_c = pose, twist, acceleration
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._state, name)
+
+
+class CartesianMotion:
+    """Takes poses of the hand and sends a robot the joints (7,) [rad] for them; the elbow stays.
+
+    The client library's Cartesian commands carry no elbow: the robot's own inverse kinematics would
+    choose one (frankx#22), and over a fold it may wander into a joint's end.
+
+    To find out how a motion goes on from where a robot is that missed a command takes a part of a
+    tick that may be all of it: then each answer would be late, and the robot would hear none. On
+    its `own_clock` the answer is therefore made for the tick after, until which a robot goes on by
+    itself in a known way, and is sent once it has come there.
+    """
+
+    def __init__(self, robot: JointRobot, *, own_clock: bool = False) -> None:
+        """Drive `robot`; on its `own_clock` each command is computed a tick ahead."""
+        self._robot, self._own_clock = robot, own_clock
+        self._ahead = False  # whether `_here` is where the robot will be a tick after `_time`
+        self._here: JointCourse | None = None
+        self._sent: Numbers = []
+        self._sent_pose: Array | None = None
+        # setpoints (4, 4) of the hand: now, and at the two ticks before
+        self._past_poses: list[Array] = []
+        self._time = 0.0
+        # rad, rad, rad/s: where the elbow was at the start, where it is commanded, its rate
+        self._kept = self._elbow = self._elbow_rate = 0.0
+
+    def start_poses(self) -> Any:
+        """Start a motion that follows poses of the hand; the elbow keeps its present angle."""
+        self._here, self._sent_pose, self._ahead = None, None, False
+        return self._robot.start_joints()
+
+    def read(self, motion: Any) -> CartesianState:
+        """The next state, with the setpoint of the hand computed from that of the joints."""
+        state = self._robot.read(motion)
+        now, first = state.time.to_sec(), self._here is None
+        if self._here is None:
+            here, ticks = self._begin(state), 1
+        else:
+            ticks = max(round((now - self._time) / TICK), 0)
+            here = self._here.followed_by(state, self._sent, ticks)
+        self._here, self._time = here, now
+        off = largest_difference(here.position, self._sent)
+        if self._sent_pose is not None and ticks == 1 and off < ROUNDING:
+            self._past_poses = [self._sent_pose, *self._past_poses[:2]]
+        else:
+            self._ahead = self._own_clock and not first
+            here = self._here = here.after_a_tick() if self._ahead else here
+            self._elbow, self._elbow_rate = here.position[ELBOW_JOINT], here.rate[ELBOW_JOINT]
+            self._past_poses = _past_poses(here)
+        twist, before = (_twist(self._past_poses[i], self._past_poses[i + 1]) for i in range(2))
+        acceleration = (twist - before) / TICK
+        pose: Numbers = self._past_poses[0].T.ravel().tolist()
+        time = self._time + TICK * self._ahead
+        return CartesianState(state, time, pose, twist.tolist(), acceleration.tolist())
+
+    def _begin(self, state: Any) -> JointCourse:
+        """The course of a robot at the first `state` of a motion, whose elbow is kept."""
+        begun = JointCourse.of(state)
+        self._sent = begun.position
+        self._elbow = self._kept = begun.position[ELBOW_JOINT]
+        self._elbow_rate = 0.0
+        return begun
+
+    def write_pose(self, motion: Any, pose: Numbers, *, last: bool = False) -> None:
+        """Send the joints that bring the hand to `pose`, 16 numbers by columns.
+
+        Raises ArmFault before the first state.
+        """
+        if self._here is None:
+            raise ArmFault(Cause.COMMAND, "a pose was sent before the first state was read")
+        near = np.array(self._here.after_a_tick().position)  # one step of Newton's is exact there
+        target = np.reshape(pose, (4, 4)).T
+        # critically damped return of the elbow
+        pull = ELBOW_GAIN * (self._kept - self._elbow) - 2.0 * self._elbow_rate
+        self._elbow_rate += TICK * ELBOW_GAIN * pull
+        self._elbow += TICK * self._elbow_rate
+        step = joint_step(near, *pose_and_jacobian(near), target, self._elbow)
+        sent: Numbers = (near + step).tolist()
+        if self._ahead and not self._has_arrived(motion) and not last:
+            return
+        self._sent, self._sent_pose = sent, target
+        self._robot.write_joints(motion, sent, last=last)
+
+    def _has_arrived(self, motion: Any) -> bool:
+        """Whether the robot is on its predicted course; if not, the course restarts where it is."""
+        state = self._robot.read(motion, awaited=False)
+        expected, self._ahead = self._here or JointCourse([], [], []), False
+        before, self._time = self._time, state.time.to_sec()
+        away = largest_difference(expected.position, state.q_d)
+        if round((self._time - before) / TICK) == 1 and away < ROUNDING:
+            return True
+        self._here = JointCourse.of(state)
+        self._sent, self._sent_pose = self._here.position, None
+        return False
+
+
+def largest_difference(these: Numbers, those: Numbers) -> float:
+    """Largest absolute difference between two lists of numbers, entry by entry."""
+    return max(abs(a - b) for a, b in zip(these, those, strict=True))
+
+
+def _past_poses(here: JointCourse) -> list[Array]:
+    """Poses (4, 4) of the hand now, one tick ago and two ticks ago."""
+    position, rate, acceleration = (np.array(part) for part in here)
+    before = position - TICK * rate
+    joints = (position, before, before - TICK * (rate - TICK * acceleration))
+    return list(forward(np.array(joints)))  # in one call: the robot awaits its answer
+
+
+def _twist(now: Array, before: Array) -> Array:
+    """Mean twist (6,) [m/s, rad/s] over a tick between two poses (4, 4).
+
+    A robot takes its rates so, by differences; one by the Jacobian at the end of the tick would be
+    wrong by half of what the Jacobian changes in it, and a command that goes on from there would
+    push on each time that one was lost.
+    """
+    turn = now[:3, :3] @ before[:3, :3].T
+    angle = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+    return np.concatenate([now[:3, 3] - before[:3, 3], np.multiply(0.5, angle)]) / TICK
+
+
+def _is_still(state: Any) -> bool:
+    """Whether the robot's setpoint stands still, up to what one tick takes off smoothly."""
+    return bool(max(abs(rate) for rate in state.dq_d) < REST_RATE)
+
+
+def _plan(start: Numbers, goal: Numbers, share: float) -> Any:
+    plan = ruckig.InputParameter(AXES)
+    plan.synchronization = ruckig.Synchronization.Phase  # straight from start to goal
+    plan.current_position, plan.target_position = start, goal
+    plan.current_velocity = plan.current_acceleration = [0.0] * AXES
+    plan.max_velocity = [share * JOINT_SPEED] * AXES
+    plan.max_acceleration = [share * JOINT_ACCELERATION] * AXES
+    plan.max_jerk = [JOINT_JERK] * AXES
+    return plan
+
+
+def _clip(value: float, most: float) -> float:
+    return min(max(value, -most), most)

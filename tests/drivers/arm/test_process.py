@@ -1,0 +1,124 @@
+"""The process that owns a robot: its scheduling, values that it shares, how evenly states came."""
+
+import os
+import subprocess
+import sys
+from multiprocessing import get_context
+from typing import NamedTuple
+
+import pytest
+
+from drivers.arm.failure import ArmFault, Cause
+from drivers.arm.joint_log import EDGES_MS, Timing
+from drivers.arm.orders import Latest
+from drivers.arm.process import PRIORITY, schedule
+from drivers.errors import Fault
+
+CONTEXT = get_context("spawn")
+PROMPT = """
+import os
+from drivers.arm.process import schedule
+schedule("ignore")
+assert os.sched_getscheduler(0) == os.SCHED_OTHER
+"""
+
+
+def test_prompt_wake_up_leaves_the_ordinary_scheduler() -> None:
+    subprocess.run([sys.executable, "-c", PROMPT], check=True)
+
+
+def test_real_time_priority_is_asked_for_this_process_and_not_its_children(monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked.append(given))
+    schedule("enforce")  # the library has done it
+    assert not asked
+    schedule("priority")
+    ((_, policy, priority),) = asked
+    assert policy == os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+    assert priority.sched_priority == PRIORITY
+
+
+def test_priority_that_is_not_allowed_is_refused_by_name(monkeypatch) -> None:
+    def forbidden(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", forbidden)
+    with pytest.raises(ArmFault, match="real-time priority") as failed:
+        schedule("priority")
+    assert failed.value.cause is Cause.REALTIME
+
+
+class Eight(NamedTuple):
+    a: int
+    b: int
+    c: int
+    d: int
+    e: int
+    f: int
+    g: int
+    h: int
+
+
+def write_for_ever(memory, start) -> None:
+    values = Latest(memory, Eight)
+    start.set()
+    number = 0
+    while True:
+        number += 1
+        values.write(Eight(*[number] * 8))
+
+
+def test_no_value_is_ever_torn() -> None:
+    memory, start = Latest.allocate(Eight, CONTEXT), CONTEXT.Event()
+    process = CONTEXT.Process(target=write_for_ever, args=(memory, start), daemon=True)
+    process.start()
+    values, last = Latest(memory, Eight), 0
+    assert start.wait(20)
+    try:
+        for _ in range(20_000):
+            seen = values.read()
+            assert len(set(seen)) == 1
+            assert seen.a >= last
+            last = seen.a
+    finally:
+        process.kill()
+        process.join()
+    assert values.read().a >= last  # a writer that was killed holds nobody up
+
+
+def test_newest_value_is_read() -> None:
+    values = Latest(Latest.allocate(Eight, CONTEXT), Eight)
+    assert values.read() == Eight(*[0] * 8)
+    for number in (1, 2, 3):
+        values.write(Eight(*[number] * 8))
+    assert values.read().h == 3
+    assert values.count == 3
+
+
+def test_reader_gives_up_on_a_writer_that_is_always_faster() -> None:
+
+    values = Latest(Latest.allocate(Eight, CONTEXT), Eight)
+
+    class Rising:
+        def __init__(self) -> None:
+            self.value = 0
+
+        def __getitem__(self, _: int) -> int:
+            self.value += 1
+            return self.value
+
+    values._count = Rising()
+    with pytest.raises(Fault, match="faster"):
+        values.read()
+
+
+def test_intervals_are_counted_in_their_bins_and_the_longest_is_kept() -> None:
+    timing = Timing()
+    for now, success in ((0.0, 1.0), (0.001, 1.0), (0.002, 0.5), (0.2, 0.5)):
+        timing.update(now, success)
+    told = timing.content()
+    assert sum(told["counts"]) == 3
+    assert told["counts"][-1] == 1
+    assert told["counts"][EDGES_MS.index(1.1)] == 2
+    assert told["longest_ms"] == pytest.approx(198.0)
+    assert told["answered"] == pytest.approx(0.75)
