@@ -41,8 +41,7 @@ def serve(
 ) -> None:
     """Serve arm (port 1337) and hand (port 1338) until interrupted; the robot alone, no strip."""
     from drivers.fci_server.faults import load_faults
-    from drivers.fci_server.server import RobotServer
-    from drivers.fci_server.settings import ServerSettings
+    from drivers.fci_server.server import RobotServer, ServerSettings
     from drivers.settings import parse
 
     asked = {"lock_step": lock_step} | ({} if address is None else {"address": address})

@@ -16,8 +16,7 @@ from drivers.arm.process import Task
 from drivers.arm.reach import plan_reach
 from drivers.clock import WallClock
 from drivers.errors import ConfigurationError, Fault
-from drivers.fci_server.server import RobotServer
-from drivers.fci_server.settings import ServerSettings
+from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.installation import Installation
 from drivers.protocols import Camera
 from drivers.strip.file import StripFile

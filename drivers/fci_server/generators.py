@@ -1,7 +1,6 @@
 """Motion generators of the emulated robot: the next posture from a command, or a violation."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -9,40 +8,30 @@ from drivers.fci_server.configuration import rigid
 from drivers.fci_server.limits import (
     CARTESIAN_JOINT,
     JOINT,
-    TICK,
+    Violation,
     check_end,
     check_joint_course,
     check_joints,
     check_swing,
     check_tool_course,
-    twist_of,
 )
-from drivers.fci_server.posture import Posture
-from drivers.fci_server.reflex import Reflex, Violation
-from drivers.fci_server.wire import Generator, RobotCommand, usable
-from drivers.franka.inverse import damped_inverse, twist_between
-from drivers.franka.tracking import ELBOW_JOINT, INVERSE_DAMPING, joint_step, rotation
+from drivers.fci_server.posture import Posture, twist_of
+from drivers.fci_server.wire import Generator, Reflex, RobotCommand, usable
+from drivers.franka.tracking import joint_step, rotation
+from drivers.motion import TICK
 from drivers.types import Array
 
 Follow = Callable[[Posture, RobotCommand, Array], Posture]
 
 
 def follow(
-    generator: Generator,
-    old: Posture,
-    command: RobotCommand,
-    tool: Array,
-    first: bool,
-    chooses_elbow: bool = False,
+    generator: Generator, old: Posture, command: RobotCommand, tool: Array, first: bool
 ) -> Posture:
     """Posture one tick after `old` under `command`, with `tool` (4, 4) in the flange's frame.
 
-    Where it `chooses_elbow`, a pose without one is reached by the smallest turns of all joints.
     `first` marks the first command of a motion, whose pose must be the arm's own. Raises Violation
     where the command breaks a limit of the robot.
     """
-    if chooses_elbow and command.elbow is None and generator is Generator.CARTESIAN_POSE:
-        command = replace(command, elbow=(_easiest_elbow(old, command), old.elbow_sign))
     try:
         new = _FOLLOW[generator](old, command, tool)
     except Violation as violation:
@@ -132,12 +121,6 @@ def _elbow(old: Posture, command: RobotCommand) -> float:
     if sign != old.elbow_sign:
         raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_SIGN_INCONSISTENT)
     return angle
-
-
-def _easiest_elbow(old: Posture, command: RobotCommand) -> float:
-    """Elbow angle [rad] one tick on by the Jacobian's pseudo-inverse: smallest joint turns."""
-    twist = twist_between(old.reached, command.pose)
-    return float(old.elbow + (damped_inverse(old.jacobian, INVERSE_DAMPING) @ twist)[ELBOW_JOINT])
 
 
 def _advance_pose(pose: Array, twist: Array) -> Array:

@@ -4,15 +4,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 
-from drivers.fci_server.hand_wire import STATUS, HandRequest, reply
-from drivers.fci_server.limits import TICK
-from drivers.franka.hand_protocol import HandCommand, HandStatus
+from drivers.fci_server.wire import HAND_FRAMING, Request
+from drivers.franka.hand_protocol import PAYLOAD, STATE_PACKET, HandCommand, HandStatus
+from drivers.motion import TICK
 
 WIDEST = 0.08  # m
 FASTEST_FINGER = 0.1  # m/s, of one finger towards the other
 TEMPERATURE = 30  # degrees C
 
 Between = Callable[[], float | None]
+HandRequest = Request[HandCommand]
 
 
 @dataclass(slots=True)
@@ -48,6 +49,11 @@ class Hand:
     def moving(self) -> bool:
         """Whether a command is under way."""
         return self._task is not None
+
+    def state(self, time: int) -> bytes:
+        """Datagram of the hand's state at robot `time` [ms]."""
+        width, widest = (self.width, WIDEST) if self.is_homed else (0.0, 0.0)
+        return STATE_PACKET.pack(time & 0xFFFFFFFF, width, widest, self.is_grasped, TEMPERATURE)
 
     def begin(self, request: HandRequest) -> None:
         """Start the command of `request`; one that is under way is aborted."""
@@ -94,7 +100,7 @@ class Hand:
         self._task = None
         status = HandStatus.UNSUCCESSFUL
         if task.request.command is HandCommand.GRASP:
-            width, inner, outer = task.request.values[:3]
+            width, inner, outer = _values(task.request)[:3]
             inside = width - inner <= self.width <= width + outer
             self.is_grasped = inside and self.width >= self.felt
             status = HandStatus.SUCCESS if self.is_grasped else HandStatus.UNSUCCESSFUL
@@ -111,24 +117,31 @@ class Hand:
         self._answer(task.request, HandStatus.UNSUCCESSFUL if missed else HandStatus.SUCCESS)
 
     def _answer(self, request: HandRequest, status: HandStatus) -> None:
-        self.replies.append(reply(request.command, request.command_id, STATUS.pack(status)))
+        content = HAND_FRAMING.status.pack(status)
+        self.replies.append(HAND_FRAMING.reply(request.command, request.command_id, content))
 
 
 def _task(request: HandRequest) -> Task:
     if request.command is HandCommand.HOMING:
         return Task(request, [0.0, WIDEST], FASTEST_FINGER)
     if request.command is HandCommand.GRASP:
-        return Task(request, [0.0], min(request.values[3], FASTEST_FINGER))
-    return Task(request, [request.values[0]], min(request.values[1], FASTEST_FINGER))
+        return Task(request, [0.0], min(_values(request)[3], FASTEST_FINGER))
+    return Task(request, [_values(request)[0]], min(_values(request)[1], FASTEST_FINGER))
 
 
 def _valid(request: HandRequest) -> bool:
-    if not all(isfinite(value) for value in request.values):
+    values = _values(request)
+    if not all(isfinite(value) for value in values):
         return False
     if request.command is HandCommand.GRASP:
-        width, inner, outer, speed, force = request.values
+        width, inner, outer, speed, force = values
         return 0 <= width <= WIDEST and min(inner, outer) >= 0 < speed and force > 0
     if request.command is HandCommand.MOVE:
-        width, speed = request.values
+        width, speed = values
         return 0 <= width <= WIDEST and speed > 0
     return request.command is HandCommand.HOMING
+
+
+def _values(request: HandRequest) -> tuple[float, ...]:
+    """Numbers of a request, in the order of the hand's protocol."""
+    return PAYLOAD[request.command].unpack(request.payload)

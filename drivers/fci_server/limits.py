@@ -1,18 +1,29 @@
 """Limits that the robot itself enforces on commands, whatever its client checked."""
 
 from dataclasses import dataclass, field
-from math import hypot
+from math import hypot, inf
 
 import numpy as np
 
-from drivers.fci_server.reflex import Reflex, Violation
+from drivers.fci_server.posture import Course
+from drivers.fci_server.wire import Reflex
 from drivers.franka import limits
-from drivers.franka.tracking import rotation_vector
+from drivers.franka.body import Solids, apart
+from drivers.motion import TICK
 from drivers.types import Array, frozen
 
-TICK = 1e-3  # s
 # Clients limit their rates by the state, which the wire rounds.
 LIMIT_FACTOR = 1.01  # float32 of the state costs a few tenths of 1 %
+LEVER = 1.3  # m at most by which a point of the arm moves per rad of any joint
+DEEPER = 1e-6  # m by which a touch must grow to count again: the arm may leave it
+
+
+class Violation(Exception):
+    """A command that the robot does not follow, with the error that it reports instead."""
+
+    def __init__(self, reflex: Reflex) -> None:
+        super().__init__(reflex.name.lower())
+        self.reflex = reflex
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,21 +66,30 @@ class Box:
             raise Violation(Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION)
 
 
-@dataclass(slots=True)
-class Course:
-    """Commanded velocity and acceleration of the last tick: (7,) of joints or (6,) of the tool."""
+class BodyCheck:
+    """Checks the arm for collisions only once it has moved far enough for one."""
 
-    velocity: Array
-    acceleration: Array
+    def __init__(self, solids: Solids | None = None) -> None:
+        """Check the arm against `solids`, or against itself alone."""
+        self._solids = solids
+        self._seen: Array | None = None
+        self._room = 0.0  # m, at the joints that were seen
+        self._gaps = [inf, inf]  # m, to itself and to the solids
 
-    def step(self, velocity: Array) -> "Course":
-        """The course one tick on with a new `velocity`."""
-        return Course(velocity, (velocity - self.velocity) / TICK)
-
-
-def still(axes: int) -> Course:
-    """A course of `axes` axes at rest."""
-    return Course(np.zeros(axes), np.zeros(axes))
+    def check(self, q: Array) -> None:
+        """Raises Violation where joints (7,) [rad] bring the arm into itself or a solid."""
+        if self._seen is not None:
+            travel = LEVER * float(np.abs(q - self._seen).sum())
+            if travel < self._room:
+                return
+        itself = float(apart(q))
+        others = inf if self._solids is None else float(self._solids.clearance(q).min())
+        before, self._gaps = self._gaps, [itself, others]
+        self._seen, self._room = np.array(q), min(itself, others)
+        reflexes = Reflex.SELF_COLLISION_AVOIDANCE_VIOLATION, Reflex.CARTESIAN_REFLEX
+        for gap, last, reflex in zip(self._gaps, before, reflexes, strict=True):
+            if gap < 0 and gap < min(last, 0.0) - DEEPER:
+                raise Violation(reflex)
 
 
 # What follows runs in every tick: for so few numbers plain floats are faster than arrays.
@@ -121,14 +141,6 @@ def check_end(joints: Course, rates: Rates) -> None:
     """Raises Violation for a motion that is declared finished while the arm still moves."""
     if _beyond(joints.velocity, _JOINT_STANDSTILL):
         raise Violation(rates.acceleration)
-
-
-def twist_of(old: Array, new: Array) -> Array:
-    """Velocity (6,) in the base that takes pose `old` (4, 4) to `new` in one tick."""
-    twist = np.empty(6)
-    twist[:3] = new[:3, 3] - old[:3, 3]
-    twist[3:] = rotation_vector(new[:3, :3] @ old[:3, :3].T)
-    return twist / TICK
 
 
 def _beyond(values: Array, most: tuple[float, ...]) -> bool:

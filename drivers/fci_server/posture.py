@@ -5,11 +5,28 @@ from typing import Self
 
 import numpy as np
 
-from drivers.fci_server.limits import TICK, Course, still, twist_of
 from drivers.franka import limits
 from drivers.franka.kinematics import ELBOW_FLIP, pose_and_jacobian
-from drivers.franka.tracking import ELBOW_JOINT
+from drivers.franka.tracking import ELBOW_JOINT, rotation_vector
+from drivers.motion import TICK
 from drivers.types import Array
+
+
+@dataclass(slots=True)
+class Course:
+    """Commanded velocity and acceleration of the last tick: (7,) of joints or (6,) of the tool."""
+
+    velocity: Array
+    acceleration: Array
+
+    def step(self, velocity: Array) -> "Course":
+        """The course one tick on with a new `velocity`."""
+        return Course(velocity, (velocity - self.velocity) / TICK)
+
+
+def still(axes: int) -> Course:
+    """A course of `axes` axes at rest."""
+    return Course(np.zeros(axes), np.zeros(axes))
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,3 +97,11 @@ class Posture:
             return self.resting(self.q, tool)
         course = self.joints.step(self.joints.velocity * (1 - TICK / time_left))
         return self.move_on(self.q + TICK * course.velocity, tool, course)
+
+
+def twist_of(old: Array, new: Array) -> Array:
+    """Velocity (6,) in the base that takes pose `old` (4, 4) to `new` in one tick."""
+    twist = np.empty(6)
+    twist[:3] = new[:3, 3] - old[:3, 3]
+    twist[3:] = rotation_vector(new[:3, :3] @ old[:3, :3].T)
+    return twist / TICK

@@ -6,19 +6,15 @@ late replies, those that only the end of a motion gives.
 
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
-from drivers.fci_server.body_check import BodyCheck
 from drivers.fci_server.configuration import SETTERS, Configuration, configure
-from drivers.fci_server.contact import NO_CONTACT, Contact
-from drivers.fci_server.dynamics import Dynamics
+from drivers.fci_server.dynamics import Dynamics, Trailing
 from drivers.fci_server.generators import extrapolate, follow, readable
-from drivers.fci_server.limits import Box
+from drivers.fci_server.limits import BodyCheck, Box, Violation
 from drivers.fci_server.posture import Posture
-from drivers.fci_server.reflex import Reflex, Violation
-from drivers.fci_server.trailing import Trailing
 from drivers.fci_server.wire import (
     Command,
     Controller,
@@ -26,6 +22,7 @@ from drivers.fci_server.wire import (
     Mode,
     MoveRequest,
     MoveStatus,
+    Reflex,
     Request,
     RobotCommand,
     Status,
@@ -36,6 +33,46 @@ from drivers.types import Array
 
 SINGULAR = 0.01  # smallest singular value of a Jacobian from which a Cartesian motion may start
 MOST_MISSED_TICKS = 20  # ticks in a row without a command
+STEADY_ACCELERATION = 1e-3  # rad/s^2 and m/s^2, below which a motion counts as uniform
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Estimated wrench (6,) [N, N m] on the tool in the base, and the joint torques it causes.
+
+    Flags are 1 where a threshold is passed: first row contact, second collision.
+    """
+
+    wrench: Array
+    torque: Array  # (7,) N m
+    joint_flags: Array  # (2, 7)
+    tool_flags: Array  # (2, 6)
+
+    @classmethod
+    def of_force(cls, posture: Posture, configuration: Configuration, force: Array) -> Self:
+        """Contact that a `force` (3,) [N] on the tool's origin causes in `posture`."""
+        wrench = np.zeros(6)
+        wrench[:3] = force
+        lever = posture.reached[:3, :3] @ configuration.tool_to_stiffness[:3, 3]
+        wrench[3:] = np.cross(-lever, force)
+        torque = posture.jacobian[:3].T @ force
+        thresholds = configuration.thresholds
+        steady = bool((np.abs(posture.joints.acceleration) < STEADY_ACCELERATION).all())
+        joints = thresholds.torque_nominal if steady else thresholds.torque_accelerating
+        tool = thresholds.force_nominal if steady else thresholds.force_accelerating
+        joint_flags = np.greater(np.abs(torque), joints).astype(np.float64)
+        tool_flags = np.greater(np.abs(wrench), tool).astype(np.float64)
+        return cls(wrench, torque, joint_flags, tool_flags)
+
+    @property
+    def reflex(self) -> Reflex | None:
+        """Reflex that a threshold of collision triggers; None where none is passed."""
+        if self.tool_flags[1].any():
+            return Reflex.CARTESIAN_REFLEX
+        return Reflex.JOINT_REFLEX if self.joint_flags[1].any() else None
+
+
+NO_CONTACT = Contact(np.zeros(6), np.zeros(7), np.zeros((2, 7)), np.zeros((2, 6)))
 
 
 class Surroundings(Protocol):
@@ -76,7 +113,6 @@ class Robot:
     body: BodyCheck = field(default_factory=BodyCheck)
     trailing: Trailing | None = None
     dynamics: Dynamics | None = None
-    chooses_elbow: bool = False
     configuration: Configuration = field(default_factory=Configuration)
     mode: Mode = Mode.IDLE
     errors: frozenset[Reflex] = frozenset()
@@ -126,7 +162,7 @@ class Robot:
         if self.motion is not None:
             self.motion.stopping = True
 
-    def set(self, request: Request) -> Status:
+    def set(self, request: Request[Command]) -> Status:
         """Change a setting by a request in SETTERS, which is refused unless the robot is idle."""
         if request.command not in SETTERS or self.mode is not Mode.IDLE:
             return Status.NOT_POSSIBLE
@@ -183,9 +219,7 @@ class Robot:
         self.ticks += 1
         motion.missed = 0
         try:
-            posture = follow(
-                motion.generator, self.posture, command, tool, first, self.chooses_elbow
-            )
+            posture = follow(motion.generator, self.posture, command, tool, first)
             self.box.check(posture.reached)
             self.body.check(posture.q)
         except Violation as violation:

@@ -2,27 +2,28 @@
 
 import select
 import socket
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from ipaddress import IPv4Address
 from threading import Thread
-from typing import Self, TypeVar
+from typing import Annotated, Self, TypeVar
+
+from pydantic import AfterValidator, Field
 
 from drivers.errors import ConfigurationError
-from drivers.fci_server.arm_port import ArmPort
-from drivers.fci_server.body_check import BodyCheck
-from drivers.fci_server.disturbance import Disturbance
-from drivers.fci_server.dynamics import Dynamics
-from drivers.fci_server.faults import DropFault, Fault, FreezeFault, VersionFault
+from drivers.fci_server.dynamics import Dynamics, Trailing
+from drivers.fci_server.faults import Disturbance, DropFault, Fault, FreezeFault, VersionFault
 from drivers.fci_server.hand import Between, Hand
-from drivers.fci_server.hand_port import HandPort
-from drivers.fci_server.limits import Box
-from drivers.fci_server.pace import Pace, Stopwatch
+from drivers.fci_server.limits import BodyCheck, Box
+from drivers.fci_server.ports import ArmPort, HandPort
 from drivers.fci_server.robot import Robot, Surroundings, resting_robot
-from drivers.fci_server.settings import ServerSettings
-from drivers.fci_server.trailing import Trailing
 from drivers.fci_server.wire import RobotCommand
 from drivers.franka.body import Solids
+from drivers.franka.model import ArmPlant
+from drivers.motion import TICK
+from drivers.settings import Settings
 from drivers.types import Array
 
 HAND_PERIOD = 5  # ms, of the hand's states
@@ -30,9 +31,73 @@ OFFER_HAND = 0.01  # s, after which a hand's state goes out while the arm's time
 MOST_LATE = 64  # commands for earlier ticks that are skipped in one go
 OFFER_ARM = 0.1  # s, after which the arm's last state is offered again
 COUNTED_TICKS = 100
+LONGEST_CATCH_UP = 0.2 * TICK  # s at most by which a period is shortened to make up for a late one
 
 A = TypeVar("A")
 B = TypeVar("B")
+
+
+def _address(text: str) -> str:
+    return str(IPv4Address(text))
+
+
+class ServerSettings(Settings):
+    """Address of the server and the clock that the robot follows.
+
+    Without an `address` it takes a free one on the loopback, because the clients fix the ports. In
+    `lock_step` a motion advances one control period for each command; otherwise it runs by the wall
+    clock, where a late command counts as missed. The arm stands `delay` and a first-order `lag` [s]
+    behind its setpoint, as a real one does. Without a `plant` it feels gravity alone.
+    """
+
+    address: Annotated[str, AfterValidator(_address)] | None = None
+    lock_step: bool = True
+    delay: float = Field(0.0, ge=0, le=0.1)
+    lag: float = Field(0.0, ge=0, le=0.1)
+    plant: ArmPlant | None = None
+
+
+class Pace:
+    """Timer of control periods of 1 ms, none of which is shorter than 0.8 ms."""
+
+    def __init__(self) -> None:
+        self._deadline = time.monotonic()
+
+    def remaining(self) -> float:
+        """Time [s] until the next period is due; at most zero when it is."""
+        return self._deadline - time.monotonic()
+
+    def begin_next(self) -> None:
+        """Go to the next period, which begins now.
+
+        Where this machine was late, the robot's time falls behind the wall clock's: a robot never
+        is, and gives its client a whole period to answer each state.
+        """
+        now = time.monotonic()
+        self._deadline = max(self._deadline, now - LONGEST_CATCH_UP) + TICK
+
+    def restart(self) -> None:
+        """Begin to count periods anew, from now."""
+        self._deadline = time.monotonic() + TICK
+
+
+class Stopwatch:
+    """A timer that reports when its duration has passed since the last reset."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._since = time.monotonic()
+
+    def reset(self) -> None:
+        """Start the duration anew, from now."""
+        self._since = time.monotonic()
+
+    def rang(self) -> bool:
+        """Whether the duration has passed; if so, the timer restarts."""
+        if time.monotonic() - self._since < self._seconds:
+            return False
+        self.reset()
+        return True
 
 
 class Punctuality:
@@ -107,7 +172,7 @@ class RobotServer:
         self.robot = resting_robot(start, box, surroundings)
         robot = self.robot
         _give_mechanics(robot, settings)
-        robot.body, robot.chooses_elbow = BodyCheck(solids), settings.chooses_elbow
+        robot.body = BodyCheck(solids)
         self.hand = Hand(between)
         self._poll = select.epoll()
         self._lock_step = settings.lock_step

@@ -1,24 +1,25 @@
-"""Messages of the arm's protocol, server version 10: little-endian, packed."""
+"""Messages of the robot's protocols, packed and little-endian; those of the arm are version 10."""
 
 from dataclasses import dataclass
 from enum import IntEnum
 from struct import Struct
-from typing import Self
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 
+from drivers.franka import hand_protocol
+from drivers.franka.hand_protocol import HandCommand
 from drivers.types import Array
 
 PROTOCOL_VERSION = 10
 PORT = 1337
-HEADER = Struct("<III")  # command, command id, size with header
-CONNECT_REQUEST = Struct("<HH")  # version, UDP port of the client
-CONNECTED = Struct("<BH")  # status, version of the server
 MOVE = Struct("<II6dB7d")
 MESSAGE, COMMAND_NUMBERS = Struct("<Q"), 38
 COMMAND = Struct(f"<Q{COMMAND_NUMBERS}dBB7dB")  # the state that it answers, numbers, flags
 FLAGS_OFFSET = MESSAGE.size + 8 * COMMAND_NUMBERS
 LARGEST_NUMBER = 1e6  # in any unit; no command is near it
+
+K = TypeVar("K", bound=IntEnum)
 
 
 class Command(IntEnum):
@@ -36,22 +37,6 @@ class Command(IntEnum):
     SET_LOAD = 9
     AUTOMATIC_ERROR_RECOVERY = 10
     GET_ROBOT_MODEL = 11
-
-
-PAYLOAD = {
-    Command.CONNECT: 4,
-    Command.MOVE: 113,
-    Command.STOP_MOVE: 0,
-    Command.SET_COLLISION_BEHAVIOR: 416,
-    Command.SET_JOINT_IMPEDANCE: 56,
-    Command.SET_CARTESIAN_IMPEDANCE: 48,
-    Command.SET_GUIDING_MODE: 7,
-    Command.SET_EE_TO_K: 128,
-    Command.SET_NE_TO_EE: 128,
-    Command.SET_LOAD: 104,
-    Command.AUTOMATIC_ERROR_RECOVERY: 0,
-    Command.GET_ROBOT_MODEL: 0,
-}  # bytes
 
 
 class Status(IntEnum):
@@ -109,17 +94,108 @@ class Mode(IntEnum):
     RECOVERY = 6
 
 
+class Reflex(IntEnum):
+    """Errors that the robot reports, by the index of their flag among the 41 in the state.
+
+    The order is the one in which pylibfranka and franka-rs read the flags; it is not that of the
+    public header errors.h.
+    """
+
+    JOINT_POSITION_LIMITS_VIOLATION = 0
+    CARTESIAN_POSITION_LIMITS_VIOLATION = 1
+    SELF_COLLISION_AVOIDANCE_VIOLATION = 2
+    JOINT_VELOCITY_VIOLATION = 3
+    CARTESIAN_VELOCITY_VIOLATION = 4
+    FORCE_CONTROL_SAFETY_VIOLATION = 5
+    JOINT_REFLEX = 6
+    CARTESIAN_REFLEX = 7
+    MAX_GOAL_POSE_DEVIATION_VIOLATION = 8
+    MAX_PATH_POSE_DEVIATION_VIOLATION = 9
+    CARTESIAN_VELOCITY_PROFILE_SAFETY_VIOLATION = 10
+    JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID = 11
+    JOINT_MOTION_GENERATOR_POSITION_LIMITS_VIOLATION = 12
+    JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION = 13
+    JOINT_MOTION_GENERATOR_VELOCITY_DISCONTINUITY = 14
+    JOINT_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY = 15
+    CARTESIAN_POSITION_MOTION_GENERATOR_START_POSE_INVALID = 16
+    CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION = 17
+    CARTESIAN_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION = 18
+    CARTESIAN_MOTION_GENERATOR_VELOCITY_DISCONTINUITY = 19
+    CARTESIAN_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY = 20
+    CARTESIAN_MOTION_GENERATOR_ELBOW_SIGN_INCONSISTENT = 21
+    CARTESIAN_MOTION_GENERATOR_START_ELBOW_INVALID = 22
+    FORCE_CONTROLLER_DESIRED_FORCE_TOLERANCE_VIOLATION = 23
+    START_ELBOW_SIGN_INCONSISTENT = 24
+    COMMUNICATION_CONSTRAINTS_VIOLATION = 25
+    POWER_LIMIT_VIOLATION = 26
+    CARTESIAN_MOTION_GENERATOR_JOINT_POSITION_LIMITS_VIOLATION = 27
+    CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION = 28
+    CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_DISCONTINUITY = 29
+    CARTESIAN_MOTION_GENERATOR_JOINT_ACCELERATION_DISCONTINUITY = 30
+    CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME = 31
+    CONTROLLER_TORQUE_DISCONTINUITY = 32
+    JOINT_P2P_INSUFFICIENT_TORQUE_FOR_PLANNING = 33
+    TAU_J_RANGE_VIOLATION = 34
+    INSTABILITY_DETECTED = 35
+    JOINT_MOVE_IN_WRONG_DIRECTION = 36
+    CARTESIAN_SPLINE_MOTION_GENERATOR_VIOLATION = 37
+    JOINT_VIA_MOTION_GENERATOR_PLANNING_JOINT_LIMIT_VIOLATION = 38
+    BASE_ACCELERATION_INITIALIZATION_TIMEOUT = 39
+    BASE_ACCELERATION_INVALID_READING = 40
+
+
+class Violation(Exception):
+    """A command that the robot does not follow, with the error that it reports instead."""
+
+    def __init__(self, reflex: Reflex) -> None:
+        super().__init__(reflex.name.lower())
+        self.reflex = reflex
+
+
 class Malformed(Exception):
     """Bytes that are not a message of the protocol; the connection is closed."""
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
-    """One request over TCP: command, id, payload of the length given in PAYLOAD."""
+class Request(Generic[K]):
+    """One request over TCP: command, id, payload of the length that belongs to the command."""
 
-    command: Command
+    command: K
     command_id: int
     payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Framing(Generic[K]):
+    """Packing of messages over TCP: a header, a status in replies, payloads of fixed sizes."""
+
+    commands: type[K]
+    header: Struct  # command, command id, size with header
+    status: Struct
+    sizes: dict[K, int]  # bytes of the payload
+
+    def take(self, buffer: bytearray) -> Request[K] | None:
+        """Remove the first whole request from the received bytes; None while it is incomplete.
+
+        Raises Malformed for an unknown command or a wrong size.
+        """
+        if len(buffer) < self.header.size:
+            return None
+        number, command_id, size = self.header.unpack_from(buffer)
+        if number not in tuple(self.commands):
+            raise Malformed(f"command {number} is unknown")
+        command = self.commands(number)
+        if size != self.header.size + self.sizes[command]:
+            raise Malformed(f"{command.name} of {size} bytes")
+        if len(buffer) < size:
+            return None
+        payload = bytes(buffer[self.header.size : size])
+        del buffer[:size]
+        return Request(command, command_id, payload)
+
+    def reply(self, command: K, command_id: int, content: bytes) -> bytes:
+        """Bytes of one reply over TCP; `content` starts with its status."""
+        return self.header.pack(command, command_id, self.header.size + len(content)) + content
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,26 +251,28 @@ def usable(numbers: Array | tuple[float, ...]) -> bool:
     return bool(np.abs(numbers).max() < LARGEST_NUMBER)
 
 
-def take_request(buffer: bytearray) -> Request | None:
-    """Remove the first whole request from the received bytes; None while it is incomplete.
-
-    Raises Malformed for an unknown command or a wrong size.
-    """
-    if len(buffer) < HEADER.size:
-        return None
-    number, command_id, size = HEADER.unpack_from(buffer)
-    if number not in PAYLOAD:
-        raise Malformed(f"command {number} is unknown")
-    command = Command(number)
-    if size != HEADER.size + PAYLOAD[command]:
-        raise Malformed(f"{command.name} of {size} bytes")
-    if len(buffer) < size:
-        return None
-    payload = bytes(buffer[HEADER.size : size])
-    del buffer[:size]
-    return Request(command, command_id, payload)
-
-
-def reply(command: Command, command_id: int, content: bytes) -> bytes:
-    """Bytes of one reply over TCP; `content` starts with its status."""
-    return HEADER.pack(command, command_id, HEADER.size + len(content)) + content
+ARM_FRAMING = Framing(
+    Command,
+    Struct("<III"),
+    Struct("<B"),
+    {
+        Command.CONNECT: 4,
+        Command.MOVE: 113,
+        Command.STOP_MOVE: 0,
+        Command.SET_COLLISION_BEHAVIOR: 416,
+        Command.SET_JOINT_IMPEDANCE: 56,
+        Command.SET_CARTESIAN_IMPEDANCE: 48,
+        Command.SET_GUIDING_MODE: 7,
+        Command.SET_EE_TO_K: 128,
+        Command.SET_NE_TO_EE: 128,
+        Command.SET_LOAD: 104,
+        Command.AUTOMATIC_ERROR_RECOVERY: 0,
+        Command.GET_ROBOT_MODEL: 0,
+    },
+)
+HAND_FRAMING = Framing(
+    HandCommand,
+    hand_protocol.HEADER,
+    Struct("<H"),
+    {command: layout.size for command, layout in hand_protocol.PAYLOAD.items()},
+)

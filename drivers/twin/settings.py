@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from drivers.arm_plant import ArmPlant
+from drivers.franka.model import ArmPlant
 from drivers.settings import Settings
 from drivers.twin.renderer.looks import PLAIN, check_look
 

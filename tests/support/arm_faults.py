@@ -28,8 +28,7 @@ from drivers.fci_server.faults import (
     UserStopFault,
     VersionFault,
 )
-from drivers.fci_server.server import RobotServer
-from drivers.fci_server.settings import ServerSettings
+from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.types import frozen
 
 PHASES = ("PREFLIGHT", "GRASP", "LIFT", "FOLD", "LAY")

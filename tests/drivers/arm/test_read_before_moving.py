@@ -12,11 +12,10 @@ from drivers.arm.checks import read_description, require_limits
 from drivers.arm.failure import ArmFault
 from drivers.arm.requests import go_to, hand_pose
 from drivers.errors import Fault
-from drivers.fci_server.model import robot_model
-from drivers.fci_server.reflex import Reflex
 from drivers.fci_server.server import RobotServer
-from drivers.fci_server.wire import Mode
+from drivers.fci_server.wire import Mode, Reflex
 from drivers.franka.kinematics import FLANGE_TO_TIP
+from drivers.franka.model import arm_urdf
 from drivers.types import frozen
 from tests.drivers.arm.rig import near, served, task
 from tests.drivers.fci_server.test_conformance import told_by
@@ -120,24 +119,24 @@ def test_robot_in_guiding_mode_is_not_moved() -> None:
 
 def test_robot_gives_the_description_that_its_client_reads() -> None:
     with served() as server:
-        assert read_description(server.address) == robot_model()
-    require_limits(robot_model())
+        assert read_description(server.address) == arm_urdf()
+    require_limits(arm_urdf())
     assert read_description("127.254.254.1") is None  # nobody is there; the library says so
 
 
 @pytest.mark.parametrize("name", NARROWER)
 def test_joint_that_allows_less_than_the_cell_plans_with_is_refused(name: str) -> None:
     old, new = NARROWER[name]
-    assert old in robot_model()
+    assert old in arm_urdf()
     with pytest.raises(ArmFault, match=f"joint 1: {name} is") as failed:
-        require_limits(robot_model().replace(old, new, 1))
+        require_limits(arm_urdf().replace(old, new, 1))
     words = failed.value.words
     assert all(value.split('"')[1].rstrip("0").rstrip(".") in words for value in (old, new))
 
 
 def test_joints_that_allow_more_are_taken() -> None:
-    wider = robot_model().replace('upper="2.7437"', 'upper="2.9"').replace('="2.62"', '="3.0"')
-    assert wider != robot_model()
+    wider = arm_urdf().replace('upper="2.7437"', 'upper="2.9"').replace('="2.62"', '="3.0"')
+    assert wider != arm_urdf()
     require_limits(wider)
 
 
@@ -151,8 +150,8 @@ def test_description_that_states_no_limits_is_refused(text: str) -> None:
 
 def test_narrower_robot_is_refused_before_anything_moves(monkeypatch) -> None:
     old, new = NARROWER["upper"]
-    narrow = robot_model().replace(old, new, 1)
-    monkeypatch.setattr("drivers.fci_server.arm_port.robot_model", lambda: narrow)
+    narrow = arm_urdf().replace(old, new, 1)
+    monkeypatch.setattr("drivers.fci_server.ports.arm_urdf", lambda: narrow)
     with served() as server:
         for act in acts(server):
             assert refused(server, act).name == "arm_limits_differ"

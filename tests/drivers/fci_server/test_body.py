@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from drivers.fci_server.body_check import BodyCheck
-from drivers.fci_server.limits import TICK
+from drivers.fci_server.dynamics import Trailing
+from drivers.fci_server.limits import BodyCheck, Violation
 from drivers.fci_server.posture import Posture
-from drivers.fci_server.publish import Publisher
-from drivers.fci_server.reflex import Reflex, Violation
 from drivers.fci_server.robot import resting_robot
-from drivers.fci_server.trailing import Trailing
+from drivers.fci_server.state import Publisher
+from drivers.fci_server.wire import Reflex
 from drivers.franka.body import Box, Solids, apart, spheres
-from drivers.franka.gravity import CENTRES, GRAVITY, MASSES, holding_torques
 from drivers.franka.kinematics import FLANGE, FLANGE_TO_TIP, HOME, forward, frames
+from drivers.franka.model import CENTRES, GRAVITY, MASSES, holding_torques
+from drivers.motion import TICK
 from drivers.types import frozen
 
 FLOOR = Solids(frozen(np.eye(4)), (Box("floor", (-5, -5, -5), (5, 5, 0.0)),))
@@ -37,7 +37,7 @@ def test_torques_of_gravity_are_the_gradient_of_its_energy() -> None:
 def test_state_holds_gravity_of_arm_hand_and_load() -> None:
     robot, publisher = resting_robot(), Publisher()
     publisher.datagram(robot)
-    torques = publisher._packet.fields["tau_J"]
+    torques = publisher.fields["tau_J"]
     assert torques == pytest.approx(holding_torques(HOME, 0.73, HAND), abs=1e-4)
     assert np.abs(torques).max() > 10.0
 
@@ -113,7 +113,7 @@ def test_state_of_a_trailing_arm_is_behind_its_setpoint() -> None:
     robot.posture = Posture.resting(moved, FLANGE_TO_TIP)
     robot.trail()
     publisher.datagram(robot)
-    fields = publisher._packet.fields
+    fields = publisher.fields
     assert fields["q_d"] == pytest.approx(moved, abs=1e-6)
     behind = 0.01 * np.exp(-TICK / 0.02)
     assert fields["q_d"] - fields["q"] == pytest.approx(np.full(7, behind), rel=1e-3)

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from drivers.fci_server.configuration import Configuration, configure
-from drivers.fci_server.contact import Contact
-from drivers.fci_server.limits import Course
-from drivers.fci_server.posture import Posture
-from drivers.fci_server.publish import Publisher
-from drivers.fci_server.reflex import Reflex
-from drivers.fci_server.robot import resting_robot
-from drivers.fci_server.wire import Command, Mode, Request, Status
+from drivers.fci_server.posture import Course, Posture
+from drivers.fci_server.robot import Contact, resting_robot
+from drivers.fci_server.state import Publisher
+from drivers.fci_server.wire import Command, Mode, Reflex, Request, Status
 from drivers.franka.kinematics import HOME, forward
 from tests.support.fci_wire import State
 

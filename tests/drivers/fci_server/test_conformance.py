@@ -19,10 +19,9 @@ from drivers.fci_server.faults import (
     UserStopFault,
     VersionFault,
 )
-from drivers.fci_server.reflex import Reflex
 from drivers.fci_server.robot import Robot
-from drivers.fci_server.server import RobotServer
-from drivers.fci_server.settings import ServerSettings
+from drivers.fci_server.server import RobotServer, ServerSettings
+from drivers.fci_server.wire import Reflex
 from tests.support.fci_wire import RawArm
 
 CLIENTS = Path(__file__).parent / "clients"

@@ -7,14 +7,10 @@ import pytest
 
 from drivers.arm import joint_log
 from drivers.arm.joint_log import JointLog, joint_rows
-from drivers.arm_plant import ArmPlant
-from drivers.fci_server.dynamics import Dynamics
-from drivers.fci_server.limits import Course
-from drivers.fci_server.posture import Posture
-from drivers.fci_server.trailing import Trailing
-from drivers.franka.dynamics import HAND_CENTRE, HAND_MASS
-from drivers.franka.gravity import holding_torques
+from drivers.fci_server.dynamics import Dynamics, Trailing
+from drivers.fci_server.posture import Course, Posture
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
+from drivers.franka.model import HAND_CENTRE, HAND_MASS, ArmPlant, holding_torques
 
 Q = HOME + np.linspace(-0.2, 0.3, 7)
 SEVEN = (1.0,) * 7

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from drivers.fci_server.generators import follow
-from drivers.fci_server.limits import TICK, Course, twist_of
-from drivers.fci_server.posture import Posture
-from drivers.fci_server.reflex import Reflex, Violation
-from drivers.fci_server.wire import Generator, RobotCommand
+from drivers.fci_server.limits import Violation
+from drivers.fci_server.posture import Course, Posture, twist_of
+from drivers.fci_server.wire import Generator, Reflex, RobotCommand
 from drivers.franka.kinematics import ELBOW_FLIP, FLANGE_TO_TIP, HOME, pose_and_jacobian
 from drivers.franka.tracking import joint_step, rotation
+from drivers.motion import TICK
 from drivers.types import Array
 
 FLIPPED = np.diag([1.0, -1.0, -1.0, 1.0])

@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.fci_server.limits import Box
-from drivers.fci_server.reflex import Reflex
 from drivers.fci_server.robot import resting_robot
 from drivers.fci_server.wire import (
     Generator,
     Mode,
     MoveRequest,
     MoveStatus,
+    Reflex,
     RobotCommand,
 )
 from drivers.franka import limits

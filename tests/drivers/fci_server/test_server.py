@@ -15,9 +15,8 @@ from drivers.fci_server.faults import (
     UserStopFault,
     VersionFault,
 )
-from drivers.fci_server.reflex import Reflex
-from drivers.fci_server.server import RobotServer
-from drivers.fci_server.settings import ServerSettings
+from drivers.fci_server.server import RobotServer, ServerSettings
+from drivers.fci_server.wire import Reflex
 from tests.support.fci_wire import (
     CARTESIAN_POSE,
     CARTESIAN_VELOCITY,

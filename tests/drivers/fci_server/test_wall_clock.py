@@ -4,9 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from drivers.fci_server import pace
-from drivers.fci_server.server import RobotServer
-from drivers.fci_server.settings import ServerSettings
+from drivers.fci_server import server as pace
+from drivers.fci_server.server import RobotServer, ServerSettings
 
 
 @pytest.fixture

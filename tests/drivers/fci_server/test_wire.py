@@ -5,13 +5,11 @@ import struct
 import numpy as np
 import pytest
 
-from drivers.fci_server import hand_wire, wire
+from drivers.fci_server import wire
 from drivers.fci_server.hand import Hand
-from drivers.fci_server.publish import Publisher
-from drivers.fci_server.reflex import Reflex
 from drivers.fci_server.robot import resting_robot
-from drivers.fci_server.state_packet import PACKET_SIZE, StatePacket
-from drivers.fci_server.wire import Malformed
+from drivers.fci_server.state import PACKET, Publisher
+from drivers.fci_server.wire import ARM_FRAMING, HAND_FRAMING, Malformed, Reflex
 from drivers.franka.hand_protocol import STATE_PACKET
 from tests.support.fci_wire import State, move_request, robot_command
 
@@ -48,13 +46,13 @@ def frame(number: int, payload: bytes, command_id: int = 7) -> bytearray:
 @pytest.mark.parametrize(("number", "size"), REQUESTS)
 def test_request_is_taken_at_its_size_and_at_no_other(number: int, size: int) -> None:
     buffer = frame(number, bytes(size)) + b"rest"
-    request = wire.take_request(buffer)
+    request = ARM_FRAMING.take(buffer)
     assert request is not None
     assert (request.command, request.command_id, len(request.payload)) == (number, 7, size)
     assert buffer == b"rest"
-    assert wire.take_request(frame(number, bytes(size))[:-1]) is None
+    assert ARM_FRAMING.take(frame(number, bytes(size))[:-1]) is None
     with pytest.raises(Malformed):
-        wire.take_request(frame(number, bytes(size + 1)))
+        ARM_FRAMING.take(frame(number, bytes(size + 1)))
 
 
 @pytest.mark.parametrize(
@@ -62,20 +60,20 @@ def test_request_is_taken_at_its_size_and_at_no_other(number: int, size: int) ->
 )
 def test_unknown_request_is_malformed(content: bytearray) -> None:
     with pytest.raises(Malformed):
-        wire.take_request(content)
+        ARM_FRAMING.take(content)
 
 
 def test_state_is_1377_bytes_with_every_field_in_its_place() -> None:
-    packet = StatePacket()
     offset = 8
     for text in FLOATS.split(", "):
         name, count = text.split()
-        packet.fields[name][:] = np.arange(int(count)) + offset
-        found = State(packet.seal(5, 0.0)).floats(offset, int(count))
+        packet = np.zeros((), PACKET)
+        packet[name] = np.arange(int(count)) + offset
+        found = State(packet.tobytes()).floats(offset, int(count))
         assert found == tuple(np.arange(int(count)) + offset), name
         offset += 4 * int(count)
     assert offset == 1288
-    assert len(packet.seal(5, 0.0)) == PACKET_SIZE == 1377
+    assert PACKET.itemsize == 1377
 
 
 def test_state_of_a_resting_robot_has_the_described_bytes() -> None:
@@ -132,7 +130,7 @@ HAND_REQUESTS = [(0, 4), (1, 0), (2, 40), (3, 16), (4, 0)]
 @pytest.mark.parametrize(("number", "size"), HAND_REQUESTS)
 def test_hand_takes_requests_under_a_header_of_ten_bytes(number: int, size: int) -> None:
     content = bytearray(struct.pack("<HII", number, 7, 10 + size) + bytes(size))
-    request = hand_wire.take_request(content)
+    request = HAND_FRAMING.take(content)
     assert request is not None
     assert (request.command, request.command_id) == (number, 7)
     assert not content
@@ -145,7 +143,7 @@ def test_hand_state_is_23_bytes_and_replies_12() -> None:
     assert STATE_PACKET.size == 23
     hand = Hand(lambda: None)
     stop = bytearray(struct.pack("<HII", 4, 3, 10))
-    request = hand_wire.take_request(stop)
+    request = HAND_FRAMING.take(stop)
     assert request is not None
     hand.begin(request)
     assert hand.replies == [struct.pack("<HIIH", 4, 3, 12, 0)]

@@ -29,14 +29,11 @@ from cell.gap.subject.run_folders import read_table
 from cell.record.files import JOINTS, RUN
 from cell.record.tables import joint_table, write_parquet
 from drivers.arm.reach import dense
-from drivers.arm_plant import ArmPlant
-from drivers.fci_server.dynamics import Dynamics
+from drivers.fci_server.dynamics import Dynamics, Trailing
 from drivers.fci_server.posture import Posture
-from drivers.fci_server.server import RobotServer
-from drivers.fci_server.settings import ServerSettings
-from drivers.fci_server.trailing import Trailing
-from drivers.franka.dynamics import arm_mjcf
+from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.franka.kinematics import FLANGE_TO_TIP
+from drivers.franka.model import ArmPlant, arm_mjcf
 from drivers.twin.clock import TwinClock
 from drivers.types import Array, Velocity, frozen
 

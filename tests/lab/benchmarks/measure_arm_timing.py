@@ -37,8 +37,7 @@ from drivers.arm.process import PRIORITY, Task, schedule
 from drivers.arm.requests import go_to
 from drivers.arm.settings import RealTime
 from drivers.errors import Fault
-from drivers.fci_server.server import RobotServer
-from drivers.fci_server.settings import ServerSettings
+from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.strip.describe import load_strip
 from drivers.types import frozen
 

@@ -56,8 +56,7 @@ from drivers.arm.process import Task
 from drivers.arm.requests import go_to
 from drivers.clock import WallClock, lock_memory, take_priority
 from drivers.errors import Fault
-from drivers.fci_server.server import RobotServer
-from drivers.fci_server.settings import ServerSettings
+from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.types import ArmState, Frame, frozen
 from tests.support.children import children
 from tests.support.sights import CostlySight

@@ -16,14 +16,11 @@ from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.subject import Request
 from cell.gap.verdict.accept import accept, sha256, undo
 from cell.record.tables import joint_table, write_parquet
-from drivers.arm_plant import ArmPlant
 from drivers.errors import ConfigurationError
-from drivers.fci_server.dynamics import Dynamics
-from drivers.fci_server.limits import Course
-from drivers.fci_server.posture import Posture
-from drivers.fci_server.trailing import Trailing
-from drivers.franka.dynamics import arm_mjcf
+from drivers.fci_server.dynamics import Dynamics, Trailing
+from drivers.fci_server.posture import Course, Posture
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
+from drivers.franka.model import ArmPlant, arm_mjcf
 from drivers.yaml_text import dump_yaml
 
 pytestmark = pytest.mark.slow

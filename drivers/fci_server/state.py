@@ -1,16 +1,68 @@
-"""The robot's state as a UDP datagram."""
+"""The arm's state as a UDP datagram of 1377 bytes, most of them float32."""
 
 import numpy as np
 
 from drivers.fci_server.configuration import Configuration
-from drivers.fci_server.contact import NO_CONTACT, Contact
-from drivers.fci_server.robot import Robot
-from drivers.fci_server.state_packet import StatePacket
-from drivers.fci_server.wire import Controller, Generator
-from drivers.franka.gravity import holding_torques
+from drivers.fci_server.robot import NO_CONTACT, Contact, Robot
+from drivers.fci_server.wire import Controller, Generator, Reflex
+from drivers.franka.model import holding_torques
 from drivers.franka.tracking import ELBOW_JOINT
 from drivers.types import Array
 
+FLOATS = (
+    ("O_T_EE", 16),
+    ("O_T_EE_d", 16),
+    ("F_T_EE", 16),
+    ("EE_T_K", 16),
+    ("F_T_NE", 16),
+    ("NE_T_EE", 16),
+    ("m_ee", 1),
+    ("I_ee", 9),
+    ("F_x_Cee", 3),
+    ("m_load", 1),
+    ("I_load", 9),
+    ("F_x_Cload", 3),
+    ("elbow", 2),
+    ("elbow_d", 2),
+    ("tau_J", 7),
+    ("tau_J_d", 7),
+    ("dtau_J", 7),
+    ("q", 7),
+    ("q_d", 7),
+    ("dq", 7),
+    ("dq_d", 7),
+    ("ddq_d", 7),
+    ("joint_contact", 7),
+    ("cartesian_contact", 6),
+    ("joint_collision", 7),
+    ("cartesian_collision", 6),
+    ("tau_ext_hat_filtered", 7),
+    ("O_F_ext_hat_K", 6),
+    ("K_F_ext_hat_K", 6),
+    ("O_dP_EE_d", 6),
+    ("O_ddP_O", 3),
+    ("elbow_c", 2),
+    ("delbow_c", 2),
+    ("ddelbow_c", 2),
+    ("O_T_EE_c", 16),
+    ("O_dP_EE_c", 6),
+    ("O_ddP_EE_c", 6),
+    ("theta", 7),
+    ("dtheta", 7),
+    ("accelerometers", 36),
+)
+PACKET = np.dtype(
+    [
+        ("message_id", "<u8"),
+        *((name, "<f4", count) for name, count in FLOATS),
+        ("generator", "u1"),
+        ("controller", "u1"),
+        ("errors", "u1", len(Reflex)),
+        ("reasons", "u1", len(Reflex)),
+        ("mode", "u1"),
+        ("success_rate", "<f4"),
+    ]
+)
 HAND_INERTIA = (0.001, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, 0.0, 0.0017)  # kg m^2
 MEASURED_FIELDS = ("q", "dq", "O_T_EE", "O_F_ext_hat_K", "K_F_ext_hat_K", "tau_ext_hat_filtered")
 TURNED = 5e-3  # rad by which a joint turns before the torques of gravity are computed again
@@ -20,8 +72,9 @@ class Publisher:
     """Serialises the robot's state; keeps rarely changing fields between datagrams."""
 
     def __init__(self) -> None:
-        self._packet = StatePacket()
-        fields = self._packet.fields
+        self._packet = np.zeros(1, PACKET)
+        # views into the packet, by name: (n,) each
+        self.fields = fields = {name: self._packet[name].reshape(-1) for name in PACKET.names or ()}
         fields["I_ee"][:] = HAND_INERTIA
         fields["O_ddP_O"][:] = (0.0, 0.0, -9.81)
         self._configuration: Configuration | None = None
@@ -44,37 +97,44 @@ class Publisher:
             self._put_contact(robot)
         if is_nan:
             for name in MEASURED_FIELDS:
-                self._packet.fields[name][:] = np.nan
+                self.fields[name][:] = np.nan
             self._contact = None
-        return self._packet.seal(robot.time, rate)
+        self.fields["message_id"][0], self.fields["success_rate"][0] = robot.time, rate
+        return self._packet.tobytes()
+
+    def _put_matrix(self, name: str, matrix: Array) -> None:
+        """Write a matrix (n, n) column by column."""
+        self.fields[name][:] = matrix.T.ravel()
 
     def _put_configuration(self, configuration: Configuration) -> None:
-        packet = self._packet
-        packet.put_matrix("F_T_EE", configuration.tool)
-        packet.put_matrix("F_T_NE", configuration.flange_to_nominal)
-        packet.put_matrix("NE_T_EE", configuration.nominal_to_tool)
-        packet.put_matrix("EE_T_K", configuration.tool_to_stiffness)
-        packet.fields["m_ee"][:] = configuration.hand_mass
-        packet.fields["F_x_Cee"][:] = configuration.hand_centre
-        packet.fields["m_load"][:] = configuration.load_mass
-        packet.fields["F_x_Cload"][:] = configuration.load_centre
-        packet.fields["I_load"][:] = configuration.load_inertia
+        fields = self.fields
+        self._put_matrix("F_T_EE", configuration.tool)
+        self._put_matrix("F_T_NE", configuration.flange_to_nominal)
+        self._put_matrix("NE_T_EE", configuration.nominal_to_tool)
+        self._put_matrix("EE_T_K", configuration.tool_to_stiffness)
+        fields["m_ee"][:] = configuration.hand_mass
+        fields["F_x_Cee"][:] = configuration.hand_centre
+        fields["m_load"][:] = configuration.load_mass
+        fields["F_x_Cload"][:] = configuration.load_centre
+        fields["I_load"][:] = configuration.load_inertia
         self._configuration = configuration
 
     def _put_modes(self, robot: Robot) -> None:
         motion = robot.motion
-        generator = Generator.IDLE if motion is None else motion.generator
-        controller = Controller.OTHER if motion is None else motion.controller
-        self._packet.put_modes(generator, controller, robot.mode)
+        fields = self.fields
+        fields["generator"][0] = Generator.IDLE if motion is None else motion.generator
+        fields["controller"][0] = Controller.OTHER if motion is None else motion.controller
+        fields["mode"][0] = robot.mode
         if self._errors != (robot.errors, robot.reasons):
-            self._packet.put_errors(robot.errors, robot.reasons)
+            for name, flags in (("errors", robot.errors), ("reasons", robot.reasons)):
+                fields[name][:] = [flag in flags for flag in Reflex]
             self._errors = (robot.errors, robot.reasons)
 
     def _put_posture(self, robot: Robot) -> None:
         """Write setpoints and measured joints of the robot into the packet."""
-        posture, arm, fields = robot.posture, robot.measured, self._packet.fields
+        posture, arm, fields = robot.posture, robot.measured, self.fields
         for name in ("O_T_EE_d", "O_T_EE_c"):
-            self._packet.put_matrix(name, posture.pose)
+            self._put_matrix(name, posture.pose)
         fields["q_d"][:], fields["dq_d"][:] = posture.q, posture.joints.velocity
         fields["ddq_d"][:] = posture.joints.acceleration
         fields["O_dP_EE_d"][:] = fields["O_dP_EE_c"][:] = posture.tool.velocity
@@ -82,7 +142,7 @@ class Publisher:
         angle, rate, acceleration = posture.swing
         fields["delbow_c"][0], fields["ddelbow_c"][0] = rate, acceleration
         fields["elbow_d"][:] = fields["elbow_c"][:] = angle, posture.elbow_sign
-        self._packet.put_matrix("O_T_EE", arm.reached)  # from here on what the arm itself does
+        self._put_matrix("O_T_EE", arm.reached)  # from here on what the arm itself does
         fields["q"][:] = fields["theta"][:] = arm.q
         fields["dq"][:] = fields["dtheta"][:] = arm.joints.velocity
         fields["elbow"][:] = arm.q[ELBOW_JOINT], arm.elbow_sign
@@ -102,7 +162,7 @@ class Publisher:
         return self._gravity
 
     def _put_contact(self, robot: Robot) -> None:
-        fields, contact = self._packet.fields, robot.contact
+        fields, contact = self.fields, robot.contact
         self._contact = contact
         fields["tau_ext_hat_filtered"][:] = contact.torque
         fields["O_F_ext_hat_K"][:] = contact.wrench

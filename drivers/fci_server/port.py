@@ -1,0 +1,229 @@
+"""A port of the emulated robot: one client, whose requests it answers and whose state it sends."""
+
+import select
+import socket
+import struct
+from abc import ABC, abstractmethod
+from typing import Generic
+
+from drivers.fci_server.wire import Framing, K, Malformed, Request
+
+RESET = struct.pack("ii", 1, 0)
+MOST_PENDING = 64 * 1024  # bytes of requests that nobody has read yet
+MOST_GUESTS = 8  # connections that have not yet said who they are
+CONNECT_REQUEST = struct.Struct("<HH")  # version, UDP port of the client
+INCOMPATIBLE = 1
+
+
+class Connection:
+    """A client's TCP and UDP sockets; no call blocks, or raises when the client is gone."""
+
+    def __init__(self, tcp: socket.socket) -> None:
+        tcp.setblocking(False)
+        tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._tcp = tcp
+        self._udp: socket.socket | None = None
+        self.received = bytearray()
+
+    def fileno(self) -> int:
+        """File descriptor of the TCP connection."""
+        return self._tcp.fileno()
+
+    @property
+    def datagram_fileno(self) -> int:
+        """File descriptor of the UDP socket, -1 before it is opened."""
+        return -1 if self._udp is None else self._udp.fileno()
+
+    def read(self) -> bool:
+        """Append the bytes that have arrived to `received`; False when the client is gone."""
+        try:
+            content = self._tcp.recv(4096)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        self.received += content
+        return bool(content) and len(self.received) <= MOST_PENDING
+
+    def send(self, content: bytes) -> bool:
+        """Send whole replies; False when the client is gone or reads nothing."""
+        try:
+            return self._tcp.send(content) == len(content)
+        except OSError:
+            return False
+
+    def open_datagrams(self, address: str, port: int) -> bool:
+        """Open UDP between `address` and the client's `port`; False for an invalid port."""
+        udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        udp.setblocking(False)
+        try:
+            udp.bind((address, 0))
+            udp.connect((self._tcp.getpeername()[0], port))
+        except OSError:
+            udp.close()
+            return False
+        self._udp = udp
+        return True
+
+    def send_datagram(self, content: bytes) -> None:
+        """Send one datagram, which may be lost."""
+        if self._udp is not None:
+            try:
+                self._udp.send(content)
+            except OSError:
+                return
+
+    def receive_datagram(self) -> bytes | None:
+        """The next datagram of the client; None when there is none."""
+        if self._udp is None:
+            return None
+        try:
+            return self._udp.recv(2048)
+        except OSError:
+            return None
+
+    def close(self, reset: bool = False) -> None:
+        """Disconnect; with `reset` at once by RST, so that the client waits for no answer."""
+        if reset:
+            self._tcp.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
+        self._tcp.close()
+        if self._udp is not None:
+            self._udp.close()
+
+
+class Port(ABC, Generic[K]):
+    """A listening port, its pending connections and its one client.
+
+    A connection without a request stays pending: it blocks nothing, and the oldest is dropped when
+    there are too many. A second client is refused by a reset, so that its library does not wait for
+    a reply. A malformed message ends the connection.
+    """
+
+    def __init__(
+        self, address: str, port: int, poll: select.epoll, framing: Framing[K], version: int
+    ) -> None:
+        """Listen at `address` for requests in `framing`; `version` is the protocol's."""
+        self._poll, self._framing, self._address = poll, framing, address
+        self.version = version
+        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._listener.setblocking(False)
+        try:
+            self._listener.bind((address, port))
+            self._listener.listen(16)
+        except OSError:
+            self._listener.close()
+            raise
+        self._guests: dict[int, Connection] = {}
+        self.client: Connection | None = None
+        self._datagram = b""
+        poll.register(self._listener, select.EPOLLIN)
+
+    @abstractmethod
+    def _answer(self, request: Request[K]) -> bytes:
+        """Content of the reply to a client's `request`, empty where it comes later."""
+
+    @abstractmethod
+    def _abandon(self) -> None:
+        """End what the client that has gone had begun."""
+
+    def serve(self, descriptor: int) -> None:
+        """Handle a readable descriptor of TCP, if it belongs to this port."""
+        if descriptor == self._listener.fileno():
+            while self._accept():
+                continue
+        elif descriptor in self._guests:
+            self._greet(self._guests[descriptor])
+        client = self.client
+        if client is not None and descriptor == client.fileno() and not self._serve(client):
+            self.drop(reset=True)
+
+    def drop(self, reset: bool = False) -> None:
+        """Disconnect the client and end what it had begun."""
+        self._dismiss(reset)
+        self._abandon()
+
+    def repeat(self) -> None:
+        """Send the last state again, for a client that may have missed it."""
+        if self.client is not None and self._datagram:
+            self.client.send_datagram(self._datagram)
+
+    def close(self) -> None:
+        """Disconnect all clients and stop listening."""
+        self._dismiss()
+        for guest in list(self._guests.values()):
+            self._refuse(guest)
+        self._poll.unregister(self._listener)
+        self._listener.close()
+
+    def _serve(self, client: Connection) -> bool:
+        """Answer the requests that have arrived; False for a client that is to be dropped."""
+        if not client.read():
+            return False
+        try:
+            while (request := self._framing.take(client.received)) is not None:
+                if request.command == 0:
+                    raise Malformed("connected already")
+                content = self._answer(request)
+                reply = self._framing.reply(request.command, request.command_id, content)
+                if content and not client.send(reply):
+                    return False
+        except Malformed:
+            return False
+        return True
+
+    def _dismiss(self, reset: bool = False) -> None:
+        if self.client is not None:
+            self._poll.unregister(self.client.fileno())
+            self._poll.unregister(self.client.datagram_fileno)
+            self.client.close(reset)
+            self.client = None
+
+    def _accept(self) -> bool:
+        """Let in the next connection that waits as a guest; False where none waits."""
+        try:
+            connection, _ = self._listener.accept()
+        except OSError:
+            return False
+        if len(self._guests) >= MOST_GUESTS:
+            self._refuse(next(iter(self._guests.values())))
+        guest = Connection(connection)
+        self._guests[guest.fileno()] = guest
+        self._poll.register(guest.fileno(), select.EPOLLIN)
+        return True
+
+    def _greet(self, guest: Connection) -> None:
+        """Read a guest's request to connect and admit it as the client, or refuse it."""
+        try:
+            present = guest.read()
+            request = self._framing.take(guest.received) if present else None
+        except Malformed:
+            self._refuse(guest)
+            return
+        if not present or (request is not None and request.command != 0):
+            self._refuse(guest)
+        elif request is not None:
+            version, port = CONNECT_REQUEST.unpack(request.payload)
+            self._admit(guest, request, int(port), compatible=version == self.version)
+
+    def _admit(self, guest: Connection, request: Request[K], port: int, compatible: bool) -> None:
+        """Make a guest the client, with states sent to its UDP `port`, or refuse it."""
+        status = 0 if compatible else INCOMPATIBLE
+        content = self._framing.status.pack(status) + struct.pack("<H", self.version)
+        reply = self._framing.reply(request.command, request.command_id, content)
+        if not compatible:
+            guest.send(reply)
+            self._refuse(guest, reset=False)
+        elif self.client is not None or not guest.open_datagrams(self._address, port):
+            self._refuse(guest)
+        else:
+            del self._guests[guest.fileno()]
+            self.client = guest
+            self._poll.register(guest.datagram_fileno, select.EPOLLIN)
+            if not guest.send(reply):
+                self._dismiss()
+
+    def _refuse(self, guest: Connection, reset: bool = True) -> None:
+        self._poll.unregister(guest.fileno())
+        del self._guests[guest.fileno()]
+        guest.close(reset)

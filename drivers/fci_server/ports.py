@@ -1,0 +1,126 @@
+"""Ports of the emulated robot's arm and hand: requests become calls, states become datagrams."""
+
+import select
+
+from drivers.fci_server.hand import Hand
+from drivers.fci_server.port import Port
+from drivers.fci_server.robot import Robot
+from drivers.fci_server.state import Publisher
+from drivers.fci_server.wire import (
+    ARM_FRAMING,
+    HAND_FRAMING,
+    PORT,
+    PROTOCOL_VERSION,
+    Command,
+    Malformed,
+    MoveRequest,
+    Request,
+    RobotCommand,
+)
+from drivers.franka import hand_protocol
+from drivers.franka.hand_protocol import HandCommand
+from drivers.franka.model import arm_urdf
+
+BURST = 256  # datagrams read in one go, so that a flood of them keeps nobody else waiting
+
+
+class ArmPort(Port[Command]):
+    """Port of the arm."""
+
+    def __init__(self, address: str, poll: select.epoll, robot: Robot) -> None:
+        self._robot = robot
+        self._publisher = Publisher()
+        super().__init__(address, PORT, poll, ARM_FRAMING, PROTOCOL_VERSION)
+
+    @property
+    def datagram_fileno(self) -> int:
+        """File descriptor of the client's UDP socket, -1 without a client."""
+        return -1 if self.client is None else self.client.datagram_fileno
+
+    def command(self) -> RobotCommand | None:
+        """The client's next well-formed command; None when no more have arrived."""
+        for _ in range(BURST):
+            datagram = None if self.client is None else self.client.receive_datagram()
+            if datagram is None:
+                return None
+            try:
+                return RobotCommand.read(datagram)
+            except Malformed:
+                continue
+        return None
+
+    def publish(self, rate: float, is_nan: bool) -> None:
+        """Send the client the state of this tick, then the replies due in this tick.
+
+        `rate` is the fraction of commands that arrived in time; with `is_nan` the measured part of
+        the state is NaN, as from a broken sensor.
+        """
+        robot, client = self._robot, self.client
+        if client is not None:
+            self._datagram = self._publisher.datagram(robot, rate, is_nan)
+            client.send_datagram(self._datagram)
+            for late in robot.late:
+                content = bytes((late.status,))
+                client.send(ARM_FRAMING.reply(late.command, late.command_id, content))
+        robot.late.clear()
+
+    def _abandon(self) -> None:
+        self._robot.abandon()
+
+    def _answer(self, request: Request[Command]) -> bytes:
+        robot = self._robot
+        match request.command:
+            case Command.MOVE:
+                return bytes((robot.move(MoveRequest.read(request.payload), request.command_id),))
+            case Command.STOP_MOVE:
+                robot.stop(request.command_id)
+                return b""
+            case Command.AUTOMATIC_ERROR_RECOVERY:
+                refusal = robot.recover(request.command_id)
+                return b"" if refusal is None else bytes((refusal,))
+            case Command.GET_ROBOT_MODEL:
+                return b"\0" + arm_urdf().encode()
+            case _:
+                return bytes((robot.set(request),))
+
+
+class HandPort(Port[HandCommand]):
+    """Port of the hand."""
+
+    def __init__(self, address: str, poll: select.epoll, hand: Hand) -> None:
+        self._hand = hand
+        port, version = hand_protocol.PORT, hand_protocol.PROTOCOL_VERSION
+        super().__init__(address, port, poll, HAND_FRAMING, version)
+
+    def discard(self) -> None:
+        """Read and ignore a datagram of the client: the hand takes none."""
+        if self.client is not None:
+            self.client.receive_datagram()
+
+    def answer(self) -> bool:
+        """Send the replies that are due; returns whether there were any."""
+        ended = bool(self._hand.replies)
+        for content in self._hand.replies:
+            if self.client is not None:
+                self.client.send(content)
+        self._hand.replies.clear()
+        return ended
+
+    def publish(self, time: int) -> None:
+        """Send the client the hand's state at robot `time` [ms]."""
+        self._datagram = self._hand.state(time)
+        self.repeat()
+
+    def repeat(self) -> None:
+        """Send the last state again, to a client that waits for one while time stands still."""
+        if self.client is not None:
+            self.client.send_datagram(self._datagram or self._hand.state(0))
+
+    def _abandon(self) -> None:
+        self._hand.interrupt()
+        self._hand.replies.clear()
+
+    def _answer(self, request: Request[HandCommand]) -> bytes:
+        self._hand.begin(request)
+        self.answer()
+        return b""

@@ -1,0 +1,182 @@
+"""Mechanics of the Franka arm with its hand, from published numbers: MJCF, URDF, gravity."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from drivers.franka import limits
+from drivers.franka.kinematics import FLANGE, FLANGE_TO_TIP, PARAMETERS, frames, offset_in_frame
+from drivers.settings import Settings
+from drivers.types import Array, frozen
+
+GRAVITY = 9.81  # m/s^2
+
+# Masses [kg] and centres of mass [m] of links 1 to 7 in their joints' frames. Source: Gaz et al.,
+# Dynamic identification of the Franka Emika Panda robot with retrieval of feasible parameters,
+# RA-L 4(4), 2019. Of a Panda; those of a Research 3 differ a little.
+MASSES = frozen([4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522])
+CENTRES = frozen(
+    [
+        [0.003875, 0.002081, -0.04762],
+        [-0.003141, -0.02872, 0.003495],
+        [0.027518, 0.039252, -0.066502],
+        [-0.05317, 0.104419, 0.027454],
+        [-0.011953, 0.041065, -0.038437],
+        [0.060149, -0.014117, -0.010517],
+        [0.010517, -0.004252, 0.061597],
+    ]
+)
+
+# Inertia of links 1 to 7 about their centres of mass [kg m^2]: xx, yy, zz, xy, xz, yz in their
+# joints' frames. Source: as the masses, Gaz et al., RA-L 4(4), 2019.
+INERTIAS = frozen(
+    [
+        [0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169],
+        [0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704],
+        [0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805],
+        [0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641],
+        [0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229],
+        [0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341],
+        [0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741],
+    ]
+)
+HAND_INERTIA = (0.001, 0.0025, 0.0017)  # kg m^2, about its own axes, as Desk states it
+HAND_MASS, HAND_CENTRE = 0.73, (-0.01, 0.0, 0.03)  # kg, m in the flange, as Desk states them
+
+Seven = tuple[float, float, float, float, float, float, float]
+ZERO_JOINTS: Seven = (0.0,) * 7
+Vector = tuple[float, float, float]
+
+
+class ArmPlant(Settings):
+    """Mechanics of an emulated arm beyond its published model; by default sensor noise alone.
+
+    By joint: dry `friction` [N m], viscous `damping` [N m s/rad], a `cable` that pulls towards
+    where joints are 0 [N m/rad], `torque_bias` [N m] and `torque_scale` of its sensors,
+    `encoder_bias` [rad], and `compliance` [rad/(N m)] between motor and link. A `payload` [kg]
+    at `payload_at` (3,) [m in the flange] that nobody stated, a base that leans by `tilt` (2,)
+    [rad] about x, then y, shares by which links are heavier (`mass_error`), `delay` [s] beyond what
+    the cell knows. `torque_noise` [N m] is one sigma of a reading, drawn from `seed`.
+    """
+
+    friction: Seven = ZERO_JOINTS
+    damping: Seven = ZERO_JOINTS
+    cable: Seven = ZERO_JOINTS
+    torque_bias: Seven = ZERO_JOINTS
+    torque_scale: Seven = ZERO_JOINTS
+    encoder_bias: Seven = ZERO_JOINTS
+    compliance: Seven = ZERO_JOINTS
+    mass_error: Seven = ZERO_JOINTS
+    payload: float = Field(0.0, ge=0, le=3)
+    payload_at: Vector = (0.0, 0.0, 0.1034)
+    tilt: tuple[float, float] = (0.0, 0.0)
+    delay: Annotated[float, Field(ge=0, le=0.1)] = 0.0
+    torque_noise: Annotated[float, Field(ge=0, le=5)] = 0.03
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+def holding_torques(q: Array, mass: float, centre: Array) -> Array:
+    """Joint torques (7,) [N m] that hold the arm still in joints (7,) [rad].
+
+    `mass` [kg] with its `centre` (3,) [m] in the flange's frame is hand and load together.
+    """
+    joints = frames(q)
+    at_joint = np.array(centre, dtype=np.float64)
+    at_joint[2] += FLANGE
+    places = np.einsum("jik,jk->ji", joints[:, :3, :3], CENTRES) + joints[:, :3, 3]
+    held = joints[6, :3, :3] @ at_joint + joints[6, :3, 3]
+    points, weights = np.vstack([places, held]), np.append(MASSES, mass) * GRAVITY
+    torques = np.zeros(7)
+    for joint in range(7):
+        origin, axis = joints[joint, :3, 3], joints[joint, :3, 2]
+        beyond = slice(joint, 8)  # links from the joint on, and the load
+        moment = np.cross(points[beyond] - origin, np.outer(weights[beyond], [0.0, 0.0, 1.0]))
+        torques[joint] = float(axis @ moment.sum(axis=0))
+    return torques
+
+
+def arm_mjcf() -> str:
+    """MJCF text of the arm: `joint1` to `joint7` with motors, hand, sites `flange` and `tip`."""
+    links = "".join(_open_link(i) for i in range(7))
+    ends = 7 * "</body>"
+    motors = "".join(
+        f'<motor name="motor{i + 1}" joint="joint{i + 1}" forcelimited="true" '
+        f'forcerange="-{limits.LARGEST_TORQUE[i]:g} {limits.LARGEST_TORQUE[i]:g}"/>'
+        for i in range(7)
+    )
+    return (
+        '<mujoco model="arm"><compiler angle="radian"/>'
+        f'<option gravity="0 0 -{GRAVITY}" integrator="RK4"/>'
+        f"<worldbody>{links}{_hand()}{ends}</worldbody><actuator>{motors}</actuator></mujoco>\n"
+    )
+
+
+def _open_link(i: int) -> str:
+    """Opening tags of link `i`, counted from 0, with its inertia and joint; the next link nests."""
+    a, _, alpha = PARAMETERS[i]
+    across, along = offset_in_frame(i)
+    turn = np.cos(alpha / 2), np.sin(alpha / 2), 0.0, 0.0
+    return (
+        f'<body name="link{i + 1}" pos="{_text((a, across, along))}" quat="{_text(turn)}">'
+        f'<inertial pos="{_text(CENTRES[i])}" mass="{MASSES[i]:.9g}" '
+        f'fullinertia="{_text(INERTIAS[i])}"/>'
+        f'<joint name="joint{i + 1}" axis="0 0 1"/>'
+    )
+
+
+def _hand() -> str:
+    """MJCF of flange, tip and hand in the last link, whose frame lies FLANGE before the flange."""
+    tip = np.add(FLANGE_TO_TIP[:3, 3], (0.0, 0.0, FLANGE))
+    centre = np.add(HAND_CENTRE, (0.0, 0.0, FLANGE))
+    return (
+        f'<site name="flange" pos="0 0 {FLANGE}"/><site name="tip" pos="{_text(tip)}"/>'
+        '<body name="hand">'
+        f'<inertial pos="{_text(centre)}" mass="{HAND_MASS:.9g}" '
+        f'diaginertia="{_text(HAND_INERTIA)}"/></body>'
+    )
+
+
+def arm_urdf() -> str:
+    """URDF text with seven joints, their limits, and the flange as link8.
+
+    The clients read `limit` and `position_based_velocity_limits` of joint1 to joint7. Masses are
+    placeholders: the kinematic twin has none.
+    """
+    links = "".join(_urdf_link(number) for number in range(9))
+    joints = "".join(_urdf_joint(number) for number in range(7))
+    return f'<?xml version="1.0"?>\n<robot name="fr3">\n{links}{joints}{_urdf_flange()}</robot>\n'
+
+
+def _urdf_link(number: int) -> str:
+    inertia = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
+    return f'<link name="link{number}"><inertial><mass value="1"/>{inertia}</inertial></link>\n'
+
+
+def _urdf_joint(index: int) -> str:
+    a, _, alpha = PARAMETERS[index]
+    across, along = offset_in_frame(index)
+    span = (
+        f'<limit lower="{limits.POSITION_LOW[index]}" upper="{limits.POSITION_HIGH[index]}" '
+        f'velocity="{limits.VELOCITY[index]}" effort="{limits.LARGEST_TORQUE[index]}"/>'
+    )
+    braking = (
+        f'<position_based_velocity_limits velocity_offset="{limits.VELOCITY_OFFSET[index]}" '
+        f'deceleration_limit="{limits.DECELERATION[index]}"/>'
+    )
+    return (
+        f'<joint name="joint{index + 1}" type="revolute"><parent link="link{index}"/>'
+        f'<child link="link{index + 1}"/><origin xyz="{a} {across} {along}" rpy="{alpha} 0 0"/>'
+        f'<axis xyz="0 0 1"/>{span}{braking}</joint>\n'
+    )
+
+
+def _urdf_flange() -> str:
+    return (
+        '<joint name="joint8" type="fixed"><parent link="link7"/><child link="link8"/>'
+        f'<origin xyz="0 0 {FLANGE}" rpy="0 0 0"/></joint>\n'
+    )
+
+
+def _text(values: "Array | tuple[float, ...]") -> str:
+    return " ".join(f"{float(v) + 0.0:.9g}" for v in values)
