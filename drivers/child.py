@@ -63,18 +63,29 @@ class ChildDied(Exception):
         self.failure = failure
 
 
-class SharedImage:
-    """Image in memory that a parent shares with its child, given to it as an argument.
+class SharedMemory:
+    """Memory that a parent shares with its child, given to it as an argument."""
+
+    def __init__(self, descriptor: int | None = None) -> None:
+        self.descriptor = os.memfd_create("shared") if descriptor is None else descriptor
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.descriptor,)
+
+    def close(self) -> None:
+        """Release the memory once nobody looks at it any more."""
+        os.close(self.descriptor)
+
+
+class SharedImage(SharedMemory):
+    """Image that a parent shares with its child.
 
     It belongs to one side at a time: a message passes it on, so that no image is torn.
     """
 
     def __init__(self, descriptor: int | None = None) -> None:
-        self.descriptor = os.memfd_create("image") if descriptor is None else descriptor
+        super().__init__(descriptor)
         self._pixels: Image = np.empty(0, np.uint8)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return SharedImage, (self.descriptor,)
 
     def write(self, image: Image) -> None:
         """Copy `image` (h, w, 3) into the memory, which grows with the largest one."""
@@ -87,10 +98,6 @@ class SharedImage:
         view = self._view(shape)
         view.setflags(write=False)
         return view
-
-    def close(self) -> None:
-        """Release the memory once nobody looks at the image any more."""
-        os.close(self.descriptor)
 
     def _view(self, shape: tuple[int, ...]) -> Image:
         size = math.prod(shape)
@@ -107,17 +114,17 @@ class Child:
     """
 
     def __init__(self, main: Callable[..., None], *arguments: Any) -> None:
-        """Start the process; a SharedImage among its `arguments` is shared with it."""
+        """Start the process; SharedMemory among its `arguments` is shared with it."""
         self._failure: Failure | None = None
         self.pipe, theirs = Pipe()
         _bound_stalls(self.pipe)
         name = f"{main.__module__}.{main.__qualname__}"
-        images = [value.descriptor for value in arguments if isinstance(value, SharedImage)]
+        shared = [value.descriptor for value in arguments if isinstance(value, SharedMemory)]
         paths = os.pathsep.join(path for path in sys.path if path)
         with theirs:
             self._process = subprocess.Popen(  # noqa: S603  this very interpreter
                 [sys.executable, "-c", BOOT, str(theirs.fileno()), name],
-                pass_fds=[theirs.fileno(), *images],
+                pass_fds=[theirs.fileno(), *shared],
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
                 env={**dict.fromkeys(THREADS, "1"), **os.environ, "PYTHONPATH": paths},

@@ -1,8 +1,7 @@
 """Connection to the process that runs the robot's 1 kHz loop, and that process itself."""
 
-import json
 from contextlib import suppress
-from multiprocessing import get_context
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -11,15 +10,47 @@ from drivers.arm.joint_log import JointLog, Timing, joint_rows
 from drivers.arm.joint_motion import CartesianMotion
 from drivers.arm.loop import Loop, rehearse
 from drivers.arm.orders import Kind, Latest, Order, Report
-from drivers.arm.process import RobotProcess, Task, TerminationFlag, schedule, send
+from drivers.arm.process import (
+    END_PATIENCE,
+    Task,
+    TerminationFlag,
+    fault_sent,
+    receive,
+    schedule,
+    send,
+)
 from drivers.arm.robot import Robot
+from drivers.child import Child
 from drivers.clock import WallClock
 from drivers.errors import Fault
 
-END_PATIENCE = 1.5  # s for the arm to come to rest
 LOG_PATIENCE = 20.0  # s for the log of the joints, which is sent once the arm rests
 TICKS_PER_ANSWER = 50  # in lock-step: many ticks take a busy machine longer than an answer may
 BETWEEN_LOOKS = 0.1  # s between looks, where no message comes, whether to end
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """Answer: the loop runs, or has run the ticks that the cell allowed."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunUntil:
+    """Message to a loop in lock-step: run the ticks up to this number."""
+
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class Close:
+    """Message to the loop: come to rest and end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """Answer: the arm rests; with the histogram of the loop's timing."""
+
+    timing: dict[str, Any]
 
 
 class Bridge:
@@ -30,18 +61,22 @@ class Bridge:
 
     def __init__(self, task: Task) -> None:
         """Start the process and wait until it controls the robot; raises Fault where that fails."""
-        context = get_context("forkserver")
-        orders, reports = (Latest.allocate(kind, context) for kind in (Order, Report))
         self._task = task
-        self._orders, self._reports = Latest(orders, Order), Latest(reports, Report)
+        self._orders, self._reports = Latest(Order), Latest(Report)
         self._order = Order(0, Kind.HOLD, 0, 0.0, 0.0, 0.0)
         self._fault: ArmFault | None = None
         self._ended = False
         self.ticks = 0
         self.timing: dict[str, Any] = {}
         self.joints = joint_rows(b"")
-        self._process = RobotProcess(run_loop, task, orders, reports)
-        self._receive(task.settings.start)
+        self._child = Child(run_loop, task, self._orders, self._reports)
+        self._orders.close()  # the memory stays mapped
+        self._reports.close()
+        try:
+            self._receive(task.settings.start)
+        except BaseException:
+            self._child.close(END_PATIENCE)
+            raise
 
     @property
     def lock_step(self) -> bool:
@@ -49,9 +84,9 @@ class Bridge:
         return self._task.lock_step
 
     @property
-    def process(self) -> int | None:
+    def process(self) -> int:
         """Process ID of the process that owns the robot."""
-        return self._process.id
+        return self._child.pid
 
     def order(self, kind: Kind, a: float = 0.0, b: float = 0.0, c: float = 0.0) -> None:
         """Replace the command that the loop follows."""
@@ -70,7 +105,7 @@ class Bridge:
         self.check()
         first = self.ticks + TICKS_PER_ANSWER
         for tick in (*range(first, until, TICKS_PER_ANSWER), until):
-            send(self._process.pipe, {"until": tick})
+            self._child.send(RunUntil(tick))
             self._receive(self._task.settings.answer)
             self.ticks = tick
 
@@ -82,7 +117,7 @@ class Bridge:
 
     def check(self) -> None:
         """Raise the Fault with which the robot has stopped, if it has."""
-        if self._fault is None and not self._ended and self._process.pipe.poll():
+        if self._fault is None and not self._ended and self._child.pipe.poll():
             self._receive(0.0)
         if self._fault is not None:
             raise self._fault
@@ -93,30 +128,33 @@ class Bridge:
             return
         self._ended = True
         if self._fault is None:
-            with suppress(OSError, EOFError, Fault):
-                send(self._process.pipe, {"close": True})
-                while not self.timing:
-                    self.timing = self._receive(END_PATIENCE).get("timing", {})
-                if self._process.pipe.poll(LOG_PATIENCE):
-                    self.joints = joint_rows(self._process.pipe.recv_bytes())
-        self._process.end()
+            with suppress(Fault):
+                self._child.send(Close())
+                while not isinstance(answer := self._receive(END_PATIENCE), Ended):
+                    continue
+                self.timing = answer.timing
+                self.joints = joint_rows(self._receive(LOG_PATIENCE))
+        self._child.close(END_PATIENCE)
 
-    def _receive(self, patience: float) -> dict[str, Any]:
+    def _receive(self, patience: float) -> Any:
         """One answer of the process within `patience` [s]; a process that gives none is killed."""
         try:
-            return self._process.receive(patience)
+            return receive(self._child, patience)
         except ArmFault as fault:
             self._fault = fault
             if fault.cause in (Cause.SILENT, Cause.LOST):
-                self._process.kill()
+                self._child.kill()
             raise
 
 
-def run_loop(pipe: Connection, task: Task, orders: Any, reports: Any) -> None:
-    """Run a robot's loop until the cell at the other end of `pipe` closes or dies, or it stops.
+def run_loop(pipe: Connection, task: Task, orders: Latest[Order], reports: Latest[Report]) -> None:
+    """Run a robot's loop until the cell at the other end of `pipe` closes or dies, or it stops."""
+    with fault_sent(pipe):
+        _run_loop(pipe, task, orders, reports)
 
-    Timing and joints are sent at its end. Raises ArmFault where the robot has stopped.
-    """
+
+def _run_loop(pipe: Connection, task: Task, orders: Latest[Order], reports: Latest[Report]) -> None:
+    """Connect to the robot, run its loop to the end, then send timing and joints."""
     clock = WallClock(task.origin)
     rehearse(task.installation)
     robot = Robot(task.address, task.settings)
@@ -129,8 +167,8 @@ def run_loop(pipe: Connection, task: Task, orders: Any, reports: Any) -> None:
         CartesianMotion(robot, own_clock=not task.lock_step),
         task.settings,
         task.installation,
-        Latest(orders, Order),
-        Latest(reports, Report),
+        orders,
+        reports,
         clock.now,
         lock_step=task.lock_step,
         guard=robot.guard(),
@@ -138,7 +176,7 @@ def run_loop(pipe: Connection, task: Task, orders: Any, reports: Any) -> None:
     )
     termination = TerminationFlag()
     loop.begin()
-    send(pipe, {"ready": True})
+    send(pipe, Ready())
     if task.lock_step:
         _run_in_lock_step(loop, pipe, termination)
     else:
@@ -149,28 +187,27 @@ def run_loop(pipe: Connection, task: Task, orders: Any, reports: Any) -> None:
     if loop.halted is not None:
         raise loop.halted
     termination.check()
-    send(pipe, {"timing": timing.content()})
-    with suppress(OSError):
-        pipe.send_bytes(joints.content())
+    send(pipe, Ended(timing.content()))
+    send(pipe, joints.content())
 
 
 def _run_in_lock_step(loop: Loop, pipe: Connection, termination: TerminationFlag) -> None:
     """Step the loop as far as the cell allows and confirm, until the cell closes or dies."""
-    while (message := _receive(pipe, termination)) is not None and "until" in message:
-        while loop.ticks < message["until"]:
+    while isinstance(message := _receive(pipe, termination), RunUntil):
+        while loop.ticks < message.tick:
             loop.step()
             if loop.halted is not None:
                 return
-        send(pipe, {})
+        send(pipe, Ready())
 
 
-def _receive(pipe: Connection, termination: TerminationFlag) -> dict[str, Any] | None:
+def _receive(pipe: Connection, termination: TerminationFlag) -> RunUntil | Close | None:
     """The cell's next message; None where the cell has gone or this process is to end."""
     try:
         while not pipe.poll(BETWEEN_LOOKS):
             if termination.is_set:
                 return None
-        message: dict[str, Any] = json.loads(pipe.recv_bytes())
+        message: RunUntil | Close = pipe.recv()
     except (EOFError, OSError):
         return None
     return None if termination.is_set else message

@@ -1,7 +1,7 @@
 """Causes of a robot's stop: library errors as one type, classified by class and robot state."""
 
 from enum import StrEnum
-from typing import Any, Self
+from typing import Self
 
 from drivers.errors import Fault
 
@@ -67,15 +67,6 @@ class ArmFault(Fault):
         flags = f" ({', '.join(errors)})" if errors else ""
         super().__init__(cause, f"{words}{flags}; {cause.remedy}")
         self.cause, self.words, self.errors = cause, words, errors
-
-    def content(self) -> dict[str, Any]:
-        """The fault as plain values, for a message between processes."""
-        return {"cause": self.cause.name, "words": self.words, "errors": list(self.errors)}
-
-    @classmethod
-    def of(cls, content: dict[str, Any]) -> Self:
-        """The fault from plain values, the inverse of `content`."""
-        return cls(Cause[content["cause"]], str(content["words"]), tuple(content["errors"]))
 
 
 def one_line(error: BaseException) -> str:

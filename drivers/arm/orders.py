@@ -1,11 +1,12 @@
 """Orders to the robot's 1 kHz loop and its reports: the newest of each, in shared memory."""
 
-import ctypes
+import os
 import struct
 from enum import IntEnum
-from multiprocessing.context import BaseContext
+from mmap import mmap
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from drivers.child import SharedMemory
 from drivers.errors import Fault
 
 WORD = 8  # bytes
@@ -65,7 +66,7 @@ class Report(NamedTuple):
     expired: int
 
 
-class Latest(Generic[V]):
+class Latest(SharedMemory, Generic[V]):
     """Value in shared memory with one writer and any readers, none of which blocks another.
 
     The writer fills the hidden one of two slots, then publishes it. A reader retries only when the
@@ -74,17 +75,20 @@ class Latest(Generic[V]):
     library is built for.
     """
 
-    def __init__(self, memory: Any, kind: type[V]) -> None:
-        """Map `memory` from `allocate` for the same `kind`, a NamedTuple of int and float."""
-        self._struct, self._kind = _layout(kind), kind
-        view, size = memoryview(memory).cast("B"), self._struct.size
+    def __init__(self, kind: type[V], descriptor: int | None = None) -> None:
+        """Values of `kind`, a NamedTuple of int and float; by default in new memory."""
+        super().__init__(descriptor)
+        letters = ("d" if field is float else "q" for field in kind.__annotations__.values())
+        self._struct, self._kind = struct.Struct("=" + "".join(letters)), kind
+        size, end = self._struct.size, WORD + 2 * self._struct.size
+        if descriptor is None:
+            os.ftruncate(self.descriptor, end)
+        view = memoryview(mmap(self.descriptor, end))
         self._count = view[:WORD].cast("Q")
-        self._slots = (view[WORD : WORD + size], view[WORD + size : WORD + 2 * size])
+        self._slots = (view[WORD : WORD + size], view[WORD + size : end])
 
-    @staticmethod
-    def allocate(kind: type[V], context: BaseContext) -> Any:
-        """Shared memory for values of `kind`, passed to a process that `context` starts."""
-        return context.RawArray(ctypes.c_uint64, 1 + 2 * _layout(kind).size // WORD)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Latest, (self._kind, self.descriptor)
 
     @property
     def count(self) -> int:
@@ -105,9 +109,3 @@ class Latest(Generic[V]):
             if self._count[0] == before:
                 return self._kind._make(self._struct.unpack_from(content))
         raise Fault("arm_memory", "the arm's process writes faster than it can be read")
-
-
-def _layout(kind: type[NamedTuple]) -> struct.Struct:
-    """Layout of a NamedTuple of int and float, of WORD bytes each."""
-    letters = ("d" if field is float else "q" for field in kind.__annotations__.values())
-    return struct.Struct("=" + "".join(letters))

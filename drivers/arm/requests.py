@@ -1,5 +1,6 @@
 """Requests to a robot outside the strip's plane: a motion to given joints, or its pose."""
 
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -7,11 +8,30 @@ import numpy as np
 
 from drivers.arm.joint_motion import follow_joints
 from drivers.arm.obstacles import clear_way, solids_of
-from drivers.arm.process import RobotProcess, Task, TerminationFlag, schedule, send
+from drivers.arm.process import (
+    END_PATIENCE,
+    Task,
+    TerminationFlag,
+    fault_sent,
+    receive,
+    schedule,
+    send,
+)
 from drivers.arm.retreat import retreat
+from drivers.child import Child
 
 REQUEST_TIMEOUT = 180.0  # s for a request
 REST_RATE = 0.01  # rad/s of a joint that stands, the noise of its measurement included
+
+
+@dataclass(frozen=True, slots=True)
+class GoTo:
+    """Request for a motion, with the arguments of `go_to`."""
+
+    joints: list[float]
+    share: float
+    recover: bool
+    reset_tool: bool
 
 
 def go_to(
@@ -28,8 +48,7 @@ def go_to(
     `reset_tool` it is given the cell's tool, which is read back. Where the straight way meets the
     arm itself, desk, clamp or floor, it goes around. Interrupting this ends the motion.
     """
-    request = {"joints": joints, "share": share, "recover": recover, "reset_tool": reset_tool}
-    _ask(task, request)
+    _ask(task, GoTo(joints, share, recover, reset_tool))
 
 
 def hand_pose(task: Task) -> list[float]:
@@ -37,38 +56,39 @@ def hand_pose(task: Task) -> list[float]:
 
     Raises Fault, for a tool too that is not the cell's.
     """
-    pose: list[float] = _ask(task, {})["pose"]
-    return pose
+    return _ask(task, None)
 
 
-def _ask(task: Task, request: dict[str, Any]) -> dict[str, Any]:
+def _ask(task: Task, request: GoTo | None) -> list[float]:
     """Run `request` in a process and return its answer; the robot brakes if the cell dies."""
-    process = RobotProcess(_execute, task, request)
+    child = Child(carry_out, task, request)
     try:
-        return process.receive(REQUEST_TIMEOUT)
+        answer: list[float] = receive(child, REQUEST_TIMEOUT)
+        return answer
     finally:
-        process.end()
+        child.close(END_PATIENCE)
 
 
-def _execute(pipe: Connection, task: Task, request: dict[str, Any]) -> None:
-    """Connect to the robot, carry out `request` and send the robot's pose or joints."""
+def carry_out(pipe: Connection, task: Task, request: GoTo | None) -> None:
+    """Connect to the robot and send its pose (16,), or its joints (7,) [rad] after `request`."""
     from drivers.arm.robot import Robot
 
-    robot = Robot(task.address, task.settings)
-    schedule(task.settings.realtime)
-    if not request:
-        robot.require_tool()
-        send(pipe, {"pose": list(robot.state().O_T_EE)})
-    else:
-        send(pipe, {"joints": _go(robot, task, request, pipe)})
+    with fault_sent(pipe):
+        robot = Robot(task.address, task.settings)
+        schedule(task.settings.realtime)
+        if request is None:
+            robot.require_tool()
+            send(pipe, list(robot.state().O_T_EE))
+        else:
+            send(pipe, _go(robot, task, request, pipe))
 
 
-def _go(robot: Any, task: Task, request: dict[str, Any], pipe: Connection) -> list[float]:
+def _go(robot: Any, task: Task, request: GoTo, pipe: Connection) -> list[float]:
     """Prepare the robot as `request` asks, check it and bring it to the joints (7,) [rad]."""
-    if request["recover"]:
+    if request.recover:
         robot.recover()
     robot.require_ready()
-    if request["reset_tool"]:
+    if request.reset_tool:
         robot.reset_tool()
     robot.require_tool()
     termination, solids = TerminationFlag(), solids_of(task.installation)
@@ -76,15 +96,15 @@ def _go(robot: Any, task: Task, request: dict[str, Any], pipe: Connection) -> li
     def left() -> bool:
         return termination.is_set or pipe.poll()
 
-    if request["recover"]:
+    if request.recover:
         retreat(robot, task.settings, left, solids)
     robot.configure(task.settings.collision)
     guard, reached = robot.guard(), list(robot.state().q)
-    way = clear_way(np.array(reached), np.array(request["joints"]), solids)
+    way = clear_way(np.array(reached), np.array(request.joints), solids)
     for joints in way:
         if not left():
             guard = robot.guard() if _rests(robot.state()) else guard
-            reached = follow_joints(robot, joints.tolist(), request["share"], guard, left)
+            reached = follow_joints(robot, joints.tolist(), request.share, guard, left)
     termination.check()
     return reached
 

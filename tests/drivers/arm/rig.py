@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
 from types import SimpleNamespace
 from typing import Any
 
@@ -177,9 +176,8 @@ class Driven:
 
 def begun(robot: Any = None, *, lock_step: bool = True, guard=None) -> Driven:
     """A loop at its start over `robot`, by default one that does what it is told."""
-    robot, context = FakeRobot() if robot is None else robot, get_context("spawn")
-    orders = Latest(Latest.allocate(Order, context), Order)
-    reports = Latest(Latest.allocate(Report, context), Report)
+    robot = FakeRobot() if robot is None else robot
+    orders, reports = Latest(Order), Latest(Report)
     given = robot, FciSettings(), INSTALLATION, orders, reports, lambda: 0.0
     loop = Loop(*given, lock_step=lock_step, guard=guard)
     loop.begin()

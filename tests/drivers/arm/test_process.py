@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from multiprocessing import get_context
 from typing import NamedTuple
 
 import pytest
@@ -12,9 +11,9 @@ from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.joint_log import EDGES_MS, Timing
 from drivers.arm.orders import Latest
 from drivers.arm.process import PRIORITY, schedule
+from drivers.child import Child
 from drivers.errors import Fault
 
-CONTEXT = get_context("spawn")
 PROMPT = """
 import os
 from drivers.arm.process import schedule
@@ -59,9 +58,8 @@ class Eight(NamedTuple):
     h: int
 
 
-def write_for_ever(memory, start) -> None:
-    values = Latest(memory, Eight)
-    start.set()
+def write_for_ever(pipe, values: Latest) -> None:
+    pipe.send("begun")
     number = 0
     while True:
         number += 1
@@ -69,11 +67,9 @@ def write_for_ever(memory, start) -> None:
 
 
 def test_no_value_is_ever_torn() -> None:
-    memory, start = Latest.allocate(Eight, CONTEXT), CONTEXT.Event()
-    process = CONTEXT.Process(target=write_for_ever, args=(memory, start), daemon=True)
-    process.start()
-    values, last = Latest(memory, Eight), 0
-    assert start.wait(20)
+    values, last = Latest(Eight), 0
+    process = Child(write_for_ever, values)
+    assert process.receive(20.0) == "begun"
     try:
         for _ in range(20_000):
             seen = values.read()
@@ -82,12 +78,11 @@ def test_no_value_is_ever_torn() -> None:
             last = seen.a
     finally:
         process.kill()
-        process.join()
     assert values.read().a >= last  # a writer that was killed holds nobody up
 
 
 def test_newest_value_is_read() -> None:
-    values = Latest(Latest.allocate(Eight, CONTEXT), Eight)
+    values = Latest(Eight)
     assert values.read() == Eight(*[0] * 8)
     for number in (1, 2, 3):
         values.write(Eight(*[number] * 8))
@@ -97,7 +92,7 @@ def test_newest_value_is_read() -> None:
 
 def test_reader_gives_up_on_a_writer_that_is_always_faster() -> None:
 
-    values = Latest(Latest.allocate(Eight, CONTEXT), Eight)
+    values = Latest(Eight)
 
     class Rising:
         def __init__(self) -> None:

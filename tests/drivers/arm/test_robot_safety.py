@@ -4,7 +4,6 @@ import os
 import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
-from multiprocessing import active_children
 from types import SimpleNamespace
 
 import numpy as np
@@ -49,6 +48,7 @@ from tests.drivers.arm.rig import (
     served,
     task,
 )
+from tests.support.children import children
 
 STILL = Velocity(0.0, 0.0, 0.0)
 
@@ -115,10 +115,10 @@ def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rat
     monkeypatch.setattr(
         requests, "TerminationFlag", lambda: SimpleNamespace(is_set=False, check=bool)
     )
-    request = {"joints": near(0.04), "share": 1.0, "recover": False, "reset_tool": False}
+    request = requests.GoTo(near(0.04), 1.0, recover=False, reset_tool=False)
     given = SimpleNamespace(address="", settings=FciSettings(), installation=INSTALLATION)
-    pipe = SimpleNamespace(poll=lambda: False, send_bytes=lambda _: None)
-    requests._execute(pipe, given, request)
+    pipe = SimpleNamespace(poll=lambda: False, send=lambda _: None)
+    requests.carry_out(pipe, given, request)
     assert taken == pytest.approx([JOINTS[0], JOINTS[0], near(0.02)[0]][:tares], abs=1e-4)
 
 
@@ -292,8 +292,8 @@ def test_way_home_that_was_asked_to_end_says_that_it_did_not_arrive() -> None:
         deadline = time.monotonic() + 60.0
         while server.robot.ticks < 100 and time.monotonic() < deadline:
             time.sleep(0.005)
-        for process in active_children():
-            os.kill(process.pid, signal.SIGTERM)
+        for pid in children("carry_out"):
+            os.kill(pid, signal.SIGTERM)
         assert isinstance(fault := gone.exception(60.0), Fault)
         assert fault.name == Cause.ENDED
         assert server.robot.posture.at_rest

@@ -33,7 +33,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -146,11 +146,10 @@ class PlayedCamera:
         return Frame(shown.stamp, self._clock.now(), "film", shown.number, image)
 
 
-def play(poses: list[list[float]], places: Any, shows: Any) -> None:
+def play(poses: list[list[float]], place: Latest[Place], shown: Latest[Shown]) -> None:
     """Show 60 images a second, each the one nearest to where the gripper is, never going back."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     take_priority(PLAYER)  # a camera waits for no processor
-    place, shown = Latest(places, Place), Latest(shows, Shown)
     film, index, number, last = np.array(poses), 0, 0, -1.0
     while True:
         time.sleep(1.0 / RATE)
@@ -391,19 +390,19 @@ def bench() -> Iterator[Bench]:
     joints = list(start_joints(installation, usual.fold, LENGTH, usual.twin.arm.home_height))
     memory = Path("/dev/shm")  # noqa: S108  a film on disk would be waited for
     home = memory if memory.is_dir() else None
-    with tempfile.TemporaryDirectory(dir=home) as place, robot(joints) as address:
-        folder = Path(place)
+    with tempfile.TemporaryDirectory(dir=home) as home_folder, robot(joints) as address:
+        folder = Path(home_folder)
         configs = configured(folder, address)
         calibration = calibration_of(find_configs(configs).cell())
         film = recorded(configs, folder, calibration)
-        context = get_context("spawn")
-        places, shows = (Latest.allocate(kind, context) for kind in (Place, Shown))
-        player = context.Process(target=play, args=(film.poses, places, shows), daemon=True)
+        place, shown = Latest(Place), Latest(Shown)
+        fork = get_context("fork")  # which inherits the memory
+        player = fork.Process(target=play, args=(film.poses, place, shown), daemon=True)
         player.start()
         try:
             yield Bench(
                 folder, find_configs(configs).cell(), configs, calibration, address, joints, film,
-                Latest(places, Place), Latest(shows, Shown),
+                place, shown,
             )  # fmt: skip
         finally:
             player.kill()
