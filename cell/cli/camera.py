@@ -12,7 +12,7 @@ from cell.cli.options import Configs, Json, print_json
 
 if TYPE_CHECKING:
     from cell.devices.camera_check import Grab
-    from drivers.camera.listing import CameraReport, UnusableDevice
+    from drivers.camera.camera import CameraReport, UnusableDevice
     from drivers.camera.settings import V4l2Settings
 
 
@@ -29,8 +29,8 @@ def camera(
     if grab is not None:
         _grab(_settings(device, configs), grab, as_json=as_json)
         return
+    from drivers.camera.camera import list_cameras, report
     from drivers.camera.kernel import Linux
-    from drivers.camera.listing import list_cameras, report
 
     found = list_cameras(Linux()) if device is None else iter([report(Linux(), device)])
     _print_cameras(found, as_json=as_json)
@@ -40,8 +40,8 @@ def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
     """Settings of the cell file's camera, or suitable ones where `device` is another camera."""
     from cell.config.places import find_configs
     from cell.devices.camera_check import suggest_settings
+    from drivers.camera.camera import report
     from drivers.camera.kernel import Linux
-    from drivers.camera.listing import report
     from drivers.errors import ConfigurationError
 
     own = find_configs(configs).cell().camera
@@ -92,7 +92,7 @@ def _grab_line(taken: "Grab") -> dict[str, Any]:
 
 
 def _print_cameras(found: "Iterator[CameraReport | UnusableDevice]", *, as_json: bool) -> None:
-    from drivers.camera.listing import UnusableDevice
+    from drivers.camera.camera import UnusableDevice
 
     count = 0
     for entry in found:
@@ -110,7 +110,7 @@ def _print_cameras(found: "Iterator[CameraReport | UnusableDevice]", *, as_json:
 def _camera_facts(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
     from dataclasses import asdict
 
-    from drivers.camera.listing import UnusableDevice
+    from drivers.camera.camera import UnusableDevice
 
     if isinstance(entry, UnusableDevice):
         return asdict(entry)

@@ -9,8 +9,8 @@ from cell.calibrating.calibration_in_use import age_days, check_current
 from cell.config.cell import CellFile
 from cell.doctor.check import Check, State
 from cell.doctor.link import Link, measured_link
+from drivers.camera.camera import report
 from drivers.camera.kernel import Linux
-from drivers.camera.listing import report
 from drivers.errors import CellError
 
 LOST_SHARE, TOO_MANY, IN_A_ROW = 0.01, 0.10, 20  # shares of states; the robot itself stops after 20

@@ -1,14 +1,198 @@
-"""The V4L2 camera as a `drivers.protocols.Camera`."""
+"""The V4L2 camera as a `drivers.protocols.Camera`, and the list of those that are connected."""
 
-from drivers.camera.drain import Arrived, Drain
-from drivers.camera.frame import CameraFrame, Counts
+import math
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.camera.controls import CameraControl, controls_of
+from drivers.camera.device import CameraFaulty, CameraStalled, Device, Identity
+from drivers.camera.formats import Mode, Picture, modes_of
+from drivers.camera.frame import CameraFrame, Counts, Sequence, StampSource
 from drivers.camera.kernel import Kernel, Linux
-from drivers.camera.session import Session, Setup
+from drivers.camera.session import Capture, Session, Setup
 from drivers.camera.settings import V4l2Settings
-from drivers.errors import Fault
+from drivers.errors import CellError, Fault
 from drivers.protocols import Clock
 
+FRAME_TIMEOUT = 0.04  # s without a frame until the device is asked whether it is still there
+RETRY_INTERVAL = 0.1  # s between attempts to recover
+FIRST_FRAME = 3.0  # s that a camera may take for its first frame
+LEAST_STEP = 1e-6  # s by which stamps grow at least
 SOURCE = "v4l2 camera"
+DEVICE_LINKS_FOLDER = Path("/dev/v4l")
+
+
+@dataclass(frozen=True, slots=True)
+class StampedCapture:
+    """A frame as captured, with `stamp` and `arrival` on the cell's clock [s]."""
+
+    capture: Capture
+    picture: Picture
+    sequence: int
+    gap: int
+    stamp: float
+    arrival: float
+    source: StampSource
+
+
+class Drain:
+    """Takes every frame of a session and keeps the newest; recovers the device after a failure.
+
+    A failure is raised by the next `newest`, at least once, and until a frame has arrived after it.
+    A stalled or faulty stream is restarted; a lost device is reopened once its link exists again,
+    and configured as before.
+    """
+
+    def __init__(
+        self, kernel: Kernel, settings: V4l2Settings, clock: Clock, session: Session
+    ) -> None:
+        self.counts = Counts()
+        self._kernel = kernel
+        self._settings = settings
+        self._clock = clock
+        self._changed = threading.Condition()
+        self._closing = False
+        self._newest: StampedCapture | None = None
+        self._trouble: CellError | None = None
+        self._recovered = False
+        self._sequence = Sequence()
+        self._patience = FIRST_FRAME
+        self._last_whole = self._last_any = kernel.monotonic()
+        self._current: Session | None = None
+        self._thread = threading.Thread(target=self._run, args=(session,), name=SOURCE, daemon=True)
+        self._thread.start()
+
+    def newest(self, after: float, timeout: float) -> StampedCapture | None:
+        """The newest frame stamped later than `after`, waiting up to `timeout` [s] for one.
+
+        Raises the error of the device if it is failing or has failed since the last call.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._trouble or self._fresh(after), timeout)
+            if self._trouble is None and not self._thread.is_alive():
+                raise CameraFaulty(self._settings.device, "the thread that reads it has ended")
+            if self._trouble is not None:
+                trouble = self._trouble
+                if self._recovered:
+                    self._trouble = None
+                raise trouble.with_traceback(None)
+            return self._newest if self._fresh(after) else None
+
+    def close(self) -> None:
+        """Stop the thread, which releases the device."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _fresh(self, after: float) -> bool:
+        return self._newest is not None and self._newest.stamp > after
+
+    def _run(self, session: Session) -> None:
+        self._current = session
+        try:
+            while not self._closing:
+                self._serve_session()
+        finally:
+            self._release()
+
+    def _serve_session(self) -> None:
+        """Take frames until a failure, report the failure, and restart or release the session."""
+        try:
+            if self._current is None:
+                self._current = Session.open(self._kernel, self._settings)
+                self._restart_counts()
+            self._take_frames(self._current)
+        except (CameraStalled, CameraFaulty) as error:
+            self._report(error)
+            self._kernel.wait(None, RETRY_INTERVAL)
+            self._restart()
+        except CellError as error:
+            self._report(error)
+            self._release()
+            self._kernel.wait(None, RETRY_INTERVAL)
+
+    def _take_frames(self, session: Session) -> None:
+        """Take frames until the camera is closed; raises the error that ends the session."""
+        while not self._closing:
+            capture = session.wait(FRAME_TIMEOUT)
+            if capture is not None:
+                self._keep(session, capture)
+            self._check_flow()
+
+    def _check_flow(self) -> None:
+        """Raise CameraStalled after too long without frames, CameraFaulty without whole ones."""
+        now = self._kernel.monotonic()
+        silent, corrupt = now - self._last_any, now - self._last_whole  # s
+        if silent > self._patience:
+            raise CameraStalled(self._settings.device, silent)
+        if corrupt > self._patience:
+            raise CameraFaulty(
+                self._settings.device, f"every frame of the last {corrupt:.2f} s is corrupt"
+            )
+
+    def _keep(self, session: Session, capture: Capture) -> None:
+        """Count a capture and publish it as the newest frame, unless it is corrupt."""
+        step = self._sequence.step_to(capture.counter)
+        self._last_any = capture.taken
+        self.counts.missing += max(step - 1, 0)
+        self.counts.repeated += step < 1
+        if capture.corrupt or not session.setup.picture.whole(capture.content):
+            self.counts.corrupt += 1
+            return
+        self._last_whole, self._patience = capture.taken, self._settings.stall
+        arrived = self._on_cell_clock(session, capture)
+        self.counts.arrived += 1
+        self.counts.restamped += arrived.source is StampSource.DEQUEUE
+        with self._changed:
+            self._newest, self._recovered = arrived, True
+            self._changed.notify_all()
+
+    def _on_cell_clock(self, session: Session, capture: Capture) -> StampedCapture:
+        """`capture` with times [s] on the cell's clock; stamps increase, and are before arrival."""
+        setup, number, last = session.setup, self._sequence.number, self._newest
+        gap = 0 if last is None else number - last.sequence - 1
+        earliest = -math.inf if last is None else last.stamp + LEAST_STEP
+        monotonic = self._kernel.monotonic()
+        arrival = self._clock.now()
+        ahead = monotonic - arrival  # of the kernel's clock, on which `capture` is stamped
+        middle, source = setup.shutter.middle(capture.stamp, capture.flags, capture.taken)
+        if middle - ahead < earliest:
+            middle, source = capture.taken, StampSource.DEQUEUE
+        stamp = max(min(middle - ahead, arrival - LEAST_STEP), earliest)
+        return StampedCapture(capture, setup.picture, number, gap, stamp, arrival, source)
+
+    def _report(self, error: CellError) -> None:
+        with self._changed:
+            self._trouble, self._recovered = error, False
+            self._changed.notify_all()
+
+    def _restart(self) -> None:
+        """Restart the stream, or release the device where that fails."""
+        if self._current is None:
+            return
+        try:
+            self._current.restart()
+        except CellError as error:
+            self._report(error)
+            self._release()
+        else:
+            self._restart_counts()
+
+    def _restart_counts(self) -> None:
+        now = self._kernel.monotonic()
+        missing = round((now - self._last_any) * self._settings.rate)
+        self._sequence.restart(max(missing, 0))
+        self._last_whole = self._last_any = now
+        self._patience = FIRST_FRAME
+        self.counts.restarts += 1
+
+    def _release(self) -> None:
+        session, self._current = self._current, None
+        if session is not None:
+            session.close()
 
 
 class V4l2Camera:
@@ -76,7 +260,7 @@ class V4l2Camera:
             self._drain.close()
             self._drain = None
 
-    def _decode(self, arrived: Arrived, counts: Counts) -> CameraFrame | None:
+    def _decode(self, arrived: StampedCapture, counts: Counts) -> CameraFrame | None:
         """The decoded frame, or None where its bytes are not a picture."""
         image = arrived.picture.decode(arrived.capture.content)
         if image is None:
@@ -93,3 +277,51 @@ class V4l2Camera:
             arrived.source,
             arrived.capture.flags,
         )
+
+
+@dataclass(frozen=True, slots=True)
+class CameraReport:
+    """Report on the camera at link `device`: its identity, modes and controls."""
+
+    device: str
+    identity: Identity
+    modes: tuple[Mode, ...]
+    controls: tuple[CameraControl, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class UnusableDevice:
+    """A device link that cannot be used as a camera, and the reason."""
+
+    device: str
+    problem: str
+
+
+def list_cameras(
+    kernel: Kernel, links: Path = DEVICE_LINKS_FOLDER
+) -> Iterator[CameraReport | UnusableDevice]:
+    """Yield a report for each video device with a link, by id where it has one, else by path."""
+    for link in device_links(links):
+        try:
+            yield report(kernel, link)
+        except CellError as error:
+            yield UnusableDevice(link, str(error))
+
+
+def report(kernel: Kernel, link: str) -> CameraReport:
+    """Identity, modes and controls of the device at `link`; CellError where it cannot be opened."""
+    device = Device.open(kernel, link)
+    try:
+        controls = tuple(controls_of(device).values())
+        return CameraReport(link, device.identity, tuple(modes_of(device)), controls)
+    finally:
+        device.close()
+
+
+def device_links(links: Path = DEVICE_LINKS_FOLDER) -> list[str]:
+    """One udev link for each video device: by id where it has one, else by path."""
+    found: dict[Path, str] = {}
+    for kind in ("by-id", "by-path"):
+        for link in sorted((links / kind).glob("*")):
+            found.setdefault(link.resolve(), str(link))
+    return sorted(found.values())

@@ -5,8 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from drivers.camera.abi import Control, ControlFlag, ControlQuery, ControlType, MenuQuery, Request
-from drivers.camera.device import Device
-from drivers.camera.errors import CameraRefused
+from drivers.camera.device import CameraRefused, Device
 
 # Automatics that would change images between two measurements, each with its value for "off".
 # The dynamic frame rate is one of them: it halves the rate in the dark.

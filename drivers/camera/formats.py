@@ -1,6 +1,6 @@
-"""Picture format: negotiated with the device, read back, decoded to BGR."""
+"""Modes that a device offers, and the picture format: negotiated, read back, decoded to BGR."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -12,22 +12,79 @@ from drivers.camera.abi import (
     PROGRESSIVE,
     Format,
     Fraction,
+    FrameInterval,
+    FrameSize,
     Request,
     StreamParameters,
     fourcc,
     letters,
 )
-from drivers.camera.device import Device
-from drivers.camera.errors import CameraRefused
-from drivers.camera.modes import modes_of
+from drivers.camera.device import CameraRefused, Device
 from drivers.camera.settings import V4l2Settings
 from drivers.types import Image
 
+DISCRETE = 1  # V4L2_FRMSIZE_TYPE_DISCRETE, V4L2_FRMIVAL_TYPE_DISCRETE
 RATE_TOLERANCE = 0.01
 PER_SECOND = 1000  # a rate as a fraction of whole numbers
 JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
 Decoder = Callable[[Image], Image]
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """A pixel format and size; `rates` [Hz], where the device lists them, fastest first.
+
+    For a stepwise size `width` and `height` are the largest, and `steps` describes the range.
+    """
+
+    format: str
+    description: str
+    width: int
+    height: int
+    rates: tuple[float, ...]
+    steps: bool
+
+    def __str__(self) -> str:
+        rates = ", ".join(f"{rate:g}" for rate in self.rates) or "any rate"
+        return f"{self.format} {'up to ' * self.steps}{self.width}x{self.height} at {rates}"
+
+
+def modes_of(device: Device) -> Iterator[Mode]:
+    """Every mode that the device names, in its own order."""
+    for described in device.formats():
+        number = described.pixelformat
+        for size in _sizes(device, number):
+            steps = size.type != DISCRETE
+            # stepwise: min, max, step of the width, then of the height; discrete: width, height
+            width, height = (size.steps[1], size.steps[4]) if steps else tuple(size.steps[:2])
+            rates = _rates(device, number, width, height)
+            text = described.description.decode(errors="replace")
+            yield Mode(letters(number), text, width, height, rates, steps)
+
+
+def _sizes(device: Device, number: int) -> Iterator[FrameSize]:
+    return device.enumerate_entries(
+        Request.ENUM_FRAMESIZES, lambda i: FrameSize(index=i, pixel_format=number)
+    )
+
+
+def _rates(device: Device, number: int, width: int, height: int) -> tuple[float, ...]:
+    def at(index: int) -> FrameInterval:
+        return FrameInterval(index=index, pixel_format=number, width=width, height=height)
+
+    found = device.enumerate_entries(Request.ENUM_FRAMEINTERVALS, at)
+    rates = {_rate(step) for interval in found for step in _range_ends(interval)}
+    return tuple(sorted((rate for rate in rates if rate > 0), reverse=True))
+
+
+def _range_ends(interval: FrameInterval) -> list[Fraction]:
+    """Both ends of a range of frame intervals, or the one interval."""
+    return list(interval.steps[: 1 if interval.type == DISCRETE else 2])
+
+
+def _rate(interval: Fraction) -> float:
+    return interval.denominator / interval.numerator if interval.numerator else 0.0
 
 
 def _convert(code: int) -> Decoder:

@@ -16,7 +16,7 @@ READABLE = select.POLLIN
 TROUBLE = select.POLLERR | select.POLLHUP | select.POLLNVAL
 
 
-class Mapping(Protocol):
+class MappedBuffer(Protocol):
     """A kernel buffer mapped into this process."""
 
     def copy(self, length: int) -> Image:
@@ -38,7 +38,7 @@ class Kernel(Protocol):
     def ioctl(self, fd: int, request: Request, argument: Argument) -> None:
         """Execute `request`; the kernel reads and writes `argument`."""
 
-    def map(self, fd: int, length: int, offset: int) -> Mapping:
+    def map(self, fd: int, length: int, offset: int) -> MappedBuffer:
         """Map the buffer of `length` bytes at `offset` of a device into memory."""
 
     def wait(self, fd: int | None, seconds: float) -> int:
@@ -85,7 +85,7 @@ class Linux:
                 continue
             return
 
-    def map(self, fd: int, length: int, offset: int) -> Mapping:
+    def map(self, fd: int, length: int, offset: int) -> MappedBuffer:
         """Map the buffer of `length` bytes at `offset` of a device into memory."""
         return _Shared(fd, length, offset)
 

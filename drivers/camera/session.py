@@ -1,17 +1,132 @@
-"""A camera that is open, configured from the cell file, and streaming."""
+"""A camera that is open, configured from the cell file, and streams into mapped buffers."""
 
+import errno
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Self
 
+from drivers.camera.abi import CAPTURE, MMAP, Buffer, BufferFlag, BufferRequest, Number, Request
 from drivers.camera.controls import EXPOSURE, EXPOSURE_UNIT, controls_of, lock
-from drivers.camera.device import Device, Identity
-from drivers.camera.errors import CameraFaulty, CameraLost
+from drivers.camera.device import CameraFaulty, CameraLost, Device, Identity, translate_error
 from drivers.camera.formats import Picture, agree
-from drivers.camera.kernel import Kernel
+from drivers.camera.frame import Shutter
+from drivers.camera.kernel import Kernel, MappedBuffer
 from drivers.camera.settings import V4l2Settings
-from drivers.camera.stamps import Shutter
-from drivers.camera.stream import Capture, Stream
+from drivers.types import Image
+
+FEWEST_BUFFERS = 2
+MICRO = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """A buffer's bytes and metadata, copied before the buffer was requeued.
+
+    `counter` is the kernel's; `stamp` its time and `taken` the moment of dequeueing, both on the
+    monotonic clock [s].
+    """
+
+    counter: int
+    flags: int
+    stamp: float
+    taken: float
+    content: Image
+
+    @property
+    def corrupt(self) -> bool:
+        """Whether the kernel marks the picture as damaged or empty."""
+        return bool(self.flags & BufferFlag.ERROR) or self.content.size == 0
+
+
+class Stream:
+    """Stream of frames from a configured device, between `start` and `stop`."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._mappings: list[MappedBuffer] = []
+
+    @classmethod
+    def start(cls, device: Device, buffers: int) -> Self:
+        """Request `buffers`, map them, queue them and start streaming.
+
+        Raises CameraBusy, CameraLost or CameraFaulty, and then leaves nothing mapped.
+        """
+        stream = cls(device)
+        try:
+            stream._begin(buffers)
+        except BaseException:
+            stream.stop()
+            raise
+        return stream
+
+    def take(self) -> Capture | None:
+        """A copy of the next filled buffer, which is requeued; None when there is none yet.
+
+        Raises CameraLost or CameraFaulty.
+        """
+        device = self._device
+        buffer = Buffer(type=CAPTURE, memory=MMAP)
+        try:
+            device.kernel.ioctl(device.fd, Request.DQBUF, buffer)
+        except OSError as error:
+            if error.errno == errno.EAGAIN:
+                return None
+            if error.errno == errno.EINVAL:  # the queue has stopped by itself
+                raise CameraFaulty(device.path, "the kernel stopped the stream") from None
+            raise translate_error(error, device.path, "taking a frame", "") from None
+        capture = self._copy(buffer)
+        self._requeue(buffer.index)
+        return capture
+
+    def stop(self) -> None:
+        """Stop streaming, unmap and free the buffers; errors of an unplugged device are ignored.
+
+        Buffers are unmapped in any case: a remaining mapping keeps the node of an unplugged camera.
+        """
+        device = self._device
+        with suppress(OSError):
+            device.kernel.ioctl(device.fd, Request.STREAMOFF, Number(CAPTURE))
+        while self._mappings:
+            self._mappings.pop().close()
+        with suppress(OSError):
+            none = BufferRequest(count=0, type=CAPTURE, memory=MMAP)
+            device.kernel.ioctl(device.fd, Request.REQBUFS, none)
+
+    def _begin(self, buffers: int) -> None:
+        device = self._device
+        asked = BufferRequest(count=buffers, type=CAPTURE, memory=MMAP)
+        count = device.call(Request.REQBUFS, asked, "asking for buffers").count
+        if count < FEWEST_BUFFERS:
+            raise CameraFaulty(device.path, f"gave {count} buffers of {buffers}")
+        for index in range(count):
+            self._mappings.append(self._map_buffer(index))
+            self._requeue(index)
+        device.call(Request.STREAMON, Number(CAPTURE), "starting the stream")
+
+    def _map_buffer(self, index: int) -> MappedBuffer:
+        device = self._device
+        asked = Buffer(index=index, type=CAPTURE, memory=MMAP)
+        reply = device.call(Request.QUERYBUF, asked, "asking for a buffer")
+        try:
+            return device.kernel.map(device.fd, reply.length, reply.m.offset)
+        except OSError as error:
+            raise translate_error(error, device.path, "sharing a buffer", "") from None
+
+    def _requeue(self, index: int) -> None:
+        buffer = Buffer(index=index, type=CAPTURE, memory=MMAP)
+        self._device.call(Request.QBUF, buffer, "giving a buffer back")
+
+    def _copy(self, buffer: Buffer) -> Capture:
+        """Sequence, flags and bytes of `buffer`, which its return to the queue overwrites."""
+        time = buffer.timestamp
+        return Capture(
+            counter=buffer.sequence,
+            flags=buffer.flags,
+            stamp=time.seconds + MICRO * time.microseconds,
+            taken=self._device.kernel.monotonic(),
+            content=self._mappings[buffer.index].copy(buffer.bytesused),
+        )
 
 
 @dataclass(frozen=True, slots=True)

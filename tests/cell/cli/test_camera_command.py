@@ -14,8 +14,7 @@ from cell.devices.camera_check import suggest_settings
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_calibrated, check_drivers, open_cell
 from cell.devices.real_camera import with_real_camera
-from drivers.camera.camera import V4l2Camera
-from drivers.camera.listing import UnusableDevice, device_links, list_cameras, report
+from drivers.camera.camera import UnusableDevice, V4l2Camera, device_links, list_cameras, report
 from drivers.camera.settings import V4l2Settings
 from drivers.errors import ConfigurationError
 from drivers.twin.clock import RealTimeClock, TwinClock
@@ -65,7 +64,7 @@ def test_suggested_settings_lock_exposure_where_it_stands() -> None:
 
 
 def test_no_camera_is_reported_and_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drivers.camera.listing.device_links", lambda *_: [])
+    monkeypatch.setattr("drivers.camera.camera.device_links", lambda *_: [])
     done = CliRunner().invoke(app, ["camera"])
     assert (done.exit_code, done.stdout) == (0, "")
     assert "plug one in" in done.stderr

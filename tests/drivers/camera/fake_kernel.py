@@ -32,7 +32,7 @@ from drivers.camera.abi import (
     StreamParameters,
     fourcc,
 )
-from drivers.camera.drain import CAMERA_NAME
+from drivers.camera.camera import CAMERA_NAME
 from drivers.camera.kernel import READABLE, TROUBLE
 from tests.drivers.camera.fake_parts import Faults, Filled, Knob, Memory, usual_knobs
 

@@ -9,15 +9,9 @@ import pytest
 
 from drivers.camera.abi import Request
 from drivers.camera.camera import V4l2Camera
-from drivers.camera.errors import (
-    CameraBusy,
-    CameraFaulty,
-    CameraLost,
-    CameraRefused,
-    CameraStalled,
-)
+from drivers.camera.device import CameraBusy, CameraFaulty, CameraLost, CameraRefused, CameraStalled
+from drivers.camera.frame import StampSource
 from drivers.camera.settings import V4l2Settings
-from drivers.camera.stamps import StampSource
 from drivers.errors import CellError
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 

@@ -10,8 +10,7 @@ from pydantic import ValidationError
 from drivers.camera import abi
 from drivers.camera.abi import Request, fourcc, letters
 from drivers.camera.camera import V4l2Camera
-from drivers.camera.device import users_of
-from drivers.camera.errors import CameraRefused
+from drivers.camera.device import CameraRefused, users_of
 from drivers.camera.formats import Picture
 from drivers.camera.settings import V4l2Settings
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel

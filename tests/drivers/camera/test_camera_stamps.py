@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.camera.abi import BufferFlag
-from drivers.camera.stamps import Sequence, Shutter, StampSource, signed_difference
+from drivers.camera.frame import Sequence, Shutter, StampSource, signed_difference
 
 SHUTTER = Shutter(period=1 / 30, exposure=0.01, readout=0.006)
 START = BufferFlag.TIMESTAMP_MONOTONIC | BufferFlag.SOURCE_START_OF_EXPOSURE

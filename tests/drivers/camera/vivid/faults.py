@@ -5,7 +5,7 @@ import threading
 import time
 
 from drivers.camera.abi import Control, Request
-from drivers.camera.errors import CameraBusy, CameraFaulty, CameraLost, CameraStalled
+from drivers.camera.device import CameraBusy, CameraFaulty, CameraLost, CameraStalled
 from tests.drivers.camera.vivid.device import DRIVER, Counting, Vivid
 from tests.drivers.camera.vivid.watch import ALWAYS, frames, raising, read_on, recovered, trouble
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drivers.camera.errors import CameraRefused
+from drivers.camera.device import CameraRefused
 from tests.drivers.camera.vivid.device import START, Vivid
 from tests.drivers.camera.vivid.watch import frames, raising
 

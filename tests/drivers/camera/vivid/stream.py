@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from drivers.camera.stamps import StampSource
+from drivers.camera.frame import StampSource
 from drivers.errors import CellError
 from tests.drivers.camera.vivid.device import END, START, Vivid
 from tests.drivers.camera.vivid.watch import ALWAYS, frames, raising

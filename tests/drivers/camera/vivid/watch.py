@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from drivers.camera.camera import V4l2Camera
-from drivers.camera.errors import CameraLost
+from drivers.camera.device import CameraLost
 from drivers.camera.frame import CameraFrame
 from drivers.errors import CellError
 
