@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -64,7 +64,7 @@ class CalibrationFile(Settings):
     id: str
     camera: str
     date: str
-    latency: float
+    latency: float = 0.0
     residual_mm: NotNegative
     homography: MatrixFile
     lens: CameraFile
@@ -97,30 +97,11 @@ class CalibrationFile(Settings):
         )
 
 
-def make_calibration(
-    lens: Lens,
-    homography: Homography,
-    *,
-    residual_mm: float,
-    date: str,
-    camera: str,
-    latency: float = 0.0,
-    contact_bias: float = 0.0,
-    locks: Mapping[str, int] | None = None,
-    landmarks: Landmarks | None = None,
-    accepted_anyway: Sequence[str] = (),
-) -> Calibration:
-    """A calibration from its parts, with its id."""
-    facts = {
-        "residual_mm": residual_mm,
-        "date": date,
-        "camera": camera,
-        "latency": latency,
-        "contact_bias": contact_bias,
-        "locks": locks or {},
-        "landmarks": landmarks,
-        "accepted_anyway": accepted_anyway,
-    }
+def make_calibration(lens: Lens, homography: Homography, **facts: Any) -> Calibration:
+    """A calibration from its parts, with its id; `facts` are its other values, by name.
+
+    `residual_mm`, `date` and `camera` must be there.
+    """
     return _signed_file(lens, homography, facts).calibration("calibration")
 
 
@@ -153,7 +134,7 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def _signed_file(lens: Lens, homography: Homography, facts: Mapping[str, Any]) -> CalibrationFile:
-    """The file of a calibration with `facts`, a value for each of KEYWORDS, and its id."""
+    """The file of a calibration with `facts`, values of KEYWORDS, and its id."""
     unsigned = CalibrationFile(
         schema=1,
         id="",

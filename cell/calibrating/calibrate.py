@@ -9,13 +9,14 @@ from pathlib import Path
 from calibration.calibration import Calibration, load_calibration, save_calibration
 from calibration.lens import Lens
 from calibration.wizard.board_views import BoardViews
+from calibration.wizard.news import nobody
 from calibration.wizard.touch_verdict import refusals
 from calibration.wizard.touched_points import TouchedPoints
 from cell.calibrating.keyboard import TwinOperator
-from cell.calibrating.wizard import assemble, touch
+from cell.calibrating.wizard import assemble, show_board, touch
 from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, PACKAGED, cache_folder
-from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
+from cell.devices.devices import CalibrationAids, DeviceSelection
 from cell.devices.open import open_cell
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Unattended
@@ -74,13 +75,6 @@ def calibrate_anew(
     return made, path
 
 
-def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibration:
-    """Calibrate the twin without keeping the result."""
-    twin = DeviceSelection(arm="twin", camera="twin")
-    devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
-    return calibrate(settings, devices, interrupted)
-
-
 @contextmanager
 def _file_lock(path: Path) -> Iterator[None]:
     """Within the block, lock the file at `path` against other processes, where locks exist."""
@@ -100,14 +94,14 @@ def kept_calibration(settings: CellFile) -> Path:
     return cache_folder() / "calibration" / f"twin-{identity}.yaml"
 
 
-def calibrate(
-    settings: CellFile, devices: Devices, interrupted: Callable[[], bool] = lambda: False
-) -> Calibration:
-    """Calibrate lens and homography of the twin's camera.
+def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibration:
+    """Calibrate lens and homography of the twin's camera without keeping the result.
 
     Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
     Interrupted when the operator did.
     """
+    twin = DeviceSelection(arm="twin", camera="twin")
+    devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
     if devices.aids is None:
         raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
     lens = lens_from_boards(settings, devices.aids)
@@ -124,8 +118,7 @@ def calibrate(
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
     """Fit the lens to as many board views as it takes; raises CellError for a poor result."""
     views = BoardViews(settings.boards)
-    while (pose := views.ask()) is not None:
-        views.tell(aids.show_board(pose))
+    show_board(views, aids.show_board, Unattended(), nobody)
     views.set_length(aids.measure_board())
     verdict = views.verdict()
     if verdict.fit is None or not verdict.passed:

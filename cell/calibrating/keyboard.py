@@ -23,28 +23,21 @@ class Keys:
     """Reader of keys from `stream`: single ones within `single_keys`, else whole lines."""
 
     def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        self._pending = b""
+        self._number = _descriptor(stream)
+        self._line = b""
 
     def read(self, seconds: float) -> str | None:
         """Next key in lower case, ENTER, or CTRL_D at the end; None if none comes in `seconds`."""
-        number = _descriptor(self._stream)
-        if number is None:  # text in memory: all of it is there
-            return _key(self._stream.readline())
-        while not self._is_whole(number):
-            if not select.select([number], [], [], seconds)[0]:
-                return None
-            content = os.read(number, 1024)
-            if not content:
-                rest, self._pending = self._pending, b""
-                return _key(rest.decode(errors="replace"))
-            self._pending += content
-        size = 1 if _is_single(number) else self._pending.index(b"\n") + 1
-        first, self._pending = self._pending[:size], self._pending[size:]
-        return _key(first.decode(errors="replace"))
-
-    def _is_whole(self, number: int) -> bool:
-        return bool(self._pending) if _is_single(number) else b"\n" in self._pending
+        number = self._number
+        if number is None:
+            return CTRL_D
+        while select.select([number], [], [], seconds)[0]:
+            byte = os.read(number, 1)
+            self._line += byte
+            if byte in {b"", b"\n"} or _is_single(number):
+                typed, self._line = self._line.decode(errors="replace"), b""
+                return CTRL_D if typed in {"", CTRL_D} else typed.strip().lower() or ENTER
+        return None
 
 
 @contextmanager
@@ -63,6 +56,7 @@ def single_keys(stream: TextIO) -> Iterator[None]:
 
 
 def _descriptor(stream: TextIO) -> int | None:
+    """File descriptor of `stream`; None for text in memory."""
     try:
         return stream.fileno()
     except (OSError, ValueError):
@@ -72,12 +66,6 @@ def _descriptor(stream: TextIO) -> int | None:
 def _is_single(number: int) -> bool:
     """Whether `number` is a terminal that passes on single keys."""
     return os.isatty(number) and not termios.tcgetattr(number)[3] & termios.ICANON
-
-
-def _key(text: str) -> str:
-    if text in {"", CTRL_D}:
-        return CTRL_D
-    return text.strip().lower() or ENTER
 
 
 class TwinOperator:

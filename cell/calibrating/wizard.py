@@ -4,7 +4,7 @@ A session is a folder: what was measured is written at once, it can go on after 
 it can be solved again from its images.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from math import isnan
@@ -194,7 +194,7 @@ def calibrate_lens(
         views = BoardViews(settings.boards, patient=aids is None, size=size)
         keep = SessionFolder(folder, session, watch)
         restore(views, folder, session)
-        _show_board(views, source, operator, keep, interrupted)
+        show_board(views, source, operator, keep, interrupted)
     finally:
         devices.camera.close()
     if session.length is not None:
@@ -244,9 +244,14 @@ def calibrate_homography(
     """
     if (folder / SESSION_FILE).exists():
         plan = read_poses(folder / POSES_FILE)
-    facts = {"touches": settings.touches, "latency": settings.latency}
-    facts |= {"lens": CameraFile.of(lens, devices.camera_identity)}
-    now = _new_session("homography", devices, (lens.width, lens.height), **facts)
+    now = _new_session(
+        "homography",
+        devices,
+        (lens.width, lens.height),
+        lens=CameraFile.of(lens, devices.camera_identity),
+        touches=settings.touches,
+        latency=settings.latency,
+    )
     session = begin_or_resume(folder, now)
     points = TouchedPoints(lens, settings.touches, plan)
     keep = SessionFolder(folder, session, watch)
@@ -254,15 +259,10 @@ def calibrate_homography(
     restore(points, folder, session)
     context = CalibrationContext(settings.controller, points, operator, keep, remembers=True)
     touches = touch(devices, context, interrupted)
-    made = assemble(
-        lens,
-        touches,
-        context.latency,
-        session.camera,
-        locks=devices.camera_locks(),  # as read back
-        landmarks=context.landmarks,
-        accept_anyway=accept_anyway,
-    )
+    # locks as read back
+    facts: dict[str, Any] = {"locks": devices.camera_locks(), "landmarks": context.landmarks}
+    found = lens, touches, context.latency, session.camera
+    made = assemble(*found, accept_anyway=accept_anyway, **facts)
     result = TouchSession(folder, touches, context.latency, made, settings.fold.speed)
     result.keep(folder)
     if context.landmarks is not None:
@@ -296,15 +296,9 @@ def homography_again(
         latency = latency_verdict(arm, seen, lens, touches.homography, session.latency)
     path = folder / LANDMARKS_FILE
     marks = load(path, Landmarks) if path.exists() else None
-    made = assemble(
-        lens,
-        touches,
-        latency,
-        session.camera,
-        locks=session.locks,
-        landmarks=marks,
-        accept_anyway=accept_anyway,
-    )
+    found = lens, touches, latency, session.camera
+    facts: dict[str, Any] = {"locks": session.locks, "landmarks": marks}
+    made = assemble(*found, accept_anyway=accept_anyway, **facts)
     result = TouchSession(out, touches, latency, made, speed)
     if out is not None:
         make_folder(out)
@@ -367,11 +361,10 @@ def assemble(
     latency: LatencyVerdict,
     camera: str,
     *,
-    locks: Mapping[str, int] | None = None,
-    landmarks: Landmarks | None = None,
     accept_anyway: bool = False,
+    **facts: Any,
 ) -> Calibration | None:
-    """Calibration of these parts; None where they are refused, and where nothing was fitted."""
+    """Calibration of these parts and other `facts`; None where it is refused or has no map."""
     reasons = refusals(touches, latency)
     if touches.homography is None or (reasons and not accept_anyway):
         return None
@@ -382,9 +375,8 @@ def assemble(
         latency=0.0 if isnan(latency.latency) else latency.latency,
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         camera=camera,
-        locks=locks,
-        landmarks=landmarks,
         accepted_anyway=reasons,
+        **facts,
     )
 
 
@@ -425,14 +417,17 @@ def _new_session(kind: Kind, devices: Devices, size: tuple[int, int], **facts: A
     )
 
 
-def _show_board(
+def show_board(
     views: BoardViews,
     source: Source,
     operator: Operator,
     watch: Watcher,
-    interrupted: Interruption,
+    interrupted: Interruption = lambda: False,
 ) -> None:
-    """Request views of the board one after the other until enough are accepted."""
+    """Request views of the board one after the other until enough are accepted.
+
+    Raises Interrupted when the operator stops it.
+    """
     while (wanted := views.ask()) is not None:
         _check(interrupted)
         news = views.news()

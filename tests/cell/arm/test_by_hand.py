@@ -2,6 +2,7 @@
 
 import pytest
 
+from calibration.wizard.touched_points import TouchedPoints
 from cell.arm.by_hand import by_hand, jog
 from cell.arm.real_robot import slow_down
 from cell.config.places import find_configs
@@ -50,7 +51,8 @@ def test_small_negative_pitch_is_stated_as_zero() -> None:
 def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(last) -> None:
     lens = twin_calibration(SETTINGS.twin.camera).lens
     plan = (*(Pose(0.1 + 0.03 * i, 0.05, 1.57) for i in range(15)), last)
-    phase = calibrate(CalibrationContext(SETTINGS.controller, lens, plan=plan), Record(), GOOD)
+    points = TouchedPoints(lens, SETTINGS.touches, plan)
+    phase = calibrate(CalibrationContext(SETTINGS.controller, points), Record(), GOOD)
     if last.pitch:
         assert next(phase) == OpenHand()
         return

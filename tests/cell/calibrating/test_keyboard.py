@@ -1,6 +1,5 @@
 """The operator's keys, at the twin and at a cell whose arm goes on being watched."""
 
-import io
 import os
 import pty
 import select
@@ -8,6 +7,7 @@ import subprocess
 import sys
 import termios
 import time
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import pytest
@@ -18,9 +18,17 @@ from cell.orchestrator.operator import Answer, Ask, Question, Unattended
 TOUCH = Question(Ask.TOUCH, "point 4: 3 of 24 points are touched")
 
 
+def typing(content: str, prompt: Callable[[str], None] = lambda _: None) -> Keyboard:
+    """A keyboard at a pipe through which `content` comes."""
+    reader, writer = os.pipe()
+    os.write(writer, content.encode())
+    os.close(writer)
+    return Keyboard(Keys(os.fdopen(reader)), prompt, waits=True)
+
+
 def test_keys_mean_go_leave_out_and_again() -> None:
     said: list[str] = []
-    keyboard = Keyboard(Keys(io.StringIO("\ns\nR\n")), said.append, waits=True)
+    keyboard = typing("\ns\nR\n", said.append)
     answers = [keyboard.answer(TOUCH) for _ in range(3)]
     assert answers == [Answer.GO, Answer.SKIP, Answer.AGAIN]
     assert said[0].startswith("point 4: 3 of 24 points are touched  [Enter go on")
@@ -28,14 +36,14 @@ def test_keys_mean_go_leave_out_and_again() -> None:
 
 def test_unknown_key_is_asked_for_again() -> None:
     said: list[str] = []
-    keyboard = Keyboard(Keys(io.StringIO("w\n\n")), said.append, waits=True)
+    keyboard = typing("w\n\n", said.append)
     assert keyboard.answer(TOUCH) is Answer.GO
     assert any("['w' is no key here; Enter go on" in line for line in said)
 
 
 def test_from_a_on_and_at_the_end_of_input_it_goes_on_alone() -> None:
     for content in ("a\ns\n", ""):
-        keyboard = Keyboard(Keys(io.StringIO(content)), lambda _: None, waits=True)
+        keyboard = typing(content)
         assert [keyboard.answer(TOUCH) for _ in range(3)] == 3 * [Answer.GO]
 
 
