@@ -7,7 +7,8 @@ import subprocess
 import sys
 import termios
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import pytest
@@ -18,33 +19,35 @@ from cell.orchestrator.operator import Answer, Ask, Question, Unattended
 TOUCH = Question(Ask.TOUCH, "point 4: 3 of 24 points are touched")
 
 
-def typing(content: str, prompt: Callable[[str], None] = lambda _: None) -> Keyboard:
+@contextmanager
+def typing(content: str, prompt: Callable[[str], None] = lambda _: None) -> Iterator[Keyboard]:
     """A keyboard at a pipe through which `content` comes."""
     reader, writer = os.pipe()
     os.write(writer, content.encode())
     os.close(writer)
-    return Keyboard(Keys(os.fdopen(reader)), prompt, waits=True)
+    with os.fdopen(reader) as stream:
+        yield Keyboard(Keys(stream), prompt, waits=True)
 
 
 def test_keys_mean_go_leave_out_and_again() -> None:
     said: list[str] = []
-    keyboard = typing("\ns\nR\n", said.append)
-    answers = [keyboard.answer(TOUCH) for _ in range(3)]
+    with typing("\ns\nR\n", said.append) as keyboard:
+        answers = [keyboard.answer(TOUCH) for _ in range(3)]
     assert answers == [Answer.GO, Answer.SKIP, Answer.AGAIN]
     assert said[0].startswith("point 4: 3 of 24 points are touched  [Enter go on")
 
 
 def test_unknown_key_is_asked_for_again() -> None:
     said: list[str] = []
-    keyboard = typing("w\n\n", said.append)
-    assert keyboard.answer(TOUCH) is Answer.GO
+    with typing("w\n\n", said.append) as keyboard:
+        assert keyboard.answer(TOUCH) is Answer.GO
     assert any("['w' is no key here; Enter go on" in line for line in said)
 
 
 def test_from_a_on_and_at_the_end_of_input_it_goes_on_alone() -> None:
     for content in ("a\ns\n", ""):
-        keyboard = typing(content)
-        assert [keyboard.answer(TOUCH) for _ in range(3)] == 3 * [Answer.GO]
+        with typing(content) as keyboard:
+            assert [keyboard.answer(TOUCH) for _ in range(3)] == 3 * [Answer.GO]
 
 
 def test_on_hardware_no_key_is_no_answer_and_nothing_waits() -> None:
