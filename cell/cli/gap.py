@@ -184,9 +184,8 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
 
 def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
     """Lines on run-to-run spread: whether less of it separates more than `planned` [sigma]."""
-    from cell.gap.report.repeats import remedies
-    from cell.gap.verdict.accept import RECORD
-    from cell.gap.verdict.stored import FitRecord, read_stored
+    from cell.gap.report.sentence import remedies
+    from cell.gap.verdict.accept import RECORD, FitRecord, read_stored
 
     record = read_stored(fitted / RECORD, FitRecord)
     spreads = {s.name: (s.value, s.unit) for s in record.scatter}

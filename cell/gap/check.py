@@ -1,8 +1,8 @@
 """Checks of `cell gap check`: whether recordings can be fitted, and what they can identify."""
 
 import hashlib
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,21 +10,28 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from cell.gap.diagnosis.recorded import complaints
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.projection import Projection, projection
 from cell.gap.fitting.starts import nominal
 from cell.gap.fitting.tasks import run_all
 from cell.gap.opening import open_subject
 from cell.gap.selection.screening import Probed, probe
-from cell.gap.subject.copies import counted_once, note
-from cell.gap.subject.run_folders import TABLES, RunFolder, find_runs, read_table
+from cell.gap.subject.run_folders import (
+    TABLES,
+    RunFolder,
+    counted_once,
+    find_runs,
+    note,
+    read_table,
+)
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.schema import Entry
 from drivers.errors import ConfigurationError
 from drivers.readers import LARGEST_TEXT, read_bytes, read_yaml
 from drivers.types import Array
 
+SPARSE_COLUMNS = frozenset({"t", "contact_x", "contact_t", "pitch", "f_x", "f_z"})
+"""Columns that hold numbers in some rows alone, or need not be there (formats.md)."""
 INPUT_FILES = ("run.yaml", "result.yaml", *TABLES)
 PROBE_SIGMA = 3.0  # that the largest probe of an effect must show, beyond what the base absorbs
 WEAK = 0.5  # of the prior spread of a value: runs that leave more do not determine it
@@ -33,10 +40,33 @@ IDENTIFIABLE = "identifiable"
 Level = Literal["bad", "fair", "good"]
 
 
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Thresholds of complaints about a recording; pairs are (worth a remark, not to be fitted).
+
+    Shares of the rows that were `lost` or hold no number, and of the `images`; a reading that
+    stands still for `stuck` [s] while its command changes by `moved` [m or rad]; a largest or
+    smallest value that readings keep for `clipped` [s], more than once; steps of the clock whose
+    middle half differs by a share `uneven`. Assumed: no fault was measured; runs of the twin and
+    recordings of real pendulums stay within.
+    """
+
+    lost: tuple[float, float] = (0.02, 0.3)
+    images: tuple[float, float] = (0.1, 0.6)
+    stuck: float = 0.2
+    moved: float = 0.01
+    clipped: float = 0.05
+    uneven: float = 0.5
+
+
+DEFAULT_LIMITS = Limits()
+
+
 class Finding(Entry):
     """One finding of a check: `bad` forbids a fit, `fair` costs accuracy.
 
-    `run` is the name of a run, empty where the finding concerns all of them.
+    `run` is the name of a run, empty where the finding concerns all of them; `what` is the check,
+    `words` say what is seen where, `remedy` what to do.
     """
 
     level: Level
@@ -44,6 +74,134 @@ class Finding(Entry):
     run: str
     words: str
     remedy: str
+
+
+def _finding(what: str, words: str, remedy: str, level: Level = "fair", run: str = "") -> Finding:
+    return Finding(level=level, what=what, run=run, words=words, remedy=remedy)
+
+
+def clock(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Finding]:
+    """Findings on row times (n,) [s]: missing rows and uneven steps."""
+    steps = np.diff(t)
+    step = float(np.median(steps))
+    if not (steps > 0.0).all():  # the reader refuses rows out of order
+        return
+    missing = np.round(np.maximum(steps / step - 1.0, 0.0))
+    lost = float(missing.sum() / (missing.sum() + len(t)))
+    if lost > limits.lost[0]:
+        at = int(np.argmax(steps))
+        yield _finding(
+            "lost samples",
+            f"{100 * lost:.0f} % of the rows are missing, the longest gap {steps[at]:.2g} s at "
+            f"{t[at]:.2f} s", "record on a machine that keeps up, or leave the run out",
+            _level(lost, limits.lost),
+        )  # fmt: skip
+    low, high = np.quantile(steps, [0.25, 0.75])
+    if high - low > limits.uneven * step:
+        yield _finding(
+            "clock",
+            f"half of the steps between rows lie between {1e3 * low:.2g} and {1e3 * high:.2g} ms, "
+            "the others beyond", "stamp a reading when it is made, not when it arrives",
+        )  # fmt: skip
+
+
+def images(t: Array, limits: Limits = DEFAULT_LIMITS) -> Iterator[Finding]:
+    """Complain where images are missing, judged by gaps in the stamps `t` (n,) [s] of images.
+
+    A stamp may repeat: each point of a profile bears that of its image.
+    """
+    stamps = np.unique(t)
+    if len(stamps) < 3:
+        return
+    steps = np.diff(stamps)
+    missing = np.round(np.maximum(steps / np.median(steps) - 1.0, 0.0)).sum()
+    lost = float(missing / (missing + len(stamps)))
+    if lost > limits.images[0]:
+        yield _finding(
+            "lost images", f"{100 * lost:.0f} % of the images are missing",
+            "look at light and segmentation where they are, or leave the run out",
+            _level(lost, limits.images),
+        )  # fmt: skip
+
+
+def values(
+    name: str, t: Array, value: Array, command: Array | None = None, limits: Limits = DEFAULT_LIMITS
+) -> Iterator[Finding]:
+    """Findings on a column (n,) over times `t` (n,) [s]: gaps, stuck and clipped readings.
+
+    A reading is stuck that stands still while its `command` (n,) changes.
+    """
+    seen = np.isfinite(value)
+    lost = 1.0 - float(seen.mean())
+    if lost > limits.lost[0]:
+        yield _finding(
+            "lost samples", f"{name} holds no number in {100 * lost:.0f} % of the rows",
+            "mend the reading, or leave the run out",
+        )  # fmt: skip
+    if seen.sum() < 2:
+        return
+    stuck = None if command is None else _stall(name, t, value, command, limits)
+    if stuck is not None:
+        yield stuck
+        return
+    yield from _saturation(name, t, value, limits)
+
+
+def _stall(name: str, t: Array, value: Array, command: Array, limits: Limits) -> Finding | None:
+    """Finding on a reading that stands still while its command changes, None if none does."""
+    for first, last in _still(value):
+        change = float(np.ptp(command[first : last + 1]))
+        if t[last] - t[first] > limits.stuck and change > limits.moved:
+            return _finding(
+                "stuck reading",
+                f"{name} stands still at {value[first]:.4g} from {t[first]:.2f} to {t[last]:.2f} s "
+                f"while its command moves by {change:.2g}", "mend the reading; leave the run out",
+                "bad",
+            )  # fmt: skip
+    return None
+
+
+def _saturation(name: str, t: Array, value: Array, limits: Limits) -> Iterator[Finding]:
+    """Findings on a reading that stands repeatedly at its largest or smallest value."""
+    for limit, word in ((np.nanmax(value), "largest"), (np.nanmin(value), "smallest")):
+        ends = [(a, b) for a, b in _still(value) if value[a] == limit and a > 0 and b < len(t) - 1]
+        long = [t[b] - t[a] for a, b in ends if t[b] - t[a] > limits.clipped]
+        if len(long) > 1:
+            yield _finding(
+                "saturation",
+                f"{name} stands {len(long)} times at its {word} value {limit:.4g}, for "
+                f"{max(long):.2g} s at most", "widen the range, or move less",
+            )  # fmt: skip
+
+
+def _still(value: Array) -> Iterator[tuple[int, int]]:
+    """First and last row of every stretch in which a column (n,) has one and the same value."""
+    edges = np.flatnonzero(np.diff(value) != 0.0)
+    first = np.concatenate([[0], edges + 1])
+    last = np.concatenate([edges, [len(value) - 1]])
+    return ((int(a), int(b)) for a, b in zip(first, last, strict=True) if b > a)
+
+
+def _level(lost: float, limits: tuple[float, float]) -> Level:
+    return "bad" if lost > limits[1] else "fair"
+
+
+def complaints(
+    tables: Mapping[str, Mapping[str, Array]], limits: Limits = DEFAULT_LIMITS
+) -> Iterator[Finding]:
+    """Findings on a run's `tables`: by file name, columns (n,) by name."""
+    for file, columns in tables.items():
+        t = columns.get("t")
+        if t is None or len(t) < 3:
+            continue
+        if file == "profile.parquet":
+            yield from images(t, limits)
+            continue
+        yield from clock(t, limits)
+        for name, value in columns.items():
+            if name not in SPARSE_COLUMNS and not name.endswith("_cmd"):
+                command = columns.get(f"{name}_cmd")
+                yield from values(name, t, value, command, limits)
 
 
 class Check(Entry):
@@ -87,7 +245,7 @@ def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
                 tables[name] = read_table(run.path / name)
             except ConfigurationError:
                 continue
-        found += [Finding(run=run.name, **asdict(each)) for each in complaints(tables)]
+        found += [each.model_copy(update={"run": run.name}) for each in complaints(tables)]
     return found
 
 
@@ -109,21 +267,17 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1) -> Check:
     """
     runs, copies = counted_once(find_runs(paths))
     found = [
-        Finding(level="fair", what="copy", run=copy, words=note(copy, first),
-                remedy="measure again; a copy says nothing new")
+        _finding("copy", note(copy, first), "measure again; a copy says nothing new", run=copy)
         for copy, first in copies.items()
-    ]  # fmt: skip
+    ]
     found += recordings(runs)
     try:
         subject = open_subject(file, runs, jobs)
     except ConfigurationError as error:
         words, _, remedy = str(error).splitlines()[0].partition("; ")
-        found.append(Finding(level="bad", what="unreadable", run="", words=words, remedy=remedy))
+        found.append(_finding("unreadable", words, remedy, "bad"))
     else:
-        found += [
-            Finding(level="fair", what="run", run="", words=words, remedy="make it again")
-            for words in subject.notes
-        ]
+        found += [_finding("run", words, "make it again") for words in subject.notes]
         found += identifiable(subject)
     names = [run.name for run in runs]
     return Check(inputs=inputs_digest(file, runs), runs=names, findings=found)
@@ -136,7 +290,7 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
     for p, s in zip(subject.scope.base, sigma, strict=False):
         if s > WEAK * p.spread:
             words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
-            yield _finding(words, "move faster, higher or longer")
+            yield _finding(IDENTIFIABLE, words, "move faster, higher or longer")
     about = projection(stated, robustly=False)
     library = [probe(stated, c) for c in subject.scope.candidates]
     directions: dict[str, Array] = {}
@@ -147,15 +301,11 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
             directions[name] = largest / length
         else:
             words = f"{name}: even the largest that is tried would show by {length:.1f} sigma"
-            yield _finding(words, probed.candidate.revealed_by)
+            yield _finding(IDENTIFIABLE, words, probed.candidate.revealed_by)
     for (one, a), (other, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:
             words = f"{one} and {other} show alike: these runs cannot separate them"
-            yield _finding(words, "fit, then `cell gap advise`")
-
-
-def _finding(words: str, remedy: str) -> Finding:
-    return Finding(level="fair", what=IDENTIFIABLE, run="", words=words, remedy=remedy)
+            yield _finding(IDENTIFIABLE, words, "fit, then `cell gap advise`")
 
 
 def _largest_response(about: Projection, probed: Probed) -> Array:

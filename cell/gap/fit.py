@@ -11,14 +11,13 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from cell.gap.check import inputs_digest, refuse
-from cell.gap.fitting.cache import SimulationCache
+from cell.gap.fitting.tasks import SimulationCache
 from cell.gap.forward_selection import Progress
 from cell.gap.investigate import investigate
 from cell.gap.opening import open_subject
 from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
-from cell.gap.subject.copies import counted_once, note
-from cell.gap.subject.run_folders import RunFolder, find_runs
+from cell.gap.subject.run_folders import RunFolder, counted_once, find_runs, note
 from cell.gap.subject.subject import EditsModel, HasConsequences
 from cell.gap.verdict.accept import (
     BASE_PATCH,

@@ -1,26 +1,112 @@
-"""Forward selection of models: single effects first, then pairs and triples of the best."""
+"""Forward selection of models: single effects first, then pairs and triples of the best.
 
-from collections.abc import Callable
-from dataclasses import dataclass
+The models that lead the base revise it, and are fitted again beside the revised base.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 
 from cell.gap.diagnosis import lack_of_fit
-from cell.gap.diagnosis.drift import Repeats
-from cell.gap.diagnosis.localise import localise
-from cell.gap.fitting.crossvalidation import Validated
-from cell.gap.fitting.tasks import Simulate
-from cell.gap.selection import refinement, search
+from cell.gap.diagnosis.invariance import Repeats
+from cell.gap.diagnosis.lack_of_fit import localise
+from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
+from cell.gap.fitting.model import Evidence, Point
+from cell.gap.fitting.reml import Spread, clearly_differ, estimate_spreads, with_scatter
+from cell.gap.fitting.starts import best, objective_of
+from cell.gap.fitting.tasks import Simulate, run_all, run_one
+from cell.gap.selection import search
 from cell.gap.selection.choice import choose, is_exhausted
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN
+from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, margin
 from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import ranked_pairs
+from cell.gap.selection.search import BUDGET, other_signs
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.findings import Fitted, Screened
+from drivers.types import Array
 
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of the whole that is done."""
+
+
+def revised_base(
+    simulate: Simulate, fits: Fits, scatter: Sequence[Spread], whole: Evidence
+) -> tuple[Estimate, tuple[Spread, ...]] | None:
+    """Base and spreads in runs `whole` by leading models; None where neither clearly changes.
+
+    A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it,
+    and may have stopped in a local minimum.
+    """
+    leading = leading_models(fits)
+    if not leading:
+        return None
+    found = estimate_spreads(simulate, leading[0].estimate, whole)
+    better = better_base(simulate, fits, leading)
+    before = {s.name: s.value for s in scatter}
+    if better is None and not clearly_differ(before, {s.name: s.value for s in found}):
+        return None
+    return with_scatter(better or fits.base.estimate, found, whole), found
+
+
+def leading_models(fits: Fits) -> list[Validated]:
+    """Models that lead the base: the one that predicts clearly better, and more probable ones."""
+    by = fits.scale
+    names = [fits.best.model.names] if margin(fits.best, fits.base, by).gain >= MIN_GAIN else []
+    before_base = takewhile(lambda m: m.names, posterior(fits, by).models)
+    names += [m.names for m in before_base if m.p > ALPHA]
+    return [m for name in dict.fromkeys(names) if (m := fits.of(name)) is not None]
+
+
+def better_base(simulate: Simulate, fits: Fits, leading: Sequence[Validated]) -> Estimate | None:
+    """Refit the base from its values in `leading` models; None where that is not clearly better.
+
+    A base that stopped in a local minimum leaves a gap that is none.
+    """
+    base, begin = fits.base.estimate, []
+    for fit in (m.estimate for m in leading):
+        values, _ = fit.model.split(fit.shared)
+        start = Point(values, fit.point.local)
+        begin.append(refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.short_steps))
+    begun = best([base, *run_all(simulate, begin)])
+    if begun is base:
+        return None
+    again = run_one(simulate, refit(base.model, base.evidence, begun.point, begun.jacobians))
+    scale = min(base.scale, again.scale)
+    return again if objective_of(again, scale) < objective_of(base, scale) - MIN_GAIN else None
+
+
+def refit_on_base(
+    simulate: Simulate, fits: Fits, base: Validated, found: Sequence[Spread], whole: Evidence
+) -> Fits:
+    """Refit the models of `fits` beside a new `base`, with the scatter `found` in runs `whole`.
+
+    Single effects and the best pairs with either sign again: beside another base the other one may
+    fit better.
+    """
+    known, tasks = base.estimate.evidence, []
+    for fit in (m.estimate for m in fits.models if m.model.effects):
+        start = with_scatter(fit, found, whole).point
+        tasks.append(refit(fit.model, known, start, _secants(fit, known), ROUGH_GAIN))
+    done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+    fits = replace(fits, models=(base, *done))
+    placed = [*fits.of_size(1), *fits.worth(2)[: BUDGET.pairs]]
+    return fits.merge(other_signs(simulate, fits, placed))
+
+
+def _secants(fit: Estimate, known: Evidence) -> tuple[Array, ...] | None:
+    """Secants (n, shared + local) of each run at `fit`, whitened by the scales of `known`.
+
+    None where the runs of `known` have other unknowns of their own.
+    """
+    pairs = list(zip(fit.evidence.runs, known.runs, strict=True))
+    if any([p.name for p in a.local] != [p.name for p in b.local] for a, b in pairs):
+        return None
+    rows = zip(fit.jacobians, fit.evidence.scales, known.scales, strict=True)
+    return tuple(jacobian * (had / has)[:, None] for jacobian, had, has in rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +129,7 @@ class ForwardSelection:
             return fits
         singles = screened.singles[: search.BUDGET.singles]
         fits = search.fit_scores(self.simulate, fits, singles, self.subject.scope.candidates)
-        fits = fits.merge(refinement.other_signs(self.simulate, fits, fits.of_size(1)))
+        fits = fits.merge(search.other_signs(self.simulate, fits, fits.of_size(1)))
         return self._refine_laws(fits)
 
     def refit_further(self, fits: Fits) -> Fits:
@@ -71,7 +157,7 @@ class ForwardSelection:
         """Free the shape parameters of the best models, unless the best one leaves nothing."""
         if is_exhausted(fits):
             return fits
-        return fits.merge(refinement.shape_parameters(self.simulate, fits))
+        return fits.merge(search.shape_parameters(self.simulate, fits))
 
     def _accept(self, fits: Fits) -> Validated:
         """The model that would be accepted if nothing else were fitted."""
@@ -86,7 +172,7 @@ class ForwardSelection:
         """
         if not self._accept(fits).model.effects:
             return fits
-        fits = fits.merge(refinement.shape_parameters(self.simulate, fits))
+        fits = fits.merge(search.shape_parameters(self.simulate, fits))
         accepted = self._accept(fits)
         models = [accepted] if fits.best in (accepted, fits.base) else [accepted, fits.best]
         self.progress("screen beside the accepted effect", 0.5)
@@ -103,7 +189,7 @@ class ForwardSelection:
         pairs = search.shortlist(simulate, base, pairs, candidates, most)
         fits = search.fit_scores(simulate, fits, pairs, candidates)
         fits = search.extend(simulate, fits, 1, candidates, probed)
-        fits = fits.merge(refinement.other_signs(simulate, fits, fits.worth(2)[:most]))
+        fits = fits.merge(search.other_signs(simulate, fits, fits.worth(2)[:most]))
         if self._is_pair(fits) and _leaves_more(fits, anywhere=False):
             self.progress("refit triples", 0.7)
             fits = search.extend(simulate, fits, 2, candidates, probed)

@@ -7,31 +7,31 @@ import numpy as np
 from scipy import special
 
 from cell.gap.diagnosis import lack_of_fit
-from cell.gap.diagnosis.detection_limit import detectable
-from cell.gap.diagnosis.drift import Repeats
-from cell.gap.diagnosis.localise import localise
+from cell.gap.diagnosis.invariance import Repeats
+from cell.gap.diagnosis.lack_of_fit import localise
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.scatter import with_scatter, with_spreads
-from cell.gap.fitting.spreads import Spread, spreads
+from cell.gap.fitting.reml import Spread, spreads, with_scatter, with_spreads
 from cell.gap.fitting.starts import refit_base, refit_fine, weak_directions
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
-from cell.gap.forward_selection import ForwardSelection, Progress
+from cell.gap.forward_selection import (
+    ForwardSelection,
+    Progress,
+    refit_on_base,
+    revised_base,
+)
 from cell.gap.selection.choice import leaves_nothing
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.immaterial import filling_floor, immaterial
 from cell.gap.selection.likelihood import ALPHA, LikelihoodScale, family_wise, likelihood_scale
 from cell.gap.selection.posterior import posterior
-from cell.gap.selection.revision import refit_on_base, revised_base
-from cell.gap.selection.score import Score
-from cell.gap.selection.screening import Probed, probe, ranking, table
+from cell.gap.selection.prior import filling_floor, immaterial
+from cell.gap.selection.screening import Probed, Score, detectable, probe, ranking, table
 from cell.gap.subject.subject import Subject
-from cell.gap.verdict.advice import advice
 from cell.gap.verdict.decide import in_doubt, kind
 from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
-from cell.gap.verdict.judge import chosen, judge, refit_held_out
+from cell.gap.verdict.judge import advice, chosen, judge, refit_held_out
 from cell.gap.verdict.offered_law import Names, offered_law
 
 

@@ -23,7 +23,7 @@ from cell.campaign.versions import verdicts
 from cell.gap.check import inputs_digest
 from cell.gap.fit import fit
 from cell.gap.fitting.model import Model, evidence
-from cell.gap.fitting.spreads import spreads
+from cell.gap.fitting.reml import spreads
 from cell.gap.fitting.starts import refit_base
 from cell.gap.strength import Ruler, drawn_path, twins
 from cell.gap.subject.run_folders import RunFolder, find_runs

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.gap.subject.strip.reported_path import reported_path
 from cell.gap.subject.strip.subject import Strip
-from cell.gap.subject.strip.synthetic import Fold, Instruments, rod_folds, write_fold
+from cell.gap.subject.strip.synthetic import Fold, Instruments, reported_path, rod_folds, write_fold
 from cell.gap.subject.subject import Request, Residuals
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.file import StripFile

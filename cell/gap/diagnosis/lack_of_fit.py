@@ -1,9 +1,10 @@
-"""Lack-of-fit test for a gap: whether residuals exceed the noise that repeats show."""
+"""Lack of fit: whether a model leaves more than noise, overall and in which places."""
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from cell.gap.fitting.model import Evidence
 from cell.gap.fitting.projection import projection
 from cell.gap.subject.subject import Run
 from drivers.types import Array
+
+K = TypeVar("K", bound=Hashable)
+FEWEST_SAMPLES = 4  # samples that make a bin; set by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +70,7 @@ def _repeat_bins(
     """Channel, means and counts (runs,) of each bin that repeats share, by condition."""
     bins: dict[tuple[str, str, str, str, int], list[tuple[float, int]]] = defaultdict(list)
     for run, r in zip(estimate.evidence.runs, residuals, strict=True):
-        for key, rows in _rows_by_bin(run).items():
+        for key, rows in _rows_by([run], _place_and_time).items():
             bins[(run.condition, *key)].append((float(r[rows].mean()), len(rows)))
     found: dict[str, list[tuple[str, Array, Array]]] = defaultdict(list)
     for (condition, channel, *_), values in bins.items():
@@ -76,14 +80,26 @@ def _repeat_bins(
     return found
 
 
-def _rows_by_bin(run: Run) -> dict[tuple[str, str, str, int], list[int]]:
-    """Row numbers of a run's samples by channel, phase, zone and time bin."""
-    rows: dict[tuple[str, str, str, int], list[int]] = defaultdict(list)
-    s = run.samples
-    for i in range(len(s)):
-        key = (str(s.channel[i]), str(s.phase[i]), str(s.zone[i]), int(s.t[i] / TESTING.bin_time))
-        rows[key].append(i)
+def _place_and_time(run: Run, i: int) -> tuple[str, str, str, int]:
+    """Channel, phase, zone and time bin of sample number `i` of a run."""
+    return (*_place(run, i), int(run.samples.t[i] / TESTING.bin_time))
+
+
+def _rows_by(runs: Sequence[Run], key: Callable[[Run, int], K]) -> dict[K, list[int]]:
+    """Row numbers in the stacked samples of `runs`, by the `key` of each sample of a run."""
+    rows: dict[K, list[int]] = defaultdict(list)
+    first = 0
+    for run in runs:
+        for i in range(len(run.samples)):
+            rows[key(run, i)].append(first + i)
+        first += len(run.samples)
     return rows
+
+
+def _place(run: Run, i: int) -> tuple[str, str, str]:
+    """Channel, phase and zone of sample number `i` of a run."""
+    s = run.samples
+    return str(s.channel[i]), str(s.phase[i]), str(s.zone[i])
 
 
 def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> float:
@@ -93,22 +109,16 @@ def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> float:
     divides the residuals first (`slack`); a wild one counts as much as the fit lets it count.
     """
     r = robust.clip_residuals(np.concatenate(estimate.residuals) / allowed)
-    rows = _groups(estimate)
+    by_channel = _rows_by(
+        estimate.evidence.runs, lambda run, i: (run.samples.channel[i], run.condition)
+    )
+    rows = list(by_channel.values())
     found = np.array([np.mean(r[i] ** 2) for i in rows])
     drawn = np.array([np.mean(noise[i] ** 2, axis=0) for i in rows])
     mean, spread = drawn.mean(axis=1, keepdims=True), drawn.std(axis=1, keepdims=True) + 1e-12
     worst = float(((found[:, None] - mean) / spread).max())
     null = ((drawn - mean) / spread).max(axis=0)
     return (1.0 + float((null >= worst).sum())) / (1.0 + len(null))
-
-
-def _groups(estimate: Estimate) -> list[NDArray[np.int64]]:
-    """Row numbers of the samples of each channel in each condition."""
-    runs = estimate.evidence.runs
-    channel = np.concatenate([run.samples.channel for run in runs])
-    condition = np.concatenate([np.full(len(run.samples), run.condition) for run in runs])
-    keys = sorted(set(zip(channel.tolist(), condition.tolist(), strict=True)))
-    return [np.flatnonzero((channel == c) & (condition == of)) for c, of in keys]
 
 
 def noise_left(estimate: Estimate, rng: np.random.Generator) -> Array:
@@ -157,3 +167,115 @@ def lost_samples(estimate: Estimate) -> NDArray[np.bool_]:
     """
     lost = [np.isnan(raw.mean) for raw in estimate.raw]
     return np.concatenate([rows & ~rows.all() for rows in lost])
+
+
+@dataclass(frozen=True, slots=True)
+class Bin:
+    """A bin of samples: test statistic `z` [sigma] and family-wise p-value `p`.
+
+    `z` is the stronger of the signed mean (with its sign) and the energy.
+    """
+
+    channel: str
+    phase: str
+    zone: str
+    condition: str
+    z: float
+    p: float
+
+
+def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
+    """Test all bins together against `noise` (N, draws); returns them, the strongest first.
+
+    `allowed` (N,) divides the residuals first, for noise beyond the stated one; in probabilities
+    a wild one counts as much as the fit lets it count.
+    Signed mean and energy of each bin, the latter as sqrt(2 chi^2), which is nearly normal
+    (Fisher 1925), both standardised by the noise draws; the probability is that of the largest
+    statistic over all bins (Westfall and Young 1993, single-step max-T).
+    """
+    r = np.concatenate(estimate.residuals) / allowed
+    bins = _rows_by_bin(estimate)
+    rows = list(bins.values())
+    whole, drawn = _statistics(r, rows, noise)
+    tame, _ = _statistics(robust.clip_residuals(r), rows, noise)
+    places = []
+    for key, z, judged in zip(bins, whole, np.abs(tame), strict=True):
+        p = (1.0 + float((drawn >= judged).sum())) / (1.0 + len(drawn))
+        places.append(Bin(*key, float(z), p))
+    return sorted(places, key=lambda place: -abs(place.z))
+
+
+def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Array, Array]:
+    """Stronger statistic (k,) of each bin, and the strongest of all bins in each draw (draws,)."""
+    signed, signed_draws = _standardise(
+        np.array([r[i].sum() for i in rows]), np.array([noise[i].sum(axis=0) for i in rows])
+    )
+    energy, energy_draws = _standardise(
+        np.sqrt([2.0 * (r[i] ** 2).sum() for i in rows]),
+        np.sqrt([2.0 * (noise[i] ** 2).sum(axis=0) for i in rows]),
+    )
+    largest = np.maximum(np.abs(signed_draws).max(axis=0), energy_draws.max(axis=0))
+    return np.where(np.abs(signed) >= energy, signed, energy), largest
+
+
+def _standardise(found: Array, drawn: Array) -> tuple[Array, Array]:
+    """Statistics (k,) and draws of them (k, draws), both in standard deviations of the draws."""
+    mean, spread = drawn.mean(axis=1), drawn.std(axis=1) + 1e-12
+    return (found - mean) / spread, (drawn - mean[:, None]) / spread[:, None]
+
+
+def _rows_by_bin(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]]:
+    """Row numbers of each bin with enough samples, by channel, phase, zone and condition."""
+    bins = _rows_by(estimate.evidence.runs, lambda run, i: (*_place(run, i), run.condition))
+    return {key: rows for key, rows in bins.items() if len(rows) >= FEWEST_SAMPLES}
+
+
+def matching_bins(
+    base: Estimate, fitted: Estimate, others: Sequence[Estimate], noise: Array, allowed: Array
+) -> list[Bin]:
+    """Test, in each bin, how well residuals of `base` match what the model `fitted` adds.
+
+    Returns the bins, the surest first. Each sample counts by what the model predicts otherwise than
+    the base (matched filter), against `noise` (N, draws), divided by what is `allowed` (N,) beyond
+    it. The model was chosen in sight of the residuals, so that a draw counts by its strongest bin
+    under the response of any of the models tried, this one and `others`, with either sign (Westfall
+    and Young 1993).
+    """
+    r = np.concatenate(base.residuals)
+    weight = (r - np.concatenate(fitted.residuals)) / allowed
+    bins = _rows_by_bin(base)
+    rows = list(bins.values())
+    found, drawn = _match_sums(robust.clip_residuals(r / allowed), weight, rows, noise)
+    largest = np.abs(drawn).max(axis=0)
+    for other in others:
+        tried = (r - np.concatenate(other.residuals)) / allowed
+        largest = np.maximum(largest, np.abs(_match_sums(r, tried, rows, noise)[1]).max(axis=0))
+    places = []
+    for (key, at), z in zip(bins.items(), found, strict=True):
+        p = (1.0 + float((largest >= z).sum())) / (1.0 + len(largest))
+        side = 1.0 if weight[at].sum() >= 0.0 else -1.0
+        places.append(Bin(*key, side * float(z), p))
+    return sorted(places, key=lambda place: (place.p, -abs(place.z)))
+
+
+def stronger_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
+    """Bins with the smaller p-value of two tests, doubled for that choice; strongest first."""
+    if not by_effect:
+        return list(by_itself)
+    other = {_key(b): b for b in by_effect}
+    surer = [min(b, other[_key(b)], key=lambda one: one.p) for b in by_itself]
+    corrected = [replace(b, p=min(1.0, 2.0 * b.p)) for b in surer]
+    return sorted(corrected, key=lambda place: -abs(place.z))
+
+
+def _key(b: Bin) -> tuple[str, str, str, str]:
+    return b.channel, b.phase, b.zone, b.condition
+
+
+def _match_sums(
+    r: Array, weight: Array, rows: Sequence[list[int]], noise: Array
+) -> tuple[Array, Array]:
+    """Standardised weighted sums over bins of `r` (N,) and of `noise` (N, draws)."""
+    return _standardise(
+        np.array([r[i] @ weight[i] for i in rows]), np.array([weight[i] @ noise[i] for i in rows])
+    )

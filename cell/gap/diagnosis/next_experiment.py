@@ -7,10 +7,9 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cell.gap.fitting import normal_equations
-from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.gauss_newton import Estimate, linearise
 from cell.gap.fitting.model import Model, Point, evidence, requests, response, unknowns
 from cell.gap.fitting.projection import stacked_jacobian
-from cell.gap.fitting.secants import linearise
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Experiment

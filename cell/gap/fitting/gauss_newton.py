@@ -1,7 +1,10 @@
 """Robust Gauss-Newton fit of a model to runs, with Jacobians by secants.
 
 Shared parameters and each run's own unknowns are estimated jointly. Simulations are expensive and
-responses nearly linear, so that a Jacobian is kept while it predicts the decrease well.
+responses nearly linear, so that a Jacobian is kept while it predicts the decrease well. Near where
+a motion goes another way, a small step to one side makes samples jump. A secant over the jump is no
+slope: its height would settle a fit and make its intervals as narrow as the jump is steep. So the
+final fit takes two-sided slopes.
 """
 
 from collections.abc import Sequence
@@ -11,15 +14,99 @@ from typing import TypeVar
 import numpy as np
 
 from cell.gap.fitting import normal_equations, robust
-from cell.gap.fitting.model import Evidence, Model, Point, requests, whiten
-from cell.gap.fitting.secants import linearise, linearise_both_ways
-from cell.gap.fitting.tasks import Task
-from cell.gap.subject.subject import Residuals
+from cell.gap.fitting.model import Evidence, Model, Point, request, requests, whiten
+from cell.gap.fitting.tasks import Task, side_by_side
+from cell.gap.subject.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
 
+Linearised = tuple[Sequence[Residuals], tuple[Array, ...]]
 T = TypeVar("T")
 # nats that a further step must promise: in the end, to compare; set by hand, small beside MIN_GAIN
 FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
+
+
+def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
+    """Residuals and whitened secants (n, shared + local) of each run; yields simulations."""
+    asked: list[Request] = []
+    steps: list[Array] = []
+    for run, local in zip(evidence.runs, point.local, strict=True):
+        own_requests, own_steps = _secant_requests(model, run, point.shared, local)
+        asked += own_requests
+        steps.append(own_steps)
+    answers = yield asked
+    raw, jacobians, at = [], [], 0
+    for h, scale in zip(steps, evidence.scales, strict=True):
+        mine = answers[at : at + 1 + len(h)]
+        at += len(mine)
+        raw.append(mine[0])
+        jacobians.append(secants(mine[0], mine[1:], scale, h))
+    return raw, tuple(jacobians)
+
+
+def linearise_both_ways(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
+    """Residuals and whitened slopes (n, shared + local) of each run, by secants to both sides."""
+    raw, right, left = yield from both_sides(model, evidence, point)
+    return raw, tuple(map(minmod, right, left))
+
+
+def both_sides(
+    model: Model, evidence: Evidence, point: Point
+) -> Task[tuple[Sequence[Residuals], tuple[Array, ...], tuple[Array, ...]]]:
+    """Residuals, and whitened secants (n, shared + local) of each run to either side of a point.
+
+    Where a bound forbids one side, both are secants to the other.
+    """
+    effects = [replace(e, parameters=_mirror(e.parameters)) for e in model.effects]
+    other = replace(model, base=_mirror(model.base), effects=tuple(effects))
+    runs = [replace(run, local=_mirror(run.local)) for run in evidence.runs]
+    mirrored = replace(evidence, runs=tuple(runs))
+    sides = [linearise(model, evidence, point), linearise(other, mirrored, point)]
+    (raw, right), (_, left) = yield from side_by_side(sides)
+    return raw, right, left
+
+
+def minmod(a: Array, b: Array) -> Array:
+    """The smaller of two slopes (n, k) where their signs agree, zero elsewhere."""
+    # slope limiter: Roe 1986, Annual Review of Fluid Mechanics 18, 337
+    return np.asarray(0.5 * (np.sign(a) + np.sign(b)) * np.minimum(np.abs(a), np.abs(b)))
+
+
+def _mirror(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    return tuple(replace(p, step=-p.step) for p in parameters)
+
+
+def secants(here: Residuals, moved: Sequence[Residuals], scale: Array, steps: Array) -> Array:
+    """Whitened finite differences (n, len(steps)), zero where a residual is lost."""
+    columns = [(m.mean - here.mean) / scale / h for m, h in zip(moved, steps, strict=True)]
+    matrix = np.array(columns).reshape(len(columns), len(scale)).T
+    return np.asarray(np.nan_to_num(matrix, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+def _secant_requests(
+    model: Model, run: Run, shared: Array, local: Array
+) -> tuple[list[Request], Array]:
+    """Requests at the values and one step of each unknown away, and the steps (k,)."""
+    asked = [request(model, run, shared, local)]
+    steps = []
+    for i, p in enumerate(model.parameters):
+        h = _step_within_bounds(p, shared[i])
+        asked.append(request(model, run, _step_one(shared, i, h), local))
+        steps.append(h)
+    for i, p in enumerate(run.local):
+        h = _step_within_bounds(p, local[i])
+        asked.append(request(model, run, shared, _step_one(local, i, h)))
+        steps.append(h)
+    return asked, np.array(steps)
+
+
+def _step_within_bounds(p: Parameter, value: float) -> float:
+    return p.step if p.low <= value + p.step <= p.high else -p.step
+
+
+def _step_one(values: Array, i: int, h: float) -> Array:
+    moved = values.copy()
+    moved[i] += h
+    return moved
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,3 +353,36 @@ def _evaluate(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
         value = normal_equations.objective(residuals(raw, evidence), p, limits, search.scale)
         trials.append(_Trial(p, raw, value))
     return trials
+
+
+def settle(estimate: Estimate) -> Task[Estimate]:
+    """Refit `estimate` with two-sided slopes, weighting down samples that respond nonlinearly."""
+    start = yield from _with_slope_errors(estimate)
+    refitted = yield from refit(
+        start.model, start.evidence, start.point, start.jacobians, both_ways=True
+    )
+    if np.array_equal(refitted.shared, start.shared):
+        return start
+    return (yield from _with_slope_errors(refitted))
+
+
+def _with_slope_errors(estimate: Estimate) -> Task[Estimate]:
+    """Copy of `estimate` with two-sided slopes, whose error counts as noise of the samples.
+
+    It is the mean square of what the linear model gets wrong of a step to either side. Samples that
+    jump together err together, and count as one: by Kish's effective size (1965, Survey Sampling)
+    of the error of a step in a run. Statistical linear regression: Lefebvre, Bruyninckx and De
+    Schutter 2002, IEEE Transactions on Automatic Control 47, 1406.
+    """
+    model, known, point = estimate.model, estimate.evidence, estimate.point
+    raw, right, left = yield from both_sides(model, known, point)
+    scales, slopes = [], []
+    for run, scale, a, b in zip(known.runs, known.scales, right, left, strict=True):
+        step = np.array([p.step for p in (*model.parameters, *run.local)])
+        slope = minmod(a, b)
+        error = 0.5 * ((a - slope) ** 2 + (b - slope) ** 2) * step**2
+        effective_size = error.sum(axis=0) ** 2 / np.maximum((error**2).sum(axis=0), 1e-300)
+        wider = np.sqrt(1.0 + error @ effective_size)
+        scales.append(scale * wider)
+        slopes.append(slope / wider[:, None])
+    return estimate_at(model, replace(known, scales=tuple(scales)), point, raw, tuple(slopes))

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.gap.fitting import normal_equations
-from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, linearise, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.projection import stacked_jacobian
-from cell.gap.fitting.secants import linearise
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.subject.subject import Parameter, Subject
 from drivers.types import Array

@@ -13,8 +13,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cell.gap.report.figures import COLOUR_AFTER, COLOUR_BEFORE
-from cell.gap.report.replayed import Replayed, replay
+from cell.gap.report.figures import COLOUR_AFTER, COLOUR_BEFORE, Replayed, replay
 from cell.gap.report.sentence import headline, sentence
 from cell.gap.subject.scene import Scene
 from cell.gap.verdict.findings import Findings

@@ -1,25 +1,243 @@
 """The report of a fit, `report.html`: one self-contained page for a technician."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from cell.gap.report.evidence import base, candidates, name_model, where
-from cell.gap.report.held_out import compare_held_out, conditions, remains
-from cell.gap.report.repeats import repeats
-from cell.gap.report.sentence import capital, deviation, headline, sentence
-from cell.gap.subject.subject import EditsModel
+import numpy as np
+
+from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.report import figures
+from cell.gap.report.figures import replay
+from cell.gap.report.sentence import (
+    capital,
+    change,
+    deviation,
+    headline,
+    in_small_unit,
+    interval,
+    label,
+    motion,
+    number,
+    probability,
+    repeats,
+    sentence,
+    smallest,
+    undetectable,
+    unit,
+)
+from cell.gap.selection.likelihood import MIN_GAIN
+from cell.gap.subject.subject import EditsModel, Parameter, Run
+from cell.gap.verdict.compose import LISTED
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Kind, Verdict
+from cell.gap.verdict.schema import Compared, Interval, Kind, Verdict
 from cell.report.kit import Tone
 from cell.report.kit import page as document
 from cell.report.verdict import Verdict as Card
 from drivers.files import write_file
+from drivers.types import Array
 
+LISTED_SETS = 4  # sets of effects of which the page speaks
+EXCLUDED = 1e-4  # probability below which a set counts as excluded: its size says nothing
 TONES: dict[Kind, Tone] = {
     "named": "good",
     "no_gap": "good",
     "ambiguous": "fair",
     "unexplained": "bad",
 }
+
+
+def where(found: Findings) -> dict[str, str]:
+    """A sentence and a map of the places where the refitted base deviates beyond noise."""
+    return {"words": _where(found), "map": figures.heat_map(found.places)}
+
+
+def _where(found: Findings) -> str:
+    """Text on the strongest place of disagreement, and how many exceed the noise."""
+    places = found.places
+    strong = [place for place in places if place.p < LISTED.significance]
+    if not strong:
+        return "Nowhere beyond what noise does."
+    first = strong[0]
+    text = (
+        f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of "
+        f"{motion(first.condition)}: {abs(first.z):.0f} sigma. {len(strong)} of {len(places)} "
+        "places disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
+        "parameters were refitted."
+    )
+    alone = sum(place.p < LISTED.significance for place in found.fitted.places)
+    if found.judged.places and alone < len(strong):
+        text += (
+            f" By itself {alone or 'none'} of them would stand out from noise and from what "
+            f"differs from run to run; the others are where what is left goes the way of "
+            f"{found.accepted.model.name}."
+        )
+    return text
+
+
+def candidates(found: Findings, verdict: Verdict) -> dict[str, Any]:
+    """Template values on all fitted models, with their gain on runs left out."""
+    accepted = found.accepted.model.name
+    note = (
+        "What each effect gains in predicting runs that the fit had not seen, in nats. Taken is "
+        "the most probable set of effects that predicts better than each fitted part of it, and "
+        f"leads it by {MIN_GAIN:.0f} nats or more (55 times as probable)."
+    )
+    return {
+        "note": note,
+        "bars": figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else "",
+        "leads": _leads(found),
+        "probable": _probable_sets(verdict),
+        "dead": ", ".join(p.candidate.name for p in found.screened.probed if p.dead),
+        "rows": [_candidate_row(row, row.name == accepted) for row in verdict.candidates],
+    }
+
+
+def _probable_sets(verdict: Verdict) -> str:
+    """Sentence on the most probable sets of effects."""
+    if verdict.posterior is None or len(verdict.posterior.models) < 2:
+        return ""
+    first, *others = verdict.posterior.models[:LISTED_SETS]
+    others = [m for m in others if m.p > EXCLUDED]
+    listed = [f"{_effect_names(m.names)} {probability(m.p)}" for m in others]
+    also = f"; besides {', '.join(listed)}" if listed else "; all others are excluded"
+    return (
+        f"Of the sets of effects that were fitted, by their evidence: {_effect_names(first.names)} "
+        f"{number(first.p, 2)}{also}. On held-out runs {number(verdict.posterior.left, 2)} times "
+        "noise and floor are left. A cause outside the library is not among them."
+    )
+
+
+def _effect_names(names: Sequence[str]) -> str:
+    return " + ".join(names) or "the base alone"
+
+
+def _candidate_row(row: Compared, best: bool) -> dict[str, Any]:
+    same = "" if row.invariance_p is None else probability(row.invariance_p)
+    return {
+        "name": row.name,
+        "best": best,
+        "numbers": (f"{row.elpd_gain:.1f}", f"{row.se:.1f}", probability(row.p), same),
+        "parameters": [f"{name} {interval(value)}" for name, value in row.parameters.items()],
+    }
+
+
+def _leads(found: Findings) -> str:
+    """Sentence on the lead of the accepted or most probable set over each fitted part of it."""
+    sets = found.posterior
+    first = found.accepted.model.names or sets.models[0].names
+    leads = [
+        f"{_effect_names(sorted(part.names))} by {sets.lead(first) - sets.lead(part.names):.0f}"
+        for part in sets.models
+        if part.names < first
+    ]
+    return f"{_effect_names(sorted(first))} leads {', '.join(leads)} nats." if leads else ""
+
+
+def name_model(model: str) -> str:
+    """Name of a model; for the one without effects, a description."""
+    return "the refitted base" if model == "base" else model
+
+
+def base(found: Findings, verdict: Verdict) -> dict[str, Any]:
+    """Template values on the base: a table of stated and refitted values, and a note."""
+    stated = {p.name: p for p in found.subject.scope.base}
+    weak = "; ".join(found.fitted.weak)
+    note = f"The runs say less than was known before of: {weak}."
+    return {
+        "rows": [_base_row(stated[name], value) for name, value in verdict.base.items()],
+        "note": note if weak else "The runs determine all of it.",
+    }
+
+
+def _base_row(p: Parameter, value: Interval) -> tuple[str, ...]:
+    start, refitted = _four_digits(p.start, p.unit), _four_digits(value.value, p.unit)
+    return p.name, start, refitted, _interval_text(value.low, value.high, p.unit), unit(p.unit)
+
+
+def _interval_text(low: float | None, high: float | None, of: str) -> str:
+    if low is None or high is None:
+        return ""
+    return f"{_four_digits(low, of)} to {_four_digits(high, of)}"
+
+
+def _four_digits(value: float, of: str) -> str:
+    return number(in_small_unit(value, of), 4)
+
+
+def compare_held_out(found: Findings, verdict: Verdict) -> dict[str, Any]:
+    """Template values on the held-out runs, before and after: figures, a sentence, a table."""
+    gap, before = verdict.gap, found.shown.before
+    after = found.shown.after if found.shown.changed else None
+    words = {q.key: f"{label(q)} [{q.unit}]" for q in found.subject.scope.quantities.values()}
+    sides = [gap.before, gap.floor] if after is None else [gap.before, gap.after, gap.floor]
+    names = conditions(before.evidence.runs)
+    was = _excess_by_run(before)
+    now = None if after is None else _excess_by_run(after)
+    typical = int(np.argsort(was)[len(was) // 2])
+    quantities = dict(found.subject.scope.quantities)
+    return {
+        "typical": names[typical],
+        "midlines": _midline_figure(found, before.evidence.runs[typical].name),
+        "traces": figures.residual_traces(before, after, typical, quantities),
+        "shrank": f"{_shrinkage_words(found, verdict)}: {change(found, verdict)}",
+        "head": ("rms", *(("gap",) if after is None else ("before", "after")), "noise"),
+        "rows": [
+            (words.get(key, "excess [noise]"), *(f"{side[key]:.3g}" for side in sides))
+            for key in gap.before
+        ],
+        "leaves": bool(was.any() or (now is not None and now.any())),
+        "bars": figures.run_bars(names, was, now) if len(names) > 1 else "",
+    }
+
+
+def _excess_by_run(fit: Estimate) -> Array:
+    """Excess gap (R,) [noise] of each run."""
+    return np.asarray(np.sqrt(np.maximum(held_out_gap.run_squares(fit) - 1.0, 0.0)))
+
+
+def conditions(runs: Sequence[Run]) -> list[str]:
+    """Names of the runs by their motion, such as `fast`; repeats are numbered."""
+    short = [motion(run.condition) for run in runs]
+    return [
+        name if short.count(name) == 1 else f"{name} {short[: i + 1].count(name)}"
+        for i, name in enumerate(short)
+    ]
+
+
+def _midline_figure(found: Findings, run: str) -> str:
+    """Figure of the midlines of one held-out run, where the subject has curves."""
+    drawn = next((r for r in replay(found, held_out_only=True) if r.name == run), None)
+    return "" if drawn is None else figures.midlines(drawn)
+
+
+def _shrinkage_words(found: Findings, verdict: Verdict) -> str:
+    if not found.shown.changed:
+        return "No effect was added"
+    gap = verdict.gap
+    if not gap.before["excess"]:
+        return "Already before, the held-out runs together showed no more than noise"
+    ends = f"[{100 * gap.shrink_low:.0f}, {100 * gap.shrink_high:.0f}]"
+    return f"The gap shrank by {100 * gap.shrink:.0f} % {ends}"
+
+
+def remains(found: Findings, verdict: Verdict) -> dict[str, Any]:
+    """Template values on what the accepted model leaves, and on detection limits."""
+    rest, law = verdict.unexplained, found.offered
+    stable = "stable" if rest is not None and rest.stable else "not stable"
+    what = "" if rest is None else capital(rest.description)
+    return {
+        "rest": what and f"{what}. A description, not a cause, {stable} over the runs",
+        "law": "" if rest is None else rest.law,
+        "share": f"{100 * law.shrink:.0f} %" if law else "none",
+        "alike": "; ".join(" or ".join(group) for group in verdict.ambiguous),
+        "silent": ", ".join(undetectable(found)),
+        "detectable": [
+            (name, smallest(found, name, value))
+            for name, value in sorted(verdict.detectable.items())
+        ],
+    }
 
 
 def write_report(found: Findings, verdict: Verdict, path: Path) -> None:

@@ -1,19 +1,76 @@
-"""The verdict of a fit as sentences for a technician."""
+"""Sentences, numbers and units of a fit's verdict, for a technician."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from cell.gap.report.units import interval, number, quantity
+from cell.gap.fitting.reml import Spread
 from cell.gap.selection.likelihood import margin
+from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.decide import lone_run
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Deviation, Measured, Verdict
 
+POWERS = {"^2": "²", "^3": "³", "^4": "⁴"}
+SMALL_UNITS = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "kg": (1e3, "g")}
+"""Units shown in thousandths, so that a page has one unit for each kind of quantity."""
 TITLES = {
     "ambiguous": "Something is missing, and these runs cannot tell what",
     "no_gap": "No gap",
     "unexplained": "Something is missing that the library does not explain",
 }
+SMALLEST_GAIN = 1.0  # sigma that a smaller spread must add to be worth a word
+SHOWN_UNITS = {
+    "m": (1e3, "mm"),
+    "rad": (1e3, "mrad"),
+    "s": (1e3, "ms"),
+    "1": (100.0, "%"),
+    "N": (1e3, "mN"),
+}
+
+
+def in_small_unit(value: float, of: str) -> float:
+    """`value`, stated in `of`, converted to the unit that a page shows."""
+    return value * SMALL_UNITS.get(of, (1.0, of))[0]
+
+
+def unit(text: str) -> str:
+    """Symbol of a unit as pages show it, powers raised; a pure number has none."""
+    text = SMALL_UNITS.get(text, (1.0, text))[1]
+    for plain, raised in POWERS.items():
+        text = text.replace(plain, raised)
+    return "" if text == "1" else text.replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Text of a number in few digits, a power of ten written out."""
+    text = f"{value:.{digits}g}"
+    if "e" not in text:
+        return text
+    mantissa, power = text.split("e")
+    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa}·10{raised}"
+
+
+def probability(p: float) -> str:
+    """Text of a probability; one below one in a billion is given as that bound."""
+    return "< 10⁻⁹" if p < 1e-9 else number(p, 2)
+
+
+def quantity(value: float, of: str) -> str:
+    """Text of a number in the unit `of` with its unit, as a page shows it."""
+    return f"{number(in_small_unit(value, of))}\N{NO-BREAK SPACE}{unit(of)}".rstrip(
+        "\N{NO-BREAK SPACE}"
+    )
+
+
+def interval(value: Measured) -> str:
+    """Text of an estimate with its interval and unit."""
+    if value.low is None or value.high is None:
+        return quantity(value.value, value.unit)
+    low, middle, high = (
+        number(in_small_unit(v, value.unit)) for v in (value.low, value.value, value.high)
+    )
+    return f"{middle} [{low}, {high}] {unit(value.unit)}".rstrip()
 
 
 def headline(verdict: Verdict) -> str:
@@ -174,3 +231,53 @@ def motion(condition: str) -> str:
 def capital(text: str) -> str:
     """`text` with a capital first letter."""
     return text[:1].upper() + text[1:]
+
+
+def repeats(found: Findings) -> list[tuple[str, ...]] | None:
+    """Rows on each quantity that differs from run to run, with its remedy; None if unknown."""
+    if not any(p.random for run in found.subject.runs for p in run.local):
+        return None
+    return list(_rows(found))
+
+
+def remedies(
+    spreads: Mapping[str, tuple[float, str]], steadier: Mapping[str, float], planned: float
+) -> Iterator[str]:
+    """Lines on each run-to-run spread, and whether halving it would help more than a new motion.
+
+    `spreads` are standard deviations with their units; with half of one, the runs would separate
+    two explanations by `steadier` [sigma] more, by name; the best motion separates by `planned`.
+    """
+    known = {e.name: e for e in KNOWN_EFFECTS}
+    for name, (value, unit) in spreads.items():
+        effect = known.get(name)
+        if effect is None:
+            continue
+        factor, shown = SHOWN_UNITS.get(unit, (1.0, unit))
+        line = f"{effect.sentence} differs by {number(factor * value, 2)} {shown} from run to run"
+        more = steadier.get(name, 0.0)
+        if more < SMALLEST_GAIN:
+            yield f"{line}: half of it would show nothing more"
+        else:
+            than = "more" if more > planned else "less"
+            yield (
+                f"{line}: half of it would show {more:.1f} sigma more, {than} than any motion "
+                f"({planned:.1f}): {effect.remedy}, or each motion made four times"
+            )
+
+
+def _rows(found: Findings) -> Iterator[tuple[str, ...]]:
+    """Sentence, spread, its interval, gain if halved, and remedy of each quantity."""
+    known = {e.name: e for e in found.subject.scope.scatter}
+    more = {s.name: f"{s.sigma:.1f} sigma more" for s in found.advised.steadier}
+    for s in found.judged.scatter:
+        factor, unit = SHOWN_UNITS.get(s.unit, (1.0, s.unit))
+        ends = f"{number(factor * s.low, 2)} to {number(factor * s.high, 2)}"
+        sentence, remedy = known[s.name].sentence, known[s.name].remedy
+        yield sentence, spread(s), f"{ends} {unit}", more.get(s.name, ""), remedy
+
+
+def spread(s: Spread) -> str:
+    """Text of a spread with its unit, as pages show it."""
+    factor, unit = SHOWN_UNITS.get(s.unit, (1.0, s.unit))
+    return f"{number(factor * s.value, 2)} {unit}"

@@ -8,8 +8,8 @@ import numpy as np
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import best
-from cell.gap.selection.immaterial import immaterial
 from cell.gap.selection.likelihood import LikelihoodScale, likelihood_scale, margin
+from cell.gap.selection.prior import immaterial
 from drivers.types import Array
 
 GAIN_SHARE = 0.5  # of the best model's gain, below which a model is left out; set by hand

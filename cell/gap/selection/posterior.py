@@ -18,9 +18,9 @@ from scipy.linalg import cho_solve, solve_triangular
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import stacked_jacobian
-from cell.gap.selection.beliefs import Beliefs, beliefs
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
+from cell.gap.selection.prior import Beliefs, beliefs
 from drivers.types import Array
 
 

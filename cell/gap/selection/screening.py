@@ -1,22 +1,121 @@
 """Screening: how much each candidate could explain, judged by probes from the refitted base."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.model import Model, request, response
+from cell.gap.fitting.model import Model, Point, request, response
 from cell.gap.fitting.projection import Projection
 from cell.gap.fitting.tasks import Task
-from cell.gap.selection.score import Score
+from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
+Start = tuple[Point, tuple[Array, ...] | None]
+"""Where a fit begins, and the whitened secants (n, shared + local) of each run there, if known."""
 Columns = NDArray[np.int64]
+DETECTED_SIGMA = 8.0  # at which cross-validation, too, accepts an effect; set by hand
+LEAST_POWER = 1e-12  # squared norm of a whitened response; a smaller one is rounding
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Effects screened together: their gain [nats] at the values `start` by name.
+
+    `linear`: found by the secants at null, which a fit from null follows by itself. `tried` are
+    the values of probes as they are: an effect with a threshold does nothing below it, so that a
+    share of a probe is no start. `mirrored` is a start of the other sign, of an
+    effect that has a place: elsewhere it may do with one sign what it does here with the other.
+    `after` is a fit from whose values and effects to start. `secants` (N, parameters) by name are
+    whitened, at null.
+    """
+
+    names: tuple[str, ...]
+    gain: float
+    start: dict[str, Array]
+    linear: bool = True
+    tried: tuple[dict[str, Array], ...] = ()
+    mirrored: dict[str, Array] | None = None
+    after: Estimate | None = None
+    secants: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def starts(self) -> list[dict[str, Array]]:
+        """Start values (k,) by effect of each fit to try; missing effects start at null."""
+        found: list[dict[str, Array]] = [{}]
+        if not self.linear:
+            found.append(self.start)
+        found += self.tried
+        if self.mirrored is not None:
+            found.append(self.mirrored)
+        return [{**self._known, **values} for values in found]
+
+    def joined_to(self, fit: Estimate) -> "Score":
+        """Score of these effects and those of `fit`, to start from it."""
+        names = tuple(sorted({*fit.model.names, *self.names}))
+        return replace(self, names=names, after=fit)
+
+    @property
+    def _known(self) -> dict[str, Array]:
+        if self.after is None:
+            return {}
+        _, effects = self.after.model.split(self.after.shared)
+        return {name: values for name, values in effects.items() if name in self.names}
+
+
+def starts(
+    base: Estimate, score: Score, candidates: Sequence[Candidate]
+) -> tuple[Model, list[Start]]:
+    """Model of `score` and the starts of its fits, the first with new effects at null.
+
+    The secants there are those of the fit that it starts from, and for new effects those of the
+    screen: a fit takes new ones where they do not predict its decrease.
+    """
+    model = with_effects(base.model, score.names, candidates)
+    origin = score.after or base
+    shared, _ = origin.model.split(origin.shared)
+    first, *others = (Point(model.join(shared, v), origin.point.local) for v in score.starts)
+    known = _secants(origin, model, score) if origin.evidence is base.evidence else None
+    return model, [(first, known), *((p, None) for p in others)]
+
+
+def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candidate]) -> Model:
+    """The base of `model` with the named effects, in the order of `candidates`."""
+    return Model(model.base, tuple(c for c in candidates if c.name in names))
+
+
+def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] | None:
+    """Secants (n, shared + local) by run of `model` at `origin`, a fit with fewer effects.
+
+    None where one of the effects was not screened there.
+    """
+    count, base = len(origin.shared), len(model.base)
+    whole = np.concatenate([jacobian[:, :count] for jacobian in origin.jacobians])
+    by_effect, at = dict(score.secants), base
+    for effect in origin.model.effects:
+        by_effect[effect.name] = whole[:, at : at + len(effect.parameters)]
+        at += len(effect.parameters)
+    found = [by_effect.get(e.name) for e in model.effects]
+    known = [f for f, e in zip(found, model.effects, strict=True) if _is_complete(f, e)]
+    if len(known) < len(found) or not origin.model.names <= model.names:
+        return None
+    shared = np.concatenate([whole[:, :base], *known], axis=1)
+    edges = np.cumsum([len(jacobian) for jacobian in origin.jacobians])[:-1]
+    return tuple(
+        np.concatenate([some, jacobian[:, count:]], axis=1)
+        for some, jacobian in zip(np.split(shared, edges), origin.jacobians, strict=True)
+    )
+
+
+def _is_complete(secants: Array | None, effect: Candidate) -> TypeGuard[Array]:
+    """Whether there is a secant for each of the effect's parameters."""
+    return secants is not None and secants.shape[1] == len(effect.parameters)
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,3 +426,35 @@ def _values(chosen: Sequence[tuple[Probed, int]], amounts: Array) -> dict[str, A
             at += 1
         values[p.candidate.name] = np.clip(value, *_ends(p.candidate))
     return values
+
+
+def detectable(
+    about: Projection, probed: Sequence[Probed], by: LikelihoodScale
+) -> dict[str, float | None]:
+    """Smallest detectable value of each effect's main parameter; None where none would show.
+
+    The probe whose response, what `about` may absorb projected out, is nearest to DETECTED_SIGMA is
+    scaled to it. An effect that changes nothing, or whose size would lie beyond its bounds, shows
+    at no size.
+    """
+    return {p.candidate.name: None if p.dead else _smallest(about, p, by) for p in probed}
+
+
+def _smallest(about: Projection, probed: Probed, by: LikelihoodScale) -> float | None:
+    """Detectable value of an effect's main parameter, by the probe that shows nearest to it."""
+    sizes: list[tuple[float, float | None]] = []
+    for group, responses in zip(probed.groups, probed.responses, strict=True):
+        power = np.diag(about.form(about.weigh(responses)).curvature) / by.inefficiency
+        for vector, square in zip(group, power, strict=True):
+            if square > LEAST_POWER:
+                sigma = float(np.sqrt(square))
+                factor = DETECTED_SIGMA / sigma
+                sizes.append((abs(np.log(factor)), _value_at(probed.candidate, vector, factor)))
+    return min(sizes, key=lambda each: each[0])[1] if sizes else None
+
+
+def _value_at(candidate: Candidate, probe: Array, factor: float) -> float | None:
+    """Main value of a probe moved `factor` times as far from null; None out of bounds."""
+    k, p = next((k, p) for k, p in enumerate(candidate.parameters) if probe[k] != p.start)
+    value = float(p.start + (probe[k] - p.start) * factor)
+    return p.stated_value(value) if p.low <= value <= p.high else None

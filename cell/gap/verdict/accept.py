@@ -7,25 +7,96 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from cell.config.settings import CellSettings
 from cell.gap.subject.mechanism.file import MechanismFile
-from cell.gap.verdict.stored import Acceptance, FitRecord, Patch, read_stored
 from drivers.errors import ConfigurationError
 from drivers.files import lock_folders, write_file
-from drivers.readers import MEGABYTE, read_bytes, read_text, read_yaml
-from drivers.settings import load, parse
+from drivers.readers import MEGABYTE, read_bytes, read_json, read_text, read_yaml
+from drivers.settings import Settings, load, parse
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects
 from drivers.yaml_text import edit_yaml
 
+STORED = 4 * MEGABYTE
 RECORD, ACCEPTED = "fit.json", "accepted.json"
 PATCH, CELL_PATCH, LAW_PATCH = "patch.yaml", "cell-patch.yaml", "law-patch.yaml"
 BASE_PATCH = "base-patch.yaml"  # values alone: no effect, but base values other than stated
 MODEL_PATCH, LAW_MODEL_PATCH = "model-patch.xml", "law-model-patch.xml"
 ABSENT = ""  # text of a file that an acceptance makes
 LARGEST_MODEL = 20 * MEGABYTE
+
+
+class Stored(Settings):
+    """Base of stored files: unknown keys are ignored, for a program wrote them."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class StoredSpread(Stored):
+    """A quantity that differs from run to run, with its standard deviation and 95 % interval."""
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+
+
+class StoredLaw(Stored):
+    """The law that was offered: amounts by term."""
+
+    terms: dict[str, float]
+
+
+class FitRecord(Stored):
+    """Content of fit.json: hash of the file that was fitted, and the effects that were named.
+
+    `values` of the base are outside what the file tolerates; `scatter` are quantities that differ
+    from run to run; `steadier` [sigma] is how much better the runs would separate two explanations,
+    had one of these differed by half as much; `law` describes what nothing explains.
+    """
+
+    file_sha256: str
+    effects: tuple[str, ...]
+    values: tuple[str, ...] = ()
+    scatter: tuple[StoredSpread, ...] = ()
+    steadier: Mapping[str, float] = Field(default_factory=dict)
+    law: StoredLaw | None = None
+
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """Names of the terms of the law that was offered."""
+        return tuple(self.law.terms) if self.law is not None else ()
+
+
+class Acceptance(Stored):
+    """Content of accepted.json: by path, the text before an acceptance and the hash after it."""
+
+    before: dict[str, str]
+    after: dict[str, str]
+
+
+class Patch(Stored):
+    """Content of a patch of any subject: effects and their parameters.
+
+    That of an arm may hold settings of the cell: its tool, and the delay of its twin.
+    """
+
+    effects: dict[str, dict[str, float]]
+    fci: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    twin: dict[str, dict[str, Any]] = Field(default_factory=dict)
+
+
+S = TypeVar("S", bound=BaseModel)
+
+
+def read_stored(path: Path, model: type[S]) -> S:
+    """The JSON file at `path` as `model`; ConfigurationError where it is missing or broken."""
+    return parse(read_json(path, STORED), model, str(path))
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,7 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.spreads import Spread
-from cell.gap.fitting.uncertainty import covariance, degrees_of_freedom
+from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
 from cell.gap.selection.likelihood import family_wise, likelihood_ratio, margin
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.confidence import confidence

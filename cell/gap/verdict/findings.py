@@ -3,19 +3,16 @@
 from dataclasses import dataclass
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.diagnosis.drift import Repeats
-from cell.gap.diagnosis.invariance import Invariance
-from cell.gap.diagnosis.localise import Bin, stronger_of_two
+from cell.gap.diagnosis.invariance import Invariance, Repeats
+from cell.gap.diagnosis.lack_of_fit import Bin, stronger_of_two
 from cell.gap.diagnosis.next_experiment import Advice, RepeatabilityGain
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.spreads import Spread
-from cell.gap.selection.choice import Choice
+from cell.gap.fitting.reml import Spread
+from cell.gap.selection.choice import Alternative, Choice
 from cell.gap.selection.likelihood import ALPHA, LikelihoodScale
 from cell.gap.selection.posterior import Posterior
-from cell.gap.selection.rivals import Alternative
-from cell.gap.selection.score import Score
-from cell.gap.selection.screening import Probed, Table
+from cell.gap.selection.screening import Probed, Score, Table
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
 from drivers.types import Array

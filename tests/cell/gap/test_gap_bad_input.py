@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -118,6 +119,21 @@ def thousandfold(values: Array) -> Array:
     return 1e3 * values
 
 
+def shuffled(values: Array) -> Array:
+    return np.random.default_rng(0).permutation(values)
+
+
+def with_column(name: str, made: Callable[[dict[str, Array]], Array]) -> Spoil:
+    """A pendulum's table with another column, made from the others."""
+
+    def spoil(run: Path) -> None:
+        table = pq.read_table(run / ANGLES)
+        rows = {key: np.array(table[key]) for key in table.column_names}
+        pq.write_table(table.append_column(name, pa.array(made(rows))), run / ANGLES)
+
+    return spoil
+
+
 def strip_sigma(**changes: float) -> Spoil:
     stated = {"contact_x": 1e-3, "profile": 1e-3, "gripper": 2e-5, "displacement": 3e-3}
     return head(sigma=stated | changes)
@@ -162,6 +178,33 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
         lambda run: edit_yaml(run / "result.yaml", displacement=-30.0),
         ("result.yaml", "displacement", "l1 - l2")),
     ("strip", "newer schema"): (head(schema=2), ("run.yaml", "schema: is 2")),
+    ("strip", "no schema"): (
+        lambda run: (run / "run.yaml").write_text(
+            (run / "run.yaml").read_text().replace("schema: 1\n", "")), ("schema: is missing",)),
+    ("strip", "noise not stated"): (
+        head(sigma={"contact_x": 1e-3, "profile": 1e-3, "displacement": 3e-3}),
+        ("run.yaml: sigma.gripper: is missing",)),
+    ("strip", "noise of a picometre"): (
+        strip_sigma(contact_x=1e-12), ("run.yaml: sigma.contact_x", "at least")),
+    ("strip", "noise of a picosecond"): (
+        strip_sigma(touch_time=1e-12), ("run.yaml: sigma.touch_time", "at least")),
+    ("strip", "lengths longer than the strip"): (
+        lambda run: edit_yaml(run / "result.yaml", l1=250.0), ("result.yaml: l1: is 250",)),
+    ("strip", "another beginning"): (
+        column(TICKS, "x", lambda x: x - 0.2), (TICKS, "x: a flat start at x 0.400")),
+    ("strip", "a point at 1e300 m"): (column(CURVES, "x", put(5, 1e300)), (CURVES, "x",)),
+    ("strip", "a speed of 1e300 m/s"): (head(speed=1e300), ("run.yaml: speed",)),
+    ("strip", "a camera of 1e300 Hz"): (head(camera_hz=1e300), ("run.yaml: camera_hz",)),
+    ("strip", "an index of 1e20"): (head(index=10**20), ("run.yaml: index",)),
+    ("strip", "an index below zero"): (head(index=-5), ("run.yaml: index",)),
+    ("strip", "an outcome of nowhere"): (
+        lambda run: edit_yaml(run / "result.yaml", outcome="banana"), ("result.yaml: outcome",)),
+    ("strip", "a contact half a metre up"): (
+        head(contact_height=0.5), ("run.yaml: contact_height",)),
+    ("strip", "a pitch out of order"): (column(TICKS, "pitch", shuffled), (TICKS, "pitch")),
+    ("strip", "a commanded path out of order"): (
+        column(TICKS, "x_cmd", shuffled), (TICKS, "x_cmd, z_cmd")),
+    ("strip", "a measured path out of order"): (column(TICKS, "z", shuffled), (TICKS, "x, z")),
     ("pendulum", "missing column"): (without(ANGLES, "theta_1"), (ANGLES, "theta_1", "add it")),
     ("pendulum", "NaN"): (column(ANGLES, "theta_1", put(7, np.nan)), (ANGLES, "theta_1: row 7")),
     ("pendulum", "times out of order"): (
@@ -184,6 +227,17 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
         ("run.yaml", "index: is 1", "its own")),
     ("pendulum", "index below zero"): (head(index=-1), ("run.yaml", "index", "0, 1, 2")),
     ("pendulum", "newer schema"): (head(schema=2), ("run.yaml", "schema: is 2")),
+    ("pendulum", "no index"): (head(index="first"), ("run.yaml", "index")),
+    ("pendulum", "times in microseconds"): (
+        column(ANGLES, "t", lambda t: 1e-6 * t), (ANGLES, "t is in s")),
+    ("pendulum", "rates in mrad/s"): (
+        with_column("omega_1", lambda rows: 1e3 * np.gradient(rows["theta_1"], rows["t"])),
+        (ANGLES, "rates in rad/s")),
+    ("pendulum", "a link too many"): (
+        with_column("theta_2", lambda rows: rows["theta_1"]), (ANGLES, "1 links only")),
+    ("pendulum", "a few rows"): (
+        lambda run: pq.write_table(pq.read_table(run / ANGLES).slice(0, 5), run / ANGLES),
+        (ANGLES, "at least 30")),
 }  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.fitting.cache import SimulationCache
+from cell.gap.fitting.tasks import SimulationCache
 from cell.gap.subject.subject import Request, Residuals, Run, Samples
 from drivers.errors import ConfigurationError
 

@@ -10,8 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cell.cli.app import app
-from cell.gap.check import check, identifiable, recordings
-from cell.gap.diagnosis.recorded import clock, complaints, images, values
+from cell.gap.check import check, clock, complaints, identifiable, images, recordings, values
 from cell.gap.fit import fit
 from cell.gap.subject.run_folders import RunFolder, find_runs
 from drivers.errors import ConfigurationError

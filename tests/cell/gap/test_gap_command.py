@@ -4,18 +4,11 @@ import json
 import os
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from cell.__main__ import main
 from cell.cli.gap import _verdict_lines
-from cell.gap.diagnosis.detection_limit import detectable
-from cell.gap.fitting import normal_equations
-from cell.gap.selection.likelihood import LikelihoodScale
-from cell.gap.selection.screening import Probed
-from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.schema import Verdict
-from drivers.types import Array
 from tests.cell.cli.test_command_errors import refused
 
 SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"
@@ -68,28 +61,3 @@ def test_a_run_that_died_is_told_in_the_summary() -> None:
     died = whole.model_copy(update={"notes": ["03: died after 2.1 s"]})
     assert list(_verdict_lines(whole)) == ["no gap"]
     assert list(_verdict_lines(died)) == ["no gap", "  note: 03: died after 2.1 s"]
-
-
-class Straight:
-    """A projection that takes nothing away."""
-
-    def weigh(self, responses: Array) -> Array:
-        return responses
-
-    def form(self, responses: Array) -> normal_equations.Normal:
-        return normal_equations.Normal(np.zeros(responses.shape[1]), responses.T @ responses)
-
-
-@pytest.mark.parametrize(
-    ("bound", "inverse", "stated"),
-    [(2.1, False, 2.0), (1.9, False, None), (2.1, True, 0.5), (1.9, True, None)],
-)
-def test_a_size_beyond_what_is_possible_is_not_detectable(
-    bound: float, inverse: bool, stated: float | None
-) -> None:
-    """One unit gives 4 sigma, so that 8 sigma take two units."""
-    size = Parameter("size", "1", 0.0, 0.0, bound, 0.1, inverse=inverse)
-    candidate = Candidate("lump", "it has a lump", "strip", (size,), (((1.0,),),))
-    probed = Probed(candidate, ((np.array([1.0]),),), (np.array([[4.0], [0.0]]),))
-    by = LikelihoodScale(scale=1.0, inefficiency=1.0)
-    assert detectable(Straight(), [probed], by) == {"lump": stated}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.fitting.uncertainty import covariance
+from cell.gap.fitting.reml import covariance
 from cell.gap.subject.strip.bias import bias, common_errors, half
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.compose import intervals

@@ -10,8 +10,7 @@ import pytest
 import yaml
 
 from cell.gap.fit import fit
-from cell.gap.subject.copies import counted_once
-from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.run_folders import counted_once, find_runs
 from drivers.errors import ConfigurationError
 
 SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"

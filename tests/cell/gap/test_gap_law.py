@@ -7,19 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.gap.fitting.crossvalidation import validate
-from cell.gap.fitting.tasks import run_all, run_one
-from cell.gap.selection.fits import Fits
-from cell.gap.selection.immaterial import filling_floor
-from cell.gap.selection.likelihood import likelihood_scale
-from cell.gap.selection.posterior import posterior
-from cell.gap.selection.screening import probe
-from cell.gap.subject.strip.patch import patch_file
-from cell.gap.subject.strip.terms import candidates
+from cell.gap.subject.strip.scope import candidates
+from cell.gap.subject.strip.subject import patch_file
 from cell.gap.subject.subject import Scope
 from cell.gap.verdict.accept import LAW_PATCH, RECORD, accept, sha256, undo
 from cell.gap.verdict.compose import verdict as compose
-from cell.gap.verdict.offered_law import OFFER, Names, OfferedLaw
+from cell.gap.verdict.offered_law import OfferedLaw
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
@@ -111,39 +104,6 @@ def test_no_law_stands_beside_two_effects_that_are_there() -> None:
     found, verdict = judged(Withheld(both))
     assert sorted(e.name for e in verdict.effects) == ["bump", "wave"]
     assert found.offered is None
-
-
-def test_as_good_as_what_was_named_is_enough_only_for_a_shorter_law_or_where_no_name_is_sure() -> (
-    None
-):
-    subject = Curves(hidden(bump, 0.2), names=("bump", "twin", "wave"))
-    right, pair = (
-        run_one(subject.simulate, validate(engine.fitted(subject, names)))
-        for names in (("bump",), ("twin", "wave"))
-    )
-    law = run_one(subject.simulate, validate(engine.fitted(subject, ("twin",))))
-    worse = run_one(subject.simulate, validate(engine.fitted(subject, ("wave",))))
-    base = run_one(subject.simulate, validate(engine.fitted(subject)))
-    probes = [probe(base.estimate, c) for c in subject.scope.candidates]
-    probed = run_all(subject.simulate, probes)
-    library = filling_floor(base.estimate, probed, believed=False)
-    fits = Fits((base, right, pair, law, worse), library)
-    sets = posterior(fits, likelihood_scale([right]))
-    assert not Names(right, sure=True).allow(law, sets)
-    assert Names(right, sure=False).allow(law, sets)
-    assert not Names(right, sure=False).is_refuted_by(law, sets)
-    assert Names(worse, sure=True).is_refuted_by(law, sets)
-    assert Names(pair, sure=True).allow(law, sets)
-    assert not Names(right, sure=False).allow(worse, sets)
-
-
-def test_beside_a_sure_name_that_leaves_nothing_only_a_shorter_law_is_looked_for() -> None:
-    found, _ = judged(Curves(hidden(wave, 0.3)))
-    one = found.choice.accepted
-    assert len(one.model.effects) == 1
-    assert Names(one, sure=True, leaves_nothing=True).longest == 0
-    assert Names(one, sure=True).longest == OFFER.longest
-    assert Names(one, sure=False, leaves_nothing=True).longest == OFFER.longest
 
 
 @pytest.mark.parametrize("name", LAW_TERMS)

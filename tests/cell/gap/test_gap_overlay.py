@@ -11,8 +11,8 @@ from rerun.chunk import RrdReader
 from cell.gap.diagnosis.held_out_gap import floor
 from cell.gap.fit import fit
 from cell.gap.fitting.model import evidence
+from cell.gap.report.figures import Replayed
 from cell.gap.report.overlay import write_overlay, write_recording
-from cell.gap.report.replayed import Replayed
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.scenes import CONTACT_SIGNAL, DISTANCE_SIGNAL

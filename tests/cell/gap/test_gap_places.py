@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cell.gap.diagnosis.localise import Bin, localise, matching_bins, stronger_of_two
+from cell.gap.diagnosis.lack_of_fit import Bin, localise, matching_bins, stronger_of_two
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.subject.subject import Run, Samples

@@ -6,21 +6,18 @@ from scipy import integrate, stats
 
 from cell.gap.diagnosis.held_out_gap import noise_rms
 from cell.gap.fitting.model import evidence
-from cell.gap.fitting.projection import projection, stacked_jacobian
+from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import run_all
-from cell.gap.selection.beliefs import Beliefs, beliefs
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.immaterial import filling_floor
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.selection.posterior import Posterior, posterior
-from cell.gap.selection.screening import Probed, probe
+from cell.gap.selection.prior import Beliefs, beliefs, filling_floor
+from cell.gap.selection.screening import probe
 from cell.gap.verdict.confidence import Calibration, Signs, Weight, calibration
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import (
     Curves,
-    T,
     bump,
-    candidate,
     fitted,
     hidden,
     judged,
@@ -101,22 +98,6 @@ def test_what_the_floor_allows_is_no_effect() -> None:
     exact = sets(subject, ("bump",))
     wary = sets(subject, ("bump",), prior=EXACT.model_copy(update={"immaterial": 0.5}))
     assert wary.inclusion["bump"] < exact.inclusion["bump"]
-
-
-def test_an_amount_fills_the_floor_of_the_runs_that_show_it() -> None:
-    subject = Curves(nothing, repeats=1)
-    for run in subject.runs:
-        run.samples.floor[:] = 0.02
-    base = fitted(subject)
-    left = projection(base, robustly=False).left
-    of_run = len(T) * (0.02 / base.evidence.scales[0][0]) ** 2
-    everywhere = np.tile(bump(T, 1.0, 0), len(subject.runs))
-    once = np.where(np.arange(len(everywhere)) < len(T), everywhere, 0.0)
-    for shape, runs in ((everywhere, len(subject.runs)), (once, 1)):
-        probed = Probed(candidate("bump", True), ((np.ones(1),),), (shape[:, None],))
-        (filling,) = filling_floor(base, [probed], believed=False).values()
-        power = float(np.sum(left(filling) ** 2))
-        assert power == pytest.approx(runs * of_run, rel=0.2)
 
 
 def test_a_law_that_may_be_wrong_leaves_room_for_what_it_leaves() -> None:

@@ -6,32 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.diagnosis.drift import drift
-from cell.gap.diagnosis.lack_of_fit import lost_samples
-from cell.gap.fitting import gauss_newton, robust
+from cell.gap.diagnosis.invariance import drift
 from cell.gap.fitting.crossvalidation import Validated, folds, validate
-from cell.gap.fitting.gauss_newton import Estimate, refit
-from cell.gap.fitting.model import Model, Point, evidence, response
+from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.starts import refit_fine
 from cell.gap.fitting.tasks import run_one
-from cell.gap.selection.fits import Fits
-from cell.gap.selection.revision import better_base, leading_models
-from cell.gap.subject.subject import Request, Residuals, Run
+from cell.gap.subject.subject import Request, Run
 from cell.gap.verdict.decide import kind, leaves_too_much, unexplained_part
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import Curves, T, fitted, hidden, judged, nothing, wave
-from tests.support.swings import Counter
 
 GRAIN = 0.1
-WALL = 0.3
-
-
-def test_loss_is_bounded_where_fits_are_judged() -> None:
-    r = np.array([0.0, 2.0, robust.OFF_TRACK, 40.0])
-    assert robust.bounded_loss(r) == pytest.approx([0.0, 2.0, 10.5, 10.5])
-    assert robust.clip_residuals(np.array([-9.0, 1.0])) == pytest.approx(
-        [-robust.HUBER_THRESHOLD, 1.0]
-    )
 
 
 def once(t: Array, _: float, index: int) -> Array:
@@ -87,49 +72,6 @@ def test_loss_of_runs_left_out_is_that_of_their_normal_density() -> None:
         assert model.losses(1.0)[fold].sum() == pytest.approx(exact)
 
 
-def test_base_in_a_local_minimum_is_begun_anew_from_every_leading_model() -> None:
-    subject = Curves(hidden(wave, 0.3))
-    runs = evidence(subject.runs)
-    model = Model(subject.scope.base)
-    start = Point(np.array([3.0, -2.0]), runs.start())
-    lost = run_one(subject.simulate, refit(model, runs, start, steps=0))
-    right = validated(fitted(subject, ("wave",)), subject)
-    stuck = validated(lost, subject)
-    fits = Fits((stuck, right))
-    assert better_base(subject.simulate, fits, []) is None
-    better = better_base(subject.simulate, fits, [stuck, right])
-    assert better is not None
-    assert better.scale < lost.scale
-    found = validated(fitted(subject), subject)
-    assert better_base(subject.simulate, Fits((found, right)), [right]) is None
-
-
-def test_a_model_leads_the_base_where_it_is_more_probable_or_predicts_clearly_better() -> None:
-    subject = Curves(hidden(wave, 0.3))
-    base, right, other = (
-        validated(fitted(subject, names), subject) for names in ((), ("wave",), ("dead",))
-    )
-    assert leading_models(Fits((base, right, other))) == [right]
-    assert leading_models(Fits((base, other))) == []
-
-
-def test_sample_that_both_or_one_cannot_show_answers_as_the_fit_counts_it() -> None:
-    here = Residuals(np.array([0.02, np.nan, np.nan]), np.zeros(3))
-    there = Residuals(np.array([np.nan, 0.01, np.nan]), np.zeros(3))
-    assert response(there, here, np.full(3, 0.01)) == pytest.approx([8.0, -9.0, 0.0])
-
-
-def test_lost_samples_are_left_to_others_of_their_run() -> None:
-    estimate = fitted(Curves(nothing))
-    raw = list(estimate.raw)
-    raw[0] = Residuals(np.where(T < 0.1, np.nan, raw[0].mean), raw[0].square)
-    raw[1] = Residuals(np.full(len(T), np.nan), raw[1].square)
-    object.__setattr__(estimate, "raw", tuple(raw))
-    found = np.split(lost_samples(estimate), len(raw))
-    assert found[0].sum() == (T < 0.1).sum()
-    assert not np.any(found[1:])
-
-
 class Grained(Curves):
     """Curves whose simulation turns out coarse: no model gets them right below `GRAIN`."""
 
@@ -178,29 +120,3 @@ def test_a_model_that_leaves_more_of_unseen_runs_than_a_true_cause_is_not_named(
     assert leaves_too_much(worse)
     assert kind(worse) == "unexplained"
     assert "where a true cause leaves at most" in unexplained_part(worse)
-
-
-class Walled(Curves):
-    """Curves that take another way where the slope is beyond a wall, short of the true slope."""
-
-    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
-        found = []
-        for asked, residuals in zip(requests, super().simulate(requests), strict=True):
-            mean = residuals.mean - np.sin(9.0 * T) * (asked.base[1] > WALL)
-            found.append(Residuals(mean, mean**2))
-        return found
-
-
-def test_a_fit_that_only_creeps_up_to_a_wall_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    def walled() -> tuple[float, int]:
-        subject = Walled(nothing)
-        count, runs = Counter(subject.simulate), evidence(subject.runs)
-        start = Point(np.zeros(2), runs.start())
-        estimate = run_one(count, gauss_newton.refit(Model(subject.scope.base), runs, start))
-        return float(estimate.shared[1]), count.total
-
-    slope, simulations = walled()
-    assert WALL - 0.01 < slope <= WALL
-    never = replace(gauss_newton.STEPPING, stalled=-np.inf)
-    monkeypatch.setattr(gauss_newton, "STEPPING", never)
-    assert simulations < 0.9 * walled()[1]

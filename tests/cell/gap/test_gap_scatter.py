@@ -7,18 +7,16 @@ import numpy as np
 import pytest
 
 from cell.gap.diagnosis.next_experiment import repeatability_gains
-from cell.gap.fitting.crossvalidation import validate
-from cell.gap.fitting.gauss_newton import Estimate, refit
-from cell.gap.fitting.marginal import SOUGHT
+from cell.gap.fitting.gauss_newton import refit
 from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.scatter import estimate_spreads, with_own_scatter, with_scatter
-from cell.gap.fitting.spreads import spreads
+from cell.gap.fitting.reml import (
+    SEARCH,
+    degrees_of_freedom,
+    spreads,
+)
 from cell.gap.fitting.tasks import run_one
-from cell.gap.fitting.uncertainty import degrees_of_freedom
-from cell.gap.report.repeats import remedies
-from cell.gap.selection.fits import Fits
+from cell.gap.report.sentence import remedies
 from cell.gap.selection.likelihood import LikelihoodScale
-from cell.gap.selection.revision import refit_on_base
 from cell.gap.subject.subject import Parameter, Request, Residuals
 from tests.cell.gap.test_gap_engine import Curves, Law, bump, fitted, hidden, judged, nothing
 
@@ -75,7 +73,7 @@ def test_what_the_runs_refute_is_switched_off() -> None:
 
 def test_a_spread_that_coarse_runs_cannot_exclude_is_kept_small() -> None:
     (found,) = spreads(estimate(Scattering(nothing, 0.0, seed=2, noise=2.0 * USUAL)))
-    assert SOUGHT.smallest * USUAL <= found.value < 0.2 * USUAL
+    assert SEARCH.smallest * USUAL <= found.value < 0.2 * USUAL
 
 
 def test_a_constant_error_of_all_runs_is_no_scatter() -> None:
@@ -104,37 +102,6 @@ class Alike(Scattering):
 def test_what_commonly_scatters_is_not_taken_for_what_looks_like_it() -> None:
     for seed in range(6):
         assert [s.name for s in spreads(estimate(Alike(0.15, seed)))] == ["ripple"]
-
-
-def test_a_fit_is_made_again_only_where_its_scatter_was_another() -> None:
-    subject = Scattering(nothing, 0.2)
-    whole, fit = evidence(subject.runs), estimate(subject)
-    found = spreads(fit)
-    again = with_own_scatter(subject.simulate, with_scatter(fit, (), whole), found, whole)
-    assert {p.name: p.spread for run in again.evidence.runs for p in run.local if p.random} == {
-        "ripple": found[0].value
-    }
-    assert with_own_scatter(subject.simulate, again, found, whole) is again
-
-
-def test_models_are_carried_to_the_scatter_that_is_found_beside_the_best() -> None:
-    subject = Scattering(hidden(bump, 0.3), 0.2)
-    whole = evidence(subject.runs)
-    still = [with_scatter(fitted(subject, names), (), whole) for names in ((), ("bump",))]
-    fits = Fits(tuple(run_one(subject.simulate, validate(refitted(subject, e))) for e in still))
-    found = estimate_spreads(subject.simulate, fits.best.estimate, whole)
-    base = refitted(subject, with_scatter(fits.base.estimate, found, whole))
-    again = refit_on_base(
-        subject.simulate, fits, run_one(subject.simulate, validate(base)), found, whole
-    )
-    assert [m.model.name for m in again.models] == ["base", "bump"]
-    assert all(m.estimate.evidence is base.evidence for m in again.models)
-    assert again.best.estimate.scale < 0.5 * fits.best.estimate.scale
-    assert again.best.estimate.shared[-1] == pytest.approx(0.3, abs=0.02)
-
-
-def refitted(subject: Scattering, fit: Estimate) -> Estimate:
-    return run_one(subject.simulate, refit(fit.model, fit.evidence, fit.point))
 
 
 def test_few_runs_that_differ_make_a_wider_interval_and_noise_alone_does_not() -> None:

@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.fitting.gauss_newton import Estimate, refit
+from cell.gap.fitting.gauss_newton import (
+    Estimate,
+    refit,
+    settle,
+)
 from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.secants import both_sides, linearise_both_ways, minmod
-from cell.gap.fitting.settle import settle
 from cell.gap.fitting.tasks import run_one
 from cell.gap.subject.subject import Request, Residuals, Scope
 from cell.gap.verdict.compose import intervals
@@ -71,25 +73,3 @@ def test_settling_leaves_a_linear_fit_as_it_is() -> None:
     done = run_one(subject.simulate, settle(fit))
     assert done.shared == pytest.approx(fit.shared, abs=1e-9)
     assert slope(done) == pytest.approx(slope(fit), abs=1e-9)
-
-
-def test_slope_is_what_both_sides_show() -> None:
-    a, b = np.array([2.0, 2.0, -3.0, 0.0]), np.array([1.0, -1.0, -4.0, 5.0])
-    assert minmod(a, b).tolist() == [1.0, 0.0, -3.0, 0.0]
-    subject = Jumping(nothing)
-    runs, model = evidence(subject.runs), Model(subject.scope.base)
-    at = Point(np.array([0.2, JUMP - 0.5 * STEP]), runs.start())
-    _, right, left = run_one(subject.simulate, both_sides(model, runs, at))
-    _, slopes = run_one(subject.simulate, linearise_both_ways(model, runs, at))
-    assert abs(right[0][45, 1]) > 10.0 * abs(left[0][45, 1])
-    assert slopes[0][:, 1] == pytest.approx(left[0][:, 1], rel=1e-6, abs=1e-6)
-
-
-def test_at_a_bound_the_side_within_it_serves_for_both() -> None:
-    subject = Curves(nothing)
-    runs, (offset, slope) = evidence(subject.runs), subject.scope.base
-    for bounded in (replace(slope, low=SLOPE), replace(slope, high=SLOPE)):
-        at = Point(np.array([0.2, SLOPE]), runs.start())
-        _, right, left = run_one(subject.simulate, both_sides(Model((offset, bounded)), runs, at))
-        assert right[0][:, 1].tolist() == left[0][:, 1].tolist()
-        assert right[0][30, 1] < 0.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.gap.subject.strip.reported_path import reported_path
+from cell.gap.subject.strip.synthetic import reported_path
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.observation import mean_force

@@ -9,8 +9,8 @@ import pytest
 
 from cell.campaign.study import Case as StudyCase
 from cell.campaign.study import Outcome
-from cell.gap.selection.beliefs import BELIEFS_FILE, Beliefs, beliefs
 from cell.gap.selection.posterior import Posterior, Weighed
+from cell.gap.selection.prior import BELIEFS_FILE, Beliefs, beliefs
 from tests.lab.exam.case import Case
 from tests.lab.exam.cases.draw import FOREIGN, Draw
 from tests.lab.studies.catalogue.beliefs import (

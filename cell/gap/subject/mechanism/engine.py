@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.blocks import average
 from cell.gap.subject.mechanism.effect import Effect, Readings
 from cell.gap.subject.mechanism.fields import Fields
 from cell.gap.subject.mechanism.load import Opened
-from cell.gap.subject.mechanism.runs import Cut, Recording, cut, phases, samples, width_of
+from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, phases, samples, width_of
 from cell.gap.subject.subject import Samples, Words
 from drivers.types import Array
 

@@ -13,7 +13,6 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 
-from cell.gap.subject.interpolate import interpolate
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.engine import Case, Content, Engine
 from cell.gap.subject.mechanism.fields import BatchFields, ModelFields
@@ -34,6 +33,21 @@ BODY = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
 DOF = ("dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss")
 ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
 CONST = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "qpos_spring")
+
+
+def interpolate(states: Array, t: Array, step: float) -> tuple[Array, Array]:
+    """Positions and rates (..., joints, k) at times `t` (k,) [s] between steps of `step` [s].
+
+    `states` (..., steps + 1, 2, joints) are interpolated by cubic Hermite polynomials in position,
+    linearly in rate.
+    """
+    k = np.minimum((t / step).astype(np.int64), states.shape[-3] - 2)
+    u = (t / step - k)[:, None]
+    a, b = states[..., k, 0, :], states[..., k + 1, 0, :]
+    va, vb = step * states[..., k, 1, :], step * states[..., k + 1, 1, :]
+    rise = b - a
+    q = a + u * (va + u * (3 * rise - 2 * va - vb + u * (va + vb - 2 * rise)))
+    return q.swapaxes(-1, -2), ((va + u * (vb - va)) / step).swapaxes(-1, -2)
 
 
 @dataclass(frozen=True, slots=True)

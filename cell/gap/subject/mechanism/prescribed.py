@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, filtfilt, welch
 
-from cell.gap.subject.blocks import average
 from cell.gap.subject.mechanism.effect import Effect, Readings
 from cell.gap.subject.mechanism.effects import registry, torques
 from cell.gap.subject.mechanism.engine import Case, Content, Engine
@@ -25,7 +24,7 @@ from cell.gap.subject.mechanism.fields import ModelFields
 from cell.gap.subject.mechanism.load import Opened
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.passive import without_clock
-from cell.gap.subject.mechanism.runs import Cut, Recording, phases
+from cell.gap.subject.mechanism.runs import Cut, Recording, average, phases
 from cell.gap.subject.subject import Samples, Words
 from drivers.strip.rod.compiled import entry
 from drivers.types import Array, frozen

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.blocks import PER_BLOCK, blocks
 from cell.gap.subject.mechanism.file import MechanismFile
 from cell.gap.subject.run_folders import (
     HEADER_FILE,
@@ -26,6 +25,7 @@ from drivers.errors import ConfigurationError
 from drivers.readers import read_yaml
 from drivers.types import Array, frozen
 
+PER_BLOCK = 16  # readings used of a block at most
 ROWS = 5_000_000  # of a table; more is a mistake, or must be thinned
 MOST_READINGS = 4000  # readings of a run that are used
 JUMP = 50.0  # median steps in one: the clock jumped
@@ -34,6 +34,26 @@ SMALLEST_NOISE = 1e-12  # in SI, of repeats that agree in every digit
 SLOWEST_PACE, FASTEST_PACE = 0.5, 200.0  # rad/s
 PACE_READINGS = 400  # means of a column, from which its pace is taken
 STILL = 0.05  # of the rms speed, below which a motion holds
+
+
+def blocks(t: Array, width: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Split readings at times t (n,) [s] into b blocks of `width` [s], thinned to PER_BLOCK each.
+
+    Returns the edges (b + 1,) of the blocks among the kept readings, and the indices (k,) of those.
+    """
+    starts = np.flatnonzero(np.diff(np.floor(t / width))) + 1
+    chosen = [inside if len(inside) <= PER_BLOCK
+              else inside[np.linspace(0, len(inside) - 1, PER_BLOCK).round().astype(int)]
+              for inside in np.split(np.arange(len(t)), starts)]  # fmt: skip
+    return np.cumsum([0, *map(len, chosen)]), np.concatenate(chosen)
+
+
+def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Mean and mean square of `values` (n, k) within blocks, each flattened to (n b,)."""
+    counts = np.diff(edges)
+    mean = np.add.reduceat(values, edges[:-1], axis=1) / counts
+    square = np.add.reduceat(values**2, edges[:-1], axis=1) / counts
+    return mean.ravel(), square.ravel()
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from cell.gap.subject.blocks import average
 from cell.gap.subject.mechanism.base import stated_fields
 from cell.gap.subject.mechanism.effect import Effect, readings_of
 from cell.gap.subject.mechanism.effects import (
@@ -36,7 +35,7 @@ from cell.gap.subject.mechanism.patch import (
 from cell.gap.subject.mechanism.pendulum import open_swings, plans
 from cell.gap.subject.mechanism.planar_chain import PlanarChain
 from cell.gap.subject.mechanism.prescribed import Prescribed
-from cell.gap.subject.mechanism.runs import Cut, Recording
+from cell.gap.subject.mechanism.runs import Cut, Recording, average
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.scene import Signal as Drawn

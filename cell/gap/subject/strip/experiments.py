@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from cell.gap.subject.strip.curves import Images
-from cell.gap.subject.strip.reported_path import reported_path
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
-from cell.gap.subject.strip.synthetic import Fold, rod_folds
+from cell.gap.subject.strip.synthetic import Fold, reported_path, rod_folds
 from cell.record.header import Sigma
 from drivers.geometry import arc_lengths
 from drivers.strip.describe import describe

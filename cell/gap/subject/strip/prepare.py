@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -23,6 +24,10 @@ LARGEST_CHANGE = 20.0  # floors: a larger change is no discretisation error but 
 LEAVING_TRAVEL = 0.03  # m of travel in which a strip leaves the desk
 STEEP = 0.5  # of its height, by which a grip may be drawn in meanwhile and not push
 LATER = 0.6  # s after the measured touch in which the model may still touch
+PATH_TOLERANCE = np.array(
+    [5e-4, 5e-4, 0.005]
+)  # m, m, rad between two paths; arms repeat within a fifth
+SAME_START = 1e-3  # s between the beginnings of two paths
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,3 +221,35 @@ def _pushes_strip(path: GripperPath, travel: Array) -> bool:
         np.interp(LEAVING_TRAVEL, travel, column) - column[0] for column in path.poses.T[:2]
     )
     return bool(-along > STEEP * up)
+
+
+def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
+    """Map each fold's path, by digest, to the fold that is simulated in its place.
+
+    An effect changes replicates alike, up to far less than the error of a rough time step.
+    """
+    leaders: list[Fold] = []
+    found = {}
+    folds = [cast(Fold, run.content) for run in runs]
+    for fold in sorted(folds, key=lambda f: -f.path.rows.t[-1]):
+        leader = next((f for f in leaders if _is_replicate(f, fold)), fold)
+        if leader is fold:
+            leaders.append(fold)
+        found[fold.path.digest] = leader
+    return found
+
+
+def _is_replicate(longer: Fold, fold: Fold) -> bool:
+    """Whether the path of `longer` can be simulated in place of `fold`, which ends no later."""
+    if longer.comparison.run.contact_height != fold.comparison.run.contact_height:
+        return False
+    first, second = longer.path.rows, fold.path.rows
+    if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > SAME_START:
+        return False
+    return _is_near(first, second) and _is_near(longer.lifted_path.rows, fold.lifted_path.rows)
+
+
+def _is_near(longer: GripperPath, path: GripperPath) -> bool:
+    """Whether the poses of `path` lie within PATH_TOLERANCE of those of `longer` at equal times."""
+    other = np.stack([np.interp(path.t, longer.t, c) for c in longer.poses.T], axis=1)
+    return bool((np.abs(path.poses - other) < PATH_TOLERANCE).all())

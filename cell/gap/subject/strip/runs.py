@@ -7,16 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.run_folders import RunFolder
-from cell.gap.subject.strip.curves import Images, images_of
-from cell.gap.subject.strip.gripper import smooth_path
-from cell.gap.subject.strip.plausible import check_plausible
-from cell.gap.subject.strip.repeats import duplicate_folds
-from cell.record.files import RUN, is_under_way
+from cell.gap.subject.run_folders import RunFolder, check_indices
+from cell.gap.subject.strip.curves import Images, images_of, smooth_path
+from cell.record.files import RESULT, RUN, TICKS, is_under_way
 from cell.record.header import Header, Result, Sigma
-from cell.record.outcomes import NOT_FOLDED
+from cell.record.outcomes import NOT_FOLDED, is_outcome
+from cell.record.run import Run, read_run
 from cell.record.run import Run as Recorded
-from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.geometry import arc_lengths
 from drivers.readers import read_yaml
@@ -25,6 +22,13 @@ from drivers.strip.shape import Touch
 from drivers.types import Array, frozen
 from policies.path import lift_pitch
 
+WORST_SIGMA, BEST_SIGMA = 0.05, 1e-7  # m, no instrument of a cell is worse or better
+WORST_TIME, BEST_TIME = 1.0, 1e-6  # s
+FASTEST_GRIPPER = 5.0  # m/s, faster than any arm
+FASTEST_TURN = 30.0  # rad/s, faster than any arm
+SHORTEST_INTERVAL = 0.01  # s, over shorter times noise looks like speed
+JUMPS = 3  # that may be slips of an instrument
+JUMP_SIGMAS = 10  # standard deviations of noise by which positions may differ without motion
 TOUCHED = NOT_FOLDED | {"layer_touch"}  # the touch is a measurement, whatever came after it
 LEAST = 30  # rows of a usable run
 FEWEST_RUNS = 2  # that can be fitted and checked
@@ -36,6 +40,83 @@ TOUCH_TIME_MARGIN = 1.0  # s after the last row in which a touch may still be st
 LONGEST_LAYER = 1.2  # of the strip's length, beyond which l1 or l2 is in another unit
 TOUCH_ROUNDING = 1e-3  # m by which displacement and l1 - l2 may differ as they are rounded
 DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
+
+
+def check_plausible(folder: Path, run: Run) -> None:
+    """Raise ConfigurationError for a run whose numbers are impossible for a fold."""
+    _check_noise(folder / RUN, run)
+    if run.result is not None and not is_outcome(run.result.outcome):
+        raise ConfigurationError(
+            f"{folder / RESULT}: outcome: is {run.result.outcome!r}; allowed: layer_touch, "
+            "path_done, or the name of a fault as `cell fold` writes it"
+        )
+    _check_motion(folder / TICKS, run)
+
+
+def _check_noise(origin: Path, run: Run) -> None:
+    sigma = run.header.sigma
+    for key in ("contact_x", "profile", "gripper", "displacement"):
+        if key in sigma.model_fields_set:  # it was measured
+            value = getattr(sigma, key)
+            hint = ", as repeated readings scatter" if value < BEST_SIGMA else ""
+            _check_sigma(f"{origin}: sigma.{key}", value, BEST_SIGMA, WORST_SIGMA, "m", hint)
+    if sigma.touch_time is not None:
+        place = f"{origin}: sigma.touch_time"
+        _check_sigma(place, sigma.touch_time, BEST_TIME, WORST_TIME, "s")
+
+
+def _check_sigma(
+    place: str, value: float, best: float, worst: float, unit: str, hint: str = ""
+) -> None:
+    if not best <= value <= worst:
+        limit = f"at most {worst:g}" if value > worst else f"at least {best:g}"
+        raise ConfigurationError(
+            f"{place}: is {value:g} {unit}, {limit} {unit} is believable; give it in {unit}{hint}"
+        )
+
+
+def _check_motion(origin: Path, run: Run) -> None:
+    """Refuse a run whose poses jump between rows, as they do where rows are not sorted by time."""
+    ticks = run.ticks
+    if len(ticks.t) < 2:
+        return
+    span = np.maximum(np.diff(ticks.t), SHORTEST_INTERVAL)
+    noise = JUMP_SIGMAS * run.header.sigma.gripper
+    for names in (("x", "z"), ("x_cmd", "z_cmd")):
+        steps = np.hypot(*(np.diff(getattr(ticks, name)) for name in names))
+        _check_jumps(origin, ", ".join(names), steps, FASTEST_GRIPPER * span + noise, "m")
+    _check_jumps(origin, "pitch", np.abs(np.diff(ticks.pitch)), FASTEST_TURN * span, "rad")
+
+
+def _check_jumps(origin: Path, names: str, steps: Array, allowed: Array, unit: str) -> None:
+    jumps = np.flatnonzero(steps > allowed)
+    if len(jumps) > JUMPS:
+        row = int(jumps[0]) + 1
+        raise ConfigurationError(
+            f"{origin}: {names}: {len(jumps)} rows jump, row {row} by {steps[row - 1]:.3g} {unit}, "
+            "as no arm moves; sort all columns by t"
+        )
+
+
+def _check_indices(folders: Sequence[RunFolder], heads: Sequence[Header]) -> None:
+    """Refuse two runs of one index in a batch, ConfigurationError.
+
+    `cell fold --repeat` and `cell gap plan` number the folds of one specimen from 0, with seeds
+    that grow as the index does; several such batches of the twin are several specimens.
+    """
+    batches: dict[str, list[tuple[Path, int | None]]] = {}
+    for folder, header in zip(folders, heads, strict=True):
+        batches.setdefault(_batch_key(header), []).append((folder.path, header.index))
+    for batch in batches.values():
+        check_indices([path for path, _ in batch], [index for _, index in batch])
+
+
+def _batch_key(header: Header) -> str:
+    """Command to which a fold of the twin belongs; one common value for runs from elsewhere."""
+    drivers = header.drivers
+    if drivers is None or drivers.arm != "twin" or header.seed is None:
+        return ""
+    return f"{header.plant_sha256} {header.seed - (header.index or 0)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,17 +178,10 @@ def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRu
 
     Raises ConfigurationError, in one line, for input that is broken or too little.
     """
-    heads, read = [], []
-    for folder in folders:
-        header, run = _read(folder.path, folder.name, strip)
-        heads.append(header if run.usable else None)
-        read.append(run)
-    originals = duplicate_folds([folder.path for folder in folders], heads)
-    names = {folder.path: folder.name for folder in folders}
-    runs = [
-        _leave_out(run, names[originals[folder.path]]) if folder.path in originals else run
-        for folder, run in zip(folders, read, strict=True)
-    ]
+    read = [(folder, *_read(folder.path, folder.name, strip)) for folder in folders]
+    used = [(folder, header) for folder, header, run in read if run.usable]
+    _check_indices([folder for folder, _ in used], [header for _, header in used])
+    runs = [run for _, _, run in read]
     _check_enough(runs, folders[0].path.parent)
     return sorted(runs, key=lambda run: (run.measured.index, run.name))
 
@@ -160,12 +234,6 @@ def _with_pitch(run: Recorded) -> Recorded:
     flat = run.header.start == "flat"
     pitch = lift_pitch(travel) if flat else np.full(len(ticks.t), np.pi / 2)
     return replace(run, ticks=replace(ticks, pitch=frozen(pitch)))
-
-
-def _leave_out(run: MeasuredRun, first: str) -> MeasuredRun:
-    note = f"{run.name}: is the same fold of the twin as {first}, by the same seed, and is left out"
-    nothing = replace(run.measured, t=frozen([]))
-    return replace(run, measured=nothing, notes=(note,))
 
 
 def _check_kind(folder: Path) -> None:

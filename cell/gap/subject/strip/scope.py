@@ -1,4 +1,4 @@
-"""Base parameters and candidate effects of a strip's model."""
+"""Base parameters, candidate effects and descriptive terms of a strip's model."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,9 +7,7 @@ from itertools import product
 import numpy as np
 
 from cell.gap.subject.strip.layout import Floors
-from cell.gap.subject.strip.probes import places
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
-from cell.gap.subject.strip.terms import candidates
 from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scattering, Scope
 from drivers.errors import Unsupported
 from drivers.strip.describe import describe
@@ -17,8 +15,12 @@ from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect, Stage
 from drivers.strip.effects.effect import Parameter as Number
 from drivers.strip.file import StripFile
+from drivers.strip.law import LAW_TERMS, Term
 from drivers.strip.rod.lumping import check
 
+PLACE_SPACING = 0.9  # bending lengths between the places at which a local effect is screened
+SECANT = 0.1  # of a term's size: the step of finite differences
+TRIED = (0.0, 0.5, 0.9)  # probes between a term's size and its maximum, on a logarithmic scale
 TRIED_TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
 FARTHEST = 3.0  # times the largest probe: prior spread of an effect's amount
 SHAPE_SPREAD = 0.5  # of its default: prior spread of a number that shapes an effect
@@ -31,6 +33,30 @@ PLACE_ERROR = 0.02  # relative error of lengths, offsets and delays
 SECANT = 0.1  # of the smallest probe: the step of finite differences
 WEIGHED = 0.05  # relative spread of an areal density by a laboratory's scale and ruler
 SHORTEST_RETARDATION = 0.005  # s, about which the fit of an undamped strip starts
+
+
+def places(strip: StripFile, lifted: float) -> tuple[float, ...]:
+    """Positions [m] along the strip at which to screen, from its lift-off at `lifted` [m] on.
+
+    A bend shows a local effect while it passes, so that probes farther apart than about a bending
+    length miss what lies between them.
+    """
+    begin = max(0.0, lifted - PLACE_SPACING * strip.bending_length)
+    count = max(2, round((strip.length - begin) / (PLACE_SPACING * strip.bending_length)))
+    return tuple(map(float, np.linspace(begin, strip.length, 2 * count + 1)[1::2]))
+
+
+def candidates() -> tuple[Candidate, ...]:
+    """Candidates for all generic law terms, each with its amount as the only parameter."""
+    return tuple(_candidate(term) for term in LAW_TERMS.values())
+
+
+def _candidate(term: Term) -> Candidate:
+    step = SECANT * term.size
+    amount = Parameter("amount", term.unit, 0.0, term.low, term.most, step=step, spread=term.most)
+    sizes = term.size * (term.most / term.size) ** np.array(TRIED)
+    probes = tuple(((float(size),),) for size in sizes)
+    return Candidate(term.name, term.sentence, "strip", (amount,), probes)
 
 
 def scope(

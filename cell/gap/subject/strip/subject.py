@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache, partial
 from itertools import groupby, islice
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -14,9 +14,7 @@ from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned_runs
 from cell.gap.subject.strip.layout import Floors
-from cell.gap.subject.strip.patch import patch_file
-from cell.gap.subject.strip.prepare import Fold, linearise_folds, prepare, relinearise
-from cell.gap.subject.strip.replicates import replicates
+from cell.gap.subject.strip.prepare import Fold, linearise_folds, prepare, relinearise, replicates
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
@@ -34,15 +32,61 @@ from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
-from drivers.strip.law import with_law
+from drivers.strip.law import LAW_TERMS, with_law
 from drivers.strip.model import Observation
 
+DIGITS = 6  # significant digits of a fitted number
 QUANTILE = 0.02  # of the contacts of a run that may lie before its lift-off, as outliers
 DESCRIBED = 256  # models that are kept
 PORTION = 64  # motions that are held at once
 AGEING = frozenset({"ageing", "term_run"})
 """Effects and terms that depend on the number of the run: all others share one description."""
 Values = tuple[float, ...]
+
+
+def patch_file(
+    strip: StripFile, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]],
+    source: str,
+) -> tuple[dict[str, object], dict[str, object] | None]:  # fmt: skip
+    """Content of the strip file with refitted values and named effects, and the cell's effects."""
+    content: dict[str, Any] = strip.model_dump(mode="json", by_alias=True)
+    notes = list(content.pop("provenance"))
+    known = {name: dict(values) for name, values in content["effects"].items()}
+    for name, value in base.items():
+        if "." in name:
+            effect, key = name.split(".")
+            notes.append(_note(f"effects.{effect}.{key}", known[effect].get(key), source))
+            known[effect][key] = round_off(value)
+        elif name in content:
+            notes.append(_note(name, content[name], source))
+            content[name] = round_off(value)
+    of_cell: dict[str, object] = {}
+    law = dict(content.pop("law", {}))
+    for name, values in effects.items():
+        if name in LAW_TERMS:
+            before = f"was {law[name]:.9g}" if name in law else "was absent"
+            law[name] = round_off(law.get(name, 0.0) + values["amount"])
+            notes.append({"key": f"law.{name}", "source": source,
+                          "note": f"{before}; a description, no cause"})  # fmt: skip
+            continue
+        entry = {key: round_off(value) for key, value in values.items()}
+        if registry()[name].of == "cell":
+            of_cell[name] = entry
+            continue
+        notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
+        known[name] = entry
+    content |= {"effects": known, **({"law": law} if law else {}), "provenance": notes}
+    return content, {"schema": 1, "effects": of_cell} if of_cell else None
+
+
+def round_off(value: float) -> float:
+    """Round `value` to the digits that a fit can determine."""
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _note(key: str, old: float | None, source: str) -> dict[str, str]:
+    was = "was absent" if old is None else f"was {old:.9g}"
+    return {"key": key, "source": source, "note": was}
 
 
 class Look(NamedTuple):

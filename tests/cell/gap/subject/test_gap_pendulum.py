@@ -1,13 +1,10 @@
 """The pendulum as a subject: its physics and the files it reads."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 import yaml
 
@@ -141,49 +138,6 @@ def cosines(count: int) -> list[Made]:
     t = np.arange(0.0, 1.0, 0.01)
     sizes = 0.3 + 0.01 * np.arange(count)
     return [Made(t, np.pi + size * np.cos(10.0 * t)[None], "c") for size in sizes]
-
-
-def broken(run: Path, fault: str) -> None:
-    """Spoil the run folder `run`."""
-    table = {k: np.array(v) for k, v in pq.read_table(run / "angles.parquet").to_pydict().items()}
-    head = yaml.safe_load((run / "run.yaml").read_text())
-    changes: dict[str, Callable[[], Any]] = {
-        "column": lambda: table.pop("theta_1"),
-        "nan": lambda: table["theta_1"].__setitem__(7, np.nan),
-        "order": lambda: table["t"].__setitem__(9, table["t"][3]),
-        "degrees": lambda: table.update(theta_1=np.rad2deg(table["theta_1"])),
-        "microseconds": lambda: table.update(t=table["t"] * 1e-6),
-        "rates": lambda: table.update(omega_1=1e3 * np.gradient(table["theta_1"], table["t"])),
-        "name": lambda: head.update(pendulum="another"),
-        "sigma": lambda: head.update(sigma={"angle": -1.0}),
-        "no sigma": lambda: head.pop("sigma"),
-        "link": lambda: table.update(theta_2=table["theta_1"]),
-        "short": lambda: table.update({k: v[:5] for k, v in table.items()}),
-        "index": lambda: head.update(index="first"),
-    }
-    changes[fault]()
-    pq.write_table(pa.table(table), run / "angles.parquet")
-    (run / "run.yaml").write_text(yaml.safe_dump(head))
-
-
-@pytest.mark.parametrize(
-    ("fault", "word"),
-    [
-        ("column", "theta_1: this column is missing"), ("nan", "row 7 is not a number"),
-        ("order", "does not increase at row 9"), ("degrees", "angles are in rad"),
-        ("microseconds", "t is in s"), ("rates", "rates in rad/s"), ("name", "is another"),
-        ("sigma", "sigma.angle"), ("no sigma", "sigma.angle"), ("link", "1 links only"),
-        ("short", "at least 30"), ("index", "index"),
-    ],
-)  # fmt: skip
-def test_bad_run_is_one_clear_line_and_no_verdict(tmp_path: Path, fault: str, word: str) -> None:
-    file, runs = write_swings(tmp_path, pendulum(1), cosines(3), SIGMA)
-    broken(runs / "01", fault)
-    with pytest.raises(ConfigurationError, match="01/") as caught:
-        fit([runs], file, tmp_path / "out")
-    assert word in str(caught.value)
-    assert "\n" not in str(caught.value)
-    assert not (tmp_path / "out" / "verdict.json").exists()
 
 
 def test_single_run_is_refused(tmp_path: Path) -> None:

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.gap.subject.strip.curves import believable, images_of
-from cell.gap.subject.strip.gripper import smooth_path
+from cell.gap.subject.strip.curves import believable, images_of, smooth_path
 from cell.record.columns import Profile
 from drivers.strip.curve import group_means, nearest_ends, signed_distances
 from drivers.types import Array

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from cell.gap.fit import fit
-from cell.gap.subject.strip.reported_path import reported_path
-from cell.gap.subject.strip.synthetic import Fold, rod_folds
+from cell.gap.subject.strip.synthetic import Fold, reported_path, rod_folds
 from cell.gap.verdict.schema import Verdict
 from drivers.strip.describe import describe
 from drivers.strip.rod.motions import GripperPath

@@ -11,10 +11,9 @@ from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import subject
 from cell.gap.subject.strip.layout import GRIP_TRAVEL, SNAP, Floors
 from cell.gap.subject.strip.prepare import Fold
-from cell.gap.subject.strip.reported_path import reported_path
 from cell.gap.subject.strip.scope import PLACE_ERROR, UNTRUE, scope
 from cell.gap.subject.strip.subject import Strip, open_strip
-from cell.gap.subject.strip.synthetic import rod_folds
+from cell.gap.subject.strip.synthetic import reported_path, rod_folds
 from cell.gap.subject.subject import Request, Run
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry

@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.gap.strength import Ruler, drawn_path
-from cell.gap.subject.strip.reported_path import reported_path
+from cell.gap.subject.strip.synthetic import reported_path
 from cell.parallel import workers
 from cell.record.header import Sigma
 from drivers.errors import Fault

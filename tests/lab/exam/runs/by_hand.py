@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cell.gap.subject.strip.reported_path import ROW_STRIDE
+from cell.gap.subject.strip.synthetic import ROW_STRIDE
 from drivers.geometry import arc_lengths
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen

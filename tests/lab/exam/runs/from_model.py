@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cell.config.places import find_configs
-from cell.gap.subject.strip.reported_path import reported_path
-from cell.gap.subject.strip.synthetic import Fold, Instruments, rod_folds, write_fold
+from cell.gap.subject.strip.synthetic import Fold, Instruments, reported_path, rod_folds, write_fold
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile

@@ -9,11 +9,9 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.scatter import with_spreads
-from cell.gap.fitting.spreads import spreads
+from cell.gap.fitting.reml import spreads, with_spreads
 from cell.gap.fitting.tasks import Simulate, run_all
-from cell.gap.selection.score import with_effects
-from cell.gap.selection.screening import probe, ranking, table
+from cell.gap.selection.screening import probe, ranking, table, with_effects
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject

@@ -17,8 +17,7 @@ from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.places import find_configs
 from cell.gap.fit import fit
-from cell.gap.subject.strip.reported_path import reported_path
-from cell.gap.subject.strip.synthetic import Fold, Instruments, write_fold
+from cell.gap.subject.strip.synthetic import Fold, Instruments, reported_path, write_fold
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.rod.motions import GripperPath

@@ -13,7 +13,7 @@ from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.gap.fitting.model import Model, evidence
-from cell.gap.fitting.spreads import spreads
+from cell.gap.fitting.reml import spreads
 from cell.gap.fitting.starts import refit_base
 from cell.gap.opening import open_subject
 from cell.gap.subject.run_folders import find_runs

@@ -7,12 +7,11 @@ import pytest
 import yaml
 
 from cell.gap.fit import fit
-from cell.gap.subject.blocks import average
 from cell.gap.subject.mechanism import prescribed
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.importer import write_run
 from cell.gap.subject.mechanism.prescribed import cutoff_of, motion_of
-from cell.gap.subject.mechanism.runs import Recording
+from cell.gap.subject.mechanism.runs import Recording, average
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request

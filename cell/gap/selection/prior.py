@@ -1,16 +1,48 @@
-"""Effects at amounts that do not matter, which every comparison of models expects to be there."""
+"""Prior of effects: how many are expected, how wrong laws are, and the spike prior of absent ones.
+
+An absent effect is expected at an amount that does not matter, by the floor of the samples.
+`python -m tests.lab study beliefs` fits these numbers.
+"""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
 
 import numpy as np
+from pydantic import Field
 
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection
-from cell.gap.selection.beliefs import beliefs
 from cell.gap.selection.screening import Probed
+from drivers.settings import Seconds, Settings, load
 from drivers.types import Array
 
+BELIEFS_FILE = Path(__file__).with_name("beliefs.yaml")
 LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
+
+
+class Beliefs(Settings):
+    """Content of beliefs.yaml: what is believed of the effects before runs are seen.
+
+    Of the library `expected` effects are present; an `immaterial` one responds with this share (one
+    sigma) of what the floor allows; a law is wrong by a share of what it explains, half-normal of
+    sigma `wrong`, summed over `shares`, with a correlation time `memory` [s]. `source` says where
+    the numbers come from, `belongs_to` the place of the file.
+    """
+
+    expected: float = Field(gt=0.0)
+    immaterial: float = Field(ge=0.0)
+    wrong: float = Field(gt=0.0)
+    shares: tuple[float, ...] = Field(min_length=1)
+    memory: Seconds = Field(gt=0.0)
+    source: str = Field(min_length=1)
+    belongs_to: str = ""
+
+
+@cache
+def beliefs() -> Beliefs:
+    """Load the beliefs that the package ships."""
+    return load(BELIEFS_FILE, Beliefs)
 
 
 def filling_floor(base: Estimate, probed: Sequence[Probed], *, believed: bool) -> dict[str, Array]:

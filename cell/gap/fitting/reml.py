@@ -1,0 +1,405 @@
+"""Run-to-run spreads by restricted maximum likelihood (REML), and the uncertainty beside them.
+
+Random unknowns u of a run, such as where a strip is grasped, are drawn anew in each run with mean
+zero and a standard deviation s_q that all runs share. With all other unknowns integrated out, the
+linearised fit is quadratic in u: curvature C, gradient -g, about u = 0. Then, up to a constant,
+
+    -log p(data | s) = 1/2 log |C + S^-2| + sum_i log s_q(i) - 1/2 g' (C + S^-2)^-1 g
+
+with S = diag(s_q(i)) (Patterson and Thompson 1971, Biometrika 58, 545; Pinheiro and Bates 2000,
+Mixed-effects models in S and S-PLUS, section 2.2). Spreads are shares of the usual one, each with a
+half-normal prior of unit width, which stands in where runs are few.
+
+Noise and what differs from run to run average out over runs; an error that all runs share does not.
+It is no unknown of the fit, which would take it for an effect: its spread, as measured beforehand,
+is carried through the fit to the values (a considered parameter: Schmidt 1966, Application of
+state-space methods to navigation problems).
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from scipy import optimize
+from scipy.linalg import cho_solve
+
+from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, linearise, refit
+from cell.gap.fitting.model import Evidence, Point, unknowns
+from cell.gap.fitting.projection import stacked_jacobian
+from cell.gap.fitting.tasks import Simulate, run_one
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class SpreadSearch:
+    """Search for the spreads of runs, in units of the usual ones.
+
+    A spread is sought from `begin`, between `smallest` and `largest`. The part of a quantity that
+    all runs share has a prior `shared` times as wide as the usual spread. Any fit leaves at least
+    the share `least_noise` of the stated variance. A common quantity scatters with probability
+    `common`; another must gain `least_gain` [nats], and beat those that scatter more commonly,
+    named first, by `tie`. The curvature of the loss in a spread's logarithm is taken over
+    `log_step`, and is at least `least_curvature`. Two spreads differ clearly whose ratio is below
+    `differ`. Source: set by hand; `python -m tests.lab study spreads` tests it on true spreads.
+    """
+
+    smallest: float = 0.03
+    largest: float = 5.0
+    begin: float = 0.5
+    shared: float = 10.0
+    least_noise: float = 0.1
+    common: float = 0.9
+    least_gain: float = 3.0
+    tie: float = 2.0
+    log_step: float = 0.1
+    least_curvature: float = 0.1
+    differ: float = 0.7
+
+
+SEARCH = SpreadSearch()
+SPREAD_GRID = np.geomspace(SEARCH.smallest, SEARCH.largest, 41)
+"""Shares of the usual spread that are averaged over."""
+CENTRAL_95 = 1.96  # standard deviations of a normal, within which 95 % lie
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """A quantity that differs from run to run: its standard deviation and 95 % interval."""
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+
+    @property
+    def error(self) -> float:
+        """Standard error of the logarithm of the spread."""
+        return float(np.log(self.high / self.low)) / (2.0 * CENTRAL_95)
+
+
+def spreads(estimate: Estimate) -> tuple[Spread, ...]:
+    """Spreads of the quantities that differ from run to run in `estimate`, common ones first.
+
+    Common ones scatter in most laboratories: each has its posterior mean, in which no scatter
+    counts too, and is left out where that is below `SEARCH.smallest`. Others are taken in one by
+    one while each gains enough beside those: a slack that differs looks like a grip that does.
+    """
+    known = {p.name: p for run in estimate.evidence.runs for p in run.local if p.random}
+    if not known or len(estimate.evidence.runs) < 2:
+        return ()
+    likelihood, parameters = Likelihood.of(estimate, known), list(known.values())
+    fit = SpreadFit.of(likelihood, [k for k, p in enumerate(parameters) if p.common])
+    fit = _add_others(fit, len(known))
+    chosen = [parameters[k] for k in fit.active]
+    shares = np.array([fit.mean_share(i, common=p.common) for i, p in enumerate(chosen)])
+    errors = likelihood.errors(fit.active, np.maximum(shares, SEARCH.smallest))
+    rows = zip(chosen, shares, errors, strict=True)
+    return tuple(_spread(p, s, error) for p, s, error in rows if s >= SEARCH.smallest)
+
+
+def _spread(p: Parameter, share: float, error: float) -> Spread:
+    """Spread and interval of `p` from its `share` of the usual and the `error` of its logarithm."""
+    low, high = float(np.exp(-CENTRAL_95 * error)), float(np.exp(CENTRAL_95 * error))
+    value = share * p.spread
+    return Spread(p.name, p.unit, value, value * low, value * high)
+
+
+@dataclass(frozen=True, slots=True)
+class Likelihood:
+    """Restricted likelihood of the spreads: C and g of the module's equation.
+
+    `curvature` (u, u) and `pull` (u,), which is g, are in units of the `usual` (q,) spread of each
+    quantity; `owner` (u,) numbers the quantity of an unknown.
+    """
+
+    curvature: Array
+    pull: Array
+    owner: Array
+    usual: Array
+
+    @classmethod
+    def of(cls, estimate: Estimate, known: dict[str, Parameter]) -> Self:
+        """Integrate all but the random unknowns, `known` by name, out of the linearised fit.
+
+        The common part of a quantity counts as an unknown of its own: a constant error of the rig
+        is no scatter.
+        """
+        every = unknowns(estimate.model, estimate.evidence)
+        order = list(known)
+        owner = np.array([order.index(p.name) if p.random else -1 for p in every])
+        usual = np.array([known[name].spread for name in order])
+        whole, pull = _equations(estimate, every, owner, usual)
+        random = np.flatnonzero(owner >= 0)
+        fixed = np.setdiff1d(np.arange(len(whole)), random)
+        unit = usual[owner[random]]
+        across = np.linalg.solve(whole[np.ix_(fixed, fixed)], whole[np.ix_(fixed, random)])
+        left = whole[np.ix_(random, random)] - whole[np.ix_(random, fixed)] @ across
+        return cls(
+            0.5 * (left + left.T) * unit[:, None] * unit,
+            (pull[random] - across.T @ pull[fixed]) * unit,
+            owner[random],
+            usual,
+        )
+
+    def loss(self, shares: Array, active: Sequence[int]) -> tuple[float, Array]:
+        """Minus log posterior [nats] of the spreads of the quantities `active`, up to a constant.
+
+        And its gradient (k,) in the logarithms of their `shares` (k,) of the usual spreads; the
+        other quantities do not scatter.
+        """
+        place = np.full(len(self.usual), -1)
+        place[list(active)] = np.arange(len(active))
+        owner = place[self.owner]
+        kept = np.flatnonzero(owner >= 0)
+        owner = owner[kept]
+        precision = shares[owner] ** -2
+        whole = self.curvature[np.ix_(kept, kept)] + np.diag(precision)
+        d = 1.0 / np.sqrt(np.diag(whole))  # scales the diagonal to one
+        lower = np.linalg.cholesky(whole * d[:, None] * d + 1e-10 * np.eye(len(d)))
+        inverse = cho_solve((lower, True), np.eye(len(d)))
+        scaled = inverse @ (d * self.pull[kept])
+        mean, variance = d * scaled, d**2 * np.diag(inverse)  # of u, given the shares
+        half_logdet = float(np.log(np.diag(lower) / d * shares[owner]).sum())
+        loss = half_logdet - 0.5 * float(self.pull[kept] @ mean) + 0.5 * float(shares @ shares)
+        each = 1.0 - precision * (variance + mean**2)
+        return loss, np.bincount(owner, each, len(active)) + shares**2
+
+    def errors(self, active: Sequence[int], shares: Array) -> Array:
+        """Standard errors (k,) of the logarithms of the shares, by the curvature of the loss."""
+        logs, curvature = np.log(shares), np.zeros(len(shares))
+        for i in range(len(shares)):
+            step = SEARCH.log_step * np.eye(len(shares))[i]
+            low, here, high = (self.loss(np.exp(logs + side * step) if side else shares, active)[0]
+                               for side in (-1.0, 0.0, 1.0))  # fmt: skip
+            second = (low + high - 2.0 * here) / SEARCH.log_step**2
+            curvature[i] = max(second, SEARCH.least_curvature)
+        return np.asarray(1.0 / np.sqrt(curvature))
+
+
+def _equations(
+    estimate: Estimate, every: Sequence[Parameter], owner: Array, usual: Array
+) -> tuple[Array, Array]:
+    """Curvature (u + q, u + q) and pull (u + q,) of data and priors, but those of scatter.
+
+    In all u unknowns and in the common part of each of the q random quantities.
+    """
+    r = np.concatenate(estimate.residuals)
+    variance = robust.long_run_variance(estimate.evidence.runs, estimate.residuals)
+    variance = max(SEARCH.least_noise, variance)
+    weight = np.sqrt(robust.weights(r / estimate.scale) / variance) / estimate.scale
+    columns = stacked_jacobian(estimate)
+    prior = np.array([0.0 if p.random else p.spread**-2 for p in every])
+    start = np.array([p.start for p in every])
+    without_scatter = r - columns @ np.where(owner >= 0, estimate.z, 0.0)
+    prior_pull = prior * (estimate.z - start)
+    common = np.stack([columns[:, owner == k].sum(axis=1) for k in range(len(usual))], axis=1)
+    common_prior = (SEARCH.shared * usual) ** -2
+    whole = np.concatenate([columns, common], axis=1) * weight[:, None]
+    curvature = whole.T @ whole + np.diag(np.concatenate([prior, common_prior]))
+    curvature += np.diag(1e-9 * np.diag(curvature) + 1e-12)  # keeps it positive definite
+    prior_pull = np.concatenate([prior_pull, np.zeros(len(common_prior))])
+    return curvature, -(whole.T @ (without_scatter * weight) + prior_pull)
+
+
+@dataclass(frozen=True, slots=True)
+class SpreadFit:
+    """Quantities `active` that scatter, their `shares` (k,) of the usual, and the `loss` [nats]."""
+
+    likelihood: Likelihood
+    active: tuple[int, ...]
+    shares: Array
+    loss: float
+
+    @classmethod
+    def of(cls, likelihood: Likelihood, active: Sequence[int], start: Iterable[float] = ()) -> Self:
+        """Fit the shares of the quantities `active`, from `start` (j,) for the first of them."""
+        if not len(active):
+            return cls(likelihood, (), np.zeros(0), likelihood.loss(np.zeros(0), [])[0])
+        first = list(start)
+        begin = np.log([*first, *[SEARCH.begin] * (len(active) - len(first))])
+        limits = [(np.log(SEARCH.smallest), np.log(SEARCH.largest))] * len(active)
+        found = optimize.minimize(lambda x: likelihood.loss(np.exp(x), active), begin, jac=True,
+                                  method="L-BFGS-B", bounds=limits)  # fmt: skip
+        return cls(likelihood, tuple(active), np.exp(found.x), float(found.fun))
+
+    def mean_share(self, i: int, *, common: bool) -> float:
+        """Posterior mean of the share of active quantity `i`, with the others at their most likely.
+
+        Of few runs the likelihood of a spread has a long tail to the large ones, so its peak is too
+        small in most laboratories. For a `common` quantity the mean also counts the possibility
+        that it does not differ at all.
+        """
+        trials = np.tile(self.shares, (len(SPREAD_GRID), 1))
+        trials[:, i] = SPREAD_GRID
+        losses = np.array([self.likelihood.loss(each, self.active)[0] for each in trials])
+        likely = SPREAD_GRID * np.exp(losses.min() - losses)
+        mean = float(likely @ SPREAD_GRID / likely.sum())
+        if not common:
+            return mean
+        odds = SEARCH.common / (1.0 - SEARCH.common) * self._bayes_factor(i, losses)
+        return mean * (odds / (1.0 + odds))
+
+    def _bayes_factor(self, i: int, losses: Array) -> float:
+        """Bayes factor for a spread of active quantity `i`, by its `losses` (41,), against none."""
+        others = [k for j, k in enumerate(self.active) if j != i]
+        none, _ = self.likelihood.loss(np.delete(self.shares, i), others)
+        likelihood = np.exp(np.clip(none + 0.5 * SPREAD_GRID**2 - losses, -50.0, 50.0))
+        prior = SPREAD_GRID * np.exp(-0.5 * SPREAD_GRID**2)  # even steps of the logarithm
+        return float(prior @ likelihood / prior.sum())
+
+
+def _add_others(fit: SpreadFit, count: int) -> SpreadFit:
+    """Add to `fit` each of `count` quantities that gains enough; of near equals the first."""
+    while len(fit.active) < count:
+        absent = [k for k in range(count) if k not in fit.active]
+        trials = [SpreadFit.of(fit.likelihood, [*fit.active, k], fit.shares) for k in absent]
+        lowest = min(trial.loss for trial in trials)
+        best = next(trial for trial in trials if trial.loss < lowest + SEARCH.tie)
+        if fit.loss - best.loss < SEARCH.least_gain:
+            break
+        fit = best
+    return fit
+
+
+def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:
+    """Whether two sets of spreads by name differ in their quantities, or clearly in size."""
+    return bool(set(before) ^ set(now)) or any(
+        not SEARCH.differ < now[name] / value < 1.0 / SEARCH.differ
+        for name, value in before.items()
+    )
+
+
+def with_own_scatter(
+    simulate: Simulate, estimate: Estimate, found: Sequence[Spread], whole: Evidence
+) -> Estimate:
+    """Refit `estimate` with the spreads `found`, if they clearly differ from those it has.
+
+    Returns it unchanged otherwise; `whole` are the runs with every random unknown.
+    """
+    used = {p.name: p.spread for run in estimate.evidence.runs for p in run.local if p.random}
+    if not clearly_differ(used, {s.name: s.value for s in found}):
+        return estimate
+    start = with_scatter(estimate, found, whole)
+    return run_one(simulate, refit(start.model, start.evidence, start.point))
+
+
+def with_spreads(known: Evidence, found: Sequence[Spread]) -> Evidence:
+    """Copy of `known` that keeps only the random unknowns of `found`, with their spreads."""
+    value = {s.name: s.value for s in found}
+    runs = []
+    for run in known.runs:
+        kept = [
+            replace(p, spread=value[p.name]) if p.random else p
+            for p in run.local
+            if not p.random or p.name in value
+        ]
+        runs.append(replace(run, local=tuple(kept)))
+    return Evidence(tuple(runs), known.scales)
+
+
+def with_scatter(estimate: Estimate, found: Sequence[Spread], whole: Evidence) -> Estimate:
+    """Copy of `estimate` that keeps only the random unknowns of `found`, of the runs `whole`.
+
+    Only its model, evidence and point are valid: residuals are those of the old fit.
+    """
+    return _with_unknowns(estimate, with_spreads(whole, found))
+
+
+def estimate_spreads(simulate: Simulate, estimate: Estimate, whole: Evidence) -> tuple[Spread, ...]:
+    """Estimate the run-to-run spreads of all random unknowns of `whole`, near `estimate`.
+
+    The estimate may hold some of the unknowns only: it is refitted with all of them first, so that
+    its residuals are noise.
+    """
+    if not any(p.random for run in whole.runs for p in run.local):
+        return ()
+    here = _with_unknowns(estimate, whole)
+    _, jacobians = run_one(simulate, linearise(here.model, here.evidence, here.point))
+    again = refit(here.model, here.evidence, here.point, jacobians, ROUGH_GAIN)
+    return spreads(run_one(simulate, again))
+
+
+def _with_unknowns(estimate: Estimate, whole: Evidence) -> Estimate:
+    """Copy of `estimate` with the own unknowns of the runs `whole`; new ones are at their start."""
+    usual = {run.name: run.local for run in whole.runs}
+    runs, local = [], []
+    for run, own in zip(estimate.evidence.runs, estimate.point.local, strict=True):
+        value = {p.name: float(v) for p, v in zip(run.local, own, strict=True)}
+        local.append(np.array([value.get(p.name, p.start) for p in usual[run.name]]))
+        runs.append(replace(run, local=usual[run.name]))
+    known = Evidence(tuple(runs), estimate.evidence.scales)
+    return replace(estimate, evidence=known, point=Point(estimate.shared, tuple(local)))
+
+
+@dataclass(frozen=True, slots=True)
+class Freedom:
+    """Settings for the degrees of freedom of a variance. Source: set by hand.
+
+    The logarithm of a spread is changed by `step`; its prior holds as much information as six runs,
+    so that there are at least `least`; `most` are as good as infinitely many.
+    """
+
+    step: float = 0.1
+    least: float = 5.0
+    most: float = 1e6
+
+
+FREEDOM = Freedom()
+
+
+def covariance(estimate: Estimate, inefficiency: float) -> Array:
+    """Covariance (size, size) of all unknowns; `inefficiency` samples count as one independent."""
+    inverse = normal_equations.covariance(estimate.normal().curvature)
+    errors = _common_error_responses(estimate)
+    if not errors.shape[1]:
+        return inverse * inefficiency
+    scale = estimate.scale
+    weight = robust.weights(np.concatenate(estimate.residuals) / scale) / scale**2
+    moved = inverse @ (stacked_jacobian(estimate).T @ (weight[:, None] * errors))
+    return np.asarray(inverse * inefficiency + moved @ moved.T)
+
+
+def _common_error_responses(estimate: Estimate) -> Array:
+    """Whitened residuals (N, k) caused by one standard deviation of each common error."""
+    known = estimate.evidence
+    names = list(dict.fromkeys(name for run in known.runs for name in run.common))
+    parts = [
+        np.array([run.common.get(name, np.zeros(len(scale))) / scale for name in names])
+        .reshape(len(names), len(scale))
+        .T
+        for run, scale in zip(known.runs, known.scales, strict=True)
+    ]
+    return np.concatenate(parts)
+
+
+def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]) -> Array:
+    """Degrees of freedom (size,) of the variance of each unknown, `FREEDOM.least` or more.
+
+    2 V^2 / var V, by how the variance V goes with the logarithm of each spread and how well that
+    is known (Satterthwaite 1946, An approximate distribution of estimates of variance components).
+    """
+    whole = _variance(estimate, inefficiency, {})
+    doubt = np.zeros_like(whole)
+    for spread in scatter:
+        more, less = (
+            _variance(estimate, inefficiency, {spread.name: float(np.exp(side * FREEDOM.step))})
+            for side in (1.0, -1.0)
+        )
+        doubt += ((more - less) / (2.0 * FREEDOM.step) * spread.error) ** 2
+    return np.clip(2.0 * whole**2 / np.maximum(doubt, 1e-300), FREEDOM.least, FREEDOM.most)
+
+
+def _variance(estimate: Estimate, inefficiency: float, factors: dict[str, float]) -> Array:
+    """Variance (size,) of all unknowns, with spreads multiplied by `factors` by name."""
+
+    def with_factor(p: Parameter) -> Parameter:
+        return replace(p, spread=p.spread * factors.get(p.name, 1.0)) if p.random else p
+
+    known = estimate.evidence
+    runs = tuple(replace(run, local=tuple(map(with_factor, run.local))) for run in known.runs)
+    moved = replace(estimate, evidence=replace(known, runs=runs))
+    return np.asarray(np.diag(covariance(moved, inefficiency)))

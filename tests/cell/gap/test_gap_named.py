@@ -1,0 +1,172 @@
+"""What is named where laws have thresholds, places and shapes, and where runs went another way."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.gap.diagnosis.invariance import invariance
+from cell.gap.fitting.tasks import run_one
+from cell.gap.selection.fits import Fits
+from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Scope
+from drivers.types import Array
+from tests.cell.gap import test_gap_engine
+from tests.cell.gap.test_gap_engine import LAWS, Curves, Law, T, bump, hidden, judged, wave
+from tests.cell.gap.test_gap_engine import fitted as at
+from tests.cell.gap.test_gap_robust import validated
+
+THRESHOLD, PROBES, CREEP = 0.5, (0.3, 1.0, 3.0), 0.02
+
+
+class Slipping(Curves):
+    """Curves with a bump as high as an effect is beyond its threshold."""
+
+    @property
+    def scope(self) -> Scope:
+        whole = super().scope
+        size = Parameter("size", "m", 0.0, 0.0, 5.0, 1e-3, 1.0)
+        slip = Candidate("slip", "it slips", "strip", (size,), tuple(((p,),) for p in PROBES))
+        return Scope(whole.base, (slip,), whole.quantities)
+
+    def added(self, name: str, values: Array, speed: float) -> Array:
+        return slipped(values[0]) * bump(T, speed, 0)
+
+
+def slipped(size: float) -> float:
+    """Hardly anything up to the threshold: ends creep before they slip."""
+    return CREEP * size + max(0.0, size - THRESHOLD)
+
+
+PLACES = (0.15, 0.35, 0.55, 0.75)
+
+
+def lump(t: Array, place: float) -> Array:
+    return np.exp(-(((t - place) / 0.08) ** 2))
+
+
+class Lumps(Curves):
+    """Curves that may have a lump, up or down, at a place."""
+
+    @property
+    def scope(self) -> Scope:
+        whole = super().scope
+        least = -5.0 if self.signed else 0.0
+        parameters = (
+            Parameter("size", "m", 0.0, least, 5.0, 1e-3, 1.0),
+            Parameter("place", "m", 0.5, 0.0, 1.0, 1e-3, 1.0, shape=True),
+        )
+        probes = tuple(((0.1, place),) for place in PLACES)
+        found = Candidate("lump", "there is a lump", "strip", parameters, probes)
+        return Scope(whole.base, (found, *whole.candidates), whole.quantities)
+
+    def added(self, name: str, values: Array, speed: float) -> Array:
+        if name != "lump":
+            return super().added(name, values, speed)
+        size, place = values
+        return size * lump(T, place)
+
+
+def two_sided(signed: bool = True, wave: float = 0.0) -> Lumps:
+    """Down at 0.56, and less up at 0.34: a lump up is a local optimum, beside a `wave` too."""
+
+    def truth(t: Array, speed: float, index: int) -> Array:
+        return -0.3 * lump(t, 0.56) + 0.2 * lump(t, 0.34) + wave * LAWS["wave"](t, speed, index)
+
+    return Lumps(truth, names=("wave",), signed=signed)
+
+
+BOTH: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.15 * wave(t, s, i)  # noqa: E731
+
+
+class Bending(Curves):
+    """Curves whose bump may lean: its finer parameter adds a share of its slope."""
+
+    @property
+    def scope(self) -> Scope:
+        whole = super().scope
+        lean = Parameter("lean", "1", 0.0, 0.0, 5.0, 1e-3, 1.0, shape=True)
+        first, *others = whole.candidates
+        return replace(whole, candidates=(replace(first, shape_parameters=(lean,)), *others))
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        found = super().simulate(requests)
+        for q, residuals in zip(requests, found, strict=True):
+            size, lean = (*q.effects.get("bump", (0.0,)), 0.0)[:2]
+            speed = {"slow": 0.5, "medium": 1.0, "fast": 2.0, "faster": 3.0}[q.run.condition]
+            residuals.mean[:] -= size * lean * leaning(np.linspace(0.0, 1.0, 60), speed, 0)
+        return found
+
+
+def leaning(t: np.ndarray, speed: float, _: int) -> np.ndarray:
+    return 5.0 * (t - 0.5) * bump(t, speed, 0)
+
+
+def test_an_effect_of_a_pair_has_one_amplitude_in_all_phases_of_a_motion() -> None:
+    halved: Law = lambda t, s, i: BOTH(t, s, i) - 0.1 * bump(t, s, i) * (t > 0.5)  # noqa: E731
+    for law, holds in ((BOTH, True), (halved, False)):
+        subject = Curves(law)
+        models = [validated(at(subject, names), subject) for names in ((), ("bump", "wave"))]
+        by = Fits(tuple(models)).scale
+        fit = models[1].estimate
+        found = run_one(subject.simulate, invariance(fit, "bump", by, phases=True))
+        assert found.holds is holds
+        assert run_one(subject.simulate, invariance(fit, "bump", by)).holds
+
+
+def astray(*runs: int) -> Law:
+    """A hidden bump, and runs that besides went another way."""
+    law = hidden(bump, 0.3)
+    return lambda t, s, i: law(t, s, i) + 0.5 * np.cos(25.0 * t) * (i in runs)
+
+
+@pytest.fixture
+def single(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every run is of a condition of its own."""
+    more = {f"v{i}": 0.6 + 0.3 * i for i in range(7)}
+    monkeypatch.setattr(test_gap_engine, "SPEEDS", {**test_gap_engine.SPEEDS, **more})
+
+
+@pytest.mark.usefixtures("single")
+def test_one_run_that_went_another_way_is_told_and_does_not_hide_what_the_others_show() -> None:
+    _, verdict = judged(Curves(astray(4), repeats=1))
+    assert [e.name for e in verdict.effects] == ["bump"]
+    assert verdict.unexplained is not None
+    assert "run r4 goes another way" in verdict.unexplained.description
+
+
+@pytest.mark.usefixtures("single")
+def test_where_two_runs_go_another_way_the_cause_stays_open() -> None:
+    _, verdict = judged(Curves(astray(4, 5), repeats=1))
+    assert verdict.verdict == "unexplained"
+
+
+@pytest.mark.usefixtures("single")
+@pytest.mark.parametrize("shape", [bump, wave, lambda t, s, i: np.cos(25.0 * t)])
+def test_a_mishap_in_one_run_is_no_effect(shape: Law) -> None:
+    _, verdict = judged(Curves(lambda t, s, i: 0.3 * shape(t, s, i) * (i == 4), repeats=1))
+    assert verdict.verdict == "unexplained"
+
+
+@pytest.mark.parametrize("size", [0.55, 0.9, 2.0])
+def test_what_slips_a_little_beyond_its_threshold_is_found(size: float) -> None:
+    _, verdict = judged(Slipping(lambda t, s, i: slipped(size) * bump(t, s, i)))
+    (effect,) = verdict.effects
+    assert effect.parameters["size"].value == pytest.approx(size, abs=0.02)
+
+
+@pytest.mark.parametrize("wave", [0.0, 0.1])
+def test_a_local_optimum_of_one_sign_is_left_for_the_other(wave: float) -> None:
+    _, verdict = judged(two_sided(wave=wave))
+    (lump,) = (c for c in verdict.candidates if c.name == ("lump + wave" if wave else "lump"))
+    prefix = "lump." if wave else ""
+    assert lump.parameters[f"{prefix}size"].value < -0.2
+    assert lump.parameters[f"{prefix}place"].value == pytest.approx(0.56, abs=0.02)
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.5])
+def test_a_law_is_bent_where_it_only_resembles_the_librarys(lean: float) -> None:
+    subject = Bending(lambda t, s, i: 0.2 * bump(t, s, i) + 0.2 * lean * leaning(t, s, i))
+    (effect,) = judged(subject)[1].effects
+    found = [effect.parameters[key].value for key in effect.parameters]
+    assert found == pytest.approx([0.2, lean][: 2 if lean else 1], abs=0.02)
