@@ -7,6 +7,7 @@ from pathlib import Path
 from tests.support.docstrings import shapeless, silent
 from tests.support.rooms import ROOT, edges, floor_room, imports, ladder, lines, modules
 
+NOTES = ROOT / "tests" / "lab" / "notes"
 PRODUCT_LINES, PRODUCT_MODULES, TEST_LINES = 68_409, 596, 51_000
 LONGEST_MODULE = 500  # lines
 
@@ -50,7 +51,7 @@ def test_every_public_function_that_raises_says_so() -> None:
 
 def test_runbooks_and_readme_name_only_commands_files_and_headings_that_exist() -> None:
     missing = Counter()
-    for page in [ROOT / "README.md", *(ROOT / "runbooks").rglob("*.md")]:
+    for page in (ROOT / "README.md", *(ROOT / "runbooks").rglob("*.md"), *NOTES.glob("*.md")):
         text = page.read_text(encoding="utf-8")
         for module in re.findall(r"python -m (tests[\w.]+)", text):
             place = ROOT / module.rstrip(".").replace(".", "/")

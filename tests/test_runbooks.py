@@ -16,7 +16,8 @@ from cell.cli.app import app
 from tests.lab.__main__ import app as lab
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "runbooks").rglob("*.md"))]
+NOTES = ROOT / "tests" / "lab" / "notes"
+PAGES = [ROOT / "README.md", *sorted((ROOT / "runbooks").rglob("*.md")), *NOTES.glob("*.md")]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 LAB = "python -m tests.lab"
 INLINE = re.compile(rf"`((?:cell|{LAB}) [^`\n]+)`")

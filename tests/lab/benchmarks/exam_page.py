@@ -1,6 +1,6 @@
 """Puts what ledgers hold into the exam's pages, and leaves what is written by hand as it is.
 
-python -m tests.lab exam-page LEDGER... [--page runbooks/exam.md]
+python -m tests.lab exam-page LEDGER... [--page tests/lab/notes/exam.md]
     [--cases tests/lab/ledgers/cases.md]
 
 Of the tiers in the LEDGERs, taken together, the sections are made anew: on the page the table of
@@ -53,6 +53,6 @@ def _section(heading: str) -> re.Pattern[str]:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("ledgers", nargs="+", type=Path)
-    parser.add_argument("--page", type=Path, default=Path("runbooks/exam.md"))
+    parser.add_argument("--page", type=Path, default=Path("tests/lab/notes/exam.md"))
     parser.add_argument("--cases", type=Path, default=Path("tests/lab/ledgers/cases.md"))
     return parser.parse_args()

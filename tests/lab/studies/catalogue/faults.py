@@ -35,30 +35,28 @@ def measure(case: Values) -> Values:
 
 
 def page(outcomes: Sequence[Outcome]) -> str:
-    """Format the runbook's page: a table of faults with their worst cases, then one of monitors."""
-    lines = [PAGE_HEAD, "| fault | verdicts | noticed by | exit | stop | rest | way | message |"]
-    lines.append("|---|---|---|---|---|---|---|---|")
+    """Format the runbook's page: what one sees with its remedy, then every fault's worst cases."""
+    stopped = [o for o in outcomes if o.values["verdict"] == "stopped"]
+    lines = [PAGE_HEAD, "| it says | for instance | it happened after | do |", "|---|---|---|---|"]
+    for name in sorted({str(o.values["outcome"]) for o in stopped}):
+        mine = [o for o in stopped if o.values["outcome"] == name]
+        causes = "; ".join(sorted({str(o.case.values["fault"]) for o in mine}))
+        message = str(mine[0].values["message"]).splitlines()[0][:120]
+        after = causes if name != "interrupted" else "Ctrl-C or a signal"
+        lines.append(f"| `{name}` | {message} | {after} | {_remedy(name)} |")
+    lines += [FAULTS_HEAD, "| fault | ended | noticed by | stop | rest | way |"]
+    lines.append("|---|---|---|---|---|---|")
     for fault in FAULTS:
         cases = [o for o in outcomes if o.case.values["fault"] == fault]
         lines += [_fault_row(fault, cases)] if cases else []
-    missing = [
-        state
-        for state in FAULT_STATES
-        if not any(o.case.values["state"] == state for o in outcomes)
-    ]
-    if missing:
+    states = {o.case.values["state"] for o in outcomes}
+    if missing := [state for state in FAULT_STATES if state not in states]:
         lines += ["", f"{len(outcomes)} cases; not measured yet: {', '.join(missing)}."]
-    lines += ["", "| stopped by | cases | faults | do |", "|---|---|---|---|"]
-    found = [o for o in outcomes if o.values["verdict"] == "stopped"]
-    for name in sorted({str(o.values["outcome"]) for o in found}):
-        mine = [o for o in found if o.values["outcome"] == name]
-        causes = "; ".join(sorted({str(o.case.values["fault"]) for o in mine}))
-        lines.append(f"| `{name}` | {len(mine)} | {causes} | {_remedy(name)} |")
     return "\n".join([*lines, ""])
 
 
 def _fault_row(fault: str, cases: Sequence[Outcome]) -> str:
-    """Table row of one fault: verdicts, outcomes, exit codes, worst times and distance."""
+    """Table row of one fault: verdicts, outcomes, worst times and distance."""
 
     def states(verdict: str) -> str:
         some = [str(o.case.values["state"]) for o in cases if o.values["verdict"] == verdict]
@@ -67,14 +65,13 @@ def _fault_row(fault: str, cases: Sequence[Outcome]) -> str:
 
     stopped = [o for o in cases if o.values["verdict"] == "stopped"]
     verdicts = ", ".join(states(v) for v in dict.fromkeys(str(o.values["verdict"]) for o in cases))
-    named = ", ".join(dict.fromkeys(f"`{o.values['outcome']}`" for o in stopped)) or "-"
-    codes = ", ".join(sorted({str(o.values["exit_code"]) for o in cases}))
+    outcomes = dict.fromkeys(str(o.values["outcome"]) for o in stopped)
+    named = ", ".join(f"`{name}`" for name in outcomes) or "-"
     worst = [
         _worst_text(stopped, key, scale)
         for key, scale in (("stop", 1), ("rest", 1), ("distance", 1e3))
     ]
-    message = str((stopped or cases)[0].values["message"]).splitlines()[0]
-    return f"| {fault} | {verdicts} | {named} | {codes} | {' | '.join(worst)} | {message[:120]} |"
+    return f"| {fault} | {verdicts} | {named} | {' | '.join(worst)} |"
 
 
 def _remedy(outcome: str) -> str:
@@ -114,18 +111,21 @@ REMEDIES = (
     ("interrupted", "nothing: it was asked for"),
     ("", "keep the record, and say what happened"),
 )
-PAGE_HEAD = """# Faults, and who notices them
-`python -m tests.lab study faults` writes this page; nothing of it was tried on hardware. After a
-stop: see that the arm stands and that nobody moves it, read the message, then do what the second
-table says.
+PAGE_HEAD = """# Faults, by what one sees
+
+After a stop: see that the arm stands and that nobody moves it, read the message, then do what its
+line says. Nothing on this page was tried on hardware; `python -m tests.lab study faults` measures
+it on the twin.
+"""
+FAULTS_HEAD = """
+## What was tried
 
 Every fault strikes a fold of the twin in every state, 0.25 s after the state began (at once in
-TOUCHED and STOPPING). *Stopped*: by a named fault, with exit code 2 to 130. *Harmless*: the fold
-went through, and its displacement was measured within 3 mm of the truth, or it said that it did not
-fold. *Not struck*: the state never came. Worst of the stopped cases: seconds from the fault to the
-stop command and to rest, millimetres on the way. A policy that hangs or decides on no number is
-noticed once it is asked, and one that hangs costs time of the machine only: the simulated clock
-stands. On the wall clock a turn ends after 1 s.
+TOUCHED and STOPPING). *Stopped*: by a named fault. *Harmless*: the fold went through, and its
+displacement was measured within 3 mm of the truth, or it said that it did not fold. Worst of the
+stopped cases: seconds from the fault to the stop command and to rest, millimetres on the way. A
+policy that hangs costs time of the machine only: the simulated clock stands; on the wall clock a
+turn ends after 1 s.
 """
 
 STUDY = Study(
