@@ -32,7 +32,7 @@ from drivers.camera.abi import (
     StreamParameters,
     fourcc,
 )
-from drivers.camera.camera import CAMERA_NAME
+from drivers.camera.camera import SOURCE
 from drivers.camera.kernel import READABLE, TROUBLE
 from tests.drivers.camera.fake_parts import Faults, Filled, Knob, Memory, usual_knobs
 
@@ -160,7 +160,7 @@ class FakeKernel:
             raise AssertionError("the driver's thread neither waits nor ends")
 
     def _settled(self) -> bool:
-        if not any(thread.name == CAMERA_NAME for thread in threading.enumerate()):
+        if not any(thread.name == SOURCE for thread in threading.enumerate()):
             return True
         return self._asleep is not None and not self._awake(*self._asleep)
 
