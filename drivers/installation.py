@@ -1,12 +1,114 @@
-"""Installation of an arm in a cell: mounting, motion limits, workspace."""
+"""Installation of an arm in a cell: its mounting and workspace, and the limits of its motion."""
 
-from math import pi
+from math import isfinite, pi
+from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
+from drivers.errors import Fault
 from drivers.geometry import CellInRobot
-from drivers.limits import MotionLimits, Workspace
 from drivers.settings import Settings
+from drivers.types import Pose, Velocity
+
+AXIS_NAMES = ("x", "z", "pitch")
+AXIS_UNITS = ("m", "m", "rad")
+
+
+class AxisLimits(Settings):
+    """Largest velocity, acceleration and jerk of one axis: [m/s, m/s^2, m/s^3], or in rad.
+
+    Values are bounded above, so that no limit can be switched off by a large number.
+    """
+
+    velocity: float = Field(gt=0, le=3)
+    acceleration: float = Field(gt=0, le=25)
+    jerk: float = Field(gt=0, le=12500)
+
+    def lower(self, other: "AxisLimits") -> "AxisLimits":
+        """Element-wise minimum of these limits and those of `other`."""
+        return AxisLimits(
+            velocity=min(self.velocity, other.velocity),
+            acceleration=min(self.acceleration, other.acceleration),
+            jerk=min(self.jerk, other.jerk),
+        )
+
+
+class MotionLimits(Settings):
+    """Limits of the gripper's motion on its axes x, z and pitch.
+
+    Pitch turns by pi/2 over 0.10 m of path, so its limits are those of x times that ratio, bounded
+    by the robot's 2.6 rad/s; the lift then stays on its line.
+    """
+
+    x: AxisLimits = AxisLimits(velocity=0.2, acceleration=4.0, jerk=100.0)
+    z: AxisLimits = AxisLimits(velocity=0.2, acceleration=4.0, jerk=100.0)
+    pitch: AxisLimits = AxisLimits(velocity=2.6, acceleration=16.0, jerk=1500.0)
+
+    @property
+    def axes(self) -> tuple[AxisLimits, AxisLimits, AxisLimits]:
+        """The limits in the order x, z, pitch."""
+        return self.x, self.z, self.pitch
+
+    def within(self, other: "MotionLimits") -> "MotionLimits":
+        """Element-wise minimum of these limits and those of `other`, axis by axis."""
+        lower = {
+            name: axis.lower(getattr(other, name))
+            for name, axis in zip(AXIS_NAMES, self.axes, strict=True)
+        }
+        return MotionLimits(**lower)
+
+    def check(self, velocity: Velocity) -> None:
+        """Refuse a velocity that is not finite or too fast, with Fault `velocity_refused`."""
+        rates = (velocity.vx, velocity.vz, velocity.pitch_rate)
+        for axis, unit, limits, rate in zip(AXIS_NAMES, AXIS_UNITS, self.axes, rates, strict=True):
+            if not isfinite(rate) or abs(rate) > limits.velocity:
+                raise Fault(
+                    "velocity_refused",
+                    f"{rate:g} {unit}/s on {axis} is over the limit; "
+                    f"allowed: {limits.velocity:g} {unit}/s at most",
+                )
+
+
+def _order(span: tuple[float, float]) -> tuple[float, float]:
+    if span[0] >= span[1]:
+        raise ValueError(f"needs low < high, found [{span[0]:g}, {span[1]:g}]")
+    return span
+
+
+Along = Annotated[float, Field(ge=-3, le=3)]
+Above = Annotated[float, Field(ge=-0.05, le=2)]
+Turned = Annotated[float, Field(ge=-2 * pi, le=2 * pi)]
+
+
+class Workspace(Settings):
+    """Allowed box of the gripper: [low, high] of x, z [m] and pitch [rad], cell frame."""
+
+    x: Annotated[tuple[Along, Along], AfterValidator(_order)] = (-0.15, 0.85)
+    z: Annotated[tuple[Above, Above], AfterValidator(_order)] = (-0.01, 0.5)
+    pitch: Annotated[tuple[Turned, Turned], AfterValidator(_order)] = (-0.2, pi + 0.2)
+
+    @property
+    def low(self) -> tuple[float, float, float]:
+        """Lower corner: x, z [m], pitch [rad]."""
+        return self.x[0], self.z[0], self.pitch[0]
+
+    @property
+    def high(self) -> tuple[float, float, float]:
+        """Upper corner: x, z [m], pitch [rad]."""
+        return self.x[1], self.z[1], self.pitch[1]
+
+    def check(self, pose: Pose) -> None:
+        """Refuse a pose that is not finite or outside, with Fault `outside_workspace`."""
+        values = (pose.x, pose.z, pose.pitch)
+        for axis, unit, low, high, value in zip(
+            AXIS_NAMES, AXIS_UNITS, self.low, self.high, values, strict=True
+        ):
+            if not (isfinite(value) and low <= value <= high):
+                raise Fault(
+                    "outside_workspace",
+                    f"{axis} = {value:g} {unit} is out of reach; "
+                    f"allowed: {low:g} to {high:g} {unit}",
+                )
 
 
 class Mounting(Settings):

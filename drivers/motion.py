@@ -5,7 +5,7 @@ from typing import Any
 import ruckig
 
 from drivers.errors import Fault
-from drivers.limits import MotionLimits, Workspace
+from drivers.installation import MotionLimits, Workspace
 from drivers.types import Pose, Velocity
 
 TICK = 0.001  # s, the servo's period

@@ -7,7 +7,7 @@ from cell.config.cell import CellFile
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import is_real
 from drivers.errors import PreflightRefused
-from drivers.limits import MotionLimits
+from drivers.installation import MotionLimits
 
 FIRST_RUN_SPEED = 0.1  # share of the configured speeds at which first runs are made
 LEAST_SPEED = 0.005  # m/s, the least that FoldSettings allows

@@ -6,7 +6,7 @@ import numpy as np
 
 from cell.config.settings import FoldSettings
 from drivers.geometry import arc_lengths
-from drivers.limits import MotionLimits
+from drivers.installation import MotionLimits
 from drivers.types import Array
 from policies.path import lift_pitch
 

@@ -16,7 +16,7 @@ from cell.config.cell import CellFile
 from cell.devices.open import real_camera
 from cell.folding.fold import Request
 from drivers.errors import ConfigurationError
-from drivers.limits import Workspace
+from drivers.installation import Workspace
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod

@@ -17,7 +17,7 @@ from cell.orchestrator.steps import Motion, close_hand, move, open_hand
 from drivers.arm.reach import dense, plan_reach
 from drivers.errors import ConfigurationError
 from drivers.franka.tracking import ELBOW_JOINT
-from drivers.limits import MotionLimits
+from drivers.installation import MotionLimits
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose, Velocity
 

@@ -11,7 +11,7 @@ from cell.orchestrator.snapshot import Command, Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import TERMINAL, State
 from drivers.arm.obstacles import require_clear
 from drivers.errors import Fault
-from drivers.limits import MotionLimits, Workspace
+from drivers.installation import MotionLimits, Workspace
 from drivers.strip.grip_path import LIFT_TRAVEL
 from drivers.types import Velocity
 

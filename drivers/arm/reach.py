@@ -11,8 +11,7 @@ from drivers.franka import limits
 from drivers.franka.inverse import Unreachable, manipulability, solve
 from drivers.franka.kinematics import HOME, jacobian, pose_and_jacobian
 from drivers.franka.tracking import ELBOW_JOINT, joint_rates, track
-from drivers.installation import Installation
-from drivers.limits import MotionLimits
+from drivers.installation import Installation, MotionLimits
 from drivers.types import ZERO_VELOCITY, Array, Pose, Velocity, frozen
 
 # of a whole path, before the motion

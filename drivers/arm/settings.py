@@ -4,8 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drivers.installation import Installation
-from drivers.limits import AxisLimits, MotionLimits
+from drivers.installation import AxisLimits, Installation, MotionLimits
 from drivers.settings import Settings
 
 RealTime = Literal["enforce", "priority", "ignore"]

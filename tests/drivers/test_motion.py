@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from cell.config.settings import MonitorLimits
 from drivers.errors import ConfigurationError, Fault
-from drivers.limits import AxisLimits, MotionLimits, Workspace
+from drivers.installation import AxisLimits, MotionLimits, Workspace
 from drivers.motion import EXPIRY, TICK, MotionProfile
 from drivers.settings import parse
 from drivers.types import ZERO_VELOCITY, Pose, Velocity

@@ -16,7 +16,7 @@ from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand
 from cell.perception.measurement import StripMeasurement
 from cell.perception.sight import ImageResult, InlineReader
-from drivers.limits import Workspace
+from drivers.installation import Workspace
 from drivers.motion import TICK, MotionProfile
 from drivers.twin.clock import Turn, TwinClock
 from drivers.types import ArmState, Frame, HandState, Pose, Velocity

@@ -23,7 +23,7 @@ from drivers.arm.reach import REACTION, ReachGuard, Soon, dense
 from drivers.arm.settings import REACHABLE
 from drivers.franka.inverse import solve
 from drivers.franka.kinematics import forward
-from drivers.limits import MotionLimits
+from drivers.installation import MotionLimits
 from drivers.motion import TICK, MotionProfile
 from drivers.types import ZERO_VELOCITY, ArmState, HandState, Pose, Velocity
 from policies.registry import make_policy

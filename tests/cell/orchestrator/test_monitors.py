@@ -11,7 +11,7 @@ from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.perception.measurement import StripMeasurement
 from drivers.errors import Fault
-from drivers.limits import AxisLimits, MotionLimits, Workspace
+from drivers.installation import AxisLimits, MotionLimits, Workspace
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose, Velocity
 
 

@@ -32,8 +32,7 @@ from drivers.fci_server.server import RobotServer
 from drivers.fci_server.wire import Mode
 from drivers.franka.hand_protocol import HandCommand
 from drivers.geometry import CellInRobot
-from drivers.installation import Installation
-from drivers.limits import AxisLimits, MotionLimits
+from drivers.installation import AxisLimits, Installation, MotionLimits
 from drivers.types import HandState, Pose, Velocity
 from tests.drivers.arm.rig import (
     COLLISION,
