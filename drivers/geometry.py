@@ -42,3 +42,10 @@ def arc_lengths(points: Matrix) -> Matrix:
     """Distances (n,) [m] from the first of `points` (n, 2) [m] along the line through them."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def even_points(points: Matrix, count: int) -> Matrix:
+    """Resample a polyline (n, 2) to `count` points at equal steps along it."""
+    travel = arc_lengths(points)
+    at = np.linspace(0.0, travel[-1], count)
+    return np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)

@@ -6,7 +6,7 @@ from math import nan
 from cell.config.settings import MonitorLimits
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.states import State
-from cell.perception.camera_watch import ImageSanity
+from cell.perception.camera_watch import FrozenImages
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.sight import Reader
 from drivers.errors import Fault
@@ -53,7 +53,7 @@ class Vision:
         self._camera = camera
         self._limits = limits
         self._shift, self._moved = nan, 0
-        self._sanity = ImageSanity()
+        self._frozen = FrozenImages()
         self._frame: Frame | None = None
         self._identical = 1
         self._measurement: StripMeasurement | None = None
@@ -64,7 +64,7 @@ class Vision:
 
     def look(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> View:
         """Update the view at `now` [s] in `state`; raises Fault where a due image has no reader."""
-        fresh = self._take_frame(state, now, arm)
+        fresh = self._take_frame(state, arm)
         read = self._read(state, now, arm, reader)
         self._note_age(now)
         return View(
@@ -82,7 +82,7 @@ class Vision:
             stale_since=self._stale_since,
         )
 
-    def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:
+    def _take_frame(self, state: State, arm: ArmHistory) -> bool:
         """Take a frame newer than the last one; returns whether one arrived."""
         after = self._frame.stamp if self._frame is not None else -1.0
         after = after if state in MEASURED_STATES else after + IDLE_IMAGE_PERIOD
@@ -91,7 +91,7 @@ class Vision:
             return False
         self._frame = frame
         self._waiting = frame if state in MEASURED_STATES else None
-        self._identical = self._sanity.update(frame, now, arm.pose_at(frame.stamp)).identical
+        self._identical = self._frozen.count(frame, arm.pose_at(frame.stamp))
         return True
 
     def _read(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> bool:

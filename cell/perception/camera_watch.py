@@ -10,8 +10,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from calibration.landmarks import MATCH_CORRELATION, grey_of, peak
 from cell.perception.preflight import PreflightCheck
-from cell.perception.region import HIGH_HEIGHT, without_hand, zones
-from cell.perception.region import whole as all_of
+from cell.perception.region import HIGH_HEIGHT, Region, without_hand, zones
 from cell.perception.scene import Appearance
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
@@ -23,22 +22,11 @@ FINGER_LENGTH = 0.045  # m
 STRIDE = 64  # rows from one to the next that are compared first
 
 
-@dataclass(frozen=True, slots=True)
-class ImageHealth:
-    """Age [s] of the newest image, and number of images in a row that are identical with it.
-
-    Equal ones count, byte for byte, between which the gripper moved; 1 for a new image.
-    """
-
-    age: float
-    identical: int
-
-
-class ImageSanity:
+class FrozenImages:
     """Detects a frozen camera by comparing every frame with the one before.
 
-    A camera is frozen when it repeats the same image although the gripper has moved. Equal images
-    of a scene at rest prove nothing: a camera without noise delivers them.
+    A camera is frozen when it repeats the same image, byte for byte, although the gripper has
+    moved. Equal images of a scene at rest prove nothing: a camera without noise delivers them.
     """
 
     def __init__(self) -> None:
@@ -46,22 +34,20 @@ class ImageSanity:
         self._gripper: Pose | None = None
         self._identical = 0
 
-    def update(self, frame: Frame, now: float, gripper: Pose) -> ImageHealth:
-        """Compare `frame` with the one before at `now` [s]; returns the health of the images.
+    def count(self, frame: Frame, gripper: Pose) -> int:
+        """Number of images in a row that equal `frame`, between which the gripper moved.
 
-        `gripper` is the measured pose at the frame's stamp.
+        `gripper` is the measured pose at the frame's stamp; 1 for a new image.
         """
         last = self._last
-        if last is None or last.sequence != frame.sequence:
-            self._compare(last, frame, gripper)
-            self._last = frame
-        return ImageHealth(now - frame.stamp, self._identical)
-
-    def _compare(self, last: Frame | None, frame: Frame, gripper: Pose) -> None:
-        if last is None or not _equal(last.image, frame.image) or self._gripper is None:
+        if last is not None and last.sequence == frame.sequence:
+            return self._identical
+        if last is None or self._gripper is None or not _equal(last.image, frame.image):
             self._gripper, self._identical = gripper, 1
         elif _distance(self._gripper, gripper) > MOVED_DISTANCE:
             self._identical += 1
+        self._last = frame
+        return self._identical
 
 
 def _equal(one: Image, other: Image) -> bool:
@@ -160,7 +146,7 @@ class Standing:
 
     def _find_all(self, image: Image, gripper: Pose) -> Array:
         """Shifts (n, 2) [px] of the patches in `image`, NaN of those hidden or not found."""
-        clear = without_hand(all_of(image), self.calibration, gripper)
+        clear = without_hand(Region.whole(image), self.calibration, gripper)
         moved = np.full(self.corners.shape, NAN)
         for i, (u, v) in enumerate(self.corners.astype(int).tolist()):
             if clear[v : v + PATCH_SIZE, u : u + PATCH_SIZE].all():

@@ -10,6 +10,7 @@ from cell.perception.measurement import StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.scene import Appearance
 from cell.perception.settings import PerceptionSettings
+from drivers.geometry import arc_lengths
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Pose
 
@@ -106,8 +107,7 @@ class HeldEnd:
         curve = measurement.profile
         if len(curve) < 2:
             return None
-        steps = np.hypot(*np.diff(curve, axis=0).T)
-        along = measurement.contact_x + np.concatenate([[0.0], np.cumsum(steps)])
+        along = measurement.contact_x + arc_lengths(curve)
         within = curve[along <= self._length]
         if len(within) < 2:
             return None

@@ -10,6 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from drivers.errors import ConfigurationError
+from drivers.geometry import even_points
 from drivers.types import Array, Image
 
 WORKING_HEIGHT = 1200  # px; larger pictures are shrunk for tracing, then refined in full size
@@ -44,9 +45,9 @@ def extract_midline(image: Image, count: int = 200) -> Midline:
     small = cv2.resize(image, None, fx=1 / scale, fy=1 / scale, interpolation=cv2.INTER_AREA)
     mask, width = _find_object(_brightness(small))
     rough = _level_centres(mask, _geodesic_distance(mask), 0.5 * width)
-    fine = _centre(_brightness(small), _resample(_smooth(rough, 2), count), width)
+    fine = _centre(_brightness(small), even_points(_smooth(rough, 2), count), width)
     whole = _to_ends(mask, fine, width)
-    return Midline((_resample(whole, count) + 0.5) * scale - 0.5, width * scale)
+    return Midline((even_points(whole, count) + 0.5) * scale - 0.5, width * scale)
 
 
 def _brightness(image: Image) -> Image:
@@ -119,13 +120,6 @@ def _smooth(points: Array, reach: int) -> Array:
     sums = np.cumsum(np.vstack([np.zeros((1, 2)), before, points, after]), axis=0)
     window = 2 * reach + 1
     return cast(Array, (sums[window:] - sums[:-window]) / window)
-
-
-def _resample(points: Array, count: int) -> Array:
-    """Resample a polyline (n, 2) to `count` points at equal steps along it."""
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    at = np.linspace(0.0, travel[-1], count)
-    return np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)
 
 
 def _centre(grey: Image, points: Array, width: float) -> Array:

@@ -14,6 +14,7 @@ from cell.perception.region import STRIP_START, Region, Sizes, strip_region, wit
 from cell.perception.scene import Appearance
 from cell.perception.settings import PerceptionSettings
 from cell.perception.silhouette import Grip, Side, outer_side, silhouette
+from drivers.geometry import arc_lengths
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Gap, fold_tip, layer_gap
 from drivers.types import Array, Frame, Image, Pose
@@ -135,7 +136,7 @@ class Perception:
             return UNSEEN
         even = resample(lifted, self._settings.profile_points)
         missing = np.hypot(*(even[-1] - (gripper.x, gripper.z)))
-        length = contact.x + _arc(even)[-1] + missing
+        length = contact.x + arc_lengths(even)[-1] + missing
         error = max(abs(length - self._strip.length), missing - self._settings.reach)
         plausible = np.clip(2 - error / self._settings.length_error, 0.0, 1.0)
         return Curve(even, float(plausible * midline.seen.mean()))
@@ -153,7 +154,7 @@ class Perception:
             return (NAN, NAN), None
         x = np.arange(0.0, max(contact.x, 0.0), self._settings.spacing)
         whole = np.vstack([np.column_stack([x, self._rest(x)]), curve.points])
-        return fold_tip(whole), layer_gap(whole, _arc(whole), self._settings.gap_opening)
+        return fold_tip(whole), layer_gap(whole, arc_lengths(whole), self._settings.gap_opening)
 
     def _ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
         """Ends of the outer side in the window: pixel (2,) of the desk contact, and the grip."""
@@ -172,7 +173,3 @@ class Perception:
 def _first_lifted(points: Array, contact_x: float) -> int:
     """Index of the first point past the contact, counted along the curve."""
     return int(np.argmax(points[:, 0] >= contact_x)) if len(points) else 0
-
-
-def _arc(points: Array) -> Array:
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])

@@ -264,8 +264,7 @@ def inspect(
 
 def _levels(scene: Segmenter, image: Image) -> Image:
     """Matte levels (h, w) of the whole `image` (h, w, 3), where no hand hides the strip."""
-    h, w = image.shape[:2]
-    levels, everywhere = np.full((h, w), ZERO_LEVEL, np.uint8), np.full((h, w), 255, np.uint8)
-    part, region = scene.levels(image, Region(0, 0, w, h), everywhere)
+    levels = np.full(image.shape[:2], ZERO_LEVEL, np.uint8)
+    part, region = scene.levels(image, Region.whole(image), np.full_like(levels, 255))
     region.of(levels)[:] = part
     return levels

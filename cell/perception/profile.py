@@ -10,6 +10,7 @@ from calibration.calibration import Calibration
 from cell.perception.kernels import ZERO_LEVEL, borders, share
 from cell.perception.region import Sizes
 from cell.perception.silhouette import Side
+from drivers.geometry import even_points
 from drivers.types import Array, Image
 
 PLATEAU = (0.55, 1.3)  # shares of strip between which its own brightness may put it
@@ -169,15 +170,8 @@ def order_points(midline: MidlinePoints, spacing: float) -> Array:
 
 def resample(points: Array, count: int) -> Array:
     """Resample a polyline (n, 2) to `count` points at equal steps, smoothed by local parabolas."""
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    at = np.linspace(0.0, travel[-1], count)
-    even = np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)
-    return _savgol(even)
-
-
-def _savgol(points: Array) -> Array:
-    """Smooth points (n, 2) by a parabola through each and two neighbours on either side."""
-    smooth = points.copy()
-    for c in range(points.shape[1]):
-        smooth[2:-2, c] = np.convolve(points[:, c], KERNEL, mode="valid")
+    even = even_points(points, count)
+    smooth = even.copy()
+    for c in range(2):
+        smooth[2:-2, c] = np.convolve(even[:, c], KERNEL, mode="valid")
     return smooth

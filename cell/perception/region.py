@@ -94,6 +94,11 @@ class Region:
     right: int
     bottom: int
 
+    @classmethod
+    def whole(cls, image: Image) -> Self:
+        """Region of the whole `image` (height, width, ...)."""
+        return cls(0, 0, image.shape[1], image.shape[0])
+
     @property
     def origin(self) -> Array:
         """Image point (2,) [px] of the region's first pixel."""
@@ -125,11 +130,6 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: i
     last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size).astype(int)
     right_bottom = np.minimum(-(-last // cell) * cell, size)  # rounded up to whole cells
     return Region(*first.tolist(), *right_bottom.tolist())
-
-
-def whole(image: Image) -> Region:
-    """Region of the whole `image` (height, width, ...)."""
-    return Region(0, 0, image.shape[1], image.shape[0])
 
 
 def motion_mask(calibration: Calibration, length: float) -> Image:
