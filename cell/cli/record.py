@@ -69,7 +69,7 @@ def _report_calibration(path: Path, *, as_json: bool) -> None:
 
 
 def _compare(runs: list[Path], out: Path, *, as_json: bool) -> None:
-    from cell.report.compare import write_comparison
+    from cell.report.runs_page import write_comparison
 
     with busy("comparing the runs"):
         page = write_comparison(runs, out)

@@ -79,7 +79,7 @@ def measure(
     from datetime import UTC, datetime
 
     from cell.config.places import find_configs
-    from cell.strips.folder import put_into, save
+    from cell.strips.edit import put_into, save
     from cell.strips.measurement import measure as measure_strip
     from cell.strips.photograph import read_photographs
     from drivers.strip.describe import load_strip

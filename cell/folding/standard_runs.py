@@ -10,7 +10,7 @@ from cell.folding.batch import side_by_side
 from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
 from cell.record.files import is_run
-from cell.record.outcomes import NOT_FOLDED
+from cell.record.header import NOT_FOLDED
 from drivers.errors import ConfigurationError
 from policies.experiments.standard import STANDARD, standard_order
 from policies.registry import MOTION

@@ -13,8 +13,8 @@ from typing import Annotated, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from cell.config.settings import LearningSettings
+from cell.record.documents import json_line
 from cell.record.files import TICKS
-from cell.record.json_lines import json_line
 from drivers.errors import ConfigurationError
 from drivers.files import append_line, lock_folders, replace_file, writing
 from drivers.readers import LARGEST_LINES, LARGEST_TABLE, read_bytes

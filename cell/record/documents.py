@@ -1,5 +1,6 @@
-"""Conversion of a record's values to plain Python values and to YAML documents."""
+"""Conversion of a record's values to plain Python values, to YAML documents and lines of JSON."""
 
+import json
 import math
 from collections.abc import Mapping
 from enum import Enum
@@ -39,3 +40,9 @@ def _scalar(value: object) -> str | int | float | None:
 def write_document(path: Path, content: Mapping[str, Any]) -> None:
     """Write `content` as YAML to `path` atomically; it is on disk on return."""
     replace_file(path, dump_yaml(plain(content)).encode(errors="backslashreplace"))
+
+
+def json_line(content: Mapping[str, Any]) -> bytes:
+    """Encode `content` as one line of JSON."""
+    text = json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": "))
+    return text.encode(errors="backslashreplace") + b"\n"

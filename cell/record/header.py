@@ -1,4 +1,4 @@
-"""Schemas of a run's header, run.yaml, and of its result, result.yaml."""
+"""Schemas of a run's header, run.yaml, and of its result, result.yaml, with valid outcomes."""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -11,6 +11,22 @@ Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones 
 
 
 UNMEASURED = 1.0  # m, an error beside which nothing of a cell matters
+GOALS = frozenset({"layer_touch", "path_done", "calibrated"})
+NOT_FOLDED = frozenset({"edges_not_seen", "edges_apart", "unlike_model"})
+"""The layers touched, which was measured, and yet nobody may call the strip folded."""
+STOPS = frozenset({"interrupted", "preflight_refused", "error", "internal_error", "record", "exam"})
+MONITORED = frozenset(
+    {"overspeed", "tracking_error", "workspace", "force", "grip_lost", "overtime"}
+)
+MONITORED |= {"low_confidence", "state_overtime", "setpoint_expired", "calibration_overtime"}
+MONITORED |= {"turn_overtime"}
+REFUSED = frozenset({"command_refused", "motion_refused", "velocity_refused", "outside_workspace"})
+CELL_OUTCOMES = frozenset(
+    {"illegal_event", "no_perception", "process_died", "world_unknown", "unexpected"}
+)
+CELL_OUTCOMES |= {"no_aids", "no_latency"}
+DEVICES = ("arm_", "hand_", "grasp_", "camera_", "image_", "simulation_", "strip_", "robot_")
+"""Each device names its own faults after itself."""
 
 
 class Recorded(Settings):
@@ -164,3 +180,9 @@ class Result(Recorded):
         if self.outcome == "layer_touch" and missing:
             raise ValueError(f"outcome layer_touch needs {', '.join(missing)} too")
         return self
+
+
+def is_outcome(name: str) -> bool:
+    """Whether `name` is a valid outcome, that of a run that ended well or the name of a fault."""
+    known = GOALS | NOT_FOLDED | STOPS | MONITORED | REFUSED | CELL_OUTCOMES
+    return name in known or name.startswith(DEVICES)

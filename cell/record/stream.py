@@ -1,6 +1,10 @@
-"""Arrow IPC streams, one row per message: rows written before a crash can be read after it."""
+"""Arrow IPC streams, one row per message: rows written before a crash can be read after it.
+
+A `Tick` is a row of the stream of ticks.
+"""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
@@ -9,6 +13,7 @@ import pyarrow as pa
 from drivers.errors import ConfigurationError
 from drivers.files import new_file, write_all
 from drivers.readers import MEGABYTE, read_bytes
+from drivers.types import ArmState
 
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 LARGEST_STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
@@ -26,6 +31,7 @@ SIGHT_ROWS = pa.schema(
     + [(name, NUMBER) for name in ("tip_x", "tip_z", "gap", "gap_x")]
     + [("profile_x", POINTS_TYPE), ("profile_z", POINTS_TYPE)]
 )
+NOT_MEASURED = float("nan")
 
 
 class StreamFile:
@@ -106,3 +112,39 @@ def _complete_batches(reader: Any) -> Iterator[Any]:
         except (StopIteration, pa.ArrowException, OSError):
             return
         yield batch
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """Row of ticks.parquet: pose, command, force and state of the cell in one control cycle.
+
+    Measured `x`, `z` [m] and `pitch` [rad] at `t` [s], commanded `x_cmd`, `z_cmd` [m], force `f_x`,
+    `f_z` [N] on the gripper, and `cost`, the computing time [s]; NaN where not measured.
+    """
+
+    t: float
+    x: float
+    z: float
+    pitch: float
+    x_cmd: float
+    z_cmd: float
+    state: str
+    f_x: float = NOT_MEASURED
+    f_z: float = NOT_MEASURED
+    cost: float = NOT_MEASURED
+
+    @classmethod
+    def of(cls, arm: ArmState, state: str, cost: float = NOT_MEASURED) -> Self:
+        """The row of a measured arm state; `t` is the moment of the joint reading."""
+        return cls(
+            t=arm.stamp,
+            x=arm.pose.x,
+            z=arm.pose.z,
+            pitch=arm.pose.pitch,
+            x_cmd=arm.commanded.x,
+            z_cmd=arm.commanded.z,
+            state=state,
+            f_x=arm.force[0],
+            f_z=arm.force[1],
+            cost=cost,
+        )

@@ -10,16 +10,13 @@ from pathlib import Path
 from typing import Any, Self
 
 from cell.perception.measurement import StripMeasurement
-from cell.record.documents import write_document
+from cell.record.documents import json_line, write_document
 from cell.record.files import EVENTS, JOINTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
 from cell.record.film import Encoder
-from cell.record.frame_writer import FrameWriter
-from cell.record.frames import Keep
+from cell.record.frames import FrameWriter, Keep
 from cell.record.header import Header, Result
-from cell.record.json_lines import json_line
-from cell.record.stream import SIGHT_ROWS, TICK_ROWS, StreamFile
+from cell.record.stream import SIGHT_ROWS, TICK_ROWS, StreamFile, Tick
 from cell.record.tables import assemble, joint_table, write_parquet, write_tables
-from cell.record.tick import Tick
 from drivers.errors import ConfigurationError, Fault
 from drivers.files import new_file, write_all
 from drivers.readers import SCHEMA

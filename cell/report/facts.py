@@ -10,7 +10,7 @@ from cell.record.events import Event
 from cell.record.files import TICK_STREAM
 from cell.record.header import Result
 from cell.record.run import Run
-from cell.report.timing import image_ages
+from cell.report.figures import image_ages
 from cell.report.words import MINUS, NO_VALUE, event_title, millimetres, milliseconds, seconds
 
 FREQUENT = 40  # more of one kind are counted, not listed

@@ -1,4 +1,4 @@
-"""Figures of a run: the strip over time, and the signals under the states."""
+"""Figures of a run: the strip and the signals over time, its timing, the policy's predictions."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
+from cell.record.events import Outlook
+from cell.record.header import AgreementNote, ArmTiming, Interval, Result
 from cell.record.run import Run
 from cell.report.drawing import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE, RULE, as_svg, canvas
-from cell.report.overlay import fold_tips
-from cell.report.silhouettes import Silhouette
+from cell.report.overlay import Silhouette, fold_tips
+from cell.report.words import MINUS, millimetres
 from drivers.types import Array
 
 CURVES = 26  # profiles that are drawn, of all that were measured
@@ -37,6 +39,17 @@ STATE_SHADES = {
     "STOPPING": "#dd8f84",
     "FAULT": "#d0604f",
 }
+READING = frozenset({"LIFT", "FOLD", "TOUCHED"})  # states in which images are read
+BINS = 40
+OUTER_QUANTILES = (0.005, 0.995)  # between which values decide on the bins; others are clipped
+LOG_SCALE_RATIO = 30.0  # largest over smallest, from where on a scale is logarithmic
+PANELS = {
+    "displacement": ("predicted d  [mm]", 1e3, ORANGE),
+    "bending_length": ("bending length  [mm]", 1e3, BLUE),
+    "retardation_time": ("retardation time  [ms]", 1e3, BLUE),
+    "yield_curvature": ("yarn friction  [1/m]", 1.0, BLUE),
+}
+HALF_HEIGHT, MARGIN = 40.0, 1.0  # mm, displacements shown to either side of 0, and beyond them
 
 
 def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
@@ -183,3 +196,145 @@ def _draw_heights(axes: Any, ticks: Ticks, sights: Sights) -> None:
     axes.plot(sights.stamp, 1e3 * sights.gap, color=ORANGE, lw=1, label="gap of the layers")
     axes.set_ylabel("above the desk  [mm]")
     axes.legend(**LEGEND)
+
+
+def image_ages(run: Run) -> Array:
+    """Age (n,) [s] of the newest image at each control cycle that reads images."""
+    ticks = run.ticks
+    reading = np.array([state in READING for state in ticks.state], dtype=bool)
+    used = reading if reading.any() else np.ones(ticks.t.size, dtype=bool)
+    return np.asarray(ticks.image_age[used & np.isfinite(ticks.image_age)])
+
+
+def timing_figure(run: Run) -> str:
+    """Histograms (SVG) of image age, row interval, computing time, and a real arm's intervals."""
+    arm = run.header.arm_timing
+    with canvas(8.4, 2.5, layout=None) as figure:  # a layout that is solved takes half the time
+        frame = {"left": 0.01, "right": 0.985, "top": 0.9, "bottom": 0.185, "wspace": 0.06}
+        panels = figure.subplots(1, 3 if arm is None else 4, gridspec_kw=frame)
+        age, interval, cost, *rest = panels
+        if arm is not None:
+            _draw_intervals(rest[0], arm)
+        _draw_histogram(age, image_ages(run), "age of the newest image  [ms]", BLUE)
+        _draw_histogram(interval, np.diff(run.ticks.t), "from row to row  [ms]", GREEN)
+        _draw_histogram(cost, run.costs(), "computing in one turn  [ms]", PURPLE)
+        return as_svg(figure)
+
+
+def _draw_intervals(axes: Any, timing: ArmTiming) -> None:
+    """Draw shares of the arm's states by the interval before each, on a logarithmic scale."""
+    edges = [timing.edges_ms[0] / 2, *timing.edges_ms, 2 * timing.edges_ms[-1]]
+    axes.stairs(timing.counts, edges, color=MUTED, fill=True, alpha=0.75)
+    axes.set_xscale("log")
+    axes.set_yscale("symlog")
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)
+    axes.set_xlabel("from state to state of the arm  [ms]")
+    on_time = "" if timing.answered is None else f", {100 * timing.answered:.1f} % answered"
+    title = f"longest {timing.longest_ms:.3g}{on_time}"
+    axes.set_title(title, fontsize=8.5, color=MUTED, loc="left", pad=4)
+
+
+def _draw_histogram(axes: Any, times: Array, label: str, colour: str) -> None:
+    """Draw the distribution of `times` (n,) [s] in ms; values that are no numbers are left out."""
+    with np.errstate(all="ignore"):
+        values = 1e3 * times
+    values = values[np.isfinite(values)]
+    axes.set_xlabel(label)
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)
+    if values.size == 0:
+        axes.set_xticks([])
+        axes.text(0.5, 0.5, "not recorded", ha="center", color=MUTED, transform=axes.transAxes)
+        return
+    middle = float(np.median(values))
+    edges, wide = _bin_edges(values)
+    counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
+    axes.stairs(counts, edges, color=colour, fill=True, alpha=0.75, lw=0)
+    axes.set_ylim(0, None)
+    if wide:
+        axes.set_xscale("log")
+        axes.minorticks_off()
+        axes.xaxis.set_major_formatter("{x:g}")
+    else:
+        axes.ticklabel_format(useOffset=False)
+    axes.axvline(middle, color=INK, lw=0.9)
+    text = f"median {_three_digits(middle)}, most {_three_digits(float(values.max()))}"
+    axes.set_title(text, fontsize=8.5, color=MUTED, loc="left", pad=4)
+
+
+def _three_digits(value: float) -> str:
+    """Text of `value` with three digits, without powers of ten."""
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
+
+
+def _bin_edges(values: Array) -> tuple[Array, bool]:
+    """Edges (BINS + 1,) of bins for `values` (n,), and whether these are logarithmic."""
+    low, high = (float(np.quantile(values, q)) for q in OUTER_QUANTILES)
+    if low > 0 and high > LOG_SCALE_RATIO * low:
+        return np.geomspace(0.8 * low, 1.2 * high, BINS + 1), True
+    margin = max(0.05 * abs(float(np.median(values))), 0.1 * (high - low), 1e-4)
+    return np.linspace(low - margin, high + margin, BINS + 1), False
+
+
+def predictions(result: Result | None) -> list[tuple[str, str]]:
+    """Rows of the last prediction before the touch, and of the strip's agreement with its model."""
+    if result is None or result.foretold is None:
+        return []
+    final = result.foretold
+    rows = [
+        (
+            "displacement",
+            f"{millimetres(final.displacement, signed=True)} ± {millimetres(final.sigma)}",
+        ),
+        ("bending length", _interval_text(final.bending_length, 1e3, 1, "mm")),
+        ("retardation time", _interval_text(final.retardation_time, 1e3, 0, "ms")),
+        ("yarn friction", _interval_text(final.yield_curvature, 1.0, 0, "1/m")),
+    ]
+    if result.agreement is not None:
+        rows.append(("strip and model", _agreement_text(result.agreement)))
+    return rows
+
+
+def outlook_figure(run: Run, outlook: Outlook) -> str:
+    """Figure (SVG) of predicted displacement and strip parameters over time, with one sigma."""
+    with canvas(8.4, 4.2, layout=None) as figure:
+        frame = {"left": 0.075, "right": 0.995, "top": 0.985, "bottom": 0.105}
+        grid = figure.subplots(
+            2, 2, sharex=True, gridspec_kw=frame | {"wspace": 0.19, "hspace": 0.07}
+        )
+        for axes, (name, (label, scale, colour)) in zip(grid.flat, PANELS.items(), strict=True):
+            _draw_prediction(axes, outlook, name, scale, colour)
+            axes.set_ylabel(label)
+        measured = None if run.result is None else run.result.displacement
+        if measured is not None:
+            grid[0, 0].axhline(1e3 * measured, color=INK, lw=1, ls=(0, (1, 2)))
+        for axes in grid[1]:
+            axes.set_xlabel("t  [s]")
+        return as_svg(figure)
+
+
+def _draw_prediction(axes: Any, outlook: Outlook, name: str, scale: float, colour: str) -> None:
+    """Draw one predicted quantity over time, with its band of one sigma."""
+    value, low, high = (scale * outlook.column(name + end) for end in ("", "_low", "_high"))
+    axes.fill_between(outlook.t, low, high, color=colour, alpha=0.22, lw=0, gid="one sigma")
+    axes.plot(outlook.t, value, color=colour, lw=1.2, gid=PANELS[name][0].partition("  [")[0])
+    if name == "displacement":
+        axes.axhline(0, color=MUTED, lw=0.6)
+        ends = np.abs(np.concatenate([low, high]))
+        largest = float(np.nanmax(ends, initial=0.0)) if np.isfinite(ends).any() else 0.0
+        limit = min(HALF_HEIGHT, largest) + MARGIN
+        axes.set_ylim(-limit, limit)
+
+
+def _interval_text(estimate: Interval, scale: float, digits: int, unit: str) -> str:
+    value, low, high = (
+        f"{scale * v:.{digits}f}".replace("-", MINUS)
+        for v in (estimate.value, estimate.low, estimate.high)
+    )
+    return f"{value} {unit} ({low} to {high})"
+
+
+def _agreement_text(note: AgreementNote) -> str:
+    verdict = "agree" if note.like_model else "do not agree"
+    return f"{verdict}, {millimetres(note.residual)} apart"

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from cell.record.events import Outlook
 from cell.record.files import (
     CALIBRATION,
     FILM,
@@ -16,16 +17,18 @@ from cell.record.files import (
     is_under_way,
 )
 from cell.record.listing import runs_before
-from cell.record.outlook import Outlook
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
 from cell.report.facts import advice, checks, facts, listed_events, measures, remains
-from cell.report.figures import signals_figure, strip_figure
+from cell.report.figures import (
+    outlook_figure,
+    predictions,
+    signals_figure,
+    strip_figure,
+    timing_figure,
+)
 from cell.report.kit import Link, page
-from cell.report.outlook import outlook_figure, predictions
-from cell.report.overlay import end_picture, key_pictures, poster
-from cell.report.silhouettes import silhouettes
-from cell.report.timing import timing_figure
+from cell.report.overlay import end_picture, key_pictures, poster, silhouettes
 from cell.report.verdict import verdict_of
 from cell.report.words import millimetres
 from drivers.errors import ConfigurationError

@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm, t
 
 from cell.strips.cantilever_fit import Fit, fit
 from cell.strips.photograph import Photograph
-from cell.strips.rest_curvature import STRAIGHT, RestCurvature, RestCurvaturePrior
+from cell.strips.problem import STRAIGHT, RestCurvature, RestCurvaturePrior
 from drivers.types import Array
 
 CONFIDENCE = 0.95

@@ -10,14 +10,15 @@ from cell.strips.problem import (
     LEDGE,
     LN_LENGTH,
     ROLL,
+    STRAIGHT,
     TIP,
     Problem,
+    RestCurvaturePrior,
     Trial,
     X,
     Z,
     rotation,
 )
-from cell.strips.rest_curvature import STRAIGHT, RestCurvaturePrior
 from drivers.strip.cantilever import Hanging, NoRest
 from drivers.types import Array
 

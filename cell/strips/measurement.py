@@ -9,7 +9,7 @@ import numpy as np
 from cell.strips.bending import Bending, Pooled, measure_bending
 from cell.strips.cantilever_fit import Fit
 from cell.strips.photograph import Photograph
-from cell.strips.rest_curvature import RestCurvature
+from cell.strips.problem import RestCurvature
 from drivers.errors import ConfigurationError
 
 VISIBLE = 0.1  # widths by which a straight-born strip misses the midline

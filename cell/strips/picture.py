@@ -7,7 +7,7 @@ import cv2
 
 from cell.report.drawing import BLUE, MUTED, ORANGE, canvas
 from cell.strips.cantilever_fit import Fit
-from cell.strips.rest_curvature import RestCurvature
+from cell.strips.problem import RestCurvature
 from drivers.strip.cantilever import hinges
 
 PICTURE_HEIGHT = 1600  # px of the photograph in the picture

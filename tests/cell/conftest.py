@@ -14,7 +14,7 @@ from calibration.lens import Lens
 from cell.perception.measurement import StripMeasurement
 from cell.record.files import CALIBRATION
 from cell.record.frames import Keep
-from cell.record.tick import Tick
+from cell.record.stream import Tick
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from drivers.types import Array, Frame, Image

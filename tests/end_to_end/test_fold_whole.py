@@ -16,8 +16,8 @@ from cell.folding.batch import side_by_side
 from cell.folding.replay import replay
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
 from cell.record.frames import INDEX
+from cell.report.overlay import silhouettes
 from cell.report.page import report
-from cell.report.silhouettes import silhouettes
 from drivers.errors import ConfigurationError
 from policies.checkpoint import load_checkpoint, save_checkpoint
 from policies.feedback import COMMITTED

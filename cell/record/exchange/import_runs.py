@@ -10,9 +10,17 @@ import pyarrow as pa
 from cell.extras import require_library
 from cell.record.columns import Profile, Ticks
 from cell.record.documents import write_document
-from cell.record.exchange.episodes import INFO, episodes
-from cell.record.exchange.mapping import MAPPING, Mapping, Place
-from cell.record.exchange.tables import FILE, Folder, Source, path_of, read_columns
+from cell.record.exchange.lerobot import INFO, episodes
+from cell.record.exchange.mapping import (
+    FILE,
+    MAPPING,
+    Folder,
+    MappingFile,
+    Place,
+    Source,
+    path_of,
+    read_columns,
+)
 from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_run
 from cell.record.run import read_run
 from cell.record.tables import place_contacts, write_parquet
@@ -35,7 +43,7 @@ def import_runs(places: Sequence[Path], mapping: Path | None, out: Path) -> tupl
     ConfigurationError for tables that are missing or do not hold what `mapping` says, values that
     no run can have, or a run that is there already.
     """
-    stated = None if mapping is None else _with_needed(load(mapping, Mapping), str(mapping))
+    stated = None if mapping is None else _with_needed(load(mapping, MappingFile), str(mapping))
     sources = (source for place in places for source in _sources(place, mapping))
     with scratch_folder(out) as scratch:
         made: list[Path] = []
@@ -105,7 +113,7 @@ def _table_folders(place: Path) -> list[Path]:
     return inner
 
 
-def _own_mapping(source: Source) -> Mapping:
+def _own_mapping(source: Source) -> MappingFile:
     content = source.documents.get(MAPPING)
     if content is None and is_run(source.path):
         raise ConfigurationError(
@@ -118,17 +126,17 @@ def _own_mapping(source: Source) -> Mapping:
         )
     origin = f"{source.path}: {MAPPING}"
     text = content.decode(errors="replace")
-    return _with_needed(parse(parse_yaml(text, origin), Mapping, origin), origin)
+    return _with_needed(parse(parse_yaml(text, origin), MappingFile, origin), origin)
 
 
-def _with_needed(mapping: Mapping, origin: str) -> Mapping:
+def _with_needed(mapping: MappingFile, origin: str) -> MappingFile:
     missing = [name for name in NEEDED_COLUMNS if name not in mapping.ticks.columns]
     if missing:
         raise ConfigurationError(f"{origin}: ticks.columns.{missing[0]}: is missing; add it")
     return mapping
 
 
-def _import(source: Source, how: Mapping, index: int, target: Path, *, documents: bool) -> None:
+def _import(source: Source, how: MappingFile, index: int, target: Path, *, documents: bool) -> None:
     """Write the tables of `source` as a run, and with `documents` its own YAML files."""
     ticks = dict(read_columns(source, how.ticks, how.ticks.columns.items()))
     first = float(ticks["t"][0]) if len(ticks["t"]) else 0.0
@@ -164,7 +172,7 @@ def _check_ticks(ticks: dict[str, Array], path: Path) -> None:
         )
 
 
-def _header(name: str, how: Mapping, index: int) -> dict[str, object]:
+def _header(name: str, how: MappingFile, index: int) -> dict[str, object]:
     place = how.runs.get(name, Place())
     header: dict[str, object] = {
         "schema": 1,
@@ -179,7 +187,7 @@ def _header(name: str, how: Mapping, index: int) -> dict[str, object]:
     return header | ({} if how.seen_by is None else {"seen_by": how.seen_by})
 
 
-def _profile(source: Source, how: Mapping, begin: float) -> dict[str, Array]:
+def _profile(source: Source, how: MappingFile, begin: float) -> dict[str, Array]:
     """Points of the strip; no rows where no profile was measured."""
     if how.profile is None:
         return {name: np.empty(0) for name in ("t", "i", "x", "z")}
@@ -196,7 +204,7 @@ def _profile(source: Source, how: Mapping, begin: float) -> dict[str, Array]:
     return points
 
 
-def _result(source: Source, how: Mapping, begin: float, end: float) -> dict[str, object]:
+def _result(source: Source, how: MappingFile, begin: float, end: float) -> dict[str, object]:
     """Content of result.yaml: the touch, at most SOON after `end` [s] of the ticks, if any."""
     if how.result is None or not _touch_was_measured(source, how.result.file):
         return {"outcome": "path_done"}

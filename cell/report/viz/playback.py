@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from cell.perception.measurement import StripMeasurement
-from cell.record.outlook import PREDICTED, Outlook
+from cell.record.events import PREDICTED, Outlook
 from cell.record.run import Run
 from drivers.types import Array, Image
 
@@ -23,7 +23,7 @@ class TickView:
     """A tick for display, with the measurement, image and prediction that are new in it.
 
     `clock` [s], `t` since the lift [s] (NaN before), gripper `pose` (3,); `outlook` is a row of
-    `cell.record.outlook`.
+    `cell.record.events`.
     """
 
     clock: float

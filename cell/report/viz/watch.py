@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Literal
 from calibration.calibration import load_calibration
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
+from cell.record.events import row_of
 from cell.record.files import CALIBRATION
-from cell.record.outlook import row_of
 from cell.report.viz.playback import LogLine, TickView, log_text
 from drivers.errors import CellError
 from drivers.strip.file import StripFile

@@ -11,7 +11,7 @@ from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.orchestrator.context import FoldContext
 from cell.perception.laid import EDGE_TOLERANCE, LaidFold
-from cell.record.outcomes import NOT_FOLDED, is_outcome
+from cell.record.header import NOT_FOLDED, is_outcome
 from cell.record.run import read_run
 from tests.cell.folding.test_fold_trace import TOUCH
 from tests.end_to_end.folded import request_for

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from cell.orchestrator.monitors import MONITORS
-from cell.record.outcomes import is_outcome
+from cell.record.header import is_outcome
 
 ROOT = Path(__file__).parents[3]
 

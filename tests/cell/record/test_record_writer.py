@@ -11,12 +11,12 @@ import pytest
 import yaml
 
 from cell.perception.measurement import StripMeasurement
-from cell.record import frame_writer
+from cell.record import frames
 from cell.record.files import is_under_way
 from cell.record.frames import KeyFrames
 from cell.record.run import read_run
+from cell.record.stream import Tick
 from cell.record.tables import place_contacts
-from cell.record.tick import Tick
 from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError, Fault
 from drivers.types import ArmState, Frame, Pose, Velocity
@@ -38,7 +38,7 @@ def test_killed_process_leaves_every_row_it_wrote(tmp_path):
     script = f"""
 import os, signal
 from pathlib import Path
-from cell.record.tick import Tick
+from cell.record.stream import Tick
 from cell.record.writer import RunWriter
 writer = RunWriter.create(Path({str(tmp_path)!r}), {HEADER!r}, "none")
 for k in range(200):
@@ -233,7 +233,7 @@ def test_disk_that_fills_up_stops_the_run_and_keeps_what_it_took(tmp_path):
     script = f"""
 import resource, signal
 from pathlib import Path
-from cell.record.tick import Tick
+from cell.record.stream import Tick
 from cell.record.writer import RunWriter
 from drivers.errors import Fault
 writer = RunWriter.create(Path({str(tmp_path)!r}), {HEADER!r}, "none")
@@ -269,7 +269,7 @@ def test_image_that_cannot_be_written_is_a_fault_once_and_never_blocks(tmp_path,
     def refuse(image):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(frame_writer, "encode", refuse)
+    monkeypatch.setattr(frames, "encode", refuse)
     with pytest.raises(Fault, match="No space left"):
         hand_over_and_finish(writer, 200)
     assert not (writer.folder / "result.yaml").exists()
@@ -323,19 +323,19 @@ def test_key_frames_stay_spread_over_the_whole_run(count):
 
 def test_slow_disk_on_hardware_loses_images_but_not_their_place(tmp_path, monkeypatch):
     writer = RunWriter.create(tmp_path, HEADER, "all")
-    encode, gate = frame_writer.encode, threading.Event()
+    encode, gate = frames.encode, threading.Event()
 
     def slow(image):
         gate.wait()
         return encode(image)
 
-    monkeypatch.setattr(frame_writer, "encode", slow)
-    for k in range(frame_writer.QUEUE + 20):
+    monkeypatch.setattr(frames, "encode", slow)
+    for k in range(frames.QUEUE + 20):
         writer.frame(small_frame(k))
     gate.set()
     writer.finish({"outcome": "path_done"})
     notes = read_run(writer.folder).frame_index()
-    assert len(notes) == frame_writer.QUEUE + 20
+    assert len(notes) == frames.QUEUE + 20
     assert 18 <= sum(not note.sha256 for note in notes) <= 20
 
 

@@ -16,12 +16,11 @@ from cell.benchmark.page import page_of
 from cell.gap.report.page import write_report as write_gap_report
 from cell.record.listing import list_runs
 from cell.record.run import read_run
-from cell.record.tick import Tick
+from cell.record.stream import Tick
 from cell.record.writer import RunWriter
 from cell.report.calibration_page import calibration_report, write_calibration_report
-from cell.report.compare import write_comparison
 from cell.report.page import write_report
-from cell.report.runs_page import write_runs_page
+from cell.report.runs_page import write_comparison, write_runs_page
 from drivers.types import Frame
 from tests.cell.benchmark.test_benchmark import measured
 from tests.cell.conftest import HEADER

@@ -14,17 +14,15 @@ from typer.testing import CliRunner
 from cell.cli.app import app
 from cell.record.listing import read_row
 from cell.record.run import Run, read_broken_run, read_run
-from cell.record.tick import Tick
+from cell.record.stream import Tick
 from cell.record.writer import RunWriter
-from cell.report.compare import write_comparison
 from cell.report.drawing import as_svg, canvas, page_svg
 from cell.report.facts import advice
-from cell.report.figures import strip_figure
+from cell.report.figures import strip_figure, timing_figure
 from cell.report.kit import page as filled
 from cell.report.overlay import fold_tips, key_pictures, window_on
 from cell.report.page import report, write_report
-from cell.report.runs_page import write_runs_page
-from cell.report.timing import timing_figure
+from cell.report.runs_page import write_comparison, write_runs_page
 from cell.report.verdict import verdict, verdict_of
 from cell.report.words import millimetres, outcome_title, seconds
 from drivers.errors import ConfigurationError

@@ -8,10 +8,10 @@ from html import unescape
 import numpy as np
 import pytest
 
+from cell.record.events import COLUMN_NAMES, Outlook, row_of
 from cell.record.files import EVENTS
-from cell.record.outlook import COLUMN_NAMES, Outlook, row_of
 from cell.record.run import Event, read_run
-from cell.report.outlook import outlook_figure, predictions
+from cell.report.figures import outlook_figure, predictions
 from cell.report.page import write_report
 from policies.prediction import Estimate, FoldPrediction
 

@@ -10,7 +10,7 @@ import pytest
 from cell.strips.bending import pool
 from cell.strips.measurement import Measurement, measure
 from cell.strips.photograph import read_photograph, read_photographs
-from cell.strips.rest_curvature import RestCurvature
+from cell.strips.problem import RestCurvature
 from tests.support.hanging_photographs import Scene, photograph
 
 YARN = Path(__file__).parents[4] / "shared" / "data" / "yarn"

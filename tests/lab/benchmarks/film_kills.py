@@ -21,7 +21,7 @@ import numpy as np
 from cell.record.files import FILM
 from cell.record.film import Film
 from cell.record.run import read_run
-from cell.record.tick import Tick
+from cell.record.stream import Tick
 from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError
 from drivers.types import Frame

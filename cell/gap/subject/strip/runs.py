@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from cell.gap.subject.run_folders import RunFolder, check_indices
 from cell.gap.subject.strip.curves import Images, images_of, smooth_path
 from cell.record.files import RESULT, RUN, TICKS, is_under_way
-from cell.record.header import Header, Result, Sigma
-from cell.record.outcomes import NOT_FOLDED, is_outcome
+from cell.record.header import NOT_FOLDED, Header, Result, Sigma, is_outcome
 from cell.record.run import Run, read_run
 from cell.record.run import Run as Recorded
 from drivers.errors import ConfigurationError

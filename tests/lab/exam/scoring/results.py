@@ -2,14 +2,39 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
-from cell.record.json_lines import Journal
+from cell.record.documents import json_line
+from drivers.files import append_line, replace_file, writing
+from drivers.readers import MEGABYTE, read_json_lines
 from drivers.settings import Settings
 from tests.lab.exam.case import Case
 from tests.lab.exam.scoring.score import Outcome
+
+LARGEST_JOURNAL = 512 * MEGABYTE  # of a journal that this program goes on with
+
+
+class Journal:
+    """JSON-lines file with a line for each finished item, from which interrupted work goes on.
+
+    Raises ConfigurationError where the file cannot be written.
+    """
+
+    def __init__(self, path: Path, *, again: bool = False) -> None:
+        """Open or create the file at `path`, without a truncated last line; `again` empties it."""
+        self.path = path
+        with writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.lines = [] if again else read_json_lines(path, LARGEST_JOURNAL)
+            replace_file(path, b"".join(json_line(line) for line in self.lines))
+
+    def append(self, line: dict[str, Any]) -> None:
+        """Write `line`; it is on disk on return."""
+        with writing(self.path):
+            append_line(self.path, json_line(line))
+        self.lines.append(line)
 
 
 class Oracle(Settings):
