@@ -1,54 +1,22 @@
-"""Export of recorded runs: their measurements as plain tables, and the files of each format."""
+"""Export of recorded runs to the formats of other programs."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Literal
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
 from cell.extras import require_library
 from cell.record.documents import write_document
-from cell.record.exchange.mapping import COUNTS, MAPPING, MEASURES
-from cell.record.header import Result
-from cell.record.run import Run, read_run
+from cell.record.exchange.mapping import MAPPING
+from cell.record.exchange.run_tables import Outgoing, mapping_of, outgoing
+from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.files import check_free, new_folder, replace_file
 from drivers.types import Array
 
 Format = Literal["csv", "lerobot", "mcap"]
-TICK_COLUMNS = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")
-TOUCH_FIELDS = ("t_layer_touch", "l1", "l2", "displacement")
-Name = Callable[[str, str], tuple[str, str]]
-"""Function from a table and its column to the file and column that hold it in a format."""
-
-
-@dataclass(frozen=True, slots=True)
-class Outgoing:
-    """A run to export, with its measurements: name of a table -> columns (n,) in SI units.
-
-    The tables are `ticks`, and where they were measured `contact`, `profile` and `result`.
-    """
-
-    run: Run
-    tables: Mapping[str, Mapping[str, Array]]
-
-    @classmethod
-    def of(cls, run: Run) -> Self:
-        """Collect the tables of `run`; empty columns are left out."""
-        ticks = {name: np.asarray(getattr(run.ticks, name)) for name in TICK_COLUMNS}
-        found = {"ticks": {name: v for name, v in ticks.items() if np.isfinite(v).any()}}
-        seen = np.isfinite(run.ticks.contact_x)
-        stamps = np.where(np.isfinite(run.ticks.contact_t), run.ticks.contact_t, run.ticks.t)
-        if seen.any():
-            found["contact"] = {"t": stamps[seen], "contact_x": run.ticks.contact_x[seen]}
-        if len(run.profile.t):
-            found["profile"] = {name: getattr(run.profile, name) for name in ("t", "i", "x", "z")}
-        if (touch := _touch(run.result)) is not None:
-            found["result"] = {name: np.array([value]) for name, value in touch.items()}
-        return cls(run, found)
 
 
 def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path, ...]:
@@ -96,66 +64,3 @@ def _write_table(path: Path, columns: Mapping[str, Array]) -> None:
     sink = pa.BufferOutputStream()
     pc.write_csv(pa.table({name: pa.array(values) for name, values in columns.items()}), sink)
     replace_file(path, sink.getvalue().to_pybytes())
-
-
-def outgoing(runs: Sequence[Run]) -> tuple[Outgoing, ...]:
-    """Collect the tables of `runs`; ConfigurationError where no single mapping describes them."""
-    for run in runs:
-        if not len(run.ticks.t):
-            raise ConfigurationError(f"{run.folder}: holds no row; leave it out")
-        if _kind(run) != _kind(runs[0]):
-            raise ConfigurationError(
-                f"{run.folder}: differs from {runs[0].folder} in strip, start or sigma; export "
-                "runs of one kind together"
-            )
-    return tuple(Outgoing.of(run) for run in runs)
-
-
-def mapping_of(parts: Sequence[Outgoing], name: Name) -> dict[str, Any]:
-    """Contents of the mapping file of exported runs; `name` gives the format's file and column.
-
-    A table or column is described where every run has it, the touch where any has.
-    """
-    header = parts[0].run.header
-    content: dict[str, Any] = {
-        "schema": 1,
-        "strip": header.strip,
-        "start": header.start,
-        "begin": 0.0,
-        "contact_height": header.contact_height,
-        "sigma": header.sigma.model_dump(exclude_unset=True),
-        "runs": {part.run.name: _place(part.run, i) for i, part in enumerate(parts)},
-    }
-    if all(part.run.header.by_cell for part in parts):
-        content["seen_by"] = "cell"
-    for table in ("ticks", "contact", "profile", "result"):
-        present = [part.tables[table] for part in parts if table in part.tables]
-        if present and (table == "result" or len(present) == len(parts)):
-            shared = [column for column in present[0] if all(column in each for each in present)]
-            file, _ = name(table, shared[0])
-            columns = {c: {"column": name(table, c)[1], "unit": unit_of(c)} for c in shared}
-            content[table] = {"file": file, "columns": columns}
-    return content
-
-
-def unit_of(column: str) -> str:
-    """SI unit of a run's column; `1` for a number without a unit."""
-    return "1" if column in COUNTS else next(iter(MEASURES.get(column, {"m": 1.0})))
-
-
-def _kind(run: Run) -> tuple[object, ...]:
-    header = run.header
-    return header.strip, header.start, header.sigma, header.contact_height
-
-
-def _place(run: Run, place: int) -> dict[str, object]:
-    index = place if run.header.index is None else run.header.index
-    condition = run.header.condition
-    return {"index": index} | ({} if condition is None else {"condition": condition})
-
-
-def _touch(result: Result | None) -> dict[str, float] | None:
-    if result is None:
-        return None
-    values = {name: getattr(result, name) for name in TOUCH_FIELDS}
-    return None if None in values.values() else values

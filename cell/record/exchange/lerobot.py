@@ -16,8 +16,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cell.record.documents import plain
-from cell.record.exchange.export_runs import Outgoing, mapping_of
 from cell.record.exchange.mapping import MAPPING
+from cell.record.exchange.run_tables import Outgoing, mapping_of
 from cell.record.files import RESULT, RUN
 from cell.record.tables import place_rows
 from drivers.errors import ConfigurationError, suggestion

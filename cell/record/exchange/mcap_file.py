@@ -15,8 +15,8 @@ import numpy as np
 import pyarrow as pa
 
 from cell.record.documents import plain
-from cell.record.exchange.export_runs import Outgoing, mapping_of
 from cell.record.exchange.mapping import MAPPING
+from cell.record.exchange.run_tables import Outgoing, mapping_of
 from cell.record.files import CALIBRATION, RESULT, RUN
 from cell.record.frames import encode
 from drivers.errors import ConfigurationError, suggestion
