@@ -9,8 +9,8 @@ import pytest
 
 import cell.gap.subject.mechanism.effects
 import drivers.strip.effects
-from cell.campaign.measure import measure
 from cell.campaign.progress import Quiet
+from cell.campaign.run import measure
 from cell.cli.options import policy_names as typed_policies
 from cell.config.drivers import arms, cameras
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
@@ -148,8 +148,8 @@ CAUSE = Leaning
 STUDY = '''
 """How often a coin shows heads."""
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study
+from tests.lab.studies.study import Quantity, Statistic
+from tests.lab.studies.study import Study
 
 
 def draw(number, rng):

@@ -5,72 +5,42 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from cell.benchmark import paper
-from cell.benchmark.claims import THREE, claims
-from cell.benchmark.figures.critical import critical_figure
-from cell.benchmark.figures.displacement import (
+from cell.benchmark.figures import (
+    force_figure,
     main_picture,
+    maps_figure,
     outside,
     range_figure,
     repeats_figure,
     strips_figure,
 )
-from cell.benchmark.figures.grids import force_figure, maps_figure
-from cell.benchmark.figures.motion import (
+from cell.benchmark.photograph import photograph
+from cell.benchmark.results import Refused, Results
+from cell.benchmark.side_views import (
     adaptation_figure,
+    critical_figure,
+    folded_figure,
     level_figure,
     measures_figure,
     policy_figure,
 )
-from cell.benchmark.figures.photograph import photograph
-from cell.benchmark.figures.style import PAGE_WIDTH, smooth, stiffness_colours
-from cell.benchmark.numbers import newtons, numeral
-from cell.benchmark.results import Laid, Refused, Results
-from cell.benchmark.summary import Row, misses_text, rows
+from cell.benchmark.summary import (
+    PAPER_WORST,
+    THREE,
+    Row,
+    claims,
+    misses_text,
+    newtons,
+    numeral,
+    rows,
+)
 from cell.record.documents import plain
-from cell.report.drawing import MUTED, as_svg, canvas
 from cell.report.kit import Tone, page
 from cell.report.verdict import Verdict
 from cell.report.words import NO_VALUE, millimetres
 from drivers.files import write_file
 
 DPI = 160
-FOLD_WIDTH = 130.0  # mm, drawn of a folded strip
-
-
-def folded_figure(results: Results) -> str:
-    """Figure (SVG) of folded shapes, ends aligned, and their heights over bending length."""
-    laid = [r for r in results.results if isinstance(r, Laid)]
-    if not laid:
-        return ""
-    with canvas(PAGE_WIDTH, 2.3) as figure:
-        left, right = figure.subplots(1, 2, width_ratios=[1.7, 1])
-        shades = stiffness_colours(len(laid))
-        for fold, shade in zip(laid, shades, strict=True):
-            _draw_laid(left, right, fold, shade)
-        c = np.array([0.0, 1.08e3 * max(fold.bending_length for fold in laid)])
-        h = paper.FOLDED_HEIGHT * c
-        right.plot(c, h, color=MUTED, lw=1)
-        right.annotate(f"{paper.FOLDED_HEIGHT} c", (c[1], h[1]), (-8, -2),
-                       textcoords="offset points", ha="right", color=MUTED, fontsize=8)  # fmt: skip
-        left.set(xlabel="x from the fold's end  [mm]", ylabel="z  [mm]", aspect="equal")
-        left.set_ylim(-1.5, None)
-        right.set(xlabel="bending length c  [mm]", ylabel="height h  [mm]")
-        return as_svg(figure)
-
-
-def _draw_laid(shapes: Any, heights: Any, fold: Laid, shade: Any) -> None:
-    """Draw the end of a folded strip, and its height over its bending length."""
-    shape = 1e3 * smooth(np.array(fold.shape))
-    shape[:, 0] -= shape[:, 0].max()
-    near = shape[:, 0] > -FOLD_WIDTH
-    h, c = shape[:, 1].max(), 1e3 * fold.bending_length
-    shapes.plot(*shape[near].T, color=shade, lw=1.8, gid=f"bending length {c:.1f} mm")
-    heights.plot(c, h, "o", color=shade, ms=5, gid="folded strip")
-    heights.annotate(f"{h:.1f}", (c, h), (6, -6),
-                     textcoords="offset points", color=shade, fontsize=8)  # fmt: skip
 
 
 def write_results(results: Results, folder: Path) -> Path:
@@ -129,7 +99,7 @@ def page_of(results: Results) -> str:
 
 def verdict_of(results: Results) -> Verdict:
     """Sentence on the paper's main claim: feedback under 20 mm on every strip, from images."""
-    limit = f"{1e3 * paper.WORST['feedback']:.0f} mm"
+    limit = f"{1e3 * PAPER_WORST['feedback']:.0f} mm"
     row = next((row for row in rows(results) if row.policy == "feedback"), None)
     if row is None or row.strips.folded == 0:
         return Verdict("fair", "Feedback was not folded", ("Its claim was not tried.",))

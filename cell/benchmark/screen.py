@@ -7,10 +7,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cell.benchmark.claims import claims
-from cell.benchmark.numbers import newtons, numeral
 from cell.benchmark.results import Refused, Results
-from cell.benchmark.summary import Row, rows
+from cell.benchmark.summary import Row, claims, newtons, numeral, rows
 from cell.report.words import plural
 
 

@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING
 
 from cell.campaign.journal import Journal, Record
 from cell.campaign.local import Crew
-from cell.campaign.measure import set_aside
-from cell.campaign.part import Part
+from cell.campaign.run import Part, set_aside
 from cell.campaign.versions import versions
 from cell.extras import require_library
 from drivers.errors import ConfigurationError, WorkersLost

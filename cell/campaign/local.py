@@ -8,8 +8,7 @@ from multiprocessing.connection import wait
 from pathlib import Path
 
 from cell.campaign.journal import Record
-from cell.campaign.measure import measure, prepare, set_aside
-from cell.campaign.part import Part
+from cell.campaign.run import Part, measure, prepare, set_aside
 from cell.campaign.worker import Worker
 from drivers.child import ChildDied
 from drivers.errors import CellError

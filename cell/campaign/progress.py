@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
 
 from cell.campaign.journal import Record
-from cell.campaign.part import Part
+from cell.campaign.run import Part
 
 Says = Callable[[Record], str]
 

@@ -46,10 +46,10 @@ def benchmark(
     from rich.console import Console
 
     from cell.benchmark.page import lines, write_main_picture, write_results
+    from cell.benchmark.results import BenchmarkSpec, split
     from cell.benchmark.run import benchmark as measure
     from cell.benchmark.run import summarise
     from cell.benchmark.screen import show
-    from cell.benchmark.spec import BenchmarkSpec, split
     from cell.campaign.progress import Meter
     from cell.config.places import find_configs
 

@@ -7,7 +7,7 @@ copies is what it could have said of the runs.
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from statistics import mean
@@ -18,7 +18,6 @@ import numpy as np
 
 from cell.campaign.journal import Record
 from cell.campaign.run import Engine, Watcher, carry_out
-from cell.campaign.table import table
 from cell.campaign.versions import verdicts
 from cell.gap.check import inputs_digest
 from cell.gap.fit import fit
@@ -284,3 +283,9 @@ def write_page(made: Plan, records: Sequence[Record], folder: Path) -> Path:
     replace_file(folder / "rehearsal.json", json.dumps(outcomes, indent=1).encode())
     replace_file(folder / PAGE, page(made, records).encode())
     return folder / PAGE
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Format a Markdown table of `head` and `rows`."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)

@@ -1,5 +1,6 @@
 """Last training stage of `adaptive`: fits corrections to folds of the chain through images."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
@@ -12,10 +13,15 @@ import numpy as np
 from cell.campaign.journal import digest
 from cell.campaign.run import Engine, Watcher, carry_out
 from cell.campaign.versions import code
-from cell.train.folds import fold_unknown
-from cell.train.predicted import compare
+from cell.config.unknown import name_of
+from cell.devices.devices import DeviceSelection
+from cell.folding.fold import Request, fold
+from cell.record.run import read_run
 from drivers.errors import ConfigurationError
+from drivers.files import write_file
+from drivers.yaml_text import dump_yaml
 from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
+from policies.adaptive.critic import YIELD_UNIT
 from policies.adaptive.fabrics import unknown
 from policies.adaptive.train.transfer import FitQuality, FoldedBatch, fit_transfer
 from policies.adaptive.transfer import Transfer
@@ -23,14 +29,6 @@ from policies.adaptive.transfer import Transfer
 UNTRANSFERRED, JOURNAL = "untransferred.npz", "transfer"
 SECONDS = 10.0  # of processor, a fold
 TIME_LIMIT = 900.0  # s of wall time, after which a fold is set aside
-SOURCES = {
-    "displacement": "true",
-    "predicted": "predicted",
-    "sigma": "sigma",
-    "log_length": "believed_length",
-    "log_time": "believed_time",
-    "friction": "believed_friction",
-}
 COMPLETE_SHARE = 0.75  # share of the folds that must have come to their end
 
 
@@ -52,13 +50,30 @@ class FoldPart:
     def measure(self) -> Mapping[str, Any]:
         """Fold the strip; returns a row of `FoldedBatch`, empty where the fold failed."""
         strip = unknown(np.random.default_rng([self.seed, self.number]))
-        with TemporaryDirectory() as place:
-            result = fold_unknown(strip, self.number, Path(place), checkpoint=self.checkpoint)
-            found = compare(result)
-        if result.exit_code != 0 or "predicted" not in found:
+        with TemporaryDirectory() as name:
+            folder = Path(name)
+            plant = folder / "plant.yaml"
+            write_file(plant, dump_yaml(strip.model_dump(mode="json", by_alias=True)))
+            choice = DeviceSelection(plant=plant, seed=self.number)
+            known = name_of(strip.length, strip.thickness)
+            request = Request(
+                known, "adaptive", self.checkpoint, choice, folder / "runs", None, "none",
+                truth=True, viz="off",
+            )  # fmt: skip
+            result = fold(request, page=False)
+            stored = read_run(Path(result.run)).result
+        predicted = None if stored is None else stored.foretold
+        if result.exit_code != 0 or predicted is None or result.displacement_true is None:
             return {}
-        known = {name: found[source] for name, source in SOURCES.items()}
-        return {**known, "thickness": strip.thickness}
+        return {
+            "displacement": result.displacement_true,
+            "predicted": predicted.displacement,
+            "sigma": predicted.sigma,
+            "log_length": math.log(predicted.bending_length.value),
+            "log_time": math.log(predicted.retardation_time.value),
+            "friction": math.log1p(predicted.yield_curvature.value / YIELD_UNIT),
+            "thickness": strip.thickness,
+        }
 
 
 def transfer(

@@ -27,7 +27,7 @@ DOOR = "drivers/files.py"
 WRITES = {"write_text", "write_bytes", "imwrite", "FileSink", "mkstemp", "NamedTemporaryFile"}
 ELSEWHERE = {
     # scratch folders that a program made for itself a moment ago, and its own cache
-    *("cell/gap/fitting/tasks.py", "cell/train/folds.py"),
+    "cell/gap/fitting/tasks.py",
 }
 MADE_BY_THE_DOOR = {
     # a name that `replacing` made or `own_file` looked at, or a pipe into `own_stream`

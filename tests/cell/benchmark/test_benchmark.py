@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 
 import policies
 from cell.benchmark import run
-from cell.benchmark.claims import claims
 from cell.benchmark.page import lines, page_of, verdict_of, write_main_picture
-from cell.benchmark.parts.all_parts import order
 from cell.benchmark.results import (
+    QUICK,
     Adaptation,
+    BenchmarkSpec,
     CriticalPoints,
     Evolution,
     ImageFold,
@@ -25,8 +25,8 @@ from cell.benchmark.results import (
     Refused,
     Results,
 )
-from cell.benchmark.run import measure_parts
-from cell.benchmark.spec import QUICK, BenchmarkSpec
+from cell.benchmark.run import measure_parts, order
+from cell.benchmark.summary import claims
 from cell.campaign.local import Local
 from cell.cli.app import app
 from cell.config.places import find_configs

@@ -3,16 +3,11 @@
 import numpy as np
 import pytest
 
-from cell.benchmark import paper
-from cell.benchmark.figures.critical import table
-from cell.benchmark.figures.style import smooth
-from cell.benchmark.parts.adaptation import Adapted
-from cell.benchmark.parts.critical import Critical
-from cell.benchmark.parts.evolution import LEVEL_MOTION, Evolved
-from cell.benchmark.parts.hidden_effect import FRICTION_EFFECT, HiddenEffect
-from cell.benchmark.parts.laid import LaidDown
-from cell.benchmark.parts.paper_range import OverRange
-from cell.benchmark.summary import misses_text
+from cell.benchmark.figures import smooth
+from cell.benchmark.range_parts import FRICTION_EFFECT, HiddenEffect, OverRange
+from cell.benchmark.shape_parts import LEVEL_MOTION, Adapted, Critical, Evolved, LaidDown
+from cell.benchmark.side_views import table
+from cell.benchmark.summary import FOLDED_HEIGHT, misses_text
 from cell.report.words import NO_VALUE
 
 pytestmark = pytest.mark.slow
@@ -52,7 +47,7 @@ def test_both_engines_fold_the_range_alike() -> None:
 def test_laid_strip_is_as_high_as_the_heavy_elastica() -> None:
     laid = LaidDown(0.5, "").measure()
     height = smooth(np.array(laid.shape))[:, 1].max()
-    assert height == pytest.approx(paper.FOLDED_HEIGHT * laid.bending_length, rel=0.03)
+    assert height == pytest.approx(FOLDED_HEIGHT * laid.bending_length, rel=0.03)
 
 
 def test_shapes_of_a_level_motion_end_where_layers_touch() -> None:

@@ -126,7 +126,7 @@ def kills(study: str, count: int, times: int, rng: np.random.Generator) -> str:
 def _study(name: str, count: int, out: Path) -> subprocess.Popen[bytes]:
     words = ["study", name, "--count", str(count), "--out", str(out)]
     return subprocess.Popen(
-        [sys.executable, "-m", "cell", *words], start_new_session=True,
+        [sys.executable, "-m", "tests.lab", *words], start_new_session=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
 

@@ -51,7 +51,7 @@ def record(root: Path) -> None:
 
 def kill(after: float, root: Path) -> tuple[int, int, float]:
     """Rows that were said and read, and what the film lacks [s], of a run killed `after` [s]."""
-    command = [sys.executable, "-m", "tests.lab.benchmarks.film_kills", "--record", str(root)]
+    command = [sys.executable, "-m", "tests.lab", "film-kills", "--record", str(root)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         said = process.stdout.readline()
         time.sleep(after)

@@ -41,7 +41,7 @@ from drivers.strip.describe import load_strip
 from policies.checkpoint import load_checkpoint
 from tests.support.gap_strip_cases import folds, written
 
-CELL = (sys.executable, "-m", "cell")
+CELL, LAB = ((sys.executable, "-m", package) for package in ("cell", "tests.lab"))
 LONGEST = 1800.0  # s of one command
 USAGE, STOPPED = 2, 4  # the exit codes with which a command may refuse or stop in one line
 MARGIN = 64 << 10  # bytes that even an empty disk has
@@ -108,7 +108,7 @@ def started(name: str, root: Path) -> subprocess.Popen[str]:
     """The command, leader of a process group of its own."""
     environment = os.environ | {"OMP_NUM_THREADS": "1", "TMPDIR": str(root)}
     return subprocess.Popen(
-        [*CELL, *COMMANDS[name].words(root)], env=environment, start_new_session=True, text=True,
+        [*(LAB if name == "study" else CELL), *COMMANDS[name].words(root)], env=environment, start_new_session=True, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
 

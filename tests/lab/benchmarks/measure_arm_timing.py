@@ -48,7 +48,7 @@ STILL = 10.0  # s of the bare loop at a time
 SPEED = 0.05  # m/s of the folds, half of the usual: late ticks turn the hand too far in the lift
 RATE = 12.0  # Hz of the simulated camera: all of the twin is computed beside the loop
 BETWEEN = 0.0005  # m, always between the fingers: this robot knows no strip
-THIS = "tests.lab.benchmarks.measure_arm_timing"
+THIS = ("tests.lab", "measure-arm-timing")
 
 
 @dataclass(slots=True)
@@ -110,7 +110,7 @@ def hold_still(address: str, seconds: float, realtime: RealTime) -> None:
 @contextmanager
 def robot_at(joints: list[float]) -> Iterator[str]:
     """Address of a robot that runs in a process of its own."""
-    command = [sys.executable, "-m", THIS, "--serve", json.dumps(joints)]
+    command = [sys.executable, "-m", *THIS, "--serve", json.dumps(joints)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
             yield server.stdout.readline().strip()
@@ -136,7 +136,7 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
         calibration = calibration_of(find_configs(configs).cell())
         while cell.seconds < seconds:
             told = subprocess.run(
-                [sys.executable, "-m", THIS, "--hold", address, "--realtime", realtime],
+                [sys.executable, "-m", *THIS, "--hold", address, "--realtime", realtime],
                 check=False, capture_output=True, text=True,
             )  # fmt: skip
             if told.returncode == 0:

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
-from cell.campaign.study import Case, Outcome
 from cell.gap.verdict.confidence import Calibration, Signs, calibration
 from drivers.files import replace_file
 from drivers.yaml_text import dump_yaml
@@ -29,6 +28,7 @@ from tests.lab.studies.catalogue.confidence import (
     reliable,
     shares,
 )
+from tests.lab.studies.study import Case, Outcome
 
 SIGNS = {field.name for field in fields(Signs)}
 

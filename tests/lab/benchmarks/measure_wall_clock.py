@@ -66,7 +66,7 @@ AHEAD = 150  # images among which the one of a pose is looked for: more than a r
 PLAYER = 30  # of 1 to 99, its priority
 GAP = 1.0  # s without a state, after which another fold has begun
 BAR, LATE, STOP = 99.9, 2e-3, 20e-3  # %, s, s
-THIS = "tests.lab.benchmarks.measure_wall_clock"
+THIS = ("tests.lab", "measure-wall-clock")
 LENGTH = 0.36  # m, of the strip: a short fold
 
 
@@ -362,7 +362,7 @@ def serve(joints: list[float]) -> None:
 
 @contextmanager
 def robot(joints: list[float]) -> Iterator[str]:
-    command = [sys.executable, "-m", THIS, "--serve", json.dumps(joints)]
+    command = [sys.executable, "-m", *THIS, "--serve", json.dumps(joints)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
             yield server.stdout.readline().strip()

@@ -10,11 +10,11 @@ from typing import Any
 
 from cell.campaign.journal import Cost, Journal, Record, digest, share
 from cell.campaign.run import Engine, Watcher, carry_out
-from cell.campaign.study import Case, Outcome, Study
 from cell.campaign.versions import code, data, sources
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
 from tests.lab.studies.catalogue import study_of
+from tests.lab.studies.study import Case, Outcome, Study
 
 JOURNAL = "journal"
 WORKING_PARTS = ("tests/lab/exam", "tests/lab/faults", "tests/lab/studies/kit")

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cell.campaign.statistic import Figure, figure
-from cell.campaign.study import Outcome
 from tests.lab.studies.campaign import Kept
+from tests.lab.studies.study import Figure, Outcome, figure
 
 ALL = "all"
 

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.campaign.study import Case as StudyCase
-from cell.campaign.study import Outcome
 from cell.gap.selection.posterior import Posterior, Weighed
 from cell.gap.selection.prior import BELIEFS_FILE, Beliefs, beliefs
 from tests.lab.exam.case import Case
@@ -21,6 +19,8 @@ from tests.lab.studies.catalogue.beliefs import (
     fit_beliefs,
     log_score,
 )
+from tests.lab.studies.study import Case as StudyCase
+from tests.lab.studies.study import Outcome
 
 
 def sets(**shares: float) -> Posterior:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.campaign.study import Case, Outcome
 from cell.gap.verdict.confidence import Calibration, Signs, calibration
 from tests.lab.benchmarks.measure_confidence import verdicts_in
 from tests.lab.studies.catalogue.confidence import (
@@ -24,6 +23,7 @@ from tests.lab.studies.catalogue.confidence import (
     reliable,
     shares,
 )
+from tests.lab.studies.study import Case, Outcome
 
 LEDGERS = Path(__file__).parents[1] / "ledgers"
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cell.cli.app import app
 from cell.gap.verdict.schema import Verdict
 from drivers.errors import ConfigurationError
+from tests.lab.__main__ import app
 from tests.lab.exam.case import Case
 from tests.lab.exam.cases import answer_key
 from tests.lab.exam.cases.answer_key import KEYS_FOLDER, Sources, case_hash
@@ -238,7 +238,7 @@ def test_an_exam_that_is_finished_is_only_reported(
     kept: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     by_these_sources(monkeypatch)
-    asked = ["gap", "exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
+    asked = ["exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
     done = CliRunner().invoke(app, asked)
     assert done.exit_code == 0, done.output
     assert done.stdout == f"2 of 2 right: {kept / 'exam.md'}\n"
@@ -251,7 +251,7 @@ def test_an_exam_goes_on_by_the_ledger_that_it_is_given(
     by_these_sources(monkeypatch)
     ledger = tmp_path_factory.mktemp("elsewhere") / "state-7.jsonl"
     (kept / LEDGER).rename(ledger)
-    asked = ["gap", "exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
+    asked = ["exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
     done = CliRunner().invoke(app, [*asked, "--ledger", str(ledger)])
     assert done.exit_code == 0, done.output
     assert done.stdout.startswith("2 of 2 right")
@@ -259,7 +259,7 @@ def test_an_exam_goes_on_by_the_ledger_that_it_is_given(
 
 
 def test_steps_that_exclude_each_other_are_refused(tmp_path: Path) -> None:
-    asked = ["gap", "exam", "--out", str(tmp_path), "--only-make", "--only-judge"]
+    asked = ["exam", "--out", str(tmp_path), "--only-make", "--only-judge"]
     done = CliRunner().invoke(app, asked)
     assert isinstance(done.exception, ConfigurationError)
 
@@ -271,7 +271,7 @@ def test_two_exams_share_a_page(
     other = tmp_path_factory.mktemp("other")
     last = entries()[-1]
     Ledger(other / LEDGER).put(last)
-    asked = ["gap", "exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
+    asked = ["exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
     for place in (other, other / LEDGER):
         done = CliRunner().invoke(app, [*asked, "--beside", str(place)])
         assert done.exit_code == 0, done.output

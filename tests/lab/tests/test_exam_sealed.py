@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from cell.campaign.journal import Record
-from cell.campaign.part import Part
 from cell.campaign.progress import Quiet
+from cell.campaign.run import Part
 from drivers.errors import Fault
 from tests.lab.__main__ import app
 from tests.lab.exam.case import Case, Kind

@@ -10,7 +10,6 @@ import pytest
 from typer.testing import CliRunner
 
 from cell.campaign.journal import Journal, Record
-from cell.campaign.statistic import Quantity, Statistic, figure
 from cell.gap.subject.strip.bias import ModelError
 from drivers.errors import ConfigurationError
 from drivers.settings import load
@@ -18,6 +17,7 @@ from tests.lab.__main__ import app
 from tests.lab.studies.campaign import Asked, inputs, kept_outcomes
 from tests.lab.studies.catalogue import studies, study_of
 from tests.lab.studies.page import write_page
+from tests.lab.studies.study import Quantity, Statistic, figure
 from tests.lab.studies.table import markdown, rows
 
 D = Quantity("d", Statistic.MEAN_SIZE, bar=2.0)

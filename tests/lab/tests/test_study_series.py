@@ -12,9 +12,9 @@ from cell.folding.correct import with_correction
 from cell.folding.fold import Request
 from cell.learning.correction import subject_of
 from cell.learning.experience import Experience, Memory
-from cell.train.folds import SPECIMEN_NAME
 from drivers.strip.effects import check_effects, registry
 from tests.lab.studies.catalogue import series
+from tests.lab.studies.kit.folds import SPECIMEN_NAME
 
 CASES = {(c.values["cell"], c.values["series"]): c.values for c in series.STUDY.cases(0, 12)}
 MOVED = ("tool 3 mm off", series.CHANGED_SERIES)

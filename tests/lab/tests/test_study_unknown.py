@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cell.campaign.study import Case, Outcome
 from tests.lab.studies.catalogue.unknown import untrained_sigma
+from tests.lab.studies.study import Case, Outcome
 
 
 @pytest.mark.parametrize("used", [0.0, 3e-4])

@@ -6,7 +6,7 @@ from pathlib import Path
 from statistics import median
 from typing import get_args
 
-from cell.campaign.table import table
+from cell.gap.rehearse import table
 from drivers.files import replace_file, writing
 from tests.lab.exam.case import Plant, Scattered, Tier
 from tests.lab.exam.report.figures import figure

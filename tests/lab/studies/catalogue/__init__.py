@@ -5,8 +5,8 @@ import pkgutil
 from collections.abc import Mapping
 from functools import cache
 
-from cell.campaign.study import Study
 from drivers.errors import ConfigurationError, suggestion
+from tests.lab.studies.study import Study
 
 
 @cache

@@ -2,9 +2,6 @@
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
-from cell.train.predicted import SIGMAS_95
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from policies.adaptive.checkpoint import load_critic
@@ -14,7 +11,9 @@ from policies.fixed_paths import Shifted
 from policies.policy import Policy
 from policies.prediction import Estimate, FoldPrediction
 from policies.rollout import Folds, Rollout, roll_out
+from tests.lab.studies.kit.folds import SIGMAS_95
 from tests.lab.studies.kit.rollouts import Kept, rough, sensing_of, stepper, stretchy
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 STRANGE = {"friction 20-60": rough(20.0, 60.0), "friction 90": rough(90.0, 90.1),
            "stretch 3 N": stretchy}  # fmt: skip

@@ -8,8 +8,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.unknown import unknown_strip
 from cell.perception.agreement import MeasuredFold, agreement
 from drivers.strip.describe import describe
@@ -21,6 +19,7 @@ from policies.adaptive.fabrics import STRIP_LENGTH, effect, plain, unknown
 from policies.rollout import Rollout, roll_out
 from tests.lab.exam.causes import cause_of
 from tests.lab.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stretchy
+from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
 LINKS = 80
 UNFLAGGED_SHARE = 0.99  # of the folds that behave like the model are not flagged, by each limit

@@ -3,9 +3,8 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
-from cell.train.folds import difference, fold_strip, next_strip
+from tests.lab.studies.kit.folds import difference, fold_strip, next_strip
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 FILES = ("ticks.parquet", "profile.parquet", "result.yaml")
 

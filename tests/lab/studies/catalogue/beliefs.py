@@ -14,8 +14,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.places import find_configs
 from cell.gap.fit import quiet
 from cell.gap.investigate import investigate
@@ -31,6 +29,7 @@ from tests.lab.exam.case import Case
 from tests.lab.exam.cases.draw import Draw
 from tests.lab.exam.runs.from_model import make_runs
 from tests.lab.exam.scoring.score import with_twins
+from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
 IMMATERIAL = (0.02, 0.04, 0.06, 0.09, 0.12, 0.18)
 WRONG_SIGMAS = (0.05, 0.1, 0.2)

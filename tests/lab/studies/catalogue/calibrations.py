@@ -7,9 +7,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from calibration.calibration import Calibration, load_calibration
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
-from cell.train.folds import difference, fold_strip, next_strip
+from tests.lab.studies.kit.folds import difference, fold_strip, next_strip
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 
 def measure(case: Values) -> Values:

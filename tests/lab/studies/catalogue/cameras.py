@@ -6,11 +6,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.campaign.study import Study, Values
-from cell.train.folds import configs_with_twin, fold_unknown
-from cell.train.predicted import QUANTITIES, compare
 from drivers.strip.file import StripFile
 from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain
+from tests.lab.studies.kit.folds import QUANTITIES, compare, configs_with_twin, fold_unknown
+from tests.lab.studies.study import Study, Values
 
 CAMERAS: Mapping[str, Mapping[str, float]] = {
     "30 Hz, 120 ms": {"rate": 30.0, "transport_delay": 0.12},

@@ -10,8 +10,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.gap.fit import fit
 from cell.gap.subject.strip.synthetic import Fold, Instruments, reported_path, write_fold
@@ -22,6 +20,7 @@ from policies.registry import MOTION
 from tests.lab.exam.causes import cause_of, causes
 from tests.lab.exam.runs.from_model import MOTIONS
 from tests.lab.exam.runs.specimen import Specimen
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 LINKS, STEP = 100, 0.004
 BY = Instruments(contact_x=0.0015, profile=0.001, rate=60.0)

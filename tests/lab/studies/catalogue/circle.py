@@ -12,8 +12,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import Request, fold
@@ -25,6 +23,7 @@ from drivers.files import replace_file
 from drivers.yaml_text import dump_yaml
 from tests.lab.exam.case import Scattered
 from tests.lab.exam.runs.through_images import Open
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 SEEDS_BEFORE, SEEDS_STANDARD, SEEDS_AFTER = 0, 1000, 2000  # first seeds
 SEEDS_NEXT = 10_000  # of the next time round

@@ -13,11 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import optimize
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Fit, Ledger, Outcome, Study, Values
-from cell.campaign.table import table
 from cell.config.places import find_configs
 from cell.gap.fit import fit
+from cell.gap.rehearse import table
 from cell.gap.verdict.accept import RECORD
 from cell.gap.verdict.confidence import LEFT_OPEN, Calibration, Signs, Weight, calibration
 from drivers.strip.effects import registry
@@ -28,6 +26,7 @@ from tests.lab.exam.runs.from_model import make_runs
 from tests.lab.exam.scoring.score import RIGHT_RESULTS, Checked, score
 from tests.lab.exam.scoring.statistics import Rate, calibration_error, rate, reliability
 from tests.lab.exam.scoring.targets import rate_text
+from tests.lab.studies.study import Fit, Ledger, Outcome, Quantity, Statistic, Study, Values
 
 PAIRS = 8  # one case in so many hides two
 FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect

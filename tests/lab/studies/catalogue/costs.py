@@ -11,8 +11,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.config.unknown import unknown_strip
 from cell.devices.devices import DeviceSelection
@@ -22,7 +20,6 @@ from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
 from cell.record.run import read_run
-from cell.train.folds import cached_calibration
 from drivers.strip.describe import describe
 from drivers.twin.renderer.looks import LOOKS
 from policies.adaptive.adaptive import Adaptive
@@ -31,9 +28,11 @@ from policies.adaptive.fabrics import plain
 from policies.path import triangular
 from policies.rollout import Rollout, roll_out
 from policies.sensing import IMAGE_SENSING
+from tests.lab.studies.kit.folds import cached_calibration
 from tests.lab.studies.kit.rollouts import Kept, stepper
 from tests.lab.studies.kit.sights import fold_of
 from tests.lab.studies.kit.twin_fold import FoldCamera
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 IMAGES_BETWEEN = 6  # images from one that is measured to the next
 FOLD_SPEED = 0.1  # m/s

@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.places import find_configs
 from cell.gap.fit import fit
 from cell.gap.subject.strip.synthetic import Fold, Instruments, reported_path, write_fold
@@ -25,6 +23,7 @@ from drivers.twin.chain.engine import Chain
 from policies.experiments.standard import STANDARD, standard_order
 from policies.registry import MOTION
 from tests.lab.exam.runs.by_hand import paths_by_hand
+from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
 LINKS, STEP = 200, 0.004  # of the chain; s
 MOTIONS = ("standard", "by hand")

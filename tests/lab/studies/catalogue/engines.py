@@ -9,8 +9,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from drivers.errors import SimulationNotFinite
 from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper, simulate
@@ -21,6 +19,7 @@ from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.path import Path, circular, triangular
 from tests.lab.studies.kit.paper_formulation import PaperFormulation
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 DT, SPEED = 0.005, 0.1  # s, m/s
 STIFFNESS_LEVELS, DAMPING_LEVELS = (0.0775, 0.02, 0.3), (7.0, 1.0, 50.0)  # N m/rad; of the least

@@ -11,13 +11,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import yaml
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.folding.result import FoldResult
-from cell.train.folds import fold_strip
 from drivers.errors import CellError
 from policies.registry import policy_names
+from tests.lab.studies.kit.folds import fold_strip
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 DISPLACEMENT_LIMIT, ERROR_LIMIT = 0.025, 0.010  # m
 STRIPS: dict[str, dict[str, float]] = {

@@ -6,11 +6,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Ledger, Outcome, Study, Values
-from cell.train.folds import cached_calibration
 from tests.lab.faults.blow import FAULT_STATES, Blow, strike
 from tests.lab.faults.faults import FAULTS
+from tests.lab.studies.kit.folds import cached_calibration
+from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study, Values
 
 SEEDS = 3
 ACCEPTABLE_VERDICTS = ("stopped", "harmless")

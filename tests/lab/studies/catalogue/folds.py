@@ -5,11 +5,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
-from cell.train.folds import facts, fold_strip
+from tests.lab.studies.kit.folds import facts, fold_strip
 from tests.lab.studies.kit.resimulate import resimulate
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 POLICIES = ("triangular", "circular", "shifted", "planned", "feedback", "adaptive")
 

@@ -9,8 +9,6 @@ from calibration.wizard.touched_points import TouchedPoints
 from cell.calibrating.calibrate import NO_STRIP, calibration_of
 from cell.calibrating.keyboard import TwinOperator
 from cell.calibrating.wizard import touch
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.twin import TwinCalibrationAids, twin_devices
@@ -18,6 +16,7 @@ from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Unattended
 from drivers.errors import Fault
 from drivers.twin.open import open_twin
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 LATENCIES = (0.045, 0.0, 0.012, 0.110)  # s
 

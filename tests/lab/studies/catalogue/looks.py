@@ -5,11 +5,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
-from cell.train.folds import cached_calibration, configs_with_twin, facts, fold_strip
 from drivers.twin.renderer.looks import LOOKS
+from tests.lab.studies.kit.folds import cached_calibration, configs_with_twin, facts, fold_strip
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 ALLOWED_MM = 6.0  # mm of displacement
 

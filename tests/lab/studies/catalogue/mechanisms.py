@@ -8,11 +8,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from cell.gap.fit import fit
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.mechanisms import OUTSIDE, TRACKED, amounts, make_runs
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 CAUSE_CYCLE = ("nothing", "dry_friction", "outside", "quadratic_damping", "cable_spring", "nothing",
         "tracked", "payload", "torque_constant", "outside", "armature", "read")  # fmt: skip

@@ -11,8 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.places import find_configs
 from drivers.robust import robust_sigma
 from drivers.strip.shape import fold_tip
@@ -21,6 +19,7 @@ from policies.experiments.standard import REFERENCE_RUN, STANDARD
 from policies.path import triangular
 from policies.profile import profiles, seen_profile
 from tests.lab.studies.kit.sights import Sight, fold_of, sights
+from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
 SPEED, IMAGE_STRIDE = 0.1, 3  # m/s; images
 LINKS = 80  # of the chain that is folded

@@ -5,10 +5,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
-from cell.train.folds import fold_strip
-from cell.train.predicted import QUANTITIES, compare
+from tests.lab.studies.kit.folds import QUANTITIES, compare, fold_strip
+from tests.lab.studies.study import Study, Values
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:

@@ -9,17 +9,15 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.folding.result import FoldResult
 from cell.learning.experience import Memory, learn_from_ruler
 from cell.record.run import read_run
-from cell.train.folds import changed_since, fold_unknown
-from cell.train.predicted import compare
 from drivers.strip.file import StripFile
 from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain
 from policies.adaptive.train.piece import truth
+from tests.lab.studies.kit.folds import changed_since, compare, fold_unknown
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 RIGHT_CELL = "right"
 WRONG_CELLS: Mapping[str, Mapping[str, Mapping[str, float]]] = {

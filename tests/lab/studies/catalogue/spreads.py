@@ -9,8 +9,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.reml import spreads
@@ -21,6 +19,7 @@ from tests.lab.exam.case import Case
 from tests.lab.exam.cases.draw import SLOWER, STIFFER
 from tests.lab.exam.runs.from_model import MOTIONS, make_runs
 from tests.lab.exam.runs.scatter import LEVELS, RunScatter
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 QUANTITIES = ("grip_x", "grip_z", "damping", "stiffness")
 SCATTER_CYCLE = ("full", "half")

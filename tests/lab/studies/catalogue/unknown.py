@@ -10,17 +10,21 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.optimize import least_squares
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.record.run import read_run
-from cell.train.folds import configs_with_twin, fold_unknown
-from cell.train.predicted import QUANTITIES, SIGMAS_95, compare
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.bias import untrained_spread
 from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, friction, plain
 from policies.adaptive.train.piece import truth
 from policies.adaptive.train.transfer import COVERAGE
+from tests.lab.studies.kit.folds import (
+    QUANTITIES,
+    SIGMAS_95,
+    compare,
+    configs_with_twin,
+    fold_unknown,
+)
+from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
 FRICTION_RANGE = (20.0, 60.0)  # 1/m
 DISPLACEMENT_SCALE = 1e-3  # m

@@ -7,8 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from drivers.errors import CellError
 from drivers.strip.describe import describe
@@ -18,6 +16,7 @@ from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 SWEEPS = {
     "bending_length": (0.0135, 0.002, 0.004, 0.006, 0.008, 0.010, 0.033, 0.045, 0.06, 0.08, 0.1,

@@ -15,8 +15,6 @@ from calibration.wizard.board_views import BoardViews
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from cell.campaign.statistic import Quantity, Statistic
-from cell.campaign.study import Study, Values
 from drivers.twin.board import Held, board_frame, held_before
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
@@ -24,6 +22,7 @@ from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Frame, Pose
+from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 OUTLIER_SHARE, ARM_NOISE = 0.10, 1e-4  # share of touches; m
 BOARD, TOUCHES = BoardSettings(), TouchSettings()

@@ -12,11 +12,11 @@ from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
-from cell.train.folds import cached_calibration
 from drivers.errors import PreflightRefused
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Pose
 from policies.path import Path
+from tests.lab.studies.kit.folds import cached_calibration
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 
 TAKE_OVER = 0.10  # m of height from which a policy decides

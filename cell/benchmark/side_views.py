@@ -1,10 +1,10 @@
-"""Side views: motion of the strip, gripper paths, definition of the displacement."""
+"""Figures of the strip from the side: its motion, gripper paths, definitions, critical points."""
 
 from typing import Any
 
 import numpy as np
 
-from cell.benchmark.figures.style import (
+from cell.benchmark.figures import (
     DASHES,
     PAGE_WIDTH,
     colour,
@@ -12,8 +12,9 @@ from cell.benchmark.figures.style import (
     smooth,
     stiffness_colours,
 )
-from cell.benchmark.parts.evolution import LEVEL_MOTION
-from cell.benchmark.results import Adaptation, Curve, Evolution, Results
+from cell.benchmark.results import Adaptation, CriticalPoints, Curve, Evolution, Laid, Results
+from cell.benchmark.shape_parts import LEVEL_MOTION
+from cell.benchmark.summary import FOLDED_HEIGHT
 from cell.report.drawing import BLUE, GREEN, INK, MUTED, ORANGE, as_svg, canvas
 from drivers.geometry import arc_lengths
 from drivers.types import Array
@@ -181,3 +182,82 @@ def _offset_point(place: Array, right: float, up: float) -> Array:
 
 def _mm(curve: Curve) -> Array:
     return 1e3 * np.array(curve, dtype=np.float64)
+
+
+FOLD_WIDTH = 130.0  # mm, drawn of a folded strip
+HEIGHT_COLOURS = ["#3f8fc4", "#6a4fb3", "#b0428f", "#cf6a1f"]
+
+
+def critical_figure(results: Results) -> str:
+    """Figure (SVG) of critical points, a panel a speed; areas span dampings, colours heights."""
+    found = [r for r in results.results if isinstance(r, CriticalPoints)]
+    if not found:
+        return ""
+    with canvas(PAGE_WIDTH, 3.6) as figure:
+        panels = figure.subplots(1, len(found), sharey=True, squeeze=False)[0]
+        for axes, points in zip(panels, found, strict=True):
+            _draw_panel(axes, points)
+        panels[0].set_ylabel("gripper x at the first touch  [mm]")
+        return as_svg(figure)
+
+
+def table(points: CriticalPoints) -> Array:
+    """Gripper x (heights, stiffnesses, dampings) [m] at the first touch, NaN without one."""
+    return np.array(points.x, dtype=np.float64)
+
+
+def _draw_panel(axes: Any, points: CriticalPoints) -> None:
+    from matplotlib.colors import LinearSegmentedColormap
+
+    scale = LinearSegmentedColormap.from_list("height", HEIGHT_COLOURS)
+    h = 1e3 * FOLDED_HEIGHT * np.array(points.bending_lengths)
+    x = 1e3 * table(points)
+    for i, height in enumerate(points.heights):
+        shade = scale(i / max(len(points.heights) - 1, 1))
+        here = np.ma.masked_invalid(x[i])
+        axes.fill_between(
+            h, here.min(axis=1), here.max(axis=1), color=shade, alpha=0.22, lw=0,
+            gid=f"all of z = {1e3 * height:.0f} mm",
+        )  # fmt: skip
+        axes.plot(h, x[i, :, 0], color=shade, lw=1.3, gid=f"gripper x, z = {1e3 * height:.0f} mm")
+        axes.annotate(
+            f"z = {1e3 * height:.0f}", (h[-1], x[i, -1, 0]), (4, 0), textcoords="offset points",
+            va="center", fontsize=8, color=MUTED, annotation_clip=False,
+        )  # fmt: skip
+    axes.set_xlabel("height h of the folded strip  [mm]")
+    axes.set_title(f"moving at {1e3 * points.speed:.0f} mm/s", fontsize=9, color=MUTED, loc="left")
+    axes.set_xlim(h[0], h[-1] + 3.2)
+    axes.set_xticks([15, 20, 25, 30])
+
+
+def folded_figure(results: Results) -> str:
+    """Figure (SVG) of folded shapes, ends aligned, and their heights over bending length."""
+    laid = [r for r in results.results if isinstance(r, Laid)]
+    if not laid:
+        return ""
+    with canvas(PAGE_WIDTH, 2.3) as figure:
+        left, right = figure.subplots(1, 2, width_ratios=[1.7, 1])
+        shades = stiffness_colours(len(laid))
+        for fold, shade in zip(laid, shades, strict=True):
+            _draw_laid(left, right, fold, shade)
+        c = np.array([0.0, 1.08e3 * max(fold.bending_length for fold in laid)])
+        h = FOLDED_HEIGHT * c
+        right.plot(c, h, color=MUTED, lw=1)
+        right.annotate(f"{FOLDED_HEIGHT} c", (c[1], h[1]), (-8, -2),
+                       textcoords="offset points", ha="right", color=MUTED, fontsize=8)  # fmt: skip
+        left.set(xlabel="x from the fold's end  [mm]", ylabel="z  [mm]", aspect="equal")
+        left.set_ylim(-1.5, None)
+        right.set(xlabel="bending length c  [mm]", ylabel="height h  [mm]")
+        return as_svg(figure)
+
+
+def _draw_laid(shapes: Any, heights: Any, fold: Laid, shade: Any) -> None:
+    """Draw the end of a folded strip, and its height over its bending length."""
+    shape = 1e3 * smooth(np.array(fold.shape))
+    shape[:, 0] -= shape[:, 0].max()
+    near = shape[:, 0] > -FOLD_WIDTH
+    h, c = shape[:, 1].max(), 1e3 * fold.bending_length
+    shapes.plot(*shape[near].T, color=shade, lw=1.8, gid=f"bending length {c:.1f} mm")
+    heights.plot(c, h, "o", color=shade, ms=5, gid="folded strip")
+    heights.annotate(f"{h:.1f}", (c, h), (6, -6),
+                     textcoords="offset points", color=shade, fontsize=8)  # fmt: skip

@@ -1,27 +1,85 @@
-"""Figures of displacement: strips, repeats, and the paper's range."""
+"""Figures of displacement and force: strips, repeats, the paper's range."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from cell.benchmark import paper
-from cell.benchmark.figures.style import (
-    BAND,
-    DASHES,
-    DISPLACEMENT,
-    NOTE,
-    PAGE_WIDTH,
-    colour,
-    dot,
-    policy_rows,
-    zero,
-)
-from cell.benchmark.results import ImageFold, Results
-from cell.report.drawing import GREEN, INK, PAPER, RULE, as_svg, canvas
+from cell.benchmark.results import ImageFold, RangeFolds, Results
+from cell.benchmark.summary import PAPER_MEANS, PAPER_WORST, REPEATABILITY, numeral
+from cell.report.drawing import GREEN, INK, MUTED, PAPER, RULE, as_svg, canvas
 from cell.report.words import MINUS
+from drivers.geometry import arc_lengths
 from drivers.types import Array
+from policies.domain import DAMPING_RATIO, STIFFNESS_RANGE
+from policies.registry import look_of
 
-FEEDBACK_LIMIT = 1e3 * paper.WORST["feedback"]
+PAGE_WIDTH = 8.4  # inch, of a page
+NOTE = 8.0  # points
+BAND = "#7fa98f"
+STIFFNESS_COLOURS = ["#2f6db5", "#3f8f9c", "#3a8a5c"]  # from the softest strip to the stiffest
+DASHES = (0, (4, 3))
+CURVE_SAMPLES = 600  # points of a smooth curve
+DISPLACEMENT = "d = l₁ − l₂  [mm]"
+
+
+def colour(policy: str) -> str:
+    """The colour of `policy`."""
+    return look_of(policy).colour
+
+
+def dot(policy: str) -> dict[str, Any]:
+    """Arguments of matplotlib's `plot` for the marker of `policy`."""
+    look = look_of(policy)
+    return {
+        "marker": look.marker,
+        "ms": look.size,
+        "mfc": look.colour,
+        "mec": look.colour,
+        "ls": "",
+    }
+
+
+def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
+    """Set up a row for each policy, the first on top, in its colour; `foot` free rows below."""
+    axes.set_yticks(range(len(policies)), policies)
+    axes.set_ylim(len(policies) - 0.5 + foot, -0.5)
+    axes.grid(visible=False, axis="y")
+    axes.spines["left"].set_visible(False)
+    for label, policy in zip(axes.get_yticklabels(), policies, strict=True):
+        label.set(color=colour(policy), fontsize=9, fontweight="bold")
+
+
+def zero(axes: Any) -> None:
+    """Draw the line of d = 0, where the layers are aligned."""
+    axes.axvline(0.0, color=INK, lw=0.8, zorder=1)
+
+
+def desk(axes: Any) -> None:
+    """Draw desk and fixed edge in a side view in millimetres."""
+    axes.axhline(0.0, color=MUTED, lw=0.8, zorder=1)
+    axes.plot(0, 0, "s", color=INK, ms=4, clip_on=False, zorder=5)
+    axes.set_aspect("equal")
+    axes.grid(color=RULE, lw=0.5)
+    axes.spines["bottom"].set_visible(False)
+
+
+def smooth(shape: Array) -> Array:
+    """Dense curve (m, 2) through the nodes `shape` (n, 2) of a strip, for drawing."""
+    s = arc_lengths(shape)
+    return np.asarray(CubicSpline(s, shape)(np.linspace(0.0, s[-1], CURVE_SAMPLES)))
+
+
+def stiffness_colours(count: int) -> list[Any]:
+    """Colours from blue for the lowest stiffness to green for the highest, as in the paper."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    scale = LinearSegmentedColormap.from_list("stiffness", STIFFNESS_COLOURS)
+    return [scale(i / max(count - 1, 1)) for i in range(count)]
+
+
+FEEDBACK_LIMIT = 1e3 * PAPER_WORST["feedback"]
 
 
 def strips_figure(results: Results) -> str:
@@ -44,7 +102,7 @@ def main_picture(results: Results) -> Any:
 def repeats_figure(results: Results) -> str:
     """Figure (SVG) of d in repeated folds of one strip about its mean, with the paper's 1 mm."""
     policies = results.asked.policies
-    half = 0.5e3 * paper.REPEATABILITY
+    half = 0.5e3 * REPEATABILITY
     with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.75) as figure:
         axes = figure.add_subplot()
         axes.axvspan(-half, half, color=BAND, alpha=0.18, lw=0)
@@ -62,7 +120,7 @@ def repeats_figure(results: Results) -> str:
         axes.set_xlim(-1.08 * widest, 1.08 * widest)
         axes.set_xlabel(f"d of {results.asked.repeated}, about the mean of its folds  [mm]")
         top = axes.get_xaxis_transform()
-        text = f"paper: within {1e3 * paper.REPEATABILITY:.0f} mm"
+        text = f"paper: within {1e3 * REPEATABILITY:.0f} mm"
         axes.text(0, 1.02, text, transform=top, ha="center", color=GREEN, fontsize=NOTE)
         return as_svg(figure)
 
@@ -145,7 +203,7 @@ def _draw_paper_numbers(axes: Any) -> None:
     axes.text(
         0, 0.012, f"paper: feedback under {FEEDBACK_LIMIT:.0f}", color=GREEN, zorder=3, **style
     )
-    for policy, mean in paper.MEANS.items():
+    for policy, mean in PAPER_MEANS.items():
         place = 1e3 * mean
         axes.axvline(place, color=colour(policy), lw=0.9, ls=DASHES, alpha=0.8, zorder=1)
         text = f"paper's mean {place:+.1f}".replace("-", MINUS)
@@ -184,3 +242,82 @@ def _displacements(folds: tuple[ImageFold, ...]) -> Array:
 
 def _height(results: Results) -> float:
     return 0.31 * max(len(_soft_to_stiff(results)), 3) + 1.15
+
+
+COLOUR_RANGE = 90.0  # mm, where the colours end
+LINEAR = 8.0  # mm, up to about which the colour scale is linear
+BAR_TICKS = (-80, -20, -5, 5, 20, 80)
+FEWEST_COLUMNS = 3  # panels that the figure's height suits
+
+
+def maps_figure(results: Results) -> str:
+    """Figure (SVG) of d over stiffness and damping, a map a policy; empty without data."""
+    found = [results.over_range(policy, "rod") for policy in results.asked.policies]
+    measured = [folds for folds in found if folds is not None]
+    if not measured:
+        return ""
+    with canvas(PAGE_WIDTH, 2.5) as figure:
+        columns = max(len(measured), FEWEST_COLUMNS)
+        panels = figure.subplots(1, columns, sharey=True, squeeze=False)[0]
+        maps = [_draw_map(axes, folds) for axes, folds in zip(panels, measured, strict=False)]
+        for axes in panels[len(measured) :]:
+            axes.set_axis_off()
+        panels[0].set_ylabel("damping over the least")
+        bar = figure.colorbar(maps[-1], ax=list(panels), shrink=0.8, pad=0.01, aspect=22)
+        bar.outline.set_visible(False)
+        bar.minorticks_off()
+        bar.set_ticks(BAR_TICKS, labels=[f"{tick:+d}".replace("-", MINUS) for tick in BAR_TICKS])
+        bar.set_label("d  [mm]")
+        return as_svg(figure)
+
+
+def force_figure(results: Results) -> str:
+    """Figure (SVG) of the force on the fixed edge, over the paper's range."""
+    policies = results.asked.policies
+    with canvas(PAGE_WIDTH, 0.34 * len(policies) + 0.7) as figure:
+        axes = figure.add_subplot()
+        for row, policy in enumerate(policies):
+            folds = results.over_range(policy, "rod")
+            if folds is None:
+                continue
+            low, high = np.quantile(folds.force, [0.05, 0.95])
+            axes.plot([low, high], [row, row], color=colour(policy), lw=5, alpha=0.25)
+            mean = float(np.mean(folds.force))
+            axes.plot(mean, row, **dot(policy), gid=policy)
+            axes.annotate(f"{mean:.2f} N", (high, row), (7, 0), textcoords="offset points",
+                          va="center", fontsize=8.5, color=INK)  # fmt: skip
+        policy_rows(axes, policies)
+        axes.set_xlim(0, None)
+        axes.margins(x=0.12)
+        axes.set_xlabel("mean force from the take-over to the touch  [N]")
+        return as_svg(figure)
+
+
+def _draw_map(axes: Any, folds: RangeFolds) -> Any:
+    """Draw d over stiffness and damping, with its mean and worst size; returns the colour mesh."""
+    from matplotlib.colors import AsinhNorm
+
+    norm = AsinhNorm(LINEAR, vmin=-COLOUR_RANGE, vmax=COLOUR_RANGE)
+    k = _cell_borders(STIFFNESS_RANGE[0], STIFFNESS_RANGE[1], folds.side)  # stiffness
+    b = _cell_borders(1.0, DAMPING_RATIO, folds.side)  # damping over the least
+    colours = axes.pcolormesh(k, b, 1e3 * folds.d.T, cmap="RdBu_r", norm=norm, lw=0)
+    axes.set(xscale="log", yscale="log", xlim=(k[0], k[-1]), ylim=(b[0], b[-1]))
+    axes.set_xticks([0.02, 0.06, 0.2], ["0.02", "0.06", "0.2"])
+    axes.set_yticks([1, 7, 50], ["1", "7", "50"])
+    axes.minorticks_off()
+    axes.grid(visible=False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    size = np.abs(folds.d[np.isfinite(folds.d)])
+    mean, worst = (size.mean(), size.max()) if size.size else (np.nan, np.nan)
+    axes.set_title(folds.policy, fontsize=9.5, color=colour(folds.policy), loc="left", pad=25)
+    caption = f"mean {numeral(float(mean))}\nworst {numeral(float(worst))}"
+    axes.text(0, 1.03, caption, transform=axes.transAxes, fontsize=8.2, color=MUTED)
+    axes.set_xlabel("stiffness  [N m/rad]", fontsize=8)
+    return colours
+
+
+def _cell_borders(low: float, high: float, side: int) -> Any:
+    """Borders (side + 1,) of `side` logarithmic cells, centred from `low` to `high`."""
+    step = (high / low) ** (1 / (side - 1))
+    return low * step ** (np.arange(side + 1) - 0.5)

@@ -1,5 +1,6 @@
-"""One fold through images on the twin, as a case of a study."""
+"""One fold through images on the twin, as a case of a study, and its prediction at the touch."""
 
+import math
 import shutil
 from collections.abc import Mapping
 from functools import cache
@@ -12,15 +13,17 @@ import yaml
 
 from calibration.calibration import Calibration
 from cell.calibrating.calibrate import calibration_of
-from cell.campaign.study import Values
 from cell.config.places import find_configs
 from cell.config.unknown import name_of
 from cell.devices.devices import DeviceSelection
 from cell.folding.correct import with_correction
 from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
+from cell.record.run import read_run
 from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import PLAIN
+from policies.adaptive.critic import YIELD_UNIT
+from tests.lab.studies.study import Quantity, Statistic, Values
 
 SPECIMEN_NAME = "studied"
 
@@ -141,3 +144,45 @@ def facts(result: FoldResult) -> Mapping[str, Any]:
 def difference(a: float | None, b: float | None) -> float | None:
     """a - b; None where one of them was not measured."""
     return None if a is None or b is None else a - b
+
+
+SIGMAS_95 = 1.96  # sigmas of 95 %
+
+QUANTITIES = (
+    Quantity("true", Statistic.MEAN_SIZE, label="mean |d|"),
+    Quantity("true", Statistic.P95_SIZE, label="95 % |d|"),
+    Quantity("true", Statistic.WORST_SIZE, label="worst |d|"),
+    Quantity("edges", Statistic.MEAN_SIZE, label="mean |edges|"),
+    Quantity("edges", Statistic.WORST_SIZE, label="worst |edges|"),
+    Quantity("surprise", Statistic.MEAN, label="d - predicted"),
+    Quantity("surprise", Statistic.SIGMA, label="its sigma"),
+    Quantity("within_1", Statistic.SHARE, "%", 100.0, label="within 1 sigma", digits=0),
+    Quantity("within_2", Statistic.SHARE, "%", 100.0, label="within 1.96", digits=0),
+    Quantity("flagged", Statistic.SHARE, "%", 100.0, label="flagged", digits=0),
+)
+
+
+def compare(result: FoldResult) -> Mapping[str, Any]:
+    """Facts of a fold, the prediction [m], and the estimate of the strip behind it."""
+    stored = read_run(Path(result.run)).result
+    predicted = None if stored is None else stored.foretold
+    agreed = None if stored is None else stored.agreement
+    known = dict(facts(result)) | {
+        "residual": None if agreed is None else agreed.residual,
+        "flagged": agreed is not None and not agreed.like_model,
+    }
+    true = result.displacement_true
+    if predicted is None or true is None:
+        return known
+    surprise = true - predicted.displacement
+    ratio = abs(surprise) / predicted.sigma
+    return known | {
+        "predicted": predicted.displacement,
+        "sigma": predicted.sigma,
+        "surprise": surprise,
+        "within_1": ratio < 1.0,
+        "within_2": ratio < SIGMAS_95,
+        "believed_length": math.log(predicted.bending_length.value),
+        "believed_time": math.log(predicted.retardation_time.value),
+        "believed_friction": math.log1p(predicted.yield_curvature.value / YIELD_UNIT),
+    }

@@ -1,1 +1,0 @@
-"""Figures of the paper, drawn from the benchmark's results."""

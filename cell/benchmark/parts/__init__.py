@@ -1,1 +1,0 @@
-"""Parts of a benchmark, each measured in a process of its own."""

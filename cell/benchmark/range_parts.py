@@ -1,0 +1,207 @@
+"""Parts of a benchmark over many strips in the rod or on the chain: the paper's range, effects."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.benchmark.results import EffectFolds, RangeFolds, finite_or_none
+from drivers.strip.describe import describe
+from drivers.strip.engine import Observables, Stepper
+from drivers.strip.file import StripFile
+from drivers.strip.model import StripModel
+from drivers.strip.rod.engine import Rod
+from drivers.types import Array
+from policies.adaptive.fabrics import EFFECTS, effect, friction, plain
+from policies.domain import grid
+from policies.path import TAKEOVER_HEIGHT
+from policies.planned import Planned
+from policies.policy import Policy
+from policies.registry import make_policy
+from policies.rollout import Marching, Rollout, roll_out
+from policies.sensing import IMAGE_SENSING
+
+
+class RecordingEngine:
+    """Engine wrapper that records contacts, holding forces, gripper heights and maybe `shapes`."""
+
+    def __init__(self, engine: Stepper, *, shapes: bool = False) -> None:
+        self.midlines: list[Array] = []
+        self.contacts: list[Array] = []
+        self._engine = engine
+        self._with_shapes = shapes
+        self._forces: list[Array] = []
+        self._heights: list[Array] = []
+        self._going: list[NDArray[np.bool_]] = []
+
+    def reset(self, models: Sequence[StripModel]) -> None:
+        """Reset the wrapped engine."""
+        self._engine.reset(models)
+
+    def step(self, poses: Array, dt: float) -> Observables:
+        """Step the wrapped engine and record the step."""
+        return self.advance(poses[None], dt)
+
+    def advance(self, poses: Array, dt: float) -> Observables:
+        """Advance the wrapped engine and record the last step."""
+        if isinstance(self._engine, Marching):
+            seen = self._engine.advance(poses, dt)
+        else:
+            seen = [self._engine.step(pose, dt) for pose in poses][-1]
+        self.contacts.append(seen.contact_x.copy())
+        self._forces.append(np.abs(seen.holding_force))
+        self._heights.append(poses[-1, :, 1].copy())
+        self._going.append(np.array([touch is None for touch in seen.touch]))
+        if self._with_shapes:
+            self.midlines.append(self._engine.shapes().copy())
+        return seen
+
+    def shapes(self) -> Array:
+        """Midlines (n, nodes, 2) [m] of the wrapped engine."""
+        return self._engine.shapes()
+
+    def arc(self) -> Array:
+        """Arc lengths (n, nodes) [m] of the wrapped engine."""
+        return self._engine.arc()
+
+    @property
+    def frames(self) -> NDArray[np.int64]:
+        """Number of decisions (n,) of each strip up to and including that of its touch."""
+        lived = np.sum(self._going, axis=0)
+        return np.asarray(np.minimum(lived + 1, len(self._going)), dtype=np.int64)
+
+    @property
+    def holding_force(self) -> Array:
+        """Mean magnitude of the force (n,) [N] from the take-over to the touch.
+
+        As in the paper; the lift before is not the policy's.
+        """
+        lifted = np.maximum.accumulate(np.array(self._heights), axis=0) >= TAKEOVER_HEIGHT
+        counted = np.array(self._going) & lifted
+        total = np.where(counted, np.array(self._forces), 0.0).sum(axis=0)
+        return np.asarray(total / np.maximum(counted.sum(axis=0), 1))
+
+
+SEGMENTS, LINKS = 100, 80
+STRIP_COST = {"rod": 0.03, "chain": 0.3}  # s of a strip
+PLANNING_FOLDS = 16  # folds of the rod, about, that planning takes
+
+
+@dataclass(frozen=True, slots=True)
+class OverRange:
+    """Benchmark part: a logarithmic grid of side x side strips, folded at `speed` [m/s].
+
+    A policy that uses images gets late and noisy observations, as in training.
+    """
+
+    policy: str
+    engine: Literal["rod", "chain"]
+    side: int
+    speed: float
+    of: str
+
+    @property
+    def key(self) -> str:
+        """Key with all parameters of the part."""
+        return f"{self.policy} over {self.side} x {self.side} on the {self.engine} at {self.speed}"
+
+    @property
+    def cost(self) -> float:
+        """Estimated time [s]; planning takes many folds."""
+        folds = self.side**2 * (PLANNING_FOLDS if self.policy == Planned.name else 1)
+        return self.side**2 * STRIP_COST[self.engine] + folds * STRIP_COST["rod"]
+
+    def measure(self) -> RangeFolds:
+        """Fold all strips of the grid."""
+        strips = grid(self.side)
+        recording = RecordingEngine(_engine(self.engine))
+        folds = roll_out(
+            knowing(self.policy, strips),
+            recording,
+            strips[0],
+            [describe(strip) for strip in strips],
+            settings=Rollout(speed=self.speed),
+            rng=np.random.default_rng(0),
+        )
+        return RangeFolds(
+            policy=self.policy,
+            engine=self.engine,
+            side=self.side,
+            displacement=finite_or_none(folds.displacement),
+            force=tuple(recording.holding_force.tolist()),
+        )
+
+
+def knowing(policy: str, strips: Sequence[StripFile]) -> Policy:
+    """Make the policy by name; the planned one, which must know the strips, is given them."""
+    return Planned(strips) if policy == Planned.name else make_policy(policy, in_rod=True)
+
+
+def _engine(name: str) -> Stepper:
+    if name == "rod":
+        from drivers.strip.rod.engine import Rod
+
+        return Rod(SEGMENTS, strict=False)
+    from drivers.twin.chain.engine import Chain
+
+    return Chain(LINKS)
+
+
+FRICTION_EFFECT = "bending_hysteresis"
+YIELD_RANGE = (20.0, 60.0)  # 1/m, as laboratories measure it
+HIDDEN_EFFECTS = ("", FRICTION_EFFECT, *EFFECTS)
+"""Effects that are hidden in turn; the empty name stands for none."""
+FOLD_COST, PLANNED_COST = 0.1, 5  # s of a fold; times as much where it is planned
+
+
+@dataclass(frozen=True, slots=True)
+class HiddenEffect:
+    """Benchmark part: folds of `count` strips with a hidden `effect` at `speed` [m/s].
+
+    The effect is of textile size. Every policy folds the same strips, observed as through images.
+    """
+
+    policy: str
+    effect: str
+    count: int
+    speed: float
+    of: str
+
+    @property
+    def key(self) -> str:
+        """Key with all parameters of the part."""
+        return f"{self.policy} on {self.count} strips with {self.effect or 'nothing'} hidden"
+
+    @property
+    def cost(self) -> float:
+        """Estimated time [s]."""
+        return self.count * FOLD_COST * (PLANNED_COST if self.policy == Planned.name else 1)
+
+    def measure(self) -> EffectFolds:
+        """Fold all strips in the rod and return their displacements [m]."""
+        rng = np.random.default_rng(1)
+        strips = [self._strip(rng) for _ in range(self.count)]
+        known = [strip.model_copy(update={"effects": {}}) for strip in strips]
+        folds = roll_out(
+            knowing(self.policy, known),
+            Rod(SEGMENTS, strict=False),
+            known[0],
+            [describe(strip) for strip in strips],
+            settings=Rollout(speed=self.speed, sensing=IMAGE_SENSING),
+            rng=rng,
+        )
+        return EffectFolds(
+            policy=self.policy,
+            effect=self.effect,
+            displacement=finite_or_none(folds.displacement),
+        )
+
+    def _strip(self, rng: np.random.Generator) -> StripFile:
+        if not self.effect:
+            return plain(rng)
+        if self.effect == FRICTION_EFFECT:
+            return plain(rng, bending_hysteresis=friction(rng, *YIELD_RANGE))
+        bare = plain(rng)
+        return bare.model_copy(update={"effects": {self.effect: effect(self.effect, rng)}})
