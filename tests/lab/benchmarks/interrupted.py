@@ -108,7 +108,8 @@ def started(name: str, root: Path) -> subprocess.Popen[str]:
     """The command, leader of a process group of its own."""
     environment = os.environ | {"OMP_NUM_THREADS": "1", "TMPDIR": str(root)}
     return subprocess.Popen(
-        [*(LAB if name == "study" else CELL), *COMMANDS[name].words(root)], env=environment, start_new_session=True, text=True,
+        [*(LAB if name == "study" else CELL), *COMMANDS[name].words(root)],
+        env=environment, start_new_session=True, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
 

@@ -45,18 +45,10 @@ def test_the_score_is_the_probability_of_what_is_hidden() -> None:
     assert log_score(found, hiding("air_drag", "seam")) == pytest.approx(np.log(LAPSE + 0.99 * 0.1))
 
 
-def test_a_case_whose_effect_was_never_fitted_counts_a_bounded_amount() -> None:
-    assert log_score(sets(seam=1.0), hiding("air_drag")) == pytest.approx(np.log(LAPSE))
-
-
 def test_what_looks_alike_counts_as_the_effect() -> None:
     found = sets(control_delay=0.3, camera_latency=0.5, seam=0.2)
     assert log_score(found, hiding("control_delay")) == pytest.approx(np.log(LAPSE + 0.99 * 0.8))
     assert log_score(found, hiding("seam")) == pytest.approx(np.log(LAPSE + 0.99 * 0.2))
-
-
-def test_nothing_hidden_is_the_empty_set() -> None:
-    assert log_score(Posterior((Weighed(frozenset(), 0.0, 1.0),)), hiding()) == pytest.approx(0.0)
 
 
 def test_the_fitted_beliefs_score_best_over_all_cases() -> None:
@@ -67,11 +59,6 @@ def test_the_fitted_beliefs_score_best_over_all_cases() -> None:
     assert found.memory == beliefs().memory
     assert "0.09 -0.0" in found.source
     assert Beliefs.model_validate(fit_beliefs([small])).immaterial == min(IMMATERIAL)
-
-
-def test_a_number_of_which_the_cases_say_nothing_is_kept() -> None:
-    found = Beliefs.model_validate(fit_beliefs([outcome(lambda i, w: -abs(i - 0.18) + 0.001 * w)]))
-    assert (found.immaterial, found.wrong) == (0.18, beliefs().wrong)
 
 
 def test_the_package_holds_beliefs_that_the_study_wrote() -> None:

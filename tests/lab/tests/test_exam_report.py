@@ -13,7 +13,7 @@ from tests.lab.exam.case import Case
 from tests.lab.exam.cases import answer_key
 from tests.lab.exam.cases.answer_key import KEYS_FOLDER, Sources, case_hash
 from tests.lab.exam.cases.drawn import DRAWN_FILE, load_or_draw
-from tests.lab.exam.report.page import markdown, plant_table, write_report
+from tests.lab.exam.report.page import markdown, write_report
 from tests.lab.exam.run import LEDGER
 from tests.lab.exam.run_case import Examined
 from tests.lab.exam.scoring.results import Baselines, Entry, Ledger, Oracle
@@ -56,16 +56,6 @@ def test_right_names_are_counted_from_medium_strength_on() -> None:
     assert met(weak + clear, "at weak strength") is True
 
 
-def test_plants_that_are_the_model_are_listed_apart_from_others() -> None:
-    own = single("a", "strong", tilted(0.01), tier="state")
-    chain = single("b", "strong", named("seam"), tier="state", engine="chain")
-    rows = plant_table([own, chain]).splitlines()
-    assert rows[0] == "| what | the model itself | another engine |"
-    (strictly,) = [row for row in rows if "strictly" in row]
-    assert [cell[:6] for cell in strictly.split(" | ")[1:]] == ["1 of 1", "0 of 1"]
-    assert "1 of 1, 100 % [21, 100], stated 0.9" in rows[-1]
-
-
 def test_a_case_without_a_verdict_is_not_right() -> None:
     right = single("a", "strong", tilted(0.01), tier="images")
     lost = Entry(case=right.case, of="x", state="failed", reason="its process died")
@@ -89,13 +79,6 @@ def test_six_cases_of_six_are_no_miss_where_a_single_one_decides() -> None:
     assert markdown(alarms).count("**missed**") >= 2
 
 
-def test_a_gap_claimed_without_a_name_is_no_false_alarm_but_counted() -> None:
-    entries = [scored(case("n", "nothing", {}), verdict("unexplained"))]
-    lines = {t.words: t.found for t in targets(entries, "images")}
-    assert lines["an effect named where nothing is hidden"].startswith("0 of 1")
-    assert lines["a gap claimed where nothing is hidden, named or not"].startswith("1 of 1")
-
-
 def test_pairs_and_shrink_are_held_against_their_targets() -> None:
     effects = {"desk_tilt": {"angle": 0.01}, "seam": {"factor": 2.0}}
     pair = case("p", "pair", effects, tier="images", strength="medium")
@@ -105,11 +88,6 @@ def test_pairs_and_shrink_are_held_against_their_targets() -> None:
     assert met([half], "knowing the truth") is True
     better = scored(pair, named("seam", "desk_tilt"), known=1.2)
     assert met([better], "knowing the truth") is False
-
-
-def test_nothing_counted_is_neither_met_nor_missed() -> None:
-    assert met([], "both") is None
-    assert met([], "intervals", "state") is None
 
 
 def entries() -> list[Entry]:
@@ -134,40 +112,12 @@ def test_the_page_lists_every_miss_and_nothing_else_as_one() -> None:
     assert "no verdict after 600 s" in misses[1]
 
 
-def test_the_tables_of_the_page_are_whole() -> None:
-    rows = [line for line in markdown(entries()).splitlines() if line.startswith("|")]
-    assert rows
-    width = 0
-    for before, line in zip(["", *rows], rows, strict=False):
-        cells = line.count("|")
-        if set(line) <= set("|- "):
-            assert cells == before.count("|")
-            width = cells
-        elif width and not line.startswith("| what"):
-            assert cells > 2
-    page = markdown(entries())
-    assert "| desk_tilt | 2 | desk_tilt 1, several 1 |" in page
-    assert "## Through images" in page
-
-
 def test_the_report_has_a_figure_for_each_tier(tmp_path: Path) -> None:
     written = write_report(entries(), tmp_path / "exam.md", "python -m tests.lab exam")
     assert {p.name for p in written} == {"exam.md", "exam-state.png", "exam-images.png"}
     assert all(p.read_bytes().startswith(b"\x89PNG") for p in written[1:])
     page = written[0].read_text(encoding="utf-8")
     assert all(p.name in page for p in written[1:])
-
-
-def test_a_report_of_failures_alone_is_written(tmp_path: Path) -> None:
-    written = write_report(entries()[-1:], tmp_path / "exam.md")
-    assert "no verdict" in written[0].read_text(encoding="utf-8")
-    assert len(written) == 1
-
-
-def test_a_page_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    with pytest.raises(ConfigurationError, match="cannot be written"):
-        write_report(entries(), tmp_path / "file" / "exam.md")
 
 
 def by_these_sources(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -197,18 +147,6 @@ def test_cases_are_drawn_once(kept: Path) -> None:
 def test_a_folder_of_another_exam_is_refused(kept: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"holds another exam \(tier state count 2 seed 7"):
         load_or_draw(kept, "state", 2, 8)
-
-
-def test_repeats_make_another_exam(kept: Path) -> None:
-    with pytest.raises(ConfigurationError, match="holds another exam"):
-        load_or_draw(kept, "state", 2, 7, repeats=2)
-    with pytest.raises(ConfigurationError, match="--repeats"):
-        load_or_draw(kept, "images", 2, 7, repeats=2)
-
-
-def test_force_makes_another_exam_of_the_same_cases(kept: Path) -> None:
-    with pytest.raises(ConfigurationError, match="holds another exam"):
-        load_or_draw(kept, "state", 2, 7, force=0.005)
 
 
 def test_a_case_without_force_says_nothing_of_it() -> None:

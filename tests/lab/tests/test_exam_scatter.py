@@ -8,20 +8,10 @@ import pytest
 from cell.record.files import RUN, TICKS
 from drivers.readers import read_yaml
 from drivers.strip.describe import describe
-from tests.lab.exam.report.page import scatter_table
 from tests.lab.exam.runs import from_model
-from tests.lab.exam.runs.scatter import GRASP, LEVELS, RunScatter
-from tests.lab.exam.scoring.results import Entry
+from tests.lab.exam.runs.scatter import LEVELS, RunScatter
 from tests.support.exam_cases import case
 from tests.support.gap_strip_cases import denim
-
-
-def test_without_scatter_a_strip_is_held_and_made_as_described() -> None:
-    none = RunScatter.draw("none", 1, 2)
-    model = describe(denim())
-    assert none.in_rig(model) is model
-    pose = np.array([0.5, 0.1, 0.0])
-    np.testing.assert_array_equal(none.true_pose(pose, 1.0), pose)
 
 
 @pytest.mark.parametrize("level", ["half", "full"])
@@ -37,28 +27,6 @@ def test_scatter_of_a_run_is_the_same_however_often_it_is_made() -> None:
     first, second = (RunScatter.draw("full", 5, 7) for _ in range(2))
     np.testing.assert_array_equal(first.grip, second.grip)
     assert (first.damping, first.stiffness) == (second.damping, second.stiffness)
-
-
-def test_the_edge_moves_to_where_it_is_held_and_stays_there() -> None:
-    scatter, pose = RunScatter.draw("full", 5, 7), np.zeros(3)
-    np.testing.assert_array_equal(scatter.true_pose(pose, 0.0), pose)
-    for time in (GRASP, 5.0):
-        np.testing.assert_allclose(scatter.true_pose(pose, time), [*scatter.grip, 0.0])
-
-
-def test_rig_and_strip_of_a_model_are_scattered() -> None:
-    scatter, model = RunScatter.draw("full", 5, 7), describe(denim())
-    held = scatter.in_rig(model)
-    assert (held.rig.grip_x, held.rig.grip_z) == pytest.approx(tuple(scatter.grip))
-    ratio = held.mechanics.viscosity / model.mechanics.viscosity
-    np.testing.assert_allclose(ratio, scatter.damping)
-
-
-def test_the_table_is_split_by_level() -> None:
-    cases = [case(f"a-{level}", "nothing", {}, scatter=level) for level in ("none", "half", "full")]
-    page = scatter_table([Entry(case=c, of="x", state="failed") for c in cases])
-    assert "0.15 mm, 2.5 %, 0.25 %" in page
-    assert page.count("0 of 1") == 6
 
 
 def test_each_motion_is_made_as_often_as_the_case_says(
