@@ -2,13 +2,13 @@
 
 import json
 from pathlib import Path as FilePath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
-from drivers.readers import MEGABYTE, read_bytes
+from drivers.readers import MEGABYTE, read_json
 from drivers.settings import Settings, parse
 from policies.network import WEIGHT_COUNT
 
@@ -37,18 +37,9 @@ class Checkpoint(Settings):
 def load_checkpoint(path: FilePath) -> Checkpoint:
     """The checkpoint at `path`; one line of ConfigurationError when it is missing or broken."""
     try:
-        content: Any = json.loads(read_bytes(path, MEGABYTE))
+        return parse(read_json(path, MEGABYTE), Checkpoint, str(path))
     except ConfigurationError as error:
         raise ConfigurationError(f"{error}; name another checkpoint or train one") from None
-    except (ValueError, RecursionError):
-        raise ConfigurationError(
-            f"{path}: checkpoint is corrupt: not JSON; restore the file or train one"
-        ) from None
-    if not isinstance(content, dict):
-        raise ConfigurationError(
-            f"{path}: checkpoint is corrupt: not a mapping; restore the file or train one"
-        )
-    return parse(content, Checkpoint, str(path))
 
 
 def save_checkpoint(path: FilePath, checkpoint: Checkpoint) -> None:

@@ -1,5 +1,7 @@
 """Path following by heading, for a batch of grippers commanded by velocity."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from drivers.strip.file import StripFile
@@ -72,17 +74,12 @@ def tangents(path: Path, travel: Array) -> Array:
 
 
 class PathPolicy:
-    """A policy that follows a path known before the fold; subclasses define the path."""
+    """A policy that follows a path known before the fold: `path` of a strip's length [m]."""
 
-    name = ""
-
-    def __init__(self) -> None:
+    def __init__(self, name: str, path: Callable[[float], Path]) -> None:
+        self.name, self.path = name, path
         self._speed = 0.0
         self._follower: Follower | None = None
-
-    def path(self, length: float) -> Path:
-        """The whole path for a strip of `length` [m]; NotImplementedError unless overridden."""
-        raise NotImplementedError
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Compute the path for `strip` and start at its beginning."""

@@ -49,21 +49,24 @@ class Entry:
 
 
 def _triangular(_: FilePath | None) -> "Policy":
-    from policies.fixed_paths import Triangular
+    from policies.follower import PathPolicy
+    from policies.path import triangular
 
-    return Triangular()
+    return PathPolicy("triangular", triangular)
 
 
 def _circular(_: FilePath | None) -> "Policy":
-    from policies.fixed_paths import Circular
+    from policies.follower import PathPolicy
+    from policies.path import circular
 
-    return Circular()
+    return PathPolicy("circular", circular)
 
 
 def _shifted(_: FilePath | None) -> "Policy":
-    from policies.fixed_paths import Shifted
+    from policies.follower import PathPolicy
+    from policies.path import shifted
 
-    return Shifted()
+    return PathPolicy("shifted", shifted)
 
 
 def _planned(_: FilePath | None) -> "Policy":
@@ -80,9 +83,9 @@ def _feedback(checkpoint: FilePath | None) -> "Policy":
 
 def _adaptive(checkpoint: FilePath | None) -> "Policy":
     from policies.adaptive.adaptive import Adaptive
-    from policies.adaptive.checkpoint import load_critic, load_transfer
+    from policies.adaptive.checkpoint import load_bias, load_critic
 
-    return Adaptive(load_critic(checkpoint), load_transfer(checkpoint))
+    return Adaptive(load_critic(checkpoint), load_bias(checkpoint))
 
 
 def _adaptive_in_rod(checkpoint: FilePath | None) -> "Policy":

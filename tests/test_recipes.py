@@ -112,9 +112,10 @@ from policies.registry import Entry
 
 
 def _make(_):
-    from policies.fixed_paths import Shifted
+    from policies.follower import PathPolicy
+    from policies.path import triangular
 
-    return Shifted(rise=0.06)
+    return PathPolicy("raised", lambda length: triangular(length, 0.06))
 
 
 ENTRY = Entry(rank=50, make=_make)

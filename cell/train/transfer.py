@@ -20,11 +20,11 @@ from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
 from drivers.yaml_text import dump_yaml
+from policies.adaptive.bias import Bias
 from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
 from policies.adaptive.critic import YIELD_UNIT
 from policies.adaptive.fabrics import unknown
 from policies.adaptive.train.transfer import FitQuality, FoldedBatch, fit_transfer
-from policies.adaptive.transfer import Transfer
 
 UNTRANSFERRED, JOURNAL = "untransferred.npz", "transfer"
 SECONDS = 10.0  # of processor, a fold
@@ -78,8 +78,8 @@ class FoldPart:
 
 def transfer(
     checkpoint: Path, folder: Path, out: Path, seed: int, count: int, engine: Engine, watch: Watcher
-) -> tuple[Transfer, FitQuality]:
-    """Fit a transfer to `count` folds by the critic in `checkpoint`, and write both to `out`.
+) -> tuple[Bias, FitQuality]:
+    """Fit a bias to `count` folds by the critic in `checkpoint`, and write both to `out`.
 
     `folder` keeps the finished folds, with which the same call goes on. Raises ConfigurationError
     where files cannot be used or most folds fail.

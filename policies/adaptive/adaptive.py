@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
+from policies.adaptive.bias import Bias
 from policies.adaptive.critic import Critic, Judgement, median_judgement
 from policies.adaptive.features import REFERENCE_LENGTH, Features
 from policies.adaptive.steering import Steering
-from policies.adaptive.transfer import Transfer
 from policies.path import Path, vertical_lift
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction
@@ -46,10 +46,10 @@ class Adaptive:
 
     name = "adaptive"
 
-    def __init__(self, critic: Critic, transfer: Transfer | None = None) -> None:
-        """Predict by `critic`; `transfer` corrects for camera images, None in simulated folds."""
+    def __init__(self, critic: Critic, bias: Bias | None = None) -> None:
+        """Predict by `critic`; `bias` corrects for camera images, None in simulated folds."""
         self.critic = critic
-        self.transfer = transfer or Transfer()
+        self.bias = bias or Bias()
         self._seen, self._unseen = 0.0, 0.0
         self.judgement: Judgement | None = None
         self._recent: deque[Judgement] = deque(maxlen=RECENT_JUDGEMENTS)
@@ -91,10 +91,10 @@ class Adaptive:
         if not self._recent:
             return None
         judged = median_judgement(self._recent)
-        bias = self.transfer.bias.of(judged.belief, self._thickness)
+        bias = self.bias.of(judged.belief, self._thickness)
         return FoldPrediction(
             displacement=float(judged.displacement[0] - bias[0] + self._seen),
-            sigma=float(self.transfer.bias.sigma_of(judged.sigma, self._thickness)[0]),
+            sigma=float(self.bias.sigma_of(judged.sigma, self._thickness)[0]),
             **judged.belief.first(),
             blind=bool(self.blind[0]),
         )
@@ -123,7 +123,7 @@ class Adaptive:
 
     def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
         """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is predicted."""
-        bias = self.transfer.bias.of(judgement.belief, self._thickness)
+        bias = self.bias.of(judgement.belief, self._thickness)
         missing = bias - self._seen - self._unseen - judgement.displacement
         target = self.rise + missing / judgement.slope
         target = np.where(self.blind, UNKNOWING * self._length, target)

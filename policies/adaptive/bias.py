@@ -1,13 +1,17 @@
-"""Bias (predicted minus true) of the critic's displacement in folds unlike its training."""
+"""Correction of a critic that was trained in simulation, learned from folds through images.
+
+Its displacement has a bias, predicted minus true, in folds unlike its training.
+"""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, TypeAdapter, ValidationError
 
 from drivers.settings import Settings, load
 from drivers.types import Array
@@ -16,6 +20,7 @@ from policies.adaptive.critic import Belief
 UNTRAINED = Path(__file__).with_name("untrained.yaml")
 REFERENCE_LOG_LENGTH = math.log(0.02)  # ln of m, bending length at which its term is zero
 REFERENCE_THICKNESS = 1e-3  # m, thickness at which its term is zero
+LARGEST_NUMBER = 100.0  # above every plausible coefficient
 
 
 class Untrained(Settings):
@@ -46,7 +51,8 @@ class Bias:
     `of_thickness` per m of thickness beyond 1 mm.
 
     The critic's sigmas are right after multiplication by `sigma`; an unmeasured thickness adds
-    `unmeasured` [m], effects outside the training add `untrained` [m].
+    `unmeasured` [m], effects outside the training add `untrained` [m]. The default corrects
+    nothing, as for folds like those of the training.
     """
 
     always: float = 0.0
@@ -55,6 +61,21 @@ class Bias:
     sigma: float = 1.0
     unmeasured: float = 0.0
     untrained: float = 0.0
+
+    @classmethod
+    def read(cls, facts: Mapping[str, Any]) -> Self:
+        """The bias from its `facts`; raises ValueError where they are not valid."""
+        try:
+            found = TypeAdapter(cls).validate_python(facts)
+        except ValidationError as error:
+            raise ValueError(str(error.errors()[0]["msg"])) from None
+        if not all(abs(number) < LARGEST_NUMBER for number in asdict(found).values()):
+            raise ValueError(f"needs all numbers below {LARGEST_NUMBER:g}")
+        return found
+
+    def facts(self) -> dict[str, Any]:
+        """The correction as plain values, for the checkpoint."""
+        return {"bias": asdict(self)}
 
     def of(self, belief: Belief, thickness: float | None) -> Array:
         """Bias (n,) [m] for strips estimated as `belief`; `thickness` [m] is None if unknown."""

@@ -13,10 +13,9 @@ from drivers.errors import ConfigurationError
 from drivers.files import replace_file, writing
 from drivers.readers import read_bytes
 from drivers.types import Array
-from policies.adaptive.bias import untrained_spread
+from policies.adaptive.bias import Bias, untrained_spread
 from policies.adaptive.critic import ARRAY_NAMES, OUTPUTS, Critic
 from policies.adaptive.features import COUNT
-from policies.adaptive.transfer import Transfer
 
 COMMITTED = FilePath(__file__).parents[1] / "weights" / "adaptive.npz"
 THROUGH_IMAGES = "through_images"  # key of the origin: the correction, and how it was fitted
@@ -38,7 +37,7 @@ def about(path: FilePath | None = None) -> dict[str, Any]:
     return _read_facts(_read_arrays(path or COMMITTED), path or COMMITTED)
 
 
-def load_transfer(path: FilePath | None = None) -> Transfer:
+def load_bias(path: FilePath | None = None) -> Bias:
     """The correction for folds through images at `path`, or the committed one.
 
     A checkpoint whose training ended with simulated folds has none, which reads as no bias. The
@@ -48,12 +47,12 @@ def load_transfer(path: FilePath | None = None) -> Transfer:
     place = path or COMMITTED
     found = about(place).get(THROUGH_IMAGES)
     if found is None:
-        return Transfer()
+        return Bias()
     try:
-        transfer = Transfer.read(found["transfer"])
+        bias = Bias.read(found["transfer"]["bias"])
     except (ValueError, KeyError, TypeError):
         raise _broken(place, f"{THROUGH_IMAGES} holds no transfer") from None
-    return Transfer(replace(transfer.bias, untrained=untrained_spread().added))
+    return replace(bias, untrained=untrained_spread().added)
 
 
 def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:

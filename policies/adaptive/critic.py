@@ -1,6 +1,6 @@
 """The critic, a network that predicts a fold's displacement and estimates the strip's behaviour."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -63,20 +63,10 @@ class Judgement(NamedTuple):
 
 def median_judgement(judgements: Sequence[Judgement]) -> Judgement:
     """Median, element by element, of at least one prediction of the same folds."""
-
-    def median(of: Callable[[Judgement], Array]) -> Array:
-        return np.asarray(np.median([of(judged) for judged in judgements], axis=0))
-
-    return Judgement(
-        displacement=median(lambda judged: judged.displacement),
-        slope=median(lambda judged: judged.slope),
-        sigma=median(lambda judged: judged.sigma),
-        belief=Belief(
-            log_bending_length=median(lambda judged: judged.belief.log_bending_length),
-            log_retardation_time=median(lambda judged: judged.belief.log_retardation_time),
-            friction=median(lambda judged: judged.belief.friction),
-        ),
-    )
+    *numbers, beliefs = zip(*judgements, strict=True)
+    displacement, slope, sigma = (np.median(each, axis=0) for each in numbers)
+    belief = Belief(*(np.median(each, axis=0) for each in zip(*beliefs, strict=True)))
+    return Judgement(displacement, slope, sigma, belief)
 
 
 class Critic:

@@ -20,7 +20,7 @@ from drivers.installation import Workspace
 from drivers.motion import TICK, MotionProfile
 from drivers.twin.clock import Turn, TwinClock
 from drivers.types import ArmState, Frame, HandState, Pose, Velocity
-from policies.fixed_paths import Triangular
+from policies.registry import make_policy
 
 LIMITS = Configs(CHECKOUT_CONFIGS).cell().installation.limits
 
@@ -126,7 +126,9 @@ class Bench:
         settings = Configs(CHECKOUT_CONFIGS).cell()
         strip = Configs(CHECKOUT_CONFIGS).strip("denim")
         reader = self.reader or InlineReader(SimpleNamespace(look=result_of), 0.0)
-        context = FoldContext(settings.controller, strip, Triangular(), None, reader, reader)
+        context = FoldContext(
+            settings.controller, strip, make_policy("triangular"), None, reader, reader
+        )
         devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)
         return Run(devices, context, self.record, self.observers, self.interrupted).execute()
 

@@ -4,7 +4,6 @@ from typing import Any
 
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import kernel
-from drivers.strip.rod.friction import element
 from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
 from drivers.strip.rod.terms import gradual_friction, lagging, stick_slip
 
@@ -32,6 +31,18 @@ def strain(a: Any, b: Any) -> Any:
     opened = 1.0 + cosine
     quarter = sine / (opened + sqrt(2.0 * opened))
     return 4.0 * quarter, quarter
+
+
+@kernel
+def element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
+    """Moment [N m] of an element after a `change` of strain, and its tangent (return mapping).
+
+    `stick` is its stiffness, `slip` the moment at which it slides, `before` its moment before.
+    """
+    moment = fma(stick, change, before)
+    over, under = below(slip, moment), below(moment, -slip)
+    moment = choose(over, slip, choose(under, -slip, moment))
+    return moment, choose(over + under, 0.0, stick)
 
 
 @kernel

@@ -2,7 +2,8 @@
 
 Compiled code may add, subtract, multiply and divide `Lanes` with each other and with floats. `load`
 of an array with a lane axis gives Lanes, without one a float: the same kernel simulates eight
-strips in one vector register or one strip in scalars, operation for operation, bit for bit.
+strips in one vector register or one strip in scalars, operation for operation, bit for bit. In
+batches lanes are 3.1 to 4.2 times as fast as scalars (with AVX2; 1.8 times with half of them idle).
 """
 
 import operator

@@ -7,7 +7,6 @@ from typing import Any
 
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import kernel
-from drivers.strip.rod.friction import gradual_element
 from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
 
 HUGE = 1e300  # coefficients beyond are null at infinity
@@ -43,6 +42,21 @@ def lagging(block: Any, r: int, change: Any, rate: Any) -> Any:
     resistance = load(block.nature, r, at.QUADRATIC) * magnitude(speed)
     branch = load(block.nature, r, at.BRANCH)
     return fma(resistance, speed, branch * q), fma(2.0 * resistance, rate, branch * share)
+
+
+@kernel
+def gradual_element(slip: Any, pace: Any, change: Any, before: Any) -> Any:
+    """Moment [N m] of an element without a yield point after a `change` of strain, and its tangent.
+
+    dM/deps = pace (slip - s M) with s the sign of the change: Dahl's law of exponent 1. Of x = pace
+    |change|, exp(-x) is taken as 1 / (1 + x + x^2 / 2 + x^3 / 6), which stays positive.
+    """
+    back = below(change, 0.0)
+    limit, x = choose(back, -slip, slip), pace * choose(back, -change, change)
+    slope = fma(x, fma(0.5, x, 1.0), 1.0)
+    growth = fma(x * x, x * (1.0 / 6.0), slope)
+    ahead = (limit - before) / growth  # the moment still to come
+    return limit - ahead, pace * slope * choose(back, -ahead, ahead) / growth
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Fit of a critic's correction, its `Transfer`, to folds that were made through images."""
+"""Fit of a critic's correction, its `Bias`, to folds that were made through images."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -10,7 +10,6 @@ from scipy import optimize
 
 from drivers.types import Array
 from policies.adaptive.bias import REFERENCE_THICKNESS, Bias, bias_terms
-from policies.adaptive.transfer import Transfer
 
 PRIOR = np.array([2e-3, 2e-3, 2.0])  # sigma of the bias: m, m, m/m
 FOLD_NOISE = 0.7e-3  # m, one sigma of a fold's error, which weighs data against the prior
@@ -51,8 +50,8 @@ class FitQuality:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
-def fit_transfer(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
-    """The transfer fitted to `batch`, and its quality by tenfold cross-validation.
+def fit_transfer(batch: FoldedBatch) -> tuple[Bias, FitQuality]:
+    """The bias fitted to `batch`, and its quality by tenfold cross-validation.
 
     Raises ValueError for fewer folds than the bias has terms.
     """
@@ -66,7 +65,7 @@ def fit_transfer(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
     unmeasured = abs(coefficients[2]) * float(np.sqrt(np.mean(beyond**2)))
     within = round(float(np.mean(np.abs(errors) < sigma * batch.sigma)), 3)
     quality = FitQuality(count, _round(np.sqrt(np.mean(errors**2))), within)
-    return Transfer(Bias(*map(_round, (*coefficients, sigma, unmeasured)))), quality
+    return Bias(*map(_round, (*coefficients, sigma, unmeasured))), quality
 
 
 def _cross_validated_errors(batch: FoldedBatch) -> Array:

@@ -17,7 +17,7 @@ from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from drivers.types import Pose
-from policies.fixed_paths import triangular
+from policies.path import triangular
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from tests.support.seen_folds import STRIPS, distances
 from tests.support.twin_calibration import NO_STRIP, pointer_frame, twin_calibration

@@ -18,8 +18,8 @@ from cell.parallel import workers
 from cell.train.evaluation import Engine, Evaluation, evaluate
 from cell.train.run import SUBSTEPS, alone_in
 from drivers.errors import WorkersLost
+from policies.adaptive.bias import Bias
 from policies.adaptive.train.transfer import FitQuality
-from policies.adaptive.transfer import Transfer
 from policies.registry import make_policy
 from policies.train.objective import TrainingSettings
 
@@ -91,7 +91,7 @@ def test_command_trains_by_default_as_the_settings_say() -> None:
 
 def test_end_of_a_training_through_images_is_printed(monkeypatch, capsys, tmp_path) -> None:
     quality = FitQuality(folds=96, bias=7e-4, within=0.68)
-    monkeypatch.setattr("cell.train.transfer.transfer", lambda *_: (Transfer(), quality))
+    monkeypatch.setattr("cell.train.transfer.transfer", lambda *_: (Bias(), quality))
     words = ("--policy", "adaptive", "--checkpoint", tmp_path / "bare.npz", "--out", tmp_path)
     command(monkeypatch, *words)
     assert capsys.readouterr().out == (

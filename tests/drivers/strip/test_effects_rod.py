@@ -13,10 +13,9 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import flat_batch
 from drivers.strip.rod.bending import friction
 from drivers.strip.rod.engine import Rod
-from drivers.strip.rod.friction import gradual_element
 from drivers.strip.rod.layout import Block
 from drivers.strip.rod.motions import GripperPath, simulate_all
-from drivers.strip.rod.terms import air, gradual_friction, lagging, resist
+from drivers.strip.rod.terms import air, gradual_element, gradual_friction, lagging, resist
 from drivers.types import Array
 from policies.experiments.standard import STANDARD
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way

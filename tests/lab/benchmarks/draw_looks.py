@@ -17,7 +17,7 @@ from drivers.strip.describe import load_strip
 from drivers.twin.renderer.looks import LOOKS, Look
 from drivers.twin.settings import CameraSettings
 from drivers.types import Image
-from policies.fixed_paths import triangular
+from policies.path import triangular
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from tests.support.seen_folds import STRIPS
 from tests.support.twin_calibration import twin_calibration

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from policies.adaptive.bias import REFERENCE_LOG_LENGTH, Bias, untrained_spread
-from policies.adaptive.checkpoint import load_transfer
+from policies.adaptive.checkpoint import load_bias
 from policies.adaptive.critic import Belief
 
 
@@ -39,5 +39,5 @@ def test_thickness_that_nobody_measured_widens_sigma() -> None:
 def test_what_no_training_held_widens_sigma_through_images_but_not_in_the_rod() -> None:
     bias = Bias(sigma=0.8, unmeasured=3e-4, untrained=4e-4)
     assert bias.sigma_of(np.array([5e-4]), 0.001) == pytest.approx([np.hypot(4e-4, 4e-4)])
-    assert load_transfer().bias.untrained == untrained_spread().added > 0.0
+    assert load_bias().untrained == untrained_spread().added > 0.0
     assert Bias().untrained == 0.0

@@ -13,12 +13,11 @@ from policies.adaptive.checkpoint import (
     COMMITTED,
     THROUGH_IMAGES,
     about,
+    load_bias,
     load_critic,
-    load_transfer,
     save_critic,
 )
 from policies.adaptive.train.transfer import PRIOR, FoldedBatch, fit_transfer
-from policies.adaptive.transfer import Transfer
 
 BIAS = np.array([0.7e-3, -1.0e-3, 0.5])
 
@@ -41,8 +40,7 @@ def folds(count: int, noise: float, wild: int = 0) -> FoldedBatch:
 
 @pytest.mark.parametrize("wild", [0, 3])
 def test_fit_finds_the_bias_beside_a_few_wild_folds(wild: int) -> None:
-    transfer, quality = fit_transfer(folds(120, 2e-4, wild))
-    bias = transfer.bias
+    bias, quality = fit_transfer(folds(120, 2e-4, wild))
     assert (bias.always, bias.of_length, bias.of_thickness) == pytest.approx(
         BIAS, abs=3e-4, rel=0.2
     )
@@ -52,7 +50,7 @@ def test_fit_finds_the_bias_beside_a_few_wild_folds(wild: int) -> None:
 
 def test_sigma_grows_where_folds_scatter_by_more_than_was_stated() -> None:
     (little, _), (much, _) = fit_transfer(folds(120, 2e-4)), fit_transfer(folds(120, 1e-3))
-    assert much.bias.sigma == pytest.approx(5.0 * little.bias.sigma, rel=0.3)
+    assert much.sigma == pytest.approx(5.0 * little.sigma, rel=0.3)
 
 
 def test_fewer_folds_than_the_bias_has_terms_are_refused() -> None:
@@ -64,13 +62,13 @@ def test_committed_weights_say_how_their_transfer_came_about() -> None:
     origin = about()[THROUGH_IMAGES]
     assert origin["left_out"]["folds"] >= 48
     assert origin["left_out"]["bias"] < 1e-3
-    fitted = Transfer.read(origin["transfer"]).bias
-    assert load_transfer() == Transfer(replace(fitted, untrained=untrained_spread().added))
+    fitted = Bias.read(origin["transfer"]["bias"])
+    assert load_bias() == replace(fitted, untrained=untrained_spread().added)
 
 
 def test_checkpoint_from_the_rod_alone_corrects_nothing(tmp_path: Path) -> None:
     save_critic(tmp_path / "bare.npz", load_critic(), {"training": {}})
-    assert load_transfer(tmp_path / "bare.npz") == Transfer()
+    assert load_bias(tmp_path / "bare.npz") == Bias()
 
 
 @pytest.mark.parametrize(
@@ -86,10 +84,10 @@ def test_transfer_that_is_none_is_refused_in_one_line(facts: object, tmp_path: P
     path = tmp_path / "odd.npz"
     save_critic(path, load_critic(COMMITTED), {THROUGH_IMAGES: {"transfer": facts}})
     with pytest.raises(ConfigurationError, match=r"odd\.npz: checkpoint is corrupt") as refused:
-        load_transfer(path)
+        load_bias(path)
     assert "\n" not in str(refused.value)
 
 
 def test_facts_are_read_back_as_they_were() -> None:
-    transfer = Transfer(Bias(1e-3, 2e-3, 0.3, 1.1, 5e-4))
-    assert Transfer.read(json.loads(json.dumps(transfer.facts()))) == transfer
+    bias = Bias(1e-3, 2e-3, 0.3, 1.1, 5e-4)
+    assert Bias.read(json.loads(json.dumps(bias.facts()))["bias"]) == bias

@@ -7,9 +7,9 @@ from drivers.strip.file import StripFile
 from policies.adaptive.checkpoint import load_critic
 from policies.adaptive.fabrics import EFFECTS, STRIP_LENGTH, effect, plain
 from policies.adaptive.train.piece import truth
-from policies.fixed_paths import Shifted
 from policies.policy import Policy
 from policies.prediction import Estimate, FoldPrediction
+from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from tests.lab.studies.kit.folds import SIGMAS_95
 from tests.lab.studies.kit.rollouts import Kept, rough, sensing_of, stepper, stretchy
@@ -50,7 +50,7 @@ def measure(case: Values) -> Values:
 
     first = fold(policy)
     known = _last_prediction(policy, first)
-    shifted, second = fold(Shifted()), fold(policy)
+    shifted, second = fold(make_policy("shifted")), fold(policy)
     again = _last_prediction(policy, second)
     d = float(first.displacement[0])
     length, time, _ = truth(strip)
