@@ -140,7 +140,7 @@ def new_file(path: Path) -> FileIO:
     return path.open("xb", buffering=0)
 
 
-def own_file(path: Path) -> None:
+def check_writable(path: Path) -> None:
     """Ensure that `path` is a regular file, for a writer that opens it by name.
 
     Raises OSError where a link, a pipe or another special file stands there.
@@ -148,15 +148,15 @@ def own_file(path: Path) -> None:
     os.close(_open_to_write(path, os.O_WRONLY))
 
 
-def own_stream(path: Path) -> FileIO:
-    """The regular file at `path`, emptied and open for writing; OSError as for `own_file`."""
+def open_emptied(path: Path) -> FileIO:
+    """The regular file at `path`, emptied and open for writing; OSError as for `check_writable`."""
     return FileIO(_open_to_write(path, os.O_WRONLY | os.O_TRUNC), "w")
 
 
 def append_line(path: Path, line: bytes) -> None:
     """Append `line` to the file at `path` and flush it to disk.
 
-    Raises OSError as `own_file` does, and where the line does not fit; it is then removed again.
+    Raises OSError as `check_writable` does, and where the line does not fit: it is then removed.
     """
     with open(_open_to_write(path, os.O_WRONLY | os.O_APPEND), "wb", buffering=0) as file:
         end = os.fstat(file.fileno()).st_size

@@ -21,7 +21,7 @@ from cell.devices.open import open_cell
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Unattended
 from drivers.errors import CellError, ConfigurationError
-from drivers.files import own_file
+from drivers.files import check_writable
 from drivers.strip.file import StripFile
 from drivers.twin.board import drawing_digest
 
@@ -82,7 +82,7 @@ def _file_lock(path: Path) -> Iterator[None]:
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
             lock = path.with_suffix(".lock")
-            own_file(lock)
+            check_writable(lock)
             fcntl.flock(held.enter_context(lock.open("rb")), fcntl.LOCK_EX)
         yield
 

@@ -23,7 +23,7 @@ from drivers.strip.file import StripFile
 from drivers.twin.camera import PacedCamera
 from drivers.twin.clock import RealTimeClock, TwinClock
 from drivers.twin.follow import Follower
-from drivers.twin.open import ORDINARY, Desk, PlantOptions, open_desk
+from drivers.twin.open import DEFAULT_PLANT, Desk, PlantOptions, open_desk
 from drivers.types import Array, Frame, frozen
 
 NO_FORCE = frozen([0.0, 0.0, 0.0])
@@ -49,7 +49,7 @@ def fci_devices(
     settings: CellFile,
     strip: StripFile,
     choice: DeviceSelection,
-    staging: PlantOptions = ORDINARY,
+    staging: PlantOptions = DEFAULT_PLANT,
     *,
     calibrating: bool = False,
 ) -> Devices:

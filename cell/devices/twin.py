@@ -10,8 +10,8 @@ from cell.devices.devices import Devices, DeviceSelection
 from drivers.strip.describe import load_plant
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
-from drivers.twin.board import Held, board_frame, held_before
-from drivers.twin.open import ORDINARY, Desk, PlantOptions, Twin, open_twin
+from drivers.twin.board import Placement, board_frame, board_pose
+from drivers.twin.open import DEFAULT_PLANT, Desk, PlantOptions, Twin, open_twin
 from drivers.twin.settings import TwinSettings
 from drivers.types import Frame
 
@@ -28,8 +28,10 @@ class TwinCalibrationAids:
     def show_board(self, wanted: WantedView) -> Frame:
         """An image of the board held as `wanted`."""
         board = self.settings.boards.board()
-        held = Held(wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll)
-        placed = held_before(self.settings.twin.camera, board, held)
+        placement = Placement(
+            wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll
+        )
+        placed = board_pose(self.settings.twin.camera, board, placement)
         self._shown += 1
         return board_frame(
             self.settings.twin.camera, board, placed, self.seed, sequence=self._shown
@@ -76,7 +78,7 @@ def twin_devices(
     choice: DeviceSelection,
     *,
     calibrating: bool,
-    staging: PlantOptions = ORDINARY,
+    staging: PlantOptions = DEFAULT_PLANT,
 ) -> Devices:
     """Devices of the twin with the plant on its desk, and the rig's effects after calibration.
 

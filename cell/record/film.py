@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 from drivers.errors import ConfigurationError
-from drivers.files import own_file, replacing, writing
+from drivers.files import check_writable, replacing, writing
 from drivers.types import Frame, Image
 
 TIME_BASE = Fraction(1, 90_000)  # s, the time base of films that are written
@@ -74,7 +74,7 @@ class FilmWriter:
 
         options = FRAGMENTS if path.suffix == ".mp4" else {}
         with writing(path):
-            own_file(path)
+            check_writable(path)
             self._container = av.open(str(path), "w", options=options)
         self._path, self._encoder, self._begin = path, encoder, 0.0
         self._stream: Any = None

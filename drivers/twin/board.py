@@ -39,7 +39,7 @@ PIN = Scene(
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class Placement:
     """Pose of a board in front of the camera, described by its place and size in the image.
 
     `x`, `y` are the centre as fractions of the image, `size` the board's width as a fraction of the
@@ -60,24 +60,26 @@ def drawing_digest() -> str:
     """Digest of small pictures of a board and of the pin: it changes when their drawing does."""
     settings = CameraSettings(width=426, height=240)
     board = cv2.aruco.CharucoBoard((7, 5), 0.03, 0.02, DICTIONARY)
-    pose = held_before(settings, board, Held(0.55, 0.45, 0.5, 0.3, -0.2, 0.1))
+    pose = board_pose(settings, board, Placement(0.55, 0.45, 0.5, 0.3, -0.2, 0.1))
     shown = board_frame(settings, board, pose, seed=1).image
     pin = Renderer(settings, StripLook((40, 60, 110), 0.001, 0.05), 1).render([PIN], 1)
     return hashlib.sha256(shown.tobytes() + pin.tobytes()).hexdigest()[:16]
 
 
-def held_before(settings: CameraSettings, board: cv2.aruco.CharucoBoard, held: Held) -> Matrix:
-    """Pose (4, 4) in the cell frame of `board` held in front of the camera as `Held` describes.
+def board_pose(
+    settings: CameraSettings, board: cv2.aruco.CharucoBoard, placement: Placement
+) -> Matrix:
+    """Pose (4, 4) in the cell frame of `board`, held in front of the camera at `placement`.
 
     The board's own frame starts at its centre, x to its right, y down, z into it.
     """
     optics = Optics.of(settings)
     distance = optics.focal * board.getChessboardSize()[0] * board.getSquareLength()
-    distance /= held.size * settings.width
-    at = np.array([held.x * settings.width, held.y * settings.height], dtype=np.float32)
+    distance /= placement.size * settings.width
+    at = np.array([placement.x * settings.width, placement.y * settings.height], dtype=np.float32)
     ray = np.array([float(part[0]) for part in optics.rays(at[:1], at[1:])])
     pose = np.eye(4)
-    pose[:3, :3] = optics.rotation.T @ _rotation(held.tilt, held.turn, held.roll)
+    pose[:3, :3] = optics.rotation.T @ _rotation(placement.tilt, placement.turn, placement.roll)
     pose[:3, 3] = optics.centre + ray / float(ray @ optics.rotation[2]) * distance
     return pose
 

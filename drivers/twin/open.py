@@ -20,10 +20,10 @@ from drivers.twin.settings import TwinSettings
 from drivers.twin.world import Plant, World
 from drivers.types import Pose
 
-AS_USUAL = Installation()
+DEFAULT_INSTALLATION = Installation()
 
 
-def as_it_is(world: World) -> Visible:
+def unchanged(world: World) -> Visible:
     """The default view: the camera sees `world` unchanged."""
     return world
 
@@ -36,25 +36,10 @@ class PlantOptions:
     """
 
     engine: Callable[[int], Plant] = Chain
-    view: Callable[[World], Visible] = as_it_is
+    view: Callable[[World], Visible] = unchanged
 
 
-ORDINARY = PlantOptions()
-
-
-@dataclass(frozen=True, slots=True)
-class Twin:
-    """Clock, devices and world of a cell that is wholly simulated."""
-
-    clock: TwinClock
-    arm: TwinArm
-    hand: TwinHand
-    camera: TwinCamera
-    world: World
-
-    def truth(self) -> Truth:
-        """True history of strip and gripper since the grasp; for scoring only."""
-        return self.world.truth()
+DEFAULT_PLANT = PlantOptions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,14 +57,22 @@ class Desk:
         return self.world.truth()
 
 
+@dataclass(frozen=True, slots=True)
+class Twin(Desk):
+    """A cell that is wholly simulated: a desk with arm and hand."""
+
+    arm: TwinArm
+    hand: TwinHand
+
+
 def open_twin(
     settings: TwinSettings,
     plant: StripFile,
     cell_effects: Effects | None,
     seed: int,
     index: int = 0,
-    installation: Installation = AS_USUAL,
-    staging: PlantOptions = ORDINARY,
+    installation: Installation = DEFAULT_INSTALLATION,
+    staging: PlantOptions = DEFAULT_PLANT,
 ) -> Twin:
     """A twin at rest, `plant` flat on its desk, the hand open above the grasped edge.
 
@@ -93,7 +86,7 @@ def open_twin(
     delay = desk.model.rig.delay
     arm = TwinArm(desk.world, desk.clock, settings.arm, installation, rng, delay)
     hand = TwinHand(desk.world, desk.clock, settings.hand)
-    return Twin(clock=desk.clock, arm=arm, hand=hand, camera=desk.camera, world=desk.world)
+    return Twin(desk.clock, desk.world, desk.camera, desk.model, desk.home, arm, hand)
 
 
 def open_desk(
@@ -103,7 +96,7 @@ def open_desk(
     cell_effects: Effects | None,
     seed: int,
     index: int = 0,
-    staging: PlantOptions = ORDINARY,
+    staging: PlantOptions = DEFAULT_PLANT,
 ) -> Desk:
     """A desk with strip and camera on `clock`, for an arm that reports its poses to the world."""
     model = describe(plant, cell_effects, index)

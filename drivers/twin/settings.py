@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from drivers.franka.model import ArmPlant
 from drivers.settings import Settings
-from drivers.twin.renderer.looks import PLAIN, check_look
+from drivers.twin.renderer.looks import DEFAULT_LOOK, check_look
 
 HIGHEST_ELEVATION = radians(5.0)  # from higher up the lower layer's face hides the closing gap
 
@@ -154,7 +154,7 @@ class TwinSettings(Settings):
     """
 
     # The plain look is left out of files: nothing that is kept of a cell changes by its name.
-    look: str = Field(PLAIN.name, exclude_if=lambda name: name == PLAIN.name)
+    look: str = Field(DEFAULT_LOOK, exclude_if=lambda name: name == DEFAULT_LOOK)
     arm: ArmSettings = ArmSettings()
     hand: HandSettings = HandSettings()
     world: WorldSettings = WorldSettings()

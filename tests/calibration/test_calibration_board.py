@@ -11,7 +11,7 @@ from calibration.wizard.coverage import WantedView
 from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.news import Row
 from drivers.errors import ConfigurationError
-from drivers.twin.board import Held, board_frame, held_before
+from drivers.twin.board import Placement, board_frame, board_pose
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
 from drivers.types import Frame, Image
@@ -27,19 +27,21 @@ def _verdict() -> LensVerdict:
 
 
 @lru_cache
-def _image(held: Held, sequence: int = 0) -> Image:
+def _image(placement: Placement, sequence: int = 0) -> Image:
     board = SETTINGS.board()
-    return board_frame(CAMERA, board, held_before(CAMERA, board, held), 2, sequence=sequence).image
+    return board_frame(
+        CAMERA, board, board_pose(CAMERA, board, placement), 2, sequence=sequence
+    ).image
 
 
-def _frame(held: Held, sequence: int = 0) -> Frame:
-    return Frame(0.0, 0.0, "test", sequence, _image(held, sequence))
+def _frame(placement: Placement, sequence: int = 0) -> Frame:
+    return Frame(0.0, 0.0, "test", sequence, _image(placement, sequence))
 
 
-def _shown(views: BoardViews, held: Held, sequence: int = 0) -> str | None:
+def _shown(views: BoardViews, placement: Placement, sequence: int = 0) -> str | None:
     """What comes of two images in a row of a board at rest."""
-    told = views.tell(_frame(held, sequence))
-    return views.tell(_frame(held, sequence)).refused if told.waits else told.refused
+    told = views.tell(_frame(placement, sequence))
+    return views.tell(_frame(placement, sequence)).refused if told.waits else told.refused
 
 
 @pytest.mark.slow
@@ -58,7 +60,7 @@ def test_lens_is_found_through_images_to_half_a_percent() -> None:
 
 def test_shaken_board_gives_no_view() -> None:
     views = BoardViews(SETTINGS)
-    answers = [views.tell(_frame(Held(0.5 + 0.004 * (k % 2), 0.5, 0.4))) for k in range(6)]
+    answers = [views.tell(_frame(Placement(0.5 + 0.004 * (k % 2), 0.5, 0.4))) for k in range(6)]
     assert not any(told.taken for told in answers)
     assert "the board moved by 5." in str(answers[1].refused)
     assert "hold it still" in str(answers[1].refused)
@@ -66,14 +68,14 @@ def test_shaken_board_gives_no_view() -> None:
 
 def test_view_shown_before_is_refused() -> None:
     views = BoardViews(SETTINGS)
-    assert _shown(views, Held(0.5, 0.5, 0.4)) is None
-    assert "was taken before; move the board" in str(_shown(views, Held(0.505, 0.5, 0.4)))
+    assert _shown(views, Placement(0.5, 0.5, 0.4)) is None
+    assert "was taken before; move the board" in str(_shown(views, Placement(0.505, 0.5, 0.4)))
 
 
 @pytest.mark.parametrize(("size", "remedy"), [(0.125, "come nearer"), (1.6, "too close")])
 def test_board_too_far_or_too_close_is_reported_with_a_remedy(size: float, remedy: str) -> None:
     views = BoardViews(SETTINGS)
-    assert remedy in str(_shown(views, Held(0.5, 0.5, size)))
+    assert remedy in str(_shown(views, Placement(0.5, 0.5, size)))
 
 
 def test_image_without_board_is_refused_and_given_up_after_patience() -> None:
@@ -100,7 +102,7 @@ def test_person_is_waited_for_until_he_skips() -> None:
 def test_view_that_nobody_asked_for_counts() -> None:
     views = BoardViews(SETTINGS)
     first = views.ask()
-    assert _shown(views, Held(0.16, 0.73, 0.31, -0.28, 0.28)) is None
+    assert _shown(views, Placement(0.16, 0.73, 0.31, -0.28, 0.28)) is None
     assert views.ask() == first
     assert {gate.name: gate.have for gate in views.gates()}["views"] == 1
     views.skip()
@@ -120,8 +122,8 @@ def test_wanted_view_is_described_in_words() -> None:
 
 def test_image_of_another_size_is_refused() -> None:
     views = BoardViews(SETTINGS)
-    assert _shown(views, Held(0.5, 0.5, 0.4)) is None
-    turned = np.ascontiguousarray(np.swapaxes(_image(Held(0.5, 0.5, 0.4)), 0, 1))
+    assert _shown(views, Placement(0.5, 0.5, 0.4)) is None
+    turned = np.ascontiguousarray(np.swapaxes(_image(Placement(0.5, 0.5, 0.4)), 0, 1))
     answer = views.tell(Frame(0.0, 0.0, "test", 1, turned)).refused
     assert answer == "the image is 720 x 1280 px, the others are 1280 x 720 px; set the camera back"
 
@@ -129,7 +131,7 @@ def test_image_of_another_size_is_refused() -> None:
 def test_newest_view_can_be_taken_back() -> None:
     views = BoardViews(SETTINGS)
     wanted = views.ask()
-    assert _shown(views, Held(0.5, 0.5, 0.4)) is None
+    assert _shown(views, Placement(0.5, 0.5, 0.4)) is None
     assert views.ask() != wanted
     assert views.take_back() == Row(number=1, dropped=True)
     assert views.ask() == wanted

@@ -15,9 +15,9 @@ from drivers.errors import ConfigurationError
 from drivers.files import (
     append_line,
     change_file,
+    check_writable,
     new_file,
     new_folder,
-    own_file,
     replace_file,
     replacing,
 )
@@ -30,7 +30,7 @@ ELSEWHERE = {
     "cell/gap/fitting/tasks.py",
 }
 MADE_BY_THE_DOOR = {
-    # a name that `replacing` made or `own_file` looked at, or a pipe into `own_stream`
+    # a name that `replacing` made or `check_writable` looked at, or a pipe into `open_emptied`
     *("cell/record/tables.py", "cell/report/viz/saving.py"),
     *("cell/record/exchange/mcap_file.py", "cell/record/film.py"),
     "policies/adaptive/train/piece.py",
@@ -84,7 +84,7 @@ def test_a_line_is_not_added_along_a_link_nor_to_a_pipe(tmp_path: Path, outside:
         with pytest.raises(OSError, match=r"symbolic|regular|device"):
             append_line(tmp_path / name, b"line\n")
         with pytest.raises(OSError, match=r"symbolic|regular|device"):
-            own_file(tmp_path / name)
+            check_writable(tmp_path / name)
     assert outside.read_text() == "mine"
 
 

@@ -23,7 +23,7 @@ from calibration.wizard.touches import TouchSettings
 from cell.calibrating.calibrate import calibrate_now, kept_calibration
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from drivers.errors import Fault
-from drivers.twin.board import Held, board_frame, held_before
+from drivers.twin.board import Placement, board_frame, board_pose
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
@@ -39,8 +39,10 @@ def show_boards(camera: CameraSettings, settings: BoardSettings) -> LensVerdict:
     views = BoardViews(settings)
     sequence = 0
     while (wanted := views.ask()) is not None:
-        held = Held(wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll)
-        pose = held_before(camera, settings.board(), held)
+        placement = Placement(
+            wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll
+        )
+        pose = board_pose(camera, settings.board(), placement)
         views.tell(board_frame(camera, settings.board(), pose, seed=1, sequence=sequence))
         sequence += 1
     views.set_length(settings.width)

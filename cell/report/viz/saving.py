@@ -11,7 +11,7 @@ from typing import Any
 import rerun as rr
 from rerun import bindings
 
-from drivers.files import own_stream, write_all
+from drivers.files import open_emptied, write_all
 
 CHUNK_SIZE = 1 << 20  # bytes that are passed on at once
 
@@ -26,7 +26,7 @@ def saving(recording: rr.RecordingStream, path: Path, *others: Any) -> Iterator[
     """
     # A recording that nobody holds keeps two threads and 0.5 MB until this, which `rr.init` calls.
     bindings.flush_and_cleanup_orphaned_recordings()
-    with own_stream(path) as file:
+    with open_emptied(path) as file:
         end, begin = os.pipe()
         failures: list[OSError] = []
         thread = threading.Thread(

@@ -12,7 +12,7 @@ from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
 from drivers.strip.shape import Gap, Touch, desk_contact, fold_tip, layer_gap, touch_between
 from drivers.twin.chain.ends import VELOCITY_DECAY, Ends, Grip, approach_poses
-from drivers.twin.chain.forces import ExtraForce, ExtraForces, Loads, Parts, own_laws
+from drivers.twin.chain.forces import ExtraForce, ExtraForces, Loads, Parts, strip_laws
 from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.lumps import Lumps
 from drivers.twin.chain.spec import LONGEST_STEP, Layers, compile_chain
@@ -42,7 +42,7 @@ class ChainStrip:
         self._joints = Joints.of(self._model, self._lumps.spans)
         self._loads = Loads(self._lumps, self._joints)
         self._foreign = ExtraForces(
-            (*own_laws(model), *foreign), Parts(model, self._lumps, self._joints)
+            (*strip_laws(model), *foreign), Parts(model, self._lumps, self._joints)
         )
         self._ends = Ends.of(model, self._lumps, self._joints)
         self._state = np.empty(mujoco.mj_stateSize(self._model, STATE_SPEC))

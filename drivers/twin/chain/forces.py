@@ -210,7 +210,7 @@ class GradualFriction:
         return resistance(parts, law)
 
 
-def own_laws(model: StripModel) -> Sequence[ExtraForce]:
+def strip_laws(model: StripModel) -> Sequence[ExtraForce]:
     """Extra forces that simulate terms of the strip's own bending law."""
     law = model.mechanics.law
     fifth = (FifthOrder(),) if law.cubic != 0 and law.fifth != 0 else ()

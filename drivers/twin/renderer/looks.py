@@ -60,26 +60,26 @@ class Flicker:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """Printed pattern: colours that alternate with the strip's own every `pitch` [m].
+    """Pattern of a strip: `printed` colours that alternate with its own every `pitch` [m].
 
     `across` alternates along the strip's length, `along` over its width, `checks` in both.
-    `own` scales the brightness of the strip's own colour.
+    `brightness` scales that of the strip's own colour.
     """
 
     kind: Literal["across", "along", "checks"] = "across"
     pitch: float = 0.02
-    others: tuple[Colour, ...] = ()
-    own: float = 1.0
+    printed: tuple[Colour, ...] = ()
+    brightness: float = 1.0
 
     @property
     def plain(self) -> bool:
         """Whether the strip keeps the one colour that its file states."""
-        return not self.others and self.own == 1.0
+        return not self.printed and self.brightness == 1.0
 
     def colours(self, stated: Colour) -> Array:
         """BGR colours (k, 3) of the pattern, the strip's own first."""
-        own = np.array(stated, dtype=np.float64) * self.own
-        return np.array([own, *self.others], dtype=np.float64)[:, ::-1]
+        own = np.array(stated, dtype=np.float64) * self.brightness
+        return np.array([own, *self.printed], dtype=np.float64)[:, ::-1]
 
 
 UNIFORM = Pattern()
@@ -89,12 +89,10 @@ UNIFORM = Pattern()
 class Look:
     """Visual appearance of the cell, as differences from the plain green cell.
 
-    `says` describes it to the operator; `colours` are sRGB by key of the twin's surroundings;
-    `things` are static objects around the strip.
+    `colours` are sRGB by key of the twin's surroundings; `things` are static objects around the
+    strip.
     """
 
-    name: str
-    says: str
     colours: Mapping[str, Colour] = field(default_factory=dict)
     things: tuple[Thing, ...] = ()
     lamp: Lamp | None = None
@@ -153,76 +151,26 @@ GREY_DESK = {"desk": (176, 178, 176), "backdrop": (222, 221, 216), "panel": (120
 NIGHT = {"desk": (44, 44, 46), "backdrop": (58, 58, 62), "panel": (40, 40, 40)}
 SIDE_LAMP = Lamp(place=(0.10, -2.0, 0.80), size=0.04, share=0.35)  # a strong one, by the camera
 MAINS = Flicker(mains=50.0, depth=0.30, readout=0.008)
-HALVES = Pattern("across", pitch=0.30, others=((150, 24, 60),))
-STRIPES = Pattern("across", pitch=0.008, others=((24, 82, 70),))
-CHECKS = Pattern("checks", pitch=0.012, others=((40, 48, 96), (150, 24, 60)))
-WHITE_CHECKS = Pattern("checks", pitch=0.015, others=((226, 224, 218),))
+HALVES = Pattern("across", pitch=0.30, printed=((150, 24, 60),))
+STRIPES = Pattern("across", pitch=0.008, printed=((24, 82, 70),))
+CHECKS = Pattern("checks", pitch=0.012, printed=((40, 48, 96), (150, 24, 60)))
+WHITE_CHECKS = Pattern("checks", pitch=0.015, printed=((226, 224, 218),))
 
-PLAIN = Look("green-mat", "a green mat before a green backdrop, as for chroma keying; even light")
+DEFAULT_LOOK = "green-mat"
+PLAIN = Look()  # a green mat before a green backdrop, as for chroma keying; even light
 LOOKS: Mapping[str, Look] = {
-    look.name: look
-    for look in (
-        PLAIN,
-        Look(
-            "arm-shadow",
-            "blue mat, white wall, and the arm's shadow moving over both",
-            BLUE_MAT,
-            lamp=SIDE_LAMP,
-        ),
-        Look("blue-mat", "a pale blue antistatic mat before a white wall; even light", BLUE_MAT),
-        Look(
-            "checks",
-            "blue mat, white wall, a strip in checks of three colours",
-            BLUE_MAT,
-            pattern=CHECKS,
-        ),
-        Look(
-            "clutter",
-            "a cluttered bench: boxes, cables, tools at different depths",
-            BENCH,
-            THINGS,
-        ),
-        Look(
-            "dark-on-dark",
-            "a dark strip on a dark desk before a dark wall",
-            NIGHT,
-            pattern=Pattern(own=0.5),
-        ),
-        Look(
-            "flicker",
-            "blue mat, white wall, and light that flickers with the mains",
-            BLUE_MAT,
-            flicker=MAINS,
-        ),
-        Look("grey-desk", "a light grey desk before a white wall; even light", GREY_DESK),
-        Look(
-            "stripes",
-            "blue mat, white wall, a strip with stripes across it",
-            BLUE_MAT,
-            pattern=STRIPES,
-        ),
-        Look(
-            "two-colours",
-            "blue mat, white wall, a strip whose halves differ in colour",
-            BLUE_MAT,
-            pattern=HALVES,
-        ),
-        Look(
-            "white-checks",
-            "grey desk, white wall, a strip whose checks are as white as the wall",
-            GREY_DESK,
-            pattern=WHITE_CHECKS,
-        ),
-        Look(
-            "workshop",
-            "clutter, the arm's shadow, flicker and a strip of two colours at once",
-            BENCH,
-            THINGS,
-            SIDE_LAMP,
-            MAINS,
-            HALVES,
-        ),
-    )
+    DEFAULT_LOOK: PLAIN,
+    "arm-shadow": Look(BLUE_MAT, lamp=SIDE_LAMP),
+    "blue-mat": Look(BLUE_MAT),  # antistatic and pale, before a white wall; even light
+    "checks": Look(BLUE_MAT, pattern=CHECKS),
+    "clutter": Look(BENCH, THINGS),
+    "dark-on-dark": Look(NIGHT, pattern=Pattern(brightness=0.5)),
+    "flicker": Look(BLUE_MAT, flicker=MAINS),
+    "grey-desk": Look(GREY_DESK),  # before a white wall; even light
+    "stripes": Look(BLUE_MAT, pattern=STRIPES),
+    "two-colours": Look(BLUE_MAT, pattern=HALVES),
+    "white-checks": Look(GREY_DESK, pattern=WHITE_CHECKS),  # as white as the wall
+    "workshop": Look(BENCH, THINGS, SIDE_LAMP, MAINS, HALVES),
 }
 
 

@@ -114,7 +114,7 @@ def test_strip_with_parts_that_look_like_the_desk_is_refused_as_not_solid() -> N
 def test_thing_of_the_strips_colour_behind_its_way_is_refused_with_its_place() -> None:
     room = LOOKS["grey-desk"].colours
     box = Box((0.25, 0.15, 0.0), (0.40, 0.2, 0.2), (38, 58, 108))
-    judged = _judged(Look("box", "", room, things=(box,)), _strip("denim"))
+    judged = _judged(Look(room, things=(box,)), _strip("denim"))
     reason = _refusals(judged)["background"]
     x, z = (float(word.split(" = ")[1].split()[0]) for word in reason.split(" at ")[1].split(", "))
     assert 230 < x < 400

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
-from drivers.twin.board import Held, board_frame, held_before
+from drivers.twin.board import Placement, board_frame, board_pose
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
@@ -26,11 +26,11 @@ SLIVER = 1e-6  # m of width: the cut edge and nothing behind it
 def facing(centre: np.ndarray, tilt: float, turn: float, roll: float) -> np.ndarray:
     """Pose (4, 4) of a board at `centre` (x, y, z) [m] that stands upright in the cell frame.
 
-    At zero angles [rad] its face is normal to -y; they lean it as in `Held`.
+    At zero angles [rad] its face is normal to -y; they lean it as in `Placement`.
     """
     upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
     pose = np.eye(4)
-    leaning = held_before(CLEAN, board(), Held(0.5, 0.5, 0.5, tilt, turn, roll))[:3, :3]
+    leaning = board_pose(CLEAN, board(), Placement(0.5, 0.5, 0.5, tilt, turn, roll))[:3, :3]
     pose[:3, :3] = upright @ OPTICS.rotation @ leaning
     pose[:3, 3] = centre
     return pose

@@ -30,13 +30,13 @@ SEQUENCE = 250
 RED, YELLOW, WHITE, DARK = (40, 40, 230), (0, 230, 255), (255, 255, 255), (40, 40, 40)
 
 
-def tile(look: Look, fold: TwinFold) -> Image:
-    """One look: its name, what is seen of `fold` or why the strip was refused."""
+def tile(name: str, look: Look, fold: TwinFold) -> Image:
+    """One look: its `name`, what is seen of `fold` or why the strip was refused."""
     camera, calibration = FoldCamera(fold.strip, CAMERA, look=look), twin_calibration(CAMERA)
     judged = inspect(camera.flat(fold.strip), calibration, SETTINGS, fold.strip)
     frame = camera.frame(fold, SEQUENCE)
     image = frame.image.copy()
-    words = look.name
+    words = name
     if judged.passed and judged.appearance is not None:
         reader = Perception(calibration, SETTINGS, fold.strip, judged.appearance)
         seen = reader.look(frame, fold.pose(frame.stamp))
@@ -57,7 +57,7 @@ def main(out: Path, name: str = "denim") -> None:
     """A picture of few colours, small enough for a runbook."""
     strip = load_strip(STRIPS / f"{name}.yaml")
     fold = simulate_fold(strip, triangular(strip.length), 0.1)
-    tiles = [tile(look, fold) for look in LOOKS.values()]
+    tiles = [tile(name, look, fold) for name, look in LOOKS.items()]
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
     rows = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
     picture = Picture.fromarray(cv2.cvtColor(np.vstack(rows), cv2.COLOR_BGR2RGB))

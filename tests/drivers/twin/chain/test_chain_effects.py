@@ -12,7 +12,7 @@ from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.strip.model import Boundary, Drag, StripModel
 from drivers.twin.chain.engine import Chain
-from drivers.twin.chain.forces import Loads, Parts, own_laws
+from drivers.twin.chain.forces import Loads, Parts, strip_laws
 from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.lumps import Lumps
 from drivers.twin.chain.spec import build
@@ -126,12 +126,12 @@ def test_fifth_order_moment_is_that_of_the_law() -> None:
     joints = Joints.of(chain, lumps.spans)
     parts = Parts(model, lumps, joints)
     data.qpos[joints.hinges] = kappa * lumps.reach
-    (law,) = own_laws(model)
+    (law,) = strip_laws(model)
     law.begin(parts)(chain, data, 0.0, H)
     expected = denim().rigidity * kappa * 0.7 * (1e-4 * kappa**2) ** 2
     moment = -data.qfrc_applied[joints.hinges] / lumps.scale
     np.testing.assert_allclose(moment, expected, rtol=1e-9)
-    assert own_laws(bare()) == ()
+    assert strip_laws(bare()) == ()
 
 
 def test_lightest_strip_in_the_thickest_air_stays_stable() -> None:

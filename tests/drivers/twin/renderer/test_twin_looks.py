@@ -5,7 +5,16 @@ import pytest
 
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
-from drivers.twin.renderer.looks import LOOKS, PLAIN, Box, Flicker, Look, Pattern, StripLook
+from drivers.twin.renderer.looks import (
+    DEFAULT_LOOK,
+    LOOKS,
+    PLAIN,
+    Box,
+    Flicker,
+    Look,
+    Pattern,
+    StripLook,
+)
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
@@ -31,7 +40,7 @@ def test_unknown_look_is_refused_with_the_names_of_all() -> None:
 
 def test_plain_look_leaves_no_trace_in_what_is_kept_of_a_cell() -> None:
     assert "look" not in TwinSettings().model_dump(mode="json")
-    assert "look" not in TwinSettings(look=PLAIN.name).model_dump_json()
+    assert "look" not in TwinSettings(look=DEFAULT_LOOK).model_dump_json()
     assert TwinSettings(look="clutter").model_dump(mode="json")["look"] == "clutter"
 
 
@@ -39,9 +48,9 @@ def test_camera_stays_itself_in_any_look() -> None:
     assert TwinSettings(look="clutter").camera.identity == TwinSettings().camera.identity
 
 
-@pytest.mark.parametrize("name", [name for name in LOOKS if name != PLAIN.name])
+@pytest.mark.parametrize("name", [name for name in LOOKS if name != DEFAULT_LOOK])
 def test_every_look_shows_another_picture_than_the_plain_one(name: str) -> None:
-    plain, other = (_drawn(LOOKS[it], scene("lifted")) for it in (PLAIN.name, name))
+    plain, other = (_drawn(LOOKS[it], scene("lifted")) for it in (DEFAULT_LOOK, name))
     assert np.abs(plain - other).mean() > 5
 
 
@@ -66,7 +75,7 @@ def test_strip_without_pattern_has_the_colour_of_its_file_alone() -> None:
 
 
 def test_things_stand_still_behind_the_strip_and_never_before_it() -> None:
-    wall = Look("wall", "", things=(Box((0.0, 0.1, 0.0), (0.6, 0.2, 0.3), (250, 250, 250)),))
+    wall = Look(things=(Box((0.0, 0.1, 0.0), (0.6, 0.2, 0.3), (250, 250, 250)),))
     bare, covered = (_drawn(look, scene("lifted"), QUIET) for look in (PLAIN, wall))
     points, _ = midline("lifted")
     optics = Optics.of(QUIET)
@@ -81,7 +90,7 @@ def test_things_stand_still_behind_the_strip_and_never_before_it() -> None:
 
 def test_shadow_of_the_arm_moves_with_it() -> None:
     look = LOOKS["arm-shadow"]
-    bare = Look("bare", "", look.colours)
+    bare = Look(look.colours)
     share = [
         _drawn(look, at) / np.maximum(_drawn(bare, at), 1)
         for at in (empty(0.15, 0.1), empty(0.45, 0.1))
@@ -92,7 +101,7 @@ def test_shadow_of_the_arm_moves_with_it() -> None:
 
 
 def test_light_flickers_at_twice_the_mains_and_by_its_depth() -> None:
-    look = Look("lamp", "", flicker=Flicker(mains=50.0, depth=0.4, readout=0.0))
+    look = Look(flicker=Flicker(mains=50.0, depth=0.4, readout=0.0))
     still = _drawn(PLAIN, empty(0.3, 5.0)).mean()
     stamps = np.arange(0.0, 0.02, 0.001)
     bright = [_drawn(look, _at(stamp)).mean() / still for stamp in stamps]
@@ -103,7 +112,7 @@ def test_light_flickers_at_twice_the_mains_and_by_its_depth() -> None:
 
 
 def test_rolling_shutter_shows_flicker_as_bands() -> None:
-    look = Look("lamp", "", flicker=Flicker(mains=50.0, depth=0.4, readout=0.010))
+    look = Look(flicker=Flicker(mains=50.0, depth=0.4, readout=0.010))
     share = _drawn(look, _at(0.0)) / np.maximum(_drawn(PLAIN, _at(0.0)), 1)
     rows = share.mean(axis=(1, 2))
     assert rows.max() - rows.min() > 0.25

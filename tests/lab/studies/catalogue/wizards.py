@@ -15,7 +15,7 @@ from calibration.wizard.board_views import BoardViews
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from drivers.twin.board import Held, board_frame, held_before
+from drivers.twin.board import Placement, board_frame, board_pose
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
@@ -91,8 +91,10 @@ def _wizard_lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[
     """Lens by the wizard, through rendered boards; the reasons where it is refused."""
     views, board, sequence = BoardViews(BOARD), BOARD.board(), 0
     while (wanted := views.ask()) is not None:
-        held = Held(wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll)
-        pose = held_before(camera, board, held)
+        placement = Placement(
+            wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll
+        )
+        pose = board_pose(camera, board, placement)
         views.tell(board_frame(camera, board, pose, seed, sequence=sequence))
         sequence += 1
     views.set_length(BOARD.width)

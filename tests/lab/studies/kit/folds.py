@@ -21,7 +21,7 @@ from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
 from cell.record.run import read_run
 from drivers.strip.file import StripFile
-from drivers.twin.renderer.looks import PLAIN
+from drivers.twin.renderer.looks import DEFAULT_LOOK
 from policies.adaptive.critic import YIELD_UNIT
 from tests.lab.studies.study import Quantity, Statistic, Values
 
@@ -75,7 +75,7 @@ def _request(
 
 
 def configs_with_twin(
-    folder: Path, look: str = PLAIN.name, camera: Mapping[str, float] = MappingProxyType({})
+    folder: Path, look: str = DEFAULT_LOOK, camera: Mapping[str, float] = MappingProxyType({})
 ) -> Path:
     """Copy the configuration to `folder`/configs, with other `look` and `camera` of its twin."""
     configs = find_configs(None)
