@@ -8,28 +8,18 @@ import yaml
 
 from calibration.calibration import (
     Calibration,
+    change_calibration,
     load_calibration,
-    make_calibration,
     save_calibration,
 )
-from calibration.homography import Homography
-from calibration.lens import Lens
 from drivers.errors import ConfigurationError
-from drivers.types import frozen
+from tests.cell.conftest import straight_camera
 
 
 @pytest.fixture
 def calibration() -> Calibration:
-    matrix = frozen([[3400.0, 0, 640.0], [0, 3400.0, 360.0], [0, 0, 1]])
-    lens = Lens(1280, 720, matrix, frozen([-0.18, 0.1, 0, 0, 0]))
-    away = np.array([[1700.0, 0, 640 - 1700 * 0.31], [0, -1700.0, 360 + 1700 * 0.16], [0, 0, 1]])
-    return make_calibration(
-        lens,
-        Homography.of(np.linalg.inv(away)),
-        residual_mm=0.12,
-        date="2026-11-20T03:15:00Z",
-        camera="twin-1",
-        latency=0.02,
+    return straight_camera(
+        residual_mm=0.12, date="2026-11-20T03:15:00Z", camera="twin-1", latency=0.02
     )
 
 
@@ -50,11 +40,9 @@ def test_plane_and_image_are_inverse_through_the_lens(calibration: Calibration) 
     assert np.abs(calibration.to_plane(calibration.to_image(points)) - points).max() < 1e-9
 
 
-def test_id_is_of_the_content(calibration: Calibration) -> None:
-    parts = {"residual_mm": 0.12, "date": "2026-11-20T03:15:00Z", "camera": "twin-1"}
-    same = make_calibration(calibration.lens, calibration.homography, latency=0.02, **parts)
-    other = make_calibration(calibration.lens, calibration.homography, latency=0.03, **parts)
-    assert same.id == calibration.id != other.id
+def test_id_is_of_the_content_but_not_of_the_date(calibration: Calibration) -> None:
+    assert change_calibration(calibration, date="2031-01-01").id == calibration.id
+    assert change_calibration(calibration, latency=0.03).id != calibration.id
 
 
 def test_missing_calibration_says_what_to_do(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from calibration.lens import Lens
 from calibration.pointer import find_pointer
 from calibration.wizard.news import Row
 from calibration.wizard.touch_verdict import Grade, TouchVerdict
@@ -16,8 +15,8 @@ from drivers.errors import ConfigurationError
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Frame, Pose, frozen
-from tests.support.twin_calibration import NO_STRIP, pointer_frame, twin_calibration
+from drivers.types import Array, Frame, Pose
+from tests.support.twin_calibration import NO_STRIP, pointer_frame, true_lens, twin_calibration
 
 CAMERA = CameraSettings()
 
@@ -27,20 +26,12 @@ def _renderer() -> Renderer:
     return Renderer(CAMERA, NO_STRIP, 0)
 
 
-@lru_cache
-def _lens() -> Lens:
-    """The true lens, so that these tests fail for the plane alone."""
-    optics = Optics.of(CAMERA)
-    matrix = [[optics.focal, 0, optics.principal[0]], [0, optics.focal, optics.principal[1]]]
-    return Lens(1280, 720, frozen([*matrix, [0, 0, 1]]), frozen([*optics.distortion, 0, 0, 0]))
-
-
 Loose = dict[int, Array]
 
 
 def _touched(loose: Loose | None = None, loose_again: Loose | None = None) -> TouchVerdict:
     """All points touched; those in `loose` seen away from where the arm says, at first or again."""
-    touched, sequence = TouchedPoints(_lens(), TouchSettings()), 0
+    touched, sequence = TouchedPoints(true_lens(), TouchSettings()), 0
     while (pose := touched.ask()) is not None:
         number = touched.number
         assert number is not None
@@ -80,7 +71,7 @@ def test_touched_points_give_the_plane_to_a_tenth_of_a_millimetre() -> None:
     assert verdict.residual_mm < 0.1
     assert verdict.homography is not None
     grid = np.array([(x, z) for x in np.linspace(0, 0.6, 9) for z in np.linspace(0, 0.33, 6)])
-    seen = verdict.homography.to_plane(_lens().undistort(Optics.of(CAMERA).plane(grid)))
+    seen = verdict.homography.to_plane(true_lens().undistort(Optics.of(CAMERA).plane(grid)))
     assert np.hypot(*(seen - grid).T).max() < 1e-4
 
 
@@ -136,7 +127,7 @@ def test_pointer_that_slips_at_every_third_touch_is_refused() -> None:
 
 
 def test_moving_pointer_is_not_sampled() -> None:
-    touched = TouchedPoints(_lens(), TouchSettings(patience=4))
+    touched = TouchedPoints(true_lens(), TouchSettings(patience=4))
     wanted = touched.ask()
     assert wanted is not None
     told = []
@@ -150,7 +141,7 @@ def test_moving_pointer_is_not_sampled() -> None:
 
 
 def test_moving_arm_is_not_sampled() -> None:
-    touched = TouchedPoints(_lens(), TouchSettings())
+    touched = TouchedPoints(true_lens(), TouchSettings())
     wanted = touched.ask()
     assert wanted is not None
     frame = pointer_frame(_renderer(), wanted, 0)
@@ -160,7 +151,7 @@ def test_moving_arm_is_not_sampled() -> None:
 
 
 def test_unseen_pointer_is_given_up_after_patience_and_too_few_points_refused() -> None:
-    touched = TouchedPoints(_lens(), TouchSettings(patience=2))
+    touched = TouchedPoints(true_lens(), TouchSettings(patience=2))
     blank = Frame(0.0, 0.0, "test", 0, np.zeros((720, 1280, 3), np.uint8))
     asked = 0
     while (pose := touched.ask()) is not None:
@@ -173,14 +164,14 @@ def test_unseen_pointer_is_given_up_after_patience_and_too_few_points_refused() 
 
 
 def test_image_of_another_size_than_the_lens_is_refused() -> None:
-    touched = TouchedPoints(_lens(), TouchSettings())
+    touched = TouchedPoints(true_lens(), TouchSettings())
     turned = Frame(0.0, 0.0, "test", 0, np.zeros((1280, 720, 3), np.uint8))
     with pytest.raises(ConfigurationError, match="720 x 1280 px, the lens was found with 1280 x"):
         touched.tell(turned, Pose(0.0, 0.0, 0.0))
 
 
 def test_point_can_be_touched_again_on_request() -> None:
-    touched = TouchedPoints(_lens(), TouchSettings())
+    touched = TouchedPoints(true_lens(), TouchSettings())
     first = touched.ask()
     assert first is not None
     for k in range(2):
@@ -193,12 +184,12 @@ def test_point_can_be_touched_again_on_request() -> None:
 
 def test_own_poses_are_touched_instead_of_the_grid() -> None:
     plan = [Pose(0.05 * k, 0.02 + 0.07 * (k % 4), np.pi / 2) for k in range(16)]
-    touched = TouchedPoints(_lens(), TouchSettings(), plan)
+    touched = TouchedPoints(true_lens(), TouchSettings(), plan)
     assert touched.ask() == plan[0]
     with pytest.raises(ConfigurationError, match="10 points with every 4th held out leave 8"):
-        TouchedPoints(_lens(), TouchSettings(), plan[:10])
+        TouchedPoints(true_lens(), TouchSettings(), plan[:10])
 
 
 def test_plan_with_too_few_points_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="at least 12 are fitted"):
-        TouchedPoints(_lens(), TouchSettings(columns=4, rows=3))
+        TouchedPoints(true_lens(), TouchSettings(columns=4, rows=3))

@@ -15,7 +15,6 @@ from calibration.landmarks import (
     camera_shift,
     remember,
 )
-from calibration.lens import Lens
 from cell.perception.preflight import camera_check
 from drivers.errors import ConfigurationError
 from drivers.strip.model import Observation
@@ -24,14 +23,13 @@ from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame, Pose, frozen
-from tests.support.twin_calibration import NO_STRIP
+from drivers.types import Frame, Pose
+from tests.support.twin_calibration import NO_STRIP, true_lens
 
 CAMERA = CameraSettings()
 SETTINGS = LandmarkSettings()
 OPTICS = Optics.of(CAMERA)
-MATRIX = [[OPTICS.focal, 0, OPTICS.principal[0]], [0, OPTICS.focal, OPTICS.principal[1]], [0, 0, 1]]
-LENS = Lens(1280, 720, frozen(MATRIX), frozen([*OPTICS.distortion, 0, 0, 0]))
+LENS = true_lens()
 
 
 @lru_cache

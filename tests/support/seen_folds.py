@@ -11,6 +11,7 @@ from cell.perception.measurement import SeenTouch
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
+from drivers.strip.file import StripFile
 from drivers.types import Array
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold
 
@@ -56,17 +57,22 @@ def distances(points: Array, curve: Array) -> Array:
     return np.asarray(np.hypot(gap[..., 0], gap[..., 1]).min(axis=1))
 
 
+def perception_of(camera: FoldCamera, strip: StripFile, calibration: Calibration) -> Perception:
+    """Perception of `strip`, which the preflight has accepted as it lies flat before `camera`."""
+    settings = PerceptionSettings()
+    preflight = inspect(camera.flat(strip), calibration, settings, strip)
+    assert preflight.passed, [check for check in preflight.checks if not check.passed]
+    assert preflight.appearance is not None
+    return Perception(calibration, settings, strip, preflight.appearance)
+
+
 def agreement(
     fold: TwinFold, camera: FoldCamera, calibration: Calibration, *, every: int = 1
 ) -> Agreement:
     """Perception run over a fold's frames; every `every`-th one up to 0.5 s before the touch."""
     assert fold.touch is not None
-    settings = PerceptionSettings()
-    preflight = inspect(camera.flat(fold.strip), calibration, settings, fold.strip)
-    assert preflight.passed, [check for check in preflight.checks if not check.passed]
-    assert preflight.appearance is not None
-    perception = Perception(calibration, settings, fold.strip, preflight.appearance)
-    detector = LayerTouch(settings, fold.strip)
+    perception = perception_of(camera, fold.strip, calibration)
+    detector = LayerTouch(PerceptionSettings(), fold.strip)
     rate = camera.settings.rate
     rows, touch, told = [], None, float("nan")
     first = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])

@@ -25,13 +25,22 @@ from cell.config.places import CHECKOUT_CONFIGS, Configs
 from drivers.errors import Fault
 from drivers.twin.board import Placement, board_frame, board_pose
 from drivers.twin.renderer.looks import StripLook
+from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame, Pose
+from drivers.types import Frame, Pose, frozen
 
 SHIPPED = CHECKOUT_CONFIGS / "calibration"
 NO_STRIP = StripLook((40, 60, 110), 0.001, 0.05)
+
+
+@lru_cache
+def true_lens(camera: CameraSettings = CameraSettings()) -> Lens:  # noqa: B008  frozen
+    """The lens with which the twin renders, so that a test fails for the plane alone."""
+    optics = Optics.of(camera)
+    matrix = [[optics.focal, 0, optics.principal[0]], [0, optics.focal, optics.principal[1]]]
+    return Lens(1280, 720, frozen([*matrix, [0, 0, 1]]), frozen([*optics.distortion, 0, 0, 0]))
 
 
 def show_boards(camera: CameraSettings, settings: BoardSettings) -> LensVerdict:

@@ -7,13 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from calibration.calibration import Calibration, change_calibration, make_calibration
-from calibration.homography import Homography
+from calibration.calibration import Calibration, change_calibration
 from calibration.landmarks import Landmark, Landmarks
-from calibration.lens import Lens
 from cell.calibrating.calibration_in_use import age_days, check_usable, record_entry
 from cell.devices.devices import Devices
 from drivers.errors import ConfigurationError, PreflightRefused
+from tests.cell.conftest import straight_camera
 
 NOW = datetime(2026, 11, 20, 12, 0, tzinfo=UTC)
 MARKS = Landmarks(
@@ -25,10 +24,8 @@ MARKS = Landmarks(
 
 
 def made(**facts: object) -> Calibration:
-    matrix = np.array([[3400.0, 0, 640], [0, 3400.0, 360], [0, 0, 1]])
-    plane = np.linalg.inv(np.array([[1700.0, 0, 100], [0, -1700.0, 600], [0, 0, 1]]))
-    given = {"residual_mm": 0.2, "date": "2026-11-18T12:00:00+00:00", "camera": "one", **facts}
-    return make_calibration(Lens(1280, 720, matrix, np.zeros(5)), Homography.of(plane), **given)
+    known = {"residual_mm": 0.2, "date": "2026-11-18T12:00:00+00:00", "camera": "one"}
+    return straight_camera(**known | facts)
 
 
 def _hardware(camera: str = "one") -> Devices:

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -12,7 +11,7 @@ import yaml
 
 from calibration.calibration import load_calibration
 from calibration.homography import Homography
-from calibration.lens import Lens, read_lens
+from calibration.lens import read_lens
 from calibration.wizard.news import News
 from calibration.wizard.session import read_rows, read_session
 from calibration.wizard.touched_points import Stage
@@ -36,8 +35,7 @@ from cell.devices.open import open_cell
 from cell.folding.fold import Request, fold
 from cell.orchestrator.operator import Answer, Ask, Question, Unattended
 from drivers.errors import ConfigurationError
-from drivers.twin.renderer.optics import Optics
-from drivers.types import frozen
+from tests.support.twin_calibration import true_lens
 
 pytestmark = pytest.mark.slow
 
@@ -47,13 +45,6 @@ CAMERA = SETTINGS.twin.camera
 
 def _devices(settings: CellFile = SETTINGS) -> Devices:
     return open_cell(settings, NO_STRIP, DeviceSelection(), calibrating=True)
-
-
-@lru_cache
-def _true_lens() -> Lens:
-    optics = Optics.of(CAMERA)
-    matrix = [[optics.focal, 0, optics.principal[0]], [0, optics.focal, optics.principal[1]]]
-    return Lens(1280, 720, frozen([*matrix, [0, 0, 1]]), frozen([*optics.distortion, 0, 0, 0]))
 
 
 class Person:
@@ -79,8 +70,7 @@ def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[TouchSession, lis
     assert devices.aids is not None
     folder = tmp_path_factory.mktemp("sessions") / "homography"
     operator = TwinOperator(devices.aids, person)
-    lens = _true_lens()
-    made = calibrate_homography(SETTINGS, devices, lens, folder, operator, news.append)
+    made = calibrate_homography(SETTINGS, devices, true_lens(CAMERA), folder, operator, news.append)
     return made, news, person
 
 
@@ -90,6 +80,20 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, list[N
     folder = tmp_path_factory.mktemp("sessions") / "camera"
     session = calibrate_lens(SETTINGS, _devices(), folder, Unattended(), news.append, None)
     return session, news
+
+
+def _without(folder: Path, left_out: str, place: Path) -> Path:
+    """A session like that in `folder`, in `place`, but for one file."""
+    for path in folder.iterdir():
+        if path.name != left_out:
+            (place / path.name).symlink_to(path)
+    return place
+
+
+def _change(folder: Path, again: Path, **facts: object) -> None:
+    """Write the session.yaml of `folder` with other `facts` to the folder `again`."""
+    content = yaml.safe_load((folder / "session.yaml").read_text())
+    (again / "session.yaml").write_text(yaml.safe_dump(content | facts))
 
 
 def test_homography_wizard_makes_a_calibration_of_this_camera(touched) -> None:
@@ -151,11 +155,7 @@ def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, t
 
 def test_rows_that_come_in_another_order_change_nothing(touched, tmp_path) -> None:
     session, _, _ = touched
-    again = tmp_path / "shuffled"
-    again.mkdir()
-    for path in session.folder.iterdir():
-        if path.name != "told.jsonl":
-            (again / path.name).symlink_to(path)
+    again = _without(session.folder, "told.jsonl", tmp_path)
     lines = (session.folder / "told.jsonl").read_text().splitlines(keepends=True)
     taken = [line for line in lines if "image" in json.loads(line)]
     (again / "told.jsonl").write_text("".join(taken[-1:0:-1]))  # point 0 is left out
@@ -177,11 +177,7 @@ def test_too_few_points_are_refused_even_with_the_override(touched) -> None:
 
 def test_override_names_the_reasons_in_the_calibration(touched, tmp_path) -> None:
     session, _, _ = touched
-    again = tmp_path / "late"
-    again.mkdir()
-    for path in session.folder.iterdir():
-        if path.name != "latency.json":
-            (again / path.name).symlink_to(path)
+    again = _without(session.folder, "latency.json", tmp_path)
     assert homography_again(again, (), None, 0.1).calibration is None
     made = homography_again(again, (), None, 0.1, accept_anyway=True).calibration
     assert made is not None
@@ -197,14 +193,8 @@ def test_poses_of_a_session_can_be_edited_and_replayed(touched) -> None:
 
 def test_image_of_a_swapped_size_is_refused(touched, tmp_path) -> None:
     session, _, _ = touched
-    again = tmp_path / "swapped"
-    again.mkdir()
-    for path in session.folder.iterdir():
-        if path.name != "session.yaml":
-            (again / path.name).symlink_to(path)
-    content = yaml.safe_load((session.folder / "session.yaml").read_text())
-    content["image"] = [720, 1280]
-    (again / "session.yaml").write_text(yaml.safe_dump(content))
+    again = _without(session.folder, "session.yaml", tmp_path)
+    _change(session.folder, again, image=[720, 1280])
     with pytest.raises(ConfigurationError, match=r"is 1280 x 720 px, .* says image: \[720, 1280\]"):
         homography_again(again, (), None, 0.1)
 
@@ -302,14 +292,8 @@ def test_picture_of_the_session_is_drawn(shown, touched) -> None:
 
 def test_misprinted_board_is_refused_by_the_ruler(shown, tmp_path) -> None:
     session, _ = shown
-    again = tmp_path / "misprinted"
-    again.mkdir()
-    for path in session.folder.iterdir():
-        if path.name != "session.yaml":
-            (again / path.name).symlink_to(path)
-    content = yaml.safe_load((session.folder / "session.yaml").read_text())
-    content["length"] = 0.98 * SETTINGS.boards.width
-    (again / "session.yaml").write_text(yaml.safe_dump(content))
+    again = _without(session.folder, "session.yaml", tmp_path)
+    _change(session.folder, again, length=0.98 * SETTINGS.boards.width)
     verdict = lens_again(again, (), None).verdict
     assert not verdict.passed
     assert "9 squares measure 247.0 mm, configured are 252.0 mm, +2.0 %" in verdict.reasons[0]

@@ -4,7 +4,6 @@ import json
 import os
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from calibration.board import BoardSettings
@@ -13,12 +12,10 @@ from calibration.wizard.news import Row
 from calibration.wizard.session import Session, SessionFolder
 from calibration.wizard.touches import TouchSettings, touch_plan
 from cell.config.places import CHECKOUT_CONFIGS
-from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from tests.cell.cli.test_command_errors import refused, run
-from tests.support.board_sessions import LENS
-from tests.support.twin_calibration import NO_STRIP, pointer_frame
+from tests.support.twin_calibration import NO_STRIP, pointer_frame, true_lens
 
 CONFIGS = ("--configs", CHECKOUT_CONFIGS)
 
@@ -27,13 +24,8 @@ CONFIGS = ("--configs", CHECKOUT_CONFIGS)
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A kept session of twenty-four touches and no steps, through rendered images."""
     folder = tmp_path_factory.mktemp("kept") / "homography"
-    optics = Optics.of(CameraSettings())
-    matrix = np.array(
-        [[optics.focal, 0, optics.principal[0]], [0, optics.focal, optics.principal[1]], [0, 0, 1]]
-    )
-    lens = type(LENS)(1280, 720, matrix, np.array([*optics.distortion, 0, 0, 0]))
     facts = {"date": "2026-11-20T03:15:00+00:00", "camera": "kept", "image": (1280, 720)}
-    content = Session(schema=1, kind="homography", lens=CameraFile.of(lens, "kept"), **facts)
+    content = Session(schema=1, kind="homography", lens=CameraFile.of(true_lens(), "kept"), **facts)
     keep = SessionFolder(folder, content)
     renderer = Renderer(CameraSettings(), NO_STRIP, 0)
     for number, pose in enumerate(touch_plan(TouchSettings())):

@@ -10,9 +10,6 @@ import pytest
 
 from calibration.calibration import load_calibration, save_calibration
 from cell.devices.rig_correction import correct_calibration
-from cell.perception.perception import Perception
-from cell.perception.preflight import inspect
-from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.model import Observation, Rig, StripModel
 from drivers.strip.observation import seen_contact, seen_points, true_points
@@ -23,6 +20,7 @@ from drivers.twin.settings import CameraSettings
 from drivers.types import Array
 from policies.path import triangular
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
+from tests.support.seen_folds import distances, perception_of
 from tests.support.twin_calibration import twin_calibration
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -61,20 +59,16 @@ class AffectedCamera(FoldCamera):
 
 def _looks(model: StripModel, believed: StripModel) -> tuple[Array, list[Array]]:
     """contact_x (k,) and profiles that a cell sees of `model` which believes `believed`."""
-    fold, camera, settings = _fold(), AffectedCamera(model), PerceptionSettings()
+    fold, camera = _fold(), AffectedCamera(model)
     calibration = correct_calibration(twin_calibration(CAMERA), believed)
-    appearance = inspect(camera.flat(DENIM), calibration, settings, DENIM).appearance
-    assert appearance is not None
-    perception = Perception(calibration, settings, DENIM, appearance)
+    perception = perception_of(camera, DENIM, calibration)
     sights = [perception.look(camera.frame(fold, k), fold.pose(k / 60)) for k in FRAMES]
     return np.array([s.contact_x for s in sights]), [s.profile for s in sights]
 
 
 def _off(profile: Array, curve: Array) -> float:
     """Mean distance [m] of a profile's points from a midline."""
-    fine = np.linspace(0, len(curve) - 1, 4000)
-    dense = np.stack([np.interp(fine, np.arange(len(curve)), curve[:, c]) for c in range(2)], 1)
-    return float(np.mean([np.hypot(*(dense - point).T).min() for point in profile]))
+    return float(distances(profile, curve).mean())
 
 
 @pytest.mark.parametrize(("name", "values"), SEEN)

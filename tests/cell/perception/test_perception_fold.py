@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 
 from cell.perception.perception import Perception
-from cell.perception.preflight import inspect
-from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
 from drivers.twin.settings import CameraSettings
 from drivers.types import Frame, Pose
 from policies.path import Path, circular, triangular
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
-from tests.support.seen_folds import SPEED, STRIPS, Agreement, agreement, rms
+from tests.support.seen_folds import SPEED, STRIPS, Agreement, agreement, perception_of, rms
 from tests.support.twin_calibration import twin_calibration
 
 CAMERA = CameraSettings()
@@ -57,10 +55,7 @@ def test_another_camera_place_or_light_keeps_the_agreement(camera: CameraSetting
 def _ready() -> tuple[Perception, FoldCamera, TwinFold]:
     fold = _fold("denim", "triangular")
     camera = FoldCamera(fold.strip, CAMERA)
-    calibration, settings = twin_calibration(CAMERA), PerceptionSettings()
-    appearance = inspect(camera.flat(fold.strip), calibration, settings, fold.strip).appearance
-    assert appearance is not None
-    return Perception(calibration, settings, fold.strip, appearance), camera, fold
+    return perception_of(camera, fold.strip, twin_calibration(CAMERA)), camera, fold
 
 
 @pytest.mark.slow

@@ -28,6 +28,12 @@ def _profile(gap: float) -> Array:
     return np.vstack([fold, np.stack([x, rise], axis=1)])
 
 
+def _measured(k: int, gap: float, profile: Array | None = None) -> StripMeasurement:
+    """The measurement of image `k` at 60 Hz."""
+    points = _profile(gap) if profile is None else profile
+    return StripMeasurement(k / 60, k, 0.3, 1.0, points, 1.0, (TIP, 0.008), gap, PLACE)
+
+
 def _watch(
     gap: Callable[[float], float],
     strip: StripFile = DENIM,
@@ -40,12 +46,9 @@ def _watch(
     for k in range(frames):
         if skip and k in skip:
             continue
-        t, height = k / 60, gap(k / 60)
-        profile = _profile(height)
-        sight = StripMeasurement(t, k, TIP - 0.01, 1.0, profile, 1.0, (TIP, 0.008), height, PLACE)
-        touch = detector.update(sight, GRIPPER)
+        touch = detector.update(_measured(k, gap(k / 60)), GRIPPER)
         if touch is not None:
-            return touch, t
+            return touch, k / 60
     return None, float("nan")
 
 
@@ -61,8 +64,7 @@ def test_one_image_that_is_misread_at_the_touch_moves_no_length() -> None:
             gap = _closing(0.3, 0.5)(k / 60)
             profile = _profile(gap)
             profile[60:140:2, 1] += stray * (k == 30)
-            sight = StripMeasurement(k / 60, k, 0.3, 1.0, profile, 1.0, (TIP, 0.008), gap, PLACE)
-            touch = touch or detector.update(sight, GRIPPER)
+            touch = touch or detector.update(_measured(k, gap, profile), GRIPPER)
         assert touch is not None
         lengths.append(touch.to_grasped)
     assert lengths[1] == pytest.approx(lengths[0], abs=2e-4)
@@ -98,17 +100,24 @@ def test_touch_is_told_at_its_time_with_its_lengths(speed: float) -> None:
 
 def test_touch_stays_as_it_was_first_seen() -> None:
     detector = LayerTouch(PerceptionSettings(), DENIM)
-    seen = []
-    for k in range(60):
-        gap = _closing(0.05, 0.5)(k / 60)
-        sight = StripMeasurement(k / 60, k, 0.3, 1.0, _profile(gap), 1.0, (TIP, 0.008), gap, PLACE)
-        seen.append(detector.update(sight, GRIPPER))
-    first = next(touch for touch in seen if touch is not None)
-    assert seen[-1] == first
+    closing = _closing(0.05, 0.5)
+    seen = [detector.update(_measured(k, closing(k / 60)), GRIPPER) for k in range(60)]
+    assert seen[-1] == next(touch for touch in seen if touch is not None)
 
 
-def test_fold_that_comes_to_rest_above_the_lower_layer_is_no_touch() -> None:
-    assert _watch(_closing(0.05, 0.5, rest=0.003))[0] is None
+@pytest.mark.parametrize(
+    "gap",
+    [
+        _closing(0.05, 0.5, rest=0.003),
+        lambda t: 0.0012 + 0.2 * abs(t - 0.5),
+        lambda t: 0.03 + 0.08 * (0.5 - t) if t < 0.5 else 0.0,
+        lambda _: 0.0009,
+        lambda _: float("nan"),
+    ],
+    ids=["rests above", "only dips", "jumps shut", "never apart", "never seen"],
+)
+def test_gap_that_does_not_close_and_stop_is_no_touch(gap: Callable[[float], float]) -> None:
+    assert _watch(gap)[0] is None
 
 
 def test_layers_of_unknown_thickness_touch_where_their_gap_stays() -> None:
@@ -120,27 +129,11 @@ def test_layers_of_unknown_thickness_touch_where_their_gap_stays() -> None:
     assert _watch(_closing(0.05, 0.5, rest=0.005), unknown)[0] is None
 
 
-def test_gap_that_only_dips_is_no_touch() -> None:
-    assert _watch(lambda t: 0.0012 + 0.2 * abs(t - 0.5))[0] is None
-
-
-def test_gap_that_jumps_shut_is_no_touch() -> None:
-    assert _watch(lambda t: 0.03 + 0.08 * (0.5 - t) if t < 0.5 else 0.0)[0] is None
-
-
 def test_a_fall_that_goes_on_is_no_touch_until_it_stops() -> None:
     stops = 0.58
     touch, told = _watch(lambda t: 0.001 + 0.01 * (0.5 - min(t, stops)))
     assert touch is not None
     assert told > stops
-
-
-def test_layers_never_seen_apart_are_no_touch() -> None:
-    assert _watch(lambda _: 0.0009)[0] is None
-
-
-def test_gap_never_seen_is_no_touch() -> None:
-    assert _watch(lambda _: float("nan"))[0] is None
 
 
 def test_noise_of_a_tenth_of_a_millimetre_moves_the_touch_by_less_than_20_ms() -> None:
@@ -161,16 +154,8 @@ def test_lost_images_delay_the_telling_not_the_time() -> None:
 
 def test_a_touch_that_no_fold_can_have_is_none() -> None:
     """As with a strip a metre wide: seen to touch 20 mm from the grip, with all the rest below."""
-    detector = LayerTouch(PerceptionSettings(), replace_length(DENIM, 0.27 + 0.02))
+    short = DENIM.model_copy(update={"length": 0.27 + 0.02})
+    detector, near = LayerTouch(PerceptionSettings(), short), Pose(PLACE - 0.01, 0.01, np.pi / 2)
     for k in range(60):
         height = _closing(0.05, 0.6)(k / 60)
-        profile = _profile(height)[:70]
-        sight = StripMeasurement(
-            k / 60, k, TIP - 0.01, 1.0, profile, 1.0, (TIP, 0.008), height, PLACE
-        )
-        near = Pose(PLACE - 0.01, 0.01, np.pi / 2)
-        assert detector.update(sight, near) is None
-
-
-def replace_length(strip: StripFile, length: float) -> StripFile:
-    return strip.model_copy(update={"length": length})
+        assert detector.update(_measured(k, height, _profile(height)[:70]), near) is None
