@@ -12,8 +12,8 @@ from cell.cli.options import Cluster, Json, engine, print_json, resumable
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tests.lab.exam.ledger import Entry
     from tests.lab.exam.run_case import Steps
-    from tests.lab.exam.scoring.results import Entry
 
 CASE_TIMEOUT = 7200.0  # s of a case, runs through images included
 OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
@@ -81,8 +81,8 @@ def exam(
     from rich.console import Console
 
     from cell.campaign.progress import Meter
-    from tests.lab.exam.cases.drawn import load_or_draw
-    from tests.lab.exam.report.page import write_report
+    from tests.lab.exam.cases import load_or_draw
+    from tests.lab.exam.page import write_report
     from tests.lab.exam.run import run_exam, summarise
 
     steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
@@ -122,7 +122,7 @@ def _check_places(
     `out` holds none.
     """
     from drivers.errors import ConfigurationError
-    from tests.lab.exam.cases.answer_key import KEYS_FOLDER
+    from tests.lab.exam.cases import KEYS_FOLDER
     from tests.lab.exam.run import LEDGER
 
     if out.exists() and not out.is_dir():
@@ -151,8 +151,8 @@ def _repeat_command(
 def _entries_of(place: Path) -> "tuple[Entry, ...]":
     """Entries of another exam, whose folder or ledger is `place`."""
     from drivers.errors import ConfigurationError
+    from tests.lab.exam.ledger import Ledger
     from tests.lab.exam.run import LEDGER
-    from tests.lab.exam.scoring.results import Ledger
 
     path = place if place.is_file() else place / LEDGER
     if not path.is_file():
@@ -167,7 +167,7 @@ def _print_table(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> 
         for entry in entries:
             print_json(entry.model_dump(mode="json"))
         return
-    from tests.lab.exam.report.page import GOOD_RESULTS
+    from tests.lab.exam.page import GOOD_RESULTS
 
     good = sum(e.outcome is not None and e.outcome.result in GOOD_RESULTS for e in entries)
     failed = sum(e.state == "failed" for e in entries)

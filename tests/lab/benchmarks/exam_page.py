@@ -15,8 +15,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from drivers.files import replace_file
-from tests.lab.exam.report.page import TIERS, by_tier, write_report
-from tests.lab.exam.scoring.results import Ledger
+from tests.lab.exam.ledger import Ledger
+from tests.lab.exam.page import TIERS, by_tier, write_report
 
 
 def main() -> int:

@@ -11,8 +11,8 @@ from rich.console import Console
 
 from cell.campaign.local import Local
 from cell.campaign.progress import Meter
-from tests.lab.exam.cases.draw import cases
-from tests.lab.exam.report.page import GOOD_RESULTS
+from tests.lab.exam.cases import cases
+from tests.lab.exam.page import GOOD_RESULTS
 from tests.lab.exam.run import run_exam, summarise
 
 COUNT, SEED, LEAST, JOBS = 6, 0, 5, 2

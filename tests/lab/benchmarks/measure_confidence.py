@@ -19,7 +19,7 @@ from pathlib import Path
 from cell.gap.verdict.confidence import Calibration, Signs, calibration
 from drivers.files import replace_file
 from drivers.yaml_text import dump_yaml
-from tests.lab.exam.scoring.score import RIGHT_RESULTS
+from tests.lab.exam.score import RIGHT_RESULTS
 from tests.lab.studies.catalogue.confidence import (
     calibrate,
     count_verdicts,

@@ -21,7 +21,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cell.config.places import find_configs
-from tests.lab.exam.cases.answer_key import open_key
+from cell.record.files import RUN
+from drivers.readers import read_yaml
 from tests.lab.exam.run_case import MADE, RUNS_FOLDER
 
 
@@ -37,7 +38,8 @@ class Cost(NamedTuple):
 def fit(exam: Path, case: str, jobs: int) -> Cost:
     """Fit the runs of one case; raises SystemExit where the fit fails."""
     runs = exam / RUNS_FOLDER / case
-    strip = find_configs(None).strip_path(open_key(exam, case).strip)
+    header = read_yaml(next(runs.glob(f"*/{RUN}")))
+    strip = find_configs(None).strip_path(header["strip"])
     with TemporaryDirectory() as out:
         command = [sys.executable, "-m", "cell", "gap", "fit", str(runs), "--strip", str(strip)]
         began = time.monotonic()

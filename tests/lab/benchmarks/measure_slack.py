@@ -14,7 +14,7 @@ from drivers.errors import SimulationNotConverged
 from drivers.strip.describe import describe
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
-from tests.lab.exam.runs.from_model import scale_strip
+from tests.lab.exam.from_state import scale_strip
 
 COUNT, SEED, GRIDS = 20, 3, (60, 120, 240, 480)
 FINE = 120  # segments from which grids have to agree

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tests.lab.exam.case import STRENGTHS, Case
-from tests.lab.exam.cases.draw import JUMP, ruler_of
-from tests.lab.exam.scoring.results import Ledger
+from tests.lab.exam.cases import JUMP, ruler_of
+from tests.lab.exam.ledger import Ledger
 
 LEAST = 0.5  # of the asked gap, below which an effect is hardly there
 

@@ -1,4 +1,4 @@
-"""Runs an exam: writes answer keys, makes runs, diagnoses them in a process apart, keeps scores."""
+"""Runs an exam: makes runs, diagnoses them in a process apart, keeps scores."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -11,9 +11,9 @@ from cell.campaign.local import Local
 from cell.campaign.progress import Quiet
 from cell.campaign.run import Engine, Watcher, carry_out
 from tests.lab.exam.case import Case, Kind
-from tests.lab.exam.cases.answer_key import Sources, seal, sources
+from tests.lab.exam.cases import Sources, sources
+from tests.lab.exam.ledger import Entry, Ledger
 from tests.lab.exam.run_case import Examined, Maker, Steps, made_by_tier
-from tests.lab.exam.scoring.results import Entry, Ledger
 
 LEDGER, JOURNAL = "ledger.jsonl", "journal"
 
@@ -37,11 +37,9 @@ def run_exam(
     an exam that ends early has seen all of them.
     """
     kept, now, named = Ledger(ledger or folder / LEDGER), sources(), {c.name: c for c in cases}
-    for case in cases:
-        seal(case, folder)
     with TemporaryDirectory(prefix="exam-", ignore_cleanup_errors=True) as workdirs:
         parts = [
-            Examined(case.name, folder, Path(workdirs), now, now.entry(case), steps, make, again)
+            Examined(case, folder, Path(workdirs), now, now.entry(case), steps, make, again)
             for case in spread(cases)
         ]
         anew = again or steps == "make"

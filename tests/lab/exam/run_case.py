@@ -14,11 +14,10 @@ from drivers.errors import CellError, ConfigurationError
 from drivers.files import replace_file
 from drivers.strip.describe import load_strip
 from tests.lab.exam.case import Case
-from tests.lab.exam.cases.answer_key import Sources, case_hash, open_key
+from tests.lab.exam.cases import Sources, case_hash
 from tests.lab.exam.diagnosis import NOTES, VERDICT_FILE, Effort, diagnose
-from tests.lab.exam.scoring.oracle import oracle
-from tests.lab.exam.scoring.results import Baselines, Entry
-from tests.lab.exam.scoring.score import same, score
+from tests.lab.exam.ledger import Entry
+from tests.lab.exam.score import Baselines, oracle, same, score
 
 Steps = Literal["all", "make", "judge"]
 Maker = Callable[[Case, Path], object]
@@ -29,11 +28,11 @@ CASE_COST = 60.0  # s of one core, about
 def made_by_tier(case: Case, folder: Path) -> None:
     """Make the runs of `case` in `folder`, through images or from the state by its tier."""
     if case.tier == "images":
-        from tests.lab.exam.runs import through_images
+        from tests.lab.exam import through_images
 
         through_images.make_runs(case, folder)
         return
-    from tests.lab.exam.runs.from_model import make_runs
+    from tests.lab.exam.from_state import make_runs
 
     make_runs(case, folder)
 
@@ -42,11 +41,11 @@ def made_by_tier(case: Case, folder: Path) -> None:
 class Examined:
     """An exam case as a part of a campaign, with its ledger entry as outcome.
 
-    The key of `name` lies in `folder`; diagnoses work within `workdirs`, or among the
-    temporary files of a machine that has no such folder.
+    Its runs and verdict lie in `folder`; diagnoses work within `workdirs`, or among the temporary
+    files of a machine that has no such folder.
     """
 
-    name: str
+    case: Case
     folder: Path
     workdirs: Path
     sources: Sources
@@ -59,7 +58,7 @@ class Examined:
     @property
     def key(self) -> str:
         """Name of the case."""
-        return self.name
+        return self.case.name
 
     @property
     def of(self) -> str:
@@ -68,7 +67,7 @@ class Examined:
 
     def measure(self) -> Mapping[str, Any]:
         """Make the runs, diagnose them, score the verdict; raises CellError where a step fails."""
-        case = open_key(self.folder, self.name)
+        case = self.case
         place = self.folder / RUNS_FOLDER / case.name
         if self.steps != "judge":
             keep_runs(case, place, self.make)

@@ -10,7 +10,7 @@ import pytest
 from cell.gap.selection.posterior import Posterior, Weighed
 from cell.gap.selection.prior import BELIEFS_FILE, Beliefs, beliefs
 from tests.lab.exam.case import Case
-from tests.lab.exam.cases.draw import FOREIGN, Draw
+from tests.lab.exam.cases import FOREIGN, Draw
 from tests.lab.studies.catalogue.beliefs import (
     IMMATERIAL,
     LAPSE,

@@ -7,9 +7,9 @@ import pytest
 
 from cell.record.files import RUN
 from drivers.readers import read_yaml
-from tests.lab.exam.cases import draw
-from tests.lab.exam.runs import from_model, through_images
-from tests.lab.exam.runs.by_hand import paths_by_hand
+from tests.lab.exam import cases as drawing
+from tests.lab.exam import from_state, through_images
+from tests.lab.exam.from_state import paths_by_hand
 from tests.support.exam_cases import case
 
 LENGTH, MANY = 0.6, 40
@@ -36,10 +36,10 @@ def test_the_same_seed_moves_alike_and_no_two_motions_are_alike(paths) -> None:
 
 
 def test_runs_by_hand_repeat_no_condition(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(from_model, "MOTIONS", ("normal", "fast"))
-    monkeypatch.setattr(from_model, "SEGMENTS", 40)
+    monkeypatch.setattr(from_state, "MOTIONS", ("normal", "fast"))
+    monkeypatch.setattr(from_state, "SEGMENTS", 40)
     by_hand = case("nothing", "nothing", {}).model_copy(update={"motions": "by_hand"})
-    from_model.make_runs(by_hand, tmp_path)
+    from_state.make_runs(by_hand, tmp_path)
     runs = sorted(tmp_path.iterdir())
     assert [run.name for run in runs] == ["00-by-hand", "01-by-hand"]
     heads = [read_yaml(run / RUN) for run in runs]
@@ -55,13 +55,13 @@ def test_a_sealed_run_by_hand_states_its_number_and_no_seed() -> None:
 
 
 def test_one_triple_in_three_is_moved_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(draw.SHARES, "state", {"nothing": 1.0})
-    by_hand = [c.motions == "by_hand" for c in draw.cases("state", 18, 5)]
+    monkeypatch.setitem(drawing.SHARES, "state", {"nothing": 1.0})
+    by_hand = [c.motions == "by_hand" for c in drawing.cases("state", 18, 5)]
     assert by_hand == [i // 3 % 3 == 1 for i in range(18)]
-    monkeypatch.setitem(draw.SHARES, "images", {"nothing": 1.0})
-    assert by_hand == [c.motions == "by_hand" for c in draw.cases("images", 18, 5)]
+    monkeypatch.setitem(drawing.SHARES, "images", {"nothing": 1.0})
+    assert by_hand == [c.motions == "by_hand" for c in drawing.cases("images", 18, 5)]
 
 
 def test_every_level_of_scatter_meets_every_strength_and_kind_of_motion() -> None:
-    met = {(i % 3, (i // 3) % 3, draw._scatter_level(i)) for i in range(27)}
+    met = {(i % 3, (i // 3) % 3, drawing._scatter_level(i)) for i in range(27)}
     assert len(met) == 27

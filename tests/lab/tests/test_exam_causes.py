@@ -19,7 +19,7 @@ from drivers.types import Array, Pose
 from policies.path import triangular
 from tests.lab.exam.causes import cause_of, causes
 from tests.lab.exam.causes.cause import Cause
-from tests.lab.exam.runs.specimen import Aged, Specimen
+from tests.lab.exam.from_state import Aged, Specimen
 from tests.support.effect_cases import LENGTH, denim, way
 
 LINKS, STEP = 40, 0.005

@@ -6,10 +6,10 @@ import pytest
 from cell.gap.strength import Ruler, drawn_path
 from cell.record.header import Sigma
 from drivers.strip.effects import registry
+from tests.lab.exam import cases as drawing
 from tests.lab.exam.case import STRENGTHS
-from tests.lab.exam.cases import draw
-from tests.lab.exam.cases.draw import Draw, cases
-from tests.lab.exam.runs.from_model import BY, MOTIONS, plant_of
+from tests.lab.exam.cases import Draw, cases
+from tests.lab.exam.from_state import BY, MOTIONS, plant_of
 from tests.support.gap_strip_cases import denim
 
 
@@ -37,12 +37,12 @@ def test_different_effects_keep_their_gaps(ruler: Ruler) -> None:
 def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(ruler: Ruler) -> None:
     effect = registry()["grip_slip"]
     path = drawn_path(effect, denim(), np.random.default_rng(0))
-    found = {s: ruler.share(path, target, draw.JUMP * target) for s, target in STRENGTHS.items()}
+    found = {s: ruler.share(path, target, drawing.JUMP * target) for s, target in STRENGTHS.items()}
     drawn = {s: share for s, share in found.items() if share is not None}
     assert 1 <= len(drawn) < len(found)
     for strength, share in drawn.items():
         excess = ruler.excess([{"grip_slip": path.at(share)}])[0]
-        assert 1.0 <= excess / STRENGTHS[strength] <= draw.JUMP
+        assert 1.0 <= excess / STRENGTHS[strength] <= drawing.JUMP
 
 
 @pytest.mark.slow
@@ -61,7 +61,7 @@ def test_half_of_the_plants_from_the_state_are_not_the_model(
     plants = [case.plant for case in cases("state", 2, 5, "nothing")]
     assert plants == ["another engine", "the model itself"]
     values = {"coefficient": 1.0, "yield_curvature": 9.0, "slope": 0.5, "cubic": 1e-5}
-    monkeypatch.setattr(draw, "_visible_effect", lambda case, *_: (case.strip, values))
+    monkeypatch.setattr(drawing, "_visible_effect", lambda case, *_: (case.strip, values))
     lawful = Draw("state", "single", 0, 3, 5).case()
     assert lawful.plant == "another law"
     assert set(lawful.causes) == {"oblique_drag"}

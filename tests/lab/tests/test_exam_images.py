@@ -14,9 +14,9 @@ from cell.record.run import read_run
 from drivers.errors import ConfigurationError, Fault
 from drivers.strip.describe import load_strip
 from policies.experiments.standard import STANDARD
+from tests.lab.exam import through_images
 from tests.lab.exam.case import Case
-from tests.lab.exam.runs import through_images
-from tests.lab.exam.runs.through_images import Open, exam_cell, make_runs, plant_of, sealed_result
+from tests.lab.exam.through_images import Open, exam_cell, make_runs, plant_of, sealed_result
 from tests.support.gap_strip_cases import denim
 
 FOUR = ["profile.parquet", "result.yaml", "run.yaml", "ticks.parquet"]

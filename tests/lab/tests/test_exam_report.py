@@ -9,16 +9,15 @@ from typer.testing import CliRunner
 from cell.gap.verdict.schema import Verdict
 from drivers.errors import ConfigurationError
 from tests.lab.__main__ import app
+from tests.lab.exam import cases as drawing
 from tests.lab.exam.case import Case
-from tests.lab.exam.cases import answer_key
-from tests.lab.exam.cases.answer_key import KEYS_FOLDER, Sources, case_hash
-from tests.lab.exam.cases.drawn import DRAWN_FILE, load_or_draw
-from tests.lab.exam.report.page import markdown, write_report
+from tests.lab.exam.cases import DRAWN_FILE, KEYS_FOLDER, Sources, case_hash, load_or_draw
+from tests.lab.exam.ledger import Entry, Ledger
+from tests.lab.exam.page import markdown, write_report
 from tests.lab.exam.run import LEDGER
 from tests.lab.exam.run_case import Examined
-from tests.lab.exam.scoring.results import Baselines, Entry, Ledger, Oracle
-from tests.lab.exam.scoring.score import score
-from tests.lab.exam.scoring.targets import targets
+from tests.lab.exam.score import Baselines, Oracle, score
+from tests.lab.exam.targets import targets
 from tests.support.exam_cases import case, named, verdict
 from tests.support.gap_strip_cases import denim
 
@@ -168,7 +167,7 @@ def test_the_digest_of_a_case_depends_on_the_runs_made(monkeypatch: pytest.Monke
     before = case_hash(once)
     for other in ({"repeats": 2}, {"motions": "by_hand"}):
         assert case_hash(once.model_copy(update=other)) != before
-    monkeypatch.setattr(answer_key, "MOTIONS", ("normal", "fast"))
+    monkeypatch.setattr(drawing, "MOTIONS", ("normal", "fast"))
     assert case_hash(once) != before
 
 

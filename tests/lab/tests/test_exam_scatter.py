@@ -8,8 +8,8 @@ import pytest
 from cell.record.files import RUN, TICKS
 from drivers.readers import read_yaml
 from drivers.strip.describe import describe
-from tests.lab.exam.runs import from_model
-from tests.lab.exam.runs.scatter import LEVELS, RunScatter
+from tests.lab.exam import from_state
+from tests.lab.exam.from_state import LEVELS, RunScatter
 from tests.support.exam_cases import case
 from tests.support.gap_strip_cases import denim
 
@@ -32,9 +32,9 @@ def test_scatter_of_a_run_is_the_same_however_often_it_is_made() -> None:
 def test_each_motion_is_made_as_often_as_the_case_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(from_model, "MOTIONS", ("fast",))
-    monkeypatch.setattr(from_model, "SEGMENTS", 40)
-    from_model.make_runs(case("nothing", "nothing", {}).model_copy(update={"repeats": 2}), tmp_path)
+    monkeypatch.setattr(from_state, "MOTIONS", ("fast",))
+    monkeypatch.setattr(from_state, "SEGMENTS", 40)
+    from_state.make_runs(case("nothing", "nothing", {}).model_copy(update={"repeats": 2}), tmp_path)
     assert sorted(run.name for run in tmp_path.iterdir()) == ["00-fast", "01-fast"]
     heads = [read_yaml(tmp_path / name / RUN) for name in ("00-fast", "01-fast")]
     assert [head["index"] for head in heads] == [0, 1]
@@ -44,12 +44,12 @@ def test_each_motion_is_made_as_often_as_the_case_says(
 def test_a_chain_from_the_state_follows_the_law_of_its_cause(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(from_model, "MOTIONS", ("fast",))
-    monkeypatch.setattr(from_model, "LINKS", 40)
+    monkeypatch.setattr(from_state, "MOTIONS", ("fast",))
+    monkeypatch.setattr(from_state, "LINKS", 40)
     plain = case("nothing", "nothing", {}).model_copy(update={"engine": "chain"})
     lawful = plain.model_copy(update={"causes": {"dahl": {"yield_curvature": 40.0}}})
     for name, made in (("plain", plain), ("again", plain), ("lawful", lawful)):
-        from_model.make_runs(made, tmp_path / name)
+        from_state.make_runs(made, tmp_path / name)
     of = {n: (tmp_path / n / "00-fast" / TICKS).read_bytes() for n in ("plain", "again", "lawful")}
     assert of["plain"] == of["again"]
     assert of["plain"] != of["lawful"]
@@ -57,9 +57,9 @@ def test_a_chain_from_the_state_follows_the_law_of_its_cause(
 
 def test_what_a_tare_leaves_differs_from_run_to_run_and_is_none_without_force() -> None:
     plain, model = case("nothing", "nothing", {}), describe(denim())
-    assert from_model.after_tare(model, plain, 0) is model
+    assert from_state.after_tare(model, plain, 0) is model
     feeling = plain.model_copy(update={"force": 0.01})
-    left = [from_model.after_tare(model, feeling, i).observation for i in range(40)]
+    left = [from_state.after_tare(model, feeling, i).observation for i in range(40)]
     offsets = np.array([[seen.force_x, seen.force_z] for seen in left])
     assert offsets.std(axis=0) == pytest.approx([0.01, 0.01], rel=0.4)
-    assert from_model.after_tare(model, feeling, 3).observation == left[3]
+    assert from_state.after_tare(model, feeling, 3).observation == left[3]

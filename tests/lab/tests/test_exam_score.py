@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 from cell.gap.subject.run_folders import RunFolder, find_runs
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.case import Case
+from tests.lab.exam.ledger import Entry, Ledger
 from tests.lab.exam.run_case import baselines
-from tests.lab.exam.scoring.oracle import oracle
-from tests.lab.exam.scoring.results import Entry, Ledger
-from tests.lab.exam.scoring.score import Outcome, result, same, score
-from tests.lab.exam.scoring.statistics import (
+from tests.lab.exam.score import Outcome, oracle, result, same, score
+from tests.lab.exam.targets import (
     Rate,
     brier,
     calibration_error,

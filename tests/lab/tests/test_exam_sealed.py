@@ -13,11 +13,11 @@ from cell.campaign.run import Part
 from drivers.errors import Fault
 from tests.lab.__main__ import app
 from tests.lab.exam.case import Case, Kind
-from tests.lab.exam.cases.answer_key import Sources, open_key, seal
+from tests.lab.exam.cases import Sources
 from tests.lab.exam.diagnosis import FILES, NoVerdict, diagnose, stage
+from tests.lab.exam.ledger import Entry, Ledger
 from tests.lab.exam.run import JOURNAL, LEDGER, run_exam, spread, summarise
 from tests.lab.exam.run_case import VERDICTS_FOLDER, keep_runs
-from tests.lab.exam.scoring.results import Entry, Ledger
 from tests.support.exam_cases import case, few_runs
 from tests.support.gap_strip_cases import STRIP
 
@@ -29,13 +29,6 @@ def desk(tmp_path: Path) -> Path:
     folder.mkdir()
     (folder / "strip.yaml").write_text("name: denim", encoding="utf-8")
     return folder
-
-
-def test_a_key_comes_back_as_it_was_sealed(tmp_path: Path) -> None:
-    whole = case("a", "single", {"seam": {"factor": 2.0}}, stiffness=1.1, strength="weak")
-    path = seal(whole, tmp_path)
-    assert open_key(tmp_path, "a") == whole
-    assert path.stat().st_mode & 0o077 == 0
 
 
 def test_only_the_files_of_the_contract_are_laid_out(desk: Path, tmp_path: Path) -> None:

@@ -26,9 +26,9 @@ from cell.gap.selection.prior import beliefs
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.findings import Findings
 from tests.lab.exam.case import Case
-from tests.lab.exam.cases.draw import Draw
-from tests.lab.exam.runs.from_model import make_runs
-from tests.lab.exam.scoring.score import with_twins
+from tests.lab.exam.cases import Draw
+from tests.lab.exam.from_state import make_runs
+from tests.lab.exam.score import with_twins
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
 IMMATERIAL = (0.02, 0.04, 0.06, 0.09, 0.12, 0.18)

@@ -18,8 +18,7 @@ from drivers.strip.engine import simulate
 from policies.experiments.standard import STANDARD
 from policies.registry import MOTION
 from tests.lab.exam.causes import cause_of, causes
-from tests.lab.exam.runs.from_model import MOTIONS
-from tests.lab.exam.runs.specimen import Specimen
+from tests.lab.exam.from_state import MOTIONS, Specimen
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 LINKS, STEP = 100, 0.004

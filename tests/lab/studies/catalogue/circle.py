@@ -22,7 +22,7 @@ from cell.gap.verdict.accept import accept
 from drivers.files import replace_file
 from drivers.yaml_text import dump_yaml
 from tests.lab.exam.case import Scattered
-from tests.lab.exam.runs.through_images import Open
+from tests.lab.exam.through_images import Open
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 SEEDS_BEFORE, SEEDS_STANDARD, SEEDS_AFTER = 0, 1000, 2000  # first seeds

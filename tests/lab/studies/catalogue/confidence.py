@@ -21,11 +21,10 @@ from cell.gap.verdict.confidence import LEFT_OPEN, Calibration, Signs, Weight, c
 from drivers.strip.effects import registry
 from drivers.types import Array
 from tests.lab.exam.case import STRENGTHS, Case
-from tests.lab.exam.cases.draw import Draw
-from tests.lab.exam.runs.from_model import make_runs
-from tests.lab.exam.scoring.score import RIGHT_RESULTS, Checked, score
-from tests.lab.exam.scoring.statistics import Rate, calibration_error, rate, reliability
-from tests.lab.exam.scoring.targets import rate_text
+from tests.lab.exam.cases import Draw
+from tests.lab.exam.from_state import make_runs
+from tests.lab.exam.score import RIGHT_RESULTS, Checked, score
+from tests.lab.exam.targets import Rate, calibration_error, rate, rate_text, reliability
 from tests.lab.studies.study import Fit, Ledger, Outcome, Quantity, Statistic, Study, Values
 
 PAIRS = 8  # one case in so many hides two

@@ -22,7 +22,7 @@ from drivers.strip.rod.motions import GripperPath
 from drivers.twin.chain.engine import Chain
 from policies.experiments.standard import STANDARD, standard_order
 from policies.registry import MOTION
-from tests.lab.exam.runs.by_hand import paths_by_hand
+from tests.lab.exam.from_state import paths_by_hand
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
 LINKS, STEP = 200, 0.004  # of the chain; s

@@ -16,9 +16,8 @@ from cell.gap.fitting.starts import refit_base
 from cell.gap.opening import open_subject
 from cell.gap.subject.run_folders import find_runs
 from tests.lab.exam.case import Case
-from tests.lab.exam.cases.draw import SLOWER, STIFFER
-from tests.lab.exam.runs.from_model import MOTIONS, make_runs
-from tests.lab.exam.runs.scatter import LEVELS, RunScatter
+from tests.lab.exam.cases import SLOWER, STIFFER
+from tests.lab.exam.from_state import LEVELS, MOTIONS, RunScatter, make_runs
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 QUANTITIES = ("grip_x", "grip_z", "damping", "stiffness")

@@ -37,8 +37,7 @@ from policies.registry import BY_HAND, MOTION
 from tests.lab.exam.case import Case, Scattered
 from tests.lab.exam.causes import cause_of
 from tests.lab.exam.causes.cause import Cause
-from tests.lab.exam.runs.from_model import scale_strip
-from tests.lab.exam.runs.specimen import Aged, Specimen
+from tests.lab.exam.from_state import Aged, Specimen, scale_strip
 
 LINKS = 200
 STEP = 0.004  # s; against 2 ms it moves d by 0.07 mm and contact_x by 0.13 mm rms at most

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import Field, ValidationError
 
@@ -11,50 +11,9 @@ from drivers.files import append_line, replace_file, writing
 from drivers.readers import MEGABYTE, read_json_lines
 from drivers.settings import Settings
 from tests.lab.exam.case import Case
-from tests.lab.exam.scoring.score import Outcome
+from tests.lab.exam.score import Baselines, Oracle, Outcome
 
-LARGEST_JOURNAL = 512 * MEGABYTE  # of a journal that this program goes on with
-
-
-class Journal:
-    """JSON-lines file with a line for each finished item, from which interrupted work goes on.
-
-    Raises ConfigurationError where the file cannot be written.
-    """
-
-    def __init__(self, path: Path, *, again: bool = False) -> None:
-        """Open or create the file at `path`, without a truncated last line; `again` empties it."""
-        self.path = path
-        with writing(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self.lines = [] if again else read_json_lines(path, LARGEST_JOURNAL)
-            replace_file(path, b"".join(json_line(line) for line in self.lines))
-
-    def append(self, line: dict[str, Any]) -> None:
-        """Write `line`; it is on disk on return."""
-        with writing(self.path):
-            append_line(self.path, json_line(line))
-        self.lines.append(line)
-
-
-class Oracle(Settings):
-    """Result of the true model refitted on the same runs, the best that a verdict can reach.
-
-    `after` is its excess gap on held-out runs, `shrink` the share of the excess that it removes.
-    """
-
-    after: float
-    shrink: float
-
-
-class Baselines(Settings):
-    """Result of a simpler method, which names the `single` effect with the least in-sample error.
-
-    `right` if that is in the answer. The other baseline, refitting the base alone, names nothing.
-    """
-
-    single: str | None
-    right: bool
+LARGEST_LEDGER = 512 * MEGABYTE
 
 
 class Entry(Settings):
@@ -84,10 +43,13 @@ class Ledger:
     """
 
     def __init__(self, path: Path, *, again: bool = False) -> None:
-        """Open the ledger, or begin one; `again` discards everything."""
+        """Open the ledger without a truncated last line, or begin one; `again` empties it."""
         self.path = path
-        self._journal = Journal(path, again=again)
-        self._known = {e.case.name: e for e in map(_entry, self._journal.lines) if e is not None}
+        with writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lines = [] if again else read_json_lines(path, LARGEST_LEDGER)
+            replace_file(path, b"".join(map(json_line, lines)))
+        self._known = {e.case.name: e for e in map(_entry, lines) if e is not None}
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -99,9 +61,10 @@ class Ledger:
         return tuple(self._known[c.name] for c in cases if c.name in self._known)
 
     def put(self, entry: Entry) -> None:
-        """Append the entry of a case."""
+        """Append the entry of a case; it is on disk on return."""
         self._known[entry.case.name] = entry
-        self._journal.append(entry.model_dump(mode="json"))
+        with writing(self.path):
+            append_line(self.path, json_line(entry.model_dump(mode="json")))
 
 
 def _entry(line: dict[str, object]) -> Entry | None:

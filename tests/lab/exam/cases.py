@@ -1,27 +1,71 @@
-"""Draws exam cases at random: the strip, and the hidden effect with its place and strength."""
+"""Cases of an exam: drawn at random from its seed, scaled to a strength, and kept as its key."""
 
+import hashlib
+import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
+from cell.campaign import versions
 from cell.config.places import find_configs
 from cell.gap.strength import Ruler, drawn_path
 from cell.gap.subject.strip.synthetic import reported_path
 from cell.parallel import workers
 from cell.record.header import Sigma
-from drivers.errors import Fault
+from drivers.errors import ConfigurationError, Fault
+from drivers.files import replace_file, writing
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
 from policies.experiments.by_hand import by_hand
-from policies.experiments.standard import standard_order
+from policies.experiments.standard import REFERENCE_RUN, REPEATED_RUN, STANDARD, standard_order
 from tests.lab.exam.case import STRENGTHS, Case, Kind, Scattered, Strength, Tier, Values
 from tests.lab.exam.causes import causes
-from tests.lab.exam.progress import Progress, quiet
-from tests.lab.exam.runs.by_hand import paths_by_hand
-from tests.lab.exam.runs.from_model import BY, MOTIONS, scale_strip
-from tests.lab.exam.runs.through_images import refusal
+from tests.lab.exam.from_state import BY, MOTIONS, paths_by_hand, scale_strip
+from tests.lab.exam.through_images import refusal
+
+Progress = Callable[[int, int, str], None]
+"""Called with the number of cases done, the total, and a text on the last one."""
+
+
+KEYS_FOLDER = "keys"
+SCORER = ("tests/lab/exam/score.py", "tests/lab/exam/run_case.py")
+
+
+def quiet(done: int, total: int, text: str) -> None:
+    """Ignore a progress report."""
+
+
+def case_hash(case: Case) -> str:
+    """Digest of all fields of a case and of the names of its motions."""
+    made = MOTIONS if case.tier == "state" else (*STANDARD, REPEATED_RUN, REFERENCE_RUN)
+    return hashlib.sha256((case.model_dump_json() + " ".join(made)).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """Digests of the source code that makes verdicts (`engine`) and that scores them (`scorer`)."""
+
+    engine: str
+    scorer: str
+
+    def verdict(self, case: Case) -> str:
+        """Digest of everything that the verdict on `case` depends on."""
+        return f"{self.engine}-{case_hash(case)}"
+
+    def entry(self, case: Case) -> str:
+        """Digest of everything that the ledger entry of `case` depends on."""
+        return f"{self.verdict(case)}-{self.scorer}"
+
+
+def sources() -> Sources:
+    """Digests of the source files as they are on disk now."""
+    return Sources(engine=versions.verdicts(), scorer=versions.sources(SCORER))
+
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
 PLACE_DRAWS = 4  # draws of an effect's place on each strip
@@ -247,3 +291,75 @@ def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
         return Ruler.standard(plant, order, sigma)
     led = [reported_path(by_hand(plant.length, hand, i)) for i in range(len(order))]
     return Ruler.along(plant, led, sigma)
+
+
+DRAWN_FILE = "drawn.json"
+CASE_COUNTS = {"state": 300, "images": 90, "small": 6}
+
+
+def load_or_draw(
+    folder: Path,
+    tier: str,
+    count: int | None,
+    seed: int,
+    repeats: int = 1,
+    kind: Kind | None = None,
+    force: float | None = None,
+    progress: Progress = quiet,
+    jobs: int = 1,
+) -> tuple[Case, ...]:
+    """Load the cases stored in `folder` for the same request, or draw them in `jobs` processes.
+
+    From the state each motion is made `repeats` times; with a `kind` all cases are of that kind;
+    with a `force` [N] the arm reports the strip's force with that noise, all else being equal.
+    Raises ConfigurationError where the folder holds another exam or cannot be written, for repeats
+    through images and for causes outside the library without images.
+    """
+    if repeats > 1 and tier == "images":
+        raise ConfigurationError("--repeats: is for exams from the state; leave it out")
+    if kind == "outside" and tier != "images":
+        raise ConfigurationError("--kind outside: is for exams through images; add --tier images")
+    path = folder / KEYS_FOLDER / DRAWN_FILE
+    wanted = count or CASE_COUNTS[tier]
+    options = {"repeats": repeats if repeats > 1 else None, "kind": kind, "force": force}
+    asked: dict[str, object] = {"tier": tier, "count": wanted, "seed": seed}
+    asked |= {option: value for option, value in options.items() if value}
+    known = _read(path)
+    if known is None:
+        of: Tier = "images" if tier == "images" else "state"
+        drawn = cases(of, wanted, seed, kind, progress, jobs)
+        found = tuple(c.model_copy(update={"repeats": repeats, "force": force}) for c in drawn)
+        _keep(path, {**asked, "cases": [case.model_dump(mode="json") for case in found]})
+        return found
+    held = {key: known.get(key) for key in asked}
+    if held != asked:
+        given = " ".join(f"{key} {value}" for key, value in held.items())
+        raise ConfigurationError(f"--out: {folder} holds another exam ({given}); name a new folder")
+    return _cases(path, known)
+
+
+def _read(path: Path) -> dict[str, object] | None:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error}; remove the folder") from None
+    return content if isinstance(content, dict) else {}
+
+
+def _cases(path: Path, known: dict[str, object]) -> tuple[Case, ...]:
+    held = known.get("cases")
+    try:
+        return tuple(Case.model_validate(c) for c in (held if isinstance(held, list) else []))
+    except ValidationError:
+        raise ConfigurationError(
+            f"{path}: was drawn by another version; name a new folder"
+        ) from None
+
+
+def _keep(path: Path, content: dict[str, object]) -> None:
+    with writing(f"--out: {path}"):
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        replace_file(path, json.dumps(content, indent=1).encode())
+    path.chmod(0o600)

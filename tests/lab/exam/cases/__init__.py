@@ -1,1 +1,0 @@
-"""Cases of an exam: random draws, scaling to a strength, and sealed answer keys."""

@@ -1,1 +1,0 @@
-"""Report of an exam: a page in Markdown with figures."""

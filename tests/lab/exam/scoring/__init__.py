@@ -1,1 +1,0 @@
-"""Scoring of verdicts against the hidden causes."""
