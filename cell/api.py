@@ -13,9 +13,9 @@ import pyarrow as pa
 from calibration.calibration import Calibration, load_calibration
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import Request
 from cell.folding.fold import fold as run_fold
 from cell.folding.observe import observe as read_film
+from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
 from cell.gap.fit import fit, quiet
 from cell.gap.report.overlay import write_overlay
@@ -29,6 +29,7 @@ from cell.record.listing import RunRow
 from cell.record.listing import list_runs as read_rows
 from cell.record.run import Run
 from cell.record.run import read_run as load_run
+from drivers.strip.describe import load_plant
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
@@ -56,21 +57,10 @@ def fold(
     of another strip on the twin's desk; `speed` [m/s] replaces the cell's own. An error before the
     motion raises CellError; what happens during the motion is the result's `outcome`.
     """
-    choice = DeviceSelection(arm, camera, None if plant is None else Path(plant), seed)
-    return run_fold(
-        Request(
-            strip=strip,
-            policy=policy,
-            checkpoint=None,
-            choice=choice,
-            runs=Path(runs),
-            configs=_path(configs),
-            frames=frames,
-            truth=truth,
-            viz="off",
-            speed=speed,
-        )
-    )
+    found, desk = find_configs(_path(configs)), None if plant is None else load_plant(Path(plant))
+    choice = DeviceSelection(arm, camera, desk, seed)
+    known = found.cell(), found.strip(strip), policy, Path(runs), choice
+    return run_fold(Request(*known, speed=speed, record=Recording(frames, truth=truth)))
 
 
 def read_run(folder: Place) -> Run:

@@ -1,10 +1,11 @@
 """Plug-ins: objects that other installed packages add by an entry point of their own."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
 from typing import TypeVar
 
-from drivers.errors import ConfigurationError
+from drivers.errors import CellError, ConfigurationError
 
 T = TypeVar("T")
 GROUP = "folding_cell"  # before a dot and the kind, such as effects, policies, arms, cameras
@@ -29,19 +30,41 @@ def plugins(kind: str, of: type[T], taken: Collection[str]) -> Mapping[str, T]:
     return found
 
 
+@contextmanager
+def guarded(kind: str, name: str) -> Iterator[None]:
+    """Within the block, name the package of the plug-in `name`, if it is one, by what it raises.
+
+    Raises ConfigurationError in place of any error but a CellError, and of an exit.
+    """
+    points = entry_points(group=f"{GROUP}.{kind}", name=name)
+    try:
+        yield
+    except CellError:
+        raise
+    except (Exception, SystemExit) as error:
+        if not points:
+            raise
+        raise _failure(next(iter(points)), "fails", error) from error
+
+
 def _load(point: EntryPoint, of: type[T]) -> T:
     try:
         value = point.load()
-    except (ImportError, AttributeError, SyntaxError) as error:
-        raise ConfigurationError(
-            f"{_origin_of(point)}: {point.value} cannot be imported: {error}; mend or uninstall it"
-        ) from None
+    except (Exception, SystemExit) as error:
+        raise _failure(point, "cannot be imported", error) from error
     if not isinstance(value, of):
         raise ConfigurationError(
             f"{_origin_of(point)}: {point.value} is of {type(value).__name__}, must be of "
             f"{of.__name__}"
         )
     return value
+
+
+def _failure(point: EntryPoint, what: str, error: BaseException) -> ConfigurationError:
+    text = str(error) if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
+    return ConfigurationError(
+        f"{_origin_of(point)}: {point.value} {what}: {text}; mend or uninstall it"
+    )
 
 
 def _origin_of(point: EntryPoint) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from drivers.errors import ConfigurationError, suggestion
-from drivers.plugins import plugins
+from drivers.plugins import guarded, plugins
 
 if TYPE_CHECKING:
     from policies.policy import Policy
@@ -144,7 +144,8 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
         raise ConfigurationError(f"checkpoint: {name} has no weights; allowed only for: {learned}")
     entry = entries()[name]
     make = entry.in_rod if in_rod and entry.in_rod is not None else entry.make
-    return make(checkpoint)
+    with guarded("policies", name):
+        return make(checkpoint)
 
 
 def _standard_motion(name: str) -> "Policy":

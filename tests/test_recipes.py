@@ -273,6 +273,8 @@ def test_a_cause_is_a_package_of_one_file(installed: Path) -> None:
         ("wet", "EFFECT = 1", "is of int, must be of Effect"),
         ("wet", "import nothing_of_that_name", "cannot be imported: No module named"),
         ("wet", "OTHER = 1", "cannot be imported"),
+        ("wet", "raise ValueError('no water')", "cannot be imported: ValueError: no water"),
+        ("wet", "import sys; sys.exit(0)", "cannot be imported: SystemExit: 0"),
         ("seam", "EFFECT = 1", "this name is taken"),
     ],
 )
@@ -280,6 +282,15 @@ def test_a_broken_package_is_named(installed: Path, name: str, text: str, said: 
     install(installed, "effects", name, text, "EFFECT")
     with pytest.raises(ConfigurationError, match=f"effects: {name} of package own-{name}.*{said}"):
         registry()
+
+
+@pytest.mark.parametrize("does", ["raise ValueError('no')", "raise SystemExit(0)"])
+def test_a_package_whose_policy_cannot_be_made_is_named(installed: Path, does: str) -> None:
+    text = "from policies.registry import Entry\n\nENTRY = Entry(9, lambda _: make())\n"
+    text += f"\ndef make():\n    {does}\n"
+    install(installed, "policies", "sunk", text, "ENTRY")
+    with pytest.raises(ConfigurationError, match=r"policies: sunk of package own-sunk.*fails"):
+        make_policy("sunk")
 
 
 def test_an_effect_beside_the_installed_package_is_reported_as_not_installed(

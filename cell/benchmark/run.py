@@ -17,9 +17,11 @@ from cell.calibrating.calibrate import calibration_of
 from cell.campaign.journal import Record, digest
 from cell.campaign.run import Engine, Part, Watcher, carry_out
 from cell.campaign.versions import code
-from cell.config.places import Configs, find_configs
+from cell.config.places import Configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import PACKAGES, Request, fold
+from cell.folding.documents import PACKAGES
+from cell.folding.fold import fold
+from cell.folding.request import Recording, Request
 from cell.report.words import millimetres
 
 LEVEL_SPEED = 0.02  # m/s, of the level motion
@@ -39,12 +41,11 @@ class ThroughImages:
     def key(self) -> str:
         """Key with strip, policy and seed."""
         request = self.request
-        return f"fold {request.strip} by {request.policy}, seed {request.choice.seed}"
+        return f"fold {request.strip.name} by {request.policy}, seed {request.choice.seed}"
 
     def measure(self) -> ImageFold:
         """Fold the strip and return the result, without a page: `cell report` makes that later."""
-        done = fold(self.request, page=False)
-        strip = find_configs(self.request.configs).strip(self.request.strip)
+        done, strip = fold(self.request), self.request.strip
         return ImageFold(
             strip=done.strip,
             bending_length=strip.bending_length,
@@ -109,21 +110,13 @@ def _fold_request(
     spec: BenchmarkSpec, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
 ) -> ThroughImages:
     """Part that folds a new `strip` by `policy`, with noise of the spec's seed plus `repeat`."""
-    request = Request(
-        strip=strip,
-        policy=policy,
-        checkpoint=None,
-        choice=DeviceSelection(seed=spec.seed + repeat),
-        runs=runs,
-        configs=configs.folder,
-        frames=None,
-        truth=True,
-        viz="off",
-    )
+    cell, lying = configs.cell(), configs.strip(strip)
+    choice, record = DeviceSelection(seed=spec.seed + repeat), Recording(page=False)
+    request = Request(cell, lying, policy, runs, choice, record=record)
     of = digest(
         code(),
-        configs.cell().model_dump_json(),
-        configs.strip(strip).model_dump_json(),
+        cell.model_dump_json(),
+        lying.model_dump_json(),
         weights_digest(policy),
     )
     return ThroughImages(request, of)

@@ -27,15 +27,12 @@ from cell.cli.options import (
 from drivers.errors import CellError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Sequence
 
-    from cell.folding.fold import Request
+    from cell.folding.request import Request
     from cell.folding.result import FoldResult
-    from cell.record.film import Encoder
-
 
 LARGEST_OFFSET = 0.1  # m, of edges that a fold can be asked to reach
-
 
 Film = Literal["libx264", "none"]
 FilmOption = Annotated[Film | None, typer.Option(help="Encoder of the film of all images.")]
@@ -63,12 +60,10 @@ Thickness = Annotated[
 Plants = Annotated[
     list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
 ]
-
-
 Specimen = Annotated[
     str | None, typer.Option(help="Name of this piece of fabric, for what the cell learns.")
 ]
-Learning = Annotated[
+LearningOption = Annotated[
     str | None, typer.Option(help="Learn from the fold: on, off, auto, or a length to correct by.")
 ]
 Until = Annotated[
@@ -108,110 +103,54 @@ def fold(
     no_truth: NoTruth = False,
     full_speed: FullSpeed = False,
     specimen: Specimen = None,
-    learning: Learning = None,
+    learning: LearningOption = None,
     until: Until = None,
     as_json: Json = False,
 ) -> None:
     """Fold a strip in half and say how well it went."""
     check_names(configs, strip, policy)
+    known_strip = _strip_name(strip, length, thickness)
+    from cell.config.length import metres
+    from cell.config.places import find_configs
     from cell.devices.devices import DeviceSelection
-    from cell.folding.batch import check_requests, doubts_about, requests
-    from cell.folding.correct import with_correction
-    from cell.folding.fold import Request
+    from cell.folding import request as asked
+    from drivers.strip.describe import load_plant
 
-    choice = DeviceSelection(arm, camera, None, seed)
-    base = Request(
-        strip=_name_strip(strip, length, thickness),
-        policy=policy,
-        checkpoint=checkpoint,
-        choice=choice,
-        runs=runs,
-        configs=configs,
-        frames=frames,
-        truth=not no_truth,
-        viz=viz,
-        film=encoder_of(configs, film),
+    found, close = find_configs(configs), None
+    if until is not None:
+        close = metres("--until", until, LARGEST_OFFSET)
+        learning = learning or "on"
+    settings = found.cell()
+    kept = film or settings.record.film
+    base = asked.Request(
+        settings,
+        found.strip(known_strip),
+        policy,
+        runs,
+        DeviceSelection(arm, camera, seed=seed),
+        checkpoint,
         full_speed=full_speed,
-        specimen=specimen,
+        record=asked.Recording(frames, None if kept == "none" else kept, not no_truth, viz),
+        learning=asked.Learning(specimen),
     )
-    base = with_correction(base, "on" if until is not None and learning is None else learning)
-    wanted = check_requests(requests(base, plant or [], repeat))
-    for doubt in doubts_about(wanted):
+    base = asked.with_correction(base, learning)
+    requests = asked.repetitions(base, [load_plant(path) for path in plant or []], repeat)
+    asked.check_request(base, recorded=not (dry_run or rehearse))
+    for doubt in asked.doubts_about(requests):
         _print_remark(doubt)
     if dry_run:
         _predict(base, as_json=as_json)
-        return
-    if until is not None:
-        sys.exit(_fold_until(wanted, until, as_json=as_json))
-    if rehearse:
+    elif rehearse and close is None:
         sys.exit(_rehearse(base, as_json=as_json))
-    sys.exit(_fold_each(wanted, jobs, as_json=as_json))
+    else:
+        sys.exit(_fold_all(requests, jobs, close, as_json=as_json))
 
 
-def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
-    """Encoder of films, that of the configuration where none is asked for; None for no film."""
-    from cell.config.places import find_configs
-
-    wanted = film or find_configs(configs).cell().record.film
-    return None if wanted == "none" else wanted
-
-
-def _fold_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> int:
-    """Fold until the edges lie as close as `until`; returns the exit code, 1 where none does.
-
-    Each fold is corrected by those before it.
-    """
-    from cell.config.length import metres
-    from cell.folding.correct import with_correction
-
-    close = metres("--until", until, LARGEST_OFFSET)
-    code = 1
-    for request in wanted:
-        made: list[FoldResult] = []
-        code = _fold_each([with_correction(request, "on")], 1, made.append, as_json=as_json)
-        if code > 1 or (code == 0 and _laid_offset(made) <= close):
-            return code
-        following = with_correction(request, "on").correction.total
-        _print_remark(f"the next fold would aim {-1e3 * following:+.1f} mm")
-    return 1
-
-
-def _laid_offset(made: "list[FoldResult]") -> float:
-    """Offset [m] of the newest fold's laid edges, of its layers where no edge was seen."""
-    seen = [made[-1].edge_offset, made[-1].displacement] if made else []
-    return next((abs(value) for value in seen if value is not None), float("inf"))
-
-
-def _fold_each(
-    wanted: "Sequence[Request]",
-    jobs: int,
-    keep: "Callable[[FoldResult], None]" = lambda _: None,
-    *,
-    as_json: bool,
-) -> int:
-    """Fold, report and `keep` each result; returns the largest exit code."""
-    wanted = agree_to_fold(wanted)
-    real, remark = wanted[0].choice.agreed, _emulation(wanted[0])
-    code = 0
-    if remark and as_json:
-        _print_remark(remark)
-    try:
-        for result in _results(wanted, 1 if real else jobs, quiet=as_json, real=real):
-            _print_result(result, remark, as_json=as_json)
-            keep(result)
-            code = max(code, result.exit_code)
-    except CellError as error:
-        sys.stderr.write(f"cell: {error}\n")
-        code = max(code, error.exit_code)
-    return code
-
-
-def _name_strip(strip: str, length: float | None, thickness: float | None) -> str:
+def _strip_name(strip: str, length: float | None, thickness: float | None) -> str:
     """Name of the strip for requests; one without a file is named by length and thickness."""
-    from cell.config.unknown import UNKNOWN_NAME, name_of
     from drivers.errors import ConfigurationError
 
-    if (strip == UNKNOWN_NAME) != (length is not None):
+    if (strip == "unknown") != (length is not None):
         raise ConfigurationError(
             "--length: goes with `--strip unknown`, which needs it; other strips have a file"
         )
@@ -219,95 +158,50 @@ def _name_strip(strip: str, length: float | None, thickness: float | None) -> st
         raise ConfigurationError(
             "--thickness: goes with `--strip unknown`; other strips have a file that states it"
         )
-    return strip if length is None else name_of(length, thickness)
+    if length is None:
+        return strip
+    from cell.config.unknown import name_of
+
+    return name_of(length, thickness)
 
 
-def agree_to_fold(wanted: "Sequence[Request]") -> "tuple[Request, ...]":
-    """Have the operator of a real robot agree to its motion; returns the requests with consent.
+def _fold_all(
+    requests: "Sequence[Request]", jobs: int, until: float | None, *, as_json: bool
+) -> int:
+    """Make the folds and report each; returns the exit code.
 
-    Raises PreflightRefused where that was not typed, or a check of real hardware failed.
+    That is the largest of the folds', or with `until` [m] that of the last one, 1 where no edges
+    lie as close.
     """
-    from cell.arm.real_robot import confirm
-    from cell.config.places import find_configs
-    from cell.devices.open import is_real, real_camera
-    from cell.doctor.doctor import BRIEF, checks, refuse_red
-
-    base = wanted[0]
-    configs = find_configs(base.configs)
-    settings = configs.cell()
-    real = is_real(settings, base.choice)
-    if real or real_camera(settings, base.choice):
-        refuse_red([*checks(configs, base.choice, base.runs, BRIEF)])
-    if not real:
-        return tuple(wanted)
-    confirm(settings, ask)
-    return tuple(replace(r, choice=replace(r.choice, agreed=True)) for r in wanted)
-
-
-def _results(
-    wanted: "Sequence[Request]", jobs: int, *, quiet: bool, real: bool
-) -> "Iterator[FoldResult]":
-    """Results of the folds as they end, made side by side or one after the other."""
-    if jobs > 1 and len(wanted) > 1:
-        return _results_side_by_side(wanted, jobs)
-    return _results_in_turn(wanted, quiet=quiet, real=real)
-
-
-def _results_side_by_side(wanted: "Sequence[Request]", jobs: int) -> "Iterator[FoldResult]":
-    from cell.calibrating.calibrate import calibration_of
-    from cell.folding.batch import each_of
-    from cell.orchestrator.interrupt import Interrupt
-
-    settings, _ = wanted[0].read_files()
-    with Interrupt() as interrupted:
-        calibration = calibration_of(settings, _print_remark, interrupted)
-        folds = each_of(wanted, jobs, interrupted, calibration)
-        for request, made in zip(wanted, folds, strict=False):  # an interrupt ends the folds
-            yield _as_result(request, made)
-
-
-def _results_in_turn(
-    wanted: "Sequence[Request]", *, quiet: bool, real: bool
-) -> "Iterator[FoldResult]":
     from cell.arm.real_robot import await_strip
-    from cell.calibrating.calibrate import calibration_of
-    from cell.folding.fold import fold as fold_once
-    from cell.folding.progress import progress
-    from cell.orchestrator.interrupt import Interrupt
-
-    settings, _ = wanted[0].read_files()
-    for number, request in enumerate(wanted):
-        if real and number > 0:
-            await_strip(ask)
-        with Interrupt() as interrupted, progress(quiet=quiet) as shown:
-            calibration = calibration_of(settings, _print_remark, interrupted)
-            made: FoldResult | CellError
-            try:
-                made = fold_once(request, shown, interrupted, calibration)
-            except CellError as error:
-                made = error
-        yield _as_result(request, made)
-        if interrupted():
-            return
-
-
-def _as_result(request: "Request", made: "FoldResult | CellError") -> "FoldResult":
-    """Convert a fold's own error to a result, so that a batch goes on; Ctrl-C twice ends it."""
-    from cell.folding.result import FoldResult
-    from cell.orchestrator.interrupt import Interrupted
-
-    if isinstance(made, Interrupted):
-        raise made
-    if isinstance(made, CellError):
-        name = Path(request.strip).stem
-        return FoldResult.refusal(name, request.policy, request.choice.seed, made)
-    return made
-
-
-def _emulation(request: "Request") -> str:
     from cell.devices.open import emulation
+    from cell.folding.batch import Attendance, agreed, fold_all
+    from cell.folding.progress import progress
+    from cell.folding.request import with_correction
+    from cell.folding.result import FoldResult
 
-    return emulation(request.read_files()[0], request.choice)
+    requests = agreed(requests, ask)
+    remark, code = emulation(requests[0].cell, requests[0].choice), 0
+    if remark and as_json:
+        _print_remark(remark)
+    attendance = Attendance(report=_print_remark, lay_again=lambda: await_strip(ask))
+    if not as_json:
+        attendance = replace(attendance, observe=progress)
+    try:
+        results = fold_all(requests, jobs, until, attendance)
+        for request, made in zip(requests, results, strict=False):  # an interrupt ends the folds
+            result = made if isinstance(made, FoldResult) else FoldResult.refusal(request, made)
+            _print_result(result, remark, as_json=as_json)
+            code = max(code, result.exit_code)
+            if until is not None:
+                if result.ends(until):
+                    return result.exit_code
+                following = with_correction(request, "on").learning.correction.total
+                _print_remark(f"the next fold would aim {-1e3 * following:+.1f} mm")
+    except CellError as error:
+        _print_remark(str(error))
+        code = max(code, error.exit_code)
+    return code if until is None else max(code, 1)
 
 
 def _print_result(result: "FoldResult", remark: str, *, as_json: bool) -> None:
@@ -329,23 +223,26 @@ def _print_remark(text: str) -> None:
 
 def _rehearse(request: "Request", *, as_json: bool) -> int:
     """Rehearse the fold once and report it; returns the exit code."""
+    from cell.devices.open import emulation
+    from cell.folding.batch import agreed
     from cell.folding.rehearsal import rehearse
     from cell.orchestrator.interrupt import Interrupt
 
-    (request,) = agree_to_fold([request])
+    (request,) = agreed([request], ask)
     with Interrupt() as interrupted:
         outcome = rehearse(request, interrupted)
     line = {"outcome": outcome.name, "reason": outcome.reason, "exit_code": outcome.exit_code}
-    words = filter(None, (f"{outcome.name}: {outcome.reason}", _emulation(request)))
+    remark = emulation(request.cell, request.choice)
+    words = filter(None, (f"{outcome.name}: {outcome.reason}", remark))
     text = json.dumps(line) if as_json else "\n  ".join(words)
     sys.stdout.write(text + "\n")
     return outcome.exit_code
 
 
 def _predict(request: "Request", *, as_json: bool) -> None:
-    from cell.folding.prediction import predict
-
     with busy("predicting the fold"):
+        from cell.folding.prediction import predict
+
         prediction = predict(request)
     text = json.dumps(prediction.line(), allow_nan=False) if as_json else prediction.text()
     sys.stdout.write(text + "\n")

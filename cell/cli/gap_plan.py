@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cell.cli.options import Configs, Json, Strip, ask, check_names, print_json, while_busy
+from drivers.errors import CellError
 
 if TYPE_CHECKING:
-    from cell.folding.fold import Request
+    from collections.abc import Sequence
+
+    from cell.folding.request import Request
     from cell.folding.result import FoldResult
 
 
@@ -34,37 +37,43 @@ def plan(
 ) -> None:
     """Fold the standard runs: speeds, heights, a hold, there and back, shakes, repeats."""
     check_names(configs, strip)
-    from cell.arm.real_robot import await_strip
-    from cell.cli.fold import agree_to_fold
+    from cell.config.places import find_configs
     from cell.devices.devices import DeviceSelection
-    from cell.folding.fold import Request
-    from cell.folding.standard_runs import (
-        check_empty,
-        fold_runs,
-        standard_requests,
-        went_as_planned,
-    )
-    from cell.orchestrator.interrupt import Interrupt
+    from cell.folding.request import Recording, Request, check_recordable
+    from cell.folding.standard_runs import check_empty, standard_requests
+    from drivers.strip.describe import load_plant
 
     folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
     check_empty(folder)
-    choice = DeviceSelection(plant=plant, seed=seed)
-    wanted = standard_requests(
-        Request(strip, "", None, choice, folder, configs, None, truth=not no_truth, viz="off")
-    )
+    found, desk = find_configs(configs), None if plant is None else load_plant(plant)
+    choice, record = DeviceSelection(plant=desk, seed=seed), Recording(truth=not no_truth)
+    base = Request(found.cell(), found.strip(strip), "", folder, choice, record=record)
+    requests = standard_requests(base)
     if dry_run:
-        _print_plan(wanted)
+        _print_plan(requests)
         return
-    wanted, code = agree_to_fold(wanted), 0
-    with Interrupt() as interrupted:
-        folded = fold_runs(wanted, jobs, interrupted, lambda: await_strip(ask))
-        results = while_busy("folding", folded)
-        for i, result in enumerate(results):
-            _print_result(i, len(wanted), wanted[i], result, as_json=as_json)
-            code = max(code, 0 if went_as_planned(result) else result.exit_code)
+    check_recordable(folder)
+    code = _fold_all(requests, jobs, as_json=as_json)
     if not as_json:
         sys.stdout.write(f"next: {_next_command(strip, folder, configs)}\n")
     sys.exit(code)
+
+
+def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
+    """Make the runs and report each; returns the largest exit code of those that went wrong."""
+    from cell.arm.real_robot import await_strip
+    from cell.folding.batch import Attendance, agreed, fold_all
+    from cell.folding.standard_runs import went_as_planned
+
+    requests, code = agreed(requests, ask), 0
+    attendance = Attendance(lay_again=lambda: await_strip(ask))
+    results = while_busy("folding", fold_all(requests, jobs, attendance=attendance))
+    for i, (request, result) in enumerate(zip(requests, results, strict=False)):
+        if isinstance(result, CellError):
+            raise result
+        _print_result(i, len(requests), request, result, as_json=as_json)
+        code = max(code, 0 if went_as_planned(result) else result.exit_code)
+    return code
 
 
 def _next_command(strip: str, folder: Path, configs: Path | None) -> str:

@@ -3,13 +3,13 @@
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol
 
 from calibration.wizard.coverage import WantedView
 from cell.config.drivers import Driver, arms, cameras
 from cell.config.settings import CellSettings
 from drivers.protocols import Arm, Camera, Clock, Hand
+from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, frozen
 
 
@@ -80,13 +80,14 @@ class Plant(Protocol):
 class DeviceSelection:
     """Selection of devices by the command line; None where not given.
 
-    `index` is the number of runs that the strip on the desk has already been through; `agreed`
-    whether an operator has agreed that a real robot moves.
+    The `plant` lies on the twin's desk instead of the strip. `index` is the number of runs that the
+    strip on the desk has already been through; `agreed` whether an operator has agreed that a real
+    robot moves.
     """
 
     arm: str | None = None
     camera: str | None = None
-    plant: Path | None = None
+    plant: StripFile | None = None
     seed: int = 0
     index: int = 0
     agreed: bool = False

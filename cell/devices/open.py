@@ -11,6 +11,7 @@ from cell.devices.real_camera import camera_settings
 from cell.devices.rig_correction import corrected_devices
 from cell.extras import require_library
 from drivers.errors import ConfigurationError, PreflightRefused
+from drivers.plugins import guarded
 from drivers.strip.file import StripFile
 
 
@@ -95,6 +96,8 @@ def open_cell(
         )
     cv2.setNumThreads(1)  # beside the strip and the record, more threads only wait for each other
     arm, camera = choice.arm_driver(settings), choice.camera_driver(settings)
-    devices: Devices = arm.load()(settings, strip, choice, calibrating=calibrating)
-    devices = camera.load()(devices, settings)
+    with guarded("arms", choice.arm or settings.drivers.arm):
+        devices: Devices = arm.load()(settings, strip, choice, calibrating=calibrating)
+    with guarded("cameras", choice.camera or settings.drivers.camera):
+        devices = camera.load()(devices, settings)
     return devices if calibrating else corrected_devices(devices, settings, strip)

@@ -7,7 +7,6 @@ from typing import Any
 from calibration.wizard.coverage import WantedView
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices, DeviceSelection
-from drivers.strip.describe import load_plant
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.twin.board import Placement, board_frame, board_pose
@@ -116,8 +115,7 @@ def on_desk(
     """The plant as recorded, the strip that lies on the desk, and the effects of the rig."""
     if choice.plant is None:
         return strip, strip, settings.effects
-    plant = load_plant(choice.plant)
-    return plant, *_split_effects(plant)
+    return choice.plant, *_split_effects(choice.plant)
 
 
 def _split_effects(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:

@@ -29,6 +29,13 @@ def checks(
         return
     found = f"{settings.name}, {len(names)} strips in {configs.folder}"
     yield Check("configuration", State.PASS, found, why)
+    yield from hardware_checks(settings, choice, runs, seconds)
+
+
+def hardware_checks(
+    settings: CellFile, choice: DeviceSelection, runs: Path, seconds: float = ASKED
+) -> Iterator[Check]:
+    """Yield each check of machine, calibration, robot and camera; the network takes `seconds`."""
     yield machine.disk(runs)
     yield machine.cores()
     yield machine.viewer()

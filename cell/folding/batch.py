@@ -1,196 +1,204 @@
-"""Several folds: in sequence, or in parallel worker processes."""
+"""Several folds: one after the other, side by side in processes, or until one lies well."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
 from multiprocessing.connection import wait
-from pathlib import Path
 
 from calibration.calibration import Calibration
-from cell.campaign import worker as process
-from cell.devices.open import check_calibrated, check_drivers
-from cell.folding.fold import Request, fold
+from cell.arm.real_robot import confirm
+from cell.calibrating.calibrate import calibration_of
+from cell.campaign.worker import StopSignal, Worker
+from cell.devices.open import is_physical, is_real
+from cell.doctor.doctor import BRIEF, hardware_checks, refuse_red
+from cell.doctor.machine import versions
+from cell.folding.fold import fold
+from cell.folding.request import Request, with_correction
 from cell.folding.result import FoldResult
-from cell.orchestrator.interrupt import Interrupted
+from cell.orchestrator.interrupt import Interrupt, Interrupted
+from cell.orchestrator.run import Observer
 from drivers.child import ChildDied
 from drivers.errors import CellError, Fault, Unexpected
-from drivers.strip.describe import load_plant
-from drivers.strip.validity import doubts
-from policies.registry import make_policy
 
 POLL_INTERVAL = 0.1  # s between looks at the keyboard
 
 
-class Worker(process.Worker):
-    """Worker process that folds one request at a time.
+def _no_observers(_strip: str) -> AbstractContextManager[tuple[Observer, ...]]:
+    return nullcontext(())
 
-    The first `stop` requests a controlled stop of the fold under way, as does the death of the
-    parent process; a second one stops it at once.
+
+@dataclass(frozen=True, slots=True)
+class Attendance:
+    """How the person at the cell takes part in its folds; by default nobody does.
+
+    `interrupt` makes a context that asks for a controlled stop, `report` takes a remark,
+    `lay_again` waits until the strip lies for the next fold of a real robot, and `observe` makes a
+    context of the observers of a strip's fold.
     """
 
-    def __init__(self) -> None:
-        """Start the process without a task."""
-        super().__init__()
-        self.task: int | None = None
-
-    def begin_fold(self, number: int, request: Request, calibration: Calibration | None) -> None:
-        """Start to fold `request`, as task `number`."""
-        self.task = number
-        self.begin(_fold_one, request, calibration)
-
-    def fold_result(self) -> FoldResult | CellError:
-        """Wait for the result of the task and return it, a Fault where the process died."""
-        try:
-            made: FoldResult | CellError = self.result()
-        except ChildDied as died:
-            made = Fault("process_died", f"the process of a fold ended by itself, code {died.code}")
-        self.task = None
-        return made
-
-    def stop(self) -> None:
-        """Request a stop of the fold under way."""
-        if self.task is not None:
-            super().stop()
+    interrupt: Callable[[], AbstractContextManager[Callable[[], bool]]] = Interrupt
+    report: Callable[[str], None] = lambda _: None
+    lay_again: Callable[[], None] = lambda: None
+    observe: Callable[[str], AbstractContextManager[tuple[Observer, ...]]] = _no_observers
 
 
-def _fold_one(
-    request: Request, calibration: Calibration | None, stop: process.StopSignal
-) -> FoldResult | CellError:
-    try:
-        return fold(request, interrupted=stop, calibration=calibration)
-    except CellError as error:
-        return error
-    except KeyboardInterrupt:
-        return Interrupted("stopped at once from the keyboard")
-    except Exception as error:  # noqa: BLE001  an edge: the other folds go on, this one fails
-        return Unexpected(error)
-
-
-def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Request, ...]:
-    """Requests of a batch: fold number i, plants outermost, then repeats, uses seed S + i."""
-    lying: Sequence[Path | None] = plants or [None]
-    folds = [(plant, index) for plant in lying for index in range(repeat)]
-    return tuple(
-        replace(
-            base, choice=replace(base.choice, plant=plant, index=index, seed=base.choice.seed + i)
-        )
-        for i, (plant, index) in enumerate(folds)
-    )
-
-
-def check_requests(wanted: Sequence[Request]) -> Sequence[Request]:
-    """Check the requests of a batch and return them with the files read once for all.
-
-    They differ in plant and seed. Every file that they name is read: raises ConfigurationError
-    before anything has moved, not in the middle of the folds.
-    """
-    first = wanted[0]
-    files = first.read_files()
-    check_drivers(files[0], first.choice)
-    check_calibrated(files[0], first.choice)
-    make_policy(first.policy, first.checkpoint)
-    for request in wanted:
-        if request.choice.plant is not None:
-            load_plant(request.choice.plant)
-    return [replace(request, files=files) for request in wanted]
-
-
-def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
-    """Warnings about strips and plants outside the range in which an engine was validated."""
-    _, named = wanted[0].read_files()
-    plants = [load_plant(r.choice.plant) for r in wanted if r.choice.plant is not None]
-    return tuple(dict.fromkeys(doubt for strip in (named, *plants) for doubt in doubts(strip)))
-
-
-def side_by_side(
-    wanted: Sequence[Request], jobs: int, interrupted: Callable[[], bool] = lambda: False
-) -> Iterator[FoldResult]:
-    """Fold the requests, `jobs` at a time, and yield their results in order.
-
-    Like `each_of`, but raises the CellError of the first fold that failed, and ends the others.
-    """
-    for result in each_of(wanted, jobs, interrupted, None):
-        if isinstance(result, CellError):
-            raise result
-        yield result
-
-
-def each_of(
-    wanted: Sequence[Request],
-    jobs: int,
-    interrupted: Callable[[], bool],
-    calibration: Calibration | None,
+def fold_all(
+    requests: Sequence[Request],
+    jobs: int = 1,
+    until: float | None = None,
+    attendance: Attendance = Attendance(),
 ) -> Iterator[FoldResult | CellError]:
-    """Fold the requests, `jobs` at a time, and yield their results or errors in order.
+    """Make the folds, `jobs` at a time, and yield their results in order.
 
-    Once `interrupted`, the folds under way stop under control and no other begins; after a
-    KeyboardInterrupt they stop at once.
+    One that cannot begin yields its error, and the others go on. With `until` each is corrected by
+    those before it, and the first one whose edges lie as close [m] is the last, as is one that was
+    stopped. A real robot folds one after the other. The first Ctrl-C stops the folds under way
+    under control and begins no other; raises Interrupted or KeyboardInterrupt on the second.
     """
-    pool = WorkerPool([Worker() for _ in range(min(jobs, len(wanted)))], wanted, calibration)
-    try:
-        for number in range(len(wanted)):
-            result = pool.result(number, interrupted)
-            if result is None:
-                return
-            yield result
-    finally:
-        pool.close()
+    if until is not None:
+        yield from _until(requests, until, attendance)
+    elif jobs > 1 and len(requests) > 1 and not requests[0].choice.agreed:
+        with attendance.interrupt() as interrupted:
+            crew = Crew(requests, jobs, attendance.report)
+            try:
+                yield from map(_unless_interrupted, crew.results(interrupted))
+            finally:
+                crew.close()
+    else:
+        yield from _in_turn(requests, attendance)
 
 
-class WorkerPool:
-    """Pool of worker processes that share a list of folds."""
+def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Request, ...]:
+    """The requests with the operator's consent to the motion of a real robot, if there is one.
+
+    Raises PreflightRefused where that was not typed, or a check of real hardware failed.
+    """
+    first = requests[0]
+    if is_physical(first.cell, first.choice):
+        refuse_red([versions(), *hardware_checks(first.cell, first.choice, first.runs, BRIEF)])
+    if not is_real(first.cell, first.choice):
+        return tuple(requests)
+    confirm(first.cell, ask)
+    return tuple(replace(r, choice=replace(r.choice, agreed=True)) for r in requests)
+
+
+def _until(
+    requests: Sequence[Request], until: float, attendance: Attendance
+) -> Iterator[FoldResult | CellError]:
+    corrected = (with_correction(request, "on") for request in requests)
+    for result in _in_turn(corrected, attendance):
+        yield result
+        if result.ends(until) if isinstance(result, FoldResult) else result.exit_code > 1:
+            return
+
+
+def _in_turn(
+    requests: Iterator[Request] | Sequence[Request], attendance: Attendance
+) -> Iterator[FoldResult | CellError]:
+    for number, request in enumerate(requests):
+        if request.choice.agreed and number > 0:
+            attendance.lay_again()
+        observe = attendance.observe(request.strip.name)
+        with attendance.interrupt() as interrupted, observe as observers:
+            calibration = calibration_of(request.cell, attendance.report, interrupted)
+            result: FoldResult | CellError
+            try:
+                result = fold(request, observers, interrupted, calibration)
+            except CellError as error:
+                result = error
+        yield _unless_interrupted(result)
+        if interrupted():
+            return
+
+
+def _unless_interrupted(result: FoldResult | CellError) -> FoldResult | CellError:
+    if isinstance(result, Interrupted):
+        raise result
+    return result
+
+
+class Crew:
+    """Worker processes that share a list of folds."""
 
     def __init__(
-        self, workers: list[Worker], wanted: Sequence[Request], calibration: Calibration | None
+        self, requests: Sequence[Request], jobs: int, report: Callable[[str], None]
     ) -> None:
-        self._workers = workers
-        self._calibration = calibration
-        self._waiting = deque(enumerate(wanted))
+        self._report = report
+        self._count = len(requests)
+        self._waiting = deque(enumerate(requests))
+        self._idle = [Worker() for _ in range(min(jobs, len(requests)))]
+        self._busy: dict[Worker, int] = {}
         self._done: dict[int, FoldResult | CellError] = {}
         self._stops = 0
 
-    def result(self, number: int, interrupted: Callable[[], bool]) -> FoldResult | CellError | None:
-        """Wait for the result of fold `number`; None where it will not be started."""
-        while number not in self._done:
-            try:
-                if interrupted() and not self._stops:
+    def results(self, interrupted: Callable[[], bool]) -> Iterator[FoldResult | CellError]:
+        """Yield results in the order of the requests, up to the last one that was begun.
+
+        Once `interrupted`, the folds under way stop under control and no other begins; after a
+        KeyboardInterrupt they stop at once, and a second one is raised.
+        """
+        for number in range(self._count):
+            while number not in self._done:
+                try:
+                    if interrupted() and not self._stops:
+                        self._stop()
+                    self._begin(interrupted)
+                    if not self._busy:
+                        return
+                    self._collect()
+                except KeyboardInterrupt:
+                    if self._stops > 1:
+                        raise
                     self._stop()
-                self._begin()
-                if not self._busy_workers:
-                    return None
-                self._collect()
-            except KeyboardInterrupt:
-                if self._stops > 1:
-                    raise
-                self._stop()
-        return self._done.pop(number)
+            yield self._done.pop(number)
 
     def close(self) -> None:
         """Release all workers and wait for them."""
-        for worker in self._workers:
+        workers = [*self._idle, *self._busy]
+        for worker in workers:
             worker.release()
-        for worker in self._workers:
+        for worker in workers:
             worker.join()
 
-    @property
-    def _busy_workers(self) -> list[Worker]:
-        return [worker for worker in self._workers if worker.task is not None]
-
-    def _begin(self) -> None:
-        for worker in self._workers:
-            if worker.task is None and self._waiting:
-                worker.begin_fold(*self._waiting.popleft(), self._calibration)
+    def _begin(self, interrupted: Callable[[], bool]) -> None:
+        while self._idle and self._waiting:
+            number, request = self._waiting[0]
+            calibration = calibration_of(request.cell, self._report, interrupted)
+            self._waiting.popleft()
+            worker = self._idle.pop(0)
+            self._busy[worker] = number
+            worker.begin(_fold_in_worker, request, calibration)
 
     def _collect(self) -> None:
-        """Collect finished results, waiting briefly for them."""
-        ready = wait([worker.pipe for worker in self._busy_workers], POLL_INTERVAL)
-        for worker in self._busy_workers:
-            if worker.pipe in ready and worker.task is not None:
-                number = worker.task
-                self._done[number] = worker.fold_result()
+        """Collect finished results, waiting briefly for them; a dead worker is replaced."""
+        ready = wait([worker.pipe for worker in self._busy], POLL_INTERVAL)
+        for worker in [worker for worker in self._busy if worker.pipe in ready]:
+            number = self._busy.pop(worker)
+            try:
+                self._done[number] = worker.result()
+                self._idle.append(worker)
+            except ChildDied as died:
+                worker.kill()
+                words = f"the process of a fold ended by itself, code {died.code}"
+                self._done[number] = Fault("process_died", words)
+                self._idle.append(Worker())
 
     def _stop(self) -> None:
         self._stops += 1
         self._waiting.clear()
-        for worker in self._workers:
+        for worker in self._busy:
             worker.stop()
+
+
+def _fold_in_worker(
+    request: Request, calibration: Calibration, stop: StopSignal
+) -> FoldResult | CellError:
+    try:
+        return fold(request, (), stop, calibration)
+    except KeyboardInterrupt:
+        return Interrupted("stopped at once from the keyboard")
+    except CellError as error:
+        return error
+    except Exception as error:  # noqa: BLE001  an edge: the other folds go on, this one fails
+        return Unexpected(error)

@@ -14,7 +14,7 @@ from cell.arm.arm_prediction import ArmPrediction, predict_arm
 from cell.calibrating.calibration_in_use import check_current
 from cell.config.cell import CellFile
 from cell.devices.open import real_camera
-from cell.folding.fold import Request
+from cell.folding.request import Request
 from drivers.errors import ConfigurationError
 from drivers.installation import Workspace
 from drivers.strip.describe import describe
@@ -69,9 +69,9 @@ class Prediction:
 
 def predict(request: Request) -> Prediction:
     """Simulate the fold of `request`; raises ConfigurationError for a path beyond its limits."""
-    settings, strip = request.read_files()
+    settings, strip = request.cell, request.strip
     _check_calibration(settings, request)
-    folds = simulate_policy(request, settings, strip, [strip, *_corner_strips(strip)])
+    folds = simulate_policy(request, settings, [strip, *_corner_strips(strip)])
     reach = _reach(folds)
     _check(reach, settings.installation.workspace)
     nominal, spread = folds.displacement[0], folds.displacement[folds.touched]
@@ -95,14 +95,15 @@ def _check_calibration(settings: CellFile, request: Request) -> None:
     check_current(calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin)
 
 
-def simulate_policy(
-    request: Request, settings: CellFile, strip: StripFile, variants: Sequence[StripFile]
-) -> Folds:
-    """Simulate the policy of `request`, which assumes `strip`, on rods like each of `variants`."""
+def simulate_policy(request: Request, settings: CellFile, variants: Sequence[StripFile]) -> Folds:
+    """Simulate the policy of `request`, which assumes its strip, on rods like each of `variants`.
+
+    `settings` are those of the cell at the wanted speed.
+    """
     return roll_out(
         make_policy(request.policy, request.checkpoint, in_rod=True),
         Rod(),
-        strip,
+        request.strip,
         [describe(variant) for variant in variants],
         settings=Rollout(speed=settings.fold.speed, sensing=Sensing(delay=(0.03, 0.03))),
         rng=np.random.default_rng(request.choice.seed),

@@ -2,16 +2,14 @@
 
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from rich.console import Console
 from rich.status import Status
 
 from cell.orchestrator.run import Observer
 from cell.orchestrator.snapshot import Snapshot
-from drivers.strip.file import StripFile
 
 TICKS_BETWEEN_LOOKS = 10  # ticks between two looks
 
@@ -19,7 +17,7 @@ TICKS_BETWEEN_LOOKS = 10  # ticks between two looks
 class ProgressLine:
     """Observer that shows a run on one line of the terminal."""
 
-    def __init__(self, status: Status, strip: StripFile) -> None:
+    def __init__(self, status: Status, strip: str) -> None:
         self._status = status
         self._strip = strip
         self._count = 0
@@ -30,7 +28,7 @@ class ProgressLine:
         if self._count % TICKS_BETWEEN_LOOKS:
             return
         pose = snapshot.arm.pose
-        text = f"{self._strip.name}  {snapshot.state:<9} {snapshot.time:5.1f} s"
+        text = f"{self._strip}  {snapshot.state:<9} {snapshot.time:5.1f} s"
         text += f"   gripper x {1e3 * pose.x:4.0f}  z {1e3 * pose.z:4.0f} mm"
         seen = snapshot.view.measurement
         if seen is not None and math.isfinite(seen.contact_x):
@@ -45,11 +43,10 @@ class ProgressLine:
 
 
 @contextmanager
-def progress(*, quiet: bool) -> Iterator[Callable[[Path, StripFile], tuple[Observer, ...]]]:
-    """Observers that show a fold's progress; none without a terminal."""
-    console = Console(stderr=True)
-    if quiet or not sys.stderr.isatty():
-        yield lambda _folder, _strip: ()
+def progress(strip: str) -> Iterator[tuple[Observer, ...]]:
+    """Observers that show the progress of a fold of `strip`; none without a terminal."""
+    if not sys.stderr.isatty():
+        yield ()
         return
-    with console.status("opening the cell") as status:
-        yield lambda _folder, strip: (ProgressLine(status, strip),)
+    with Console(stderr=True).status("opening the cell") as status:
+        yield (ProgressLine(status, strip),)

@@ -9,8 +9,8 @@ import numpy as np
 from cell.arm.arm_prediction import fold_poses
 from cell.arm.by_hand import by_hand, home_joints
 from cell.config.cell import CellFile
-from cell.folding.fold import Request
 from cell.folding.prediction import laid_at, simulate_policy
+from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, close_hand, move, open_hand
@@ -108,8 +108,8 @@ def rehearsal(
 
 def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
     """Carry out the motion of `request` in the air: no strip is held, no grasp is checked."""
-    settings, strip = request.files_of_run()
-    folds = simulate_policy(request, settings, strip, [strip])
+    settings, strip = request.settings, request.strip
+    folds = simulate_policy(request, settings, [strip])
     path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))
     is_robot = request.choice.arm_driver(settings).real
     elbow = home_joints(settings, strip)[ELBOW_JOINT] if is_robot else None

@@ -1,11 +1,15 @@
 """Result of a fold, as one line for a program and as text for a person."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
+from pathlib import Path
 from typing import Any, Self
 
 from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.folding.learned import LEARNED
-from cell.orchestrator.outcome import StopReason
+from cell.folding.request import Request
+from cell.orchestrator.outcome import Outcome, StopReason
 from drivers.errors import CellError
 
 LINE_COLUMNS = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
@@ -48,10 +52,56 @@ class FoldResult:
     correction: str | None = None
 
     @classmethod
-    def refusal(cls, strip: str, policy: str, seed: int, error: CellError) -> Self:
+    def refusal(cls, request: Request, error: CellError) -> Self:
         """Result of a fold that did not begin: `error` is the reason, and nothing was recorded."""
+        known = "", request.strip.name, request.policy, request.choice.seed
         stopped = StopReason.by(error)
-        return cls("", strip, policy, seed, stopped.name, stopped.reason, stopped.exit_code)
+        return cls(*known, stopped.name, stopped.reason, stopped.exit_code)
+
+    @classmethod
+    def of(
+        cls,
+        request: Request,
+        outcome: Outcome,
+        folder: Path,
+        calibration: str,
+        truth: Mapping[str, Any],
+        wall: float,
+        warning: str | None,
+    ) -> Self:
+        """Result of the run in `folder`: its `outcome`, and the plant's `truth` on the twin."""
+        touch = outcome.touch
+        return cls(
+            run=str(folder),
+            strip=request.strip.name,
+            policy=request.policy,
+            seed=request.choice.seed,
+            outcome=outcome.name,
+            reason=outcome.reason,
+            displacement=None if touch is None else touch.displacement,
+            displacement_true=truth.get("displacement"),
+            layer_touch=None if touch is None else touch.time,
+            edge_offset=outcome.edge_offset,
+            edge_offset_true=truth.get("edge_offset"),
+            duration=outcome.duration,
+            wall=wall,
+            calibration=calibration,
+            exit_code=outcome.exit_code,
+            predicted=None if outcome.predicted is None else outcome.predicted.sentence(),
+            warning=warning,
+            like_model=None if outcome.agreement is None else outcome.agreement.like_model,
+            correction=request.learning.correction.sentence(),
+        )
+
+    @property
+    def offset(self) -> float:
+        """Distance [m] of the laid edges, of the layers where no edge was seen; else infinity."""
+        seen = (self.edge_offset, self.displacement)
+        return next((abs(value) for value in seen if value is not None), inf)
+
+    def ends(self, until: float) -> bool:
+        """Whether a series of folds ends: stopped, or the edges lie as close as `until` [m]."""
+        return self.exit_code > 1 or (self.exit_code == 0 and self.offset <= until)
 
     def line(self) -> dict[str, Any]:
         """Object that `cell fold --json` prints, with the contract's keys only."""

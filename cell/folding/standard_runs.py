@@ -1,13 +1,11 @@
 """Standard runs for comparing simulation and measurement of a strip."""
 
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from cell.folding.batch import side_by_side
-from cell.folding.fold import Request, fold
+from cell.folding.request import Request
 from cell.folding.result import FoldResult
 from cell.record.files import is_run
 from cell.record.header import NOT_FOLDED
@@ -33,27 +31,6 @@ def standard_requests(base: Request) -> tuple[Request, ...]:
         )
         for i, name in enumerate(order)
     )
-
-
-def fold_runs(
-    wanted: Sequence[Request],
-    jobs: int = 1,
-    interrupted: Callable[[], bool] = lambda: False,
-    lay_again: Callable[[], None] = lambda: None,
-) -> Iterator[FoldResult]:
-    """Carry out the runs, `jobs` at a time, until `interrupted`; yields their results in order.
-
-    One robot folds one after the other; `lay_again` waits for the strip before each but the first.
-    """
-    if jobs > 1 and not wanted[0].choice.agreed:
-        yield from side_by_side(wanted, jobs)
-        return
-    for number, request in enumerate(wanted):
-        if number > 0 and request.choice.agreed:
-            lay_again()
-        if interrupted():
-            return
-        yield fold(request, interrupted=interrupted)
 
 
 def check_empty(folder: Path) -> None:

@@ -13,13 +13,13 @@ import numpy as np
 from cell.campaign.journal import digest
 from cell.campaign.run import Engine, Watcher, carry_out
 from cell.campaign.versions import code
+from cell.config.places import find_configs
 from cell.config.unknown import name_of
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold
+from cell.folding.request import Recording, Request
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
-from drivers.files import write_file
-from drivers.yaml_text import dump_yaml
 from policies.adaptive.bias import Bias
 from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
 from policies.adaptive.critic import YIELD_UNIT
@@ -51,16 +51,17 @@ class FoldPart:
         """Fold the strip; returns a row of `FoldedBatch`, empty where the fold failed."""
         strip = unknown(np.random.default_rng([self.seed, self.number]))
         with TemporaryDirectory() as name:
-            folder = Path(name)
-            plant = folder / "plant.yaml"
-            write_file(plant, dump_yaml(strip.model_dump(mode="json", by_alias=True)))
-            choice = DeviceSelection(plant=plant, seed=self.number)
-            known = name_of(strip.length, strip.thickness)
+            configs, known = find_configs(None), name_of(strip.length, strip.thickness)
             request = Request(
-                known, "adaptive", self.checkpoint, choice, folder / "runs", None, "none",
-                truth=True, viz="off",
-            )  # fmt: skip
-            result = fold(request, page=False)
+                configs.cell(),
+                configs.strip(known),
+                "adaptive",
+                Path(name),
+                DeviceSelection(plant=strip, seed=self.number),
+                self.checkpoint,
+                record=Recording("none", page=False),
+            )
+            result = fold(request)
             stored = read_run(Path(result.run)).result
         predicted = None if stored is None else stored.foretold
         if result.exit_code != 0 or predicted is None or result.displacement_true is None:

@@ -8,19 +8,14 @@ import numpy as np
 import pytest
 
 import cell.folding.fold
-from cell.devices.devices import Devices, DeviceSelection
-from cell.folding.fold import Request, fold
+from cell.devices.devices import Devices
+from cell.folding.fold import fold
+from cell.folding.request import Request
 from cell.folding.result import FoldResult
 from cell.record.run import Run, read_run
 from drivers.twin.scene import Truth
 
 CHANGE = Callable[[Devices], Devices]
-
-
-def request_for(strip: str, policy: str, runs: Path, **changes) -> Request:
-    facts = {"frames": None, "truth": True, "viz": "off", "configs": None, "checkpoint": None}
-    facts |= {"choice": DeviceSelection(seed=3)} | changes
-    return Request(strip=strip, policy=policy, runs=runs, **facts)
 
 
 @dataclass(frozen=True)
@@ -50,7 +45,7 @@ def fold_and_keep(request: Request) -> Folded:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cell.folding.fold, "open_cell", keeping)
-        result = fold(request, page=False)
+        result = fold(request)
     run = read_run(Path(result.run))
     truth = opened[-1].plant.twin.truth()
     begun = next(event for event in run.events() if event.facts.get("state") == "PREFLIGHT")

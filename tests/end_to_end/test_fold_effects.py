@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ import yaml
 
 from cell.devices.devices import DeviceSelection
 from cell.folding.replay import replay
-from tests.end_to_end.folded import Folded, fold_and_keep, request_for
+from cell.folding.request import Recording
+from tests.end_to_end.folded import Folded, fold_and_keep
 from tests.lab.studies.kit.resimulate import resimulate
+from tests.support.requests import request_for
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 Effects = Mapping[str, Mapping[str, float]]
@@ -36,22 +39,17 @@ def affected(effects: Effects, folder: Path, *, accepted: bool = True) -> Folded
     shutil.copytree(CONFIGS, configs)
     if accepted:
         written(configs / "cell.yaml", effects)
-    plant = folder / "plant.yaml"
-    shutil.copy(CONFIGS / "strips" / "denim.yaml", plant)
-    written(plant, effects)
+    request = request_for(
+        "denim", "triangular", folder / "runs", configs, record=Recording("all", page=False)
+    )
+    plant = request.strip.model_copy(update={"effects": dict(effects)})
     choice = DeviceSelection(seed=3, plant=plant)
-    request = request_for("denim", "triangular", folder / "runs", frames="all")
-    return fold_and_keep(replaced(request, choice=choice, configs=configs))
+    return fold_and_keep(replace(request, choice=choice))
 
 
 def written(path: Path, effects: Effects) -> None:
     content = yaml.safe_load(path.read_text()) | {"effects": dict(effects)}
     path.write_text(yaml.safe_dump(content))
-
-
-def replaced(request, **changes):
-    facts = {name: getattr(request, name) for name in request.__dataclass_fields__}
-    return type(request)(**(facts | changes))
 
 
 def contact_errors(folded: Folded) -> np.ndarray:

@@ -7,8 +7,8 @@ import pytest
 
 import cell.folding.fold
 from cell.config.places import CHECKOUT_CONFIGS
-from cell.devices.devices import DeviceSelection
-from cell.folding.fold import Request, conduct, fold
+from cell.folding.fold import conduct, fold
+from cell.folding.request import Recording
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.record.files import is_under_way
@@ -17,6 +17,7 @@ from cell.record.writer import RunWriter
 from drivers.errors import Fault
 from tests.cell.calibrating.test_calibration_kept import made
 from tests.cell.conftest import HEADER
+from tests.support.requests import request_for
 
 DONE = Outcome("path_done", "the path ended and no touch was seen", 1, None, None, 9.0)
 
@@ -127,17 +128,9 @@ def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> 
         return SimpleNamespace(execute=lambda: DONE)
 
     monkeypatch.setattr(cell.folding.fold, "Run", blind)
-    facts = {
-        "frames": "none",
-        "truth": True,
-        "viz": "off",
-        "configs": CHECKOUT_CONFIGS,
-        "checkpoint": None,
-    }
-    request = Request(
-        strip="denim", policy="triangular", choice=DeviceSelection(), runs=tmp_path, **facts
-    )
-    result = fold(request, calibration=made(), page=False)
+    record = Recording("none", page=False)
+    request = request_for("denim", "triangular", tmp_path, CHECKOUT_CONFIGS, record=record)
+    result = fold(request, calibration=made())
     assert (result.outcome, result.exit_code) == ("path_done", 1)
     assert seen[0].plant is None
     assert seen[0].aids is None

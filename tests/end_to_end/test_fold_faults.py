@@ -19,7 +19,7 @@ from cell.record.run import read_run
 from cell.report.page import write_report
 from drivers.errors import SimulationNotFinite
 from drivers.types import Frame
-from tests.end_to_end.folded import request_for
+from tests.support.requests import request_for
 
 STOP_TIME = 0.35  # s of the cell's time to brake from the fold's speed and settle
 
@@ -62,7 +62,7 @@ def black(frame: Frame, kept: Frame) -> Frame:
 def spoiled_fold(monkeypatch, runs: Path, change) -> tuple:
     open_cell = cell.folding.fold.open_cell
     monkeypatch.setattr(cell.folding.fold, "open_cell", lambda *a, **k: change(open_cell(*a, **k)))
-    result = fold(request_for("denim", "triangular", runs), page=False)
+    result = fold(request_for("denim", "triangular", runs))
     return result, read_run(Path(result.run))
 
 

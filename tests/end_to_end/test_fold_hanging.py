@@ -12,8 +12,9 @@ from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.subject import open_strip
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
-from tests.end_to_end.folded import Folded, fold_and_keep, request_for
+from tests.end_to_end.folded import Folded, fold_and_keep
 from tests.support.gap_strip_cases import STRIP, in_noise, residuals
+from tests.support.requests import request_for
 
 pytestmark = [
     pytest.mark.slow,

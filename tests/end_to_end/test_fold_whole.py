@@ -11,9 +11,11 @@ import pytest
 import yaml
 
 from cell.cli.app import app
+from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.batch import side_by_side
+from cell.folding.batch import fold_all
 from cell.folding.replay import replay
+from cell.folding.request import Recording
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
 from cell.record.frames import INDEX
 from cell.report.overlay import silhouettes
@@ -21,8 +23,9 @@ from cell.report.page import report
 from drivers.errors import ConfigurationError
 from policies.checkpoint import load_checkpoint, save_checkpoint
 from policies.feedback import COMMITTED
-from tests.end_to_end.folded import Folded, fold_and_keep, request_for
+from tests.end_to_end.folded import Folded, fold_and_keep
 from tests.lab.studies.kit.resimulate import resimulate
+from tests.support.requests import request_for
 
 pytestmark = pytest.mark.slow
 
@@ -175,14 +178,13 @@ def test_the_head_of_a_run_holds_its_preflight(denim: Folded) -> None:
 def secret(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     """Another strip lies there than the controller believes, and the weights are not our own."""
     place = tmp_path_factory.mktemp("secret")
-    plant = place / "secret.yaml"
-    content = yaml.safe_load(Path("configs/strips/denim.yaml").read_text())
-    content |= {"name": "zebrafish", "bending_length": 0.0213}
-    plant.write_text(yaml.safe_dump(content))
+    changes = {"name": "zebrafish", "bending_length": 0.0213}
+    plant = find_configs(None).strip("denim").model_copy(update=changes)
     weights = load_checkpoint(COMMITTED)
     scaled = tuple(0.95 * weight for weight in weights.weights)
     save_checkpoint(place / "own.json", weights.model_copy(update={"weights": scaled}))
-    asked = {"truth": False, "viz": "save", "choice": DeviceSelection(plant=plant)}
+    kept = Recording(truth=False, viz="save", page=False)
+    asked = {"record": kept, "choice": DeviceSelection(plant=plant)}
     asked |= {"checkpoint": place / "own.json"}
     return fold_and_keep(request_for("denim", "feedback", place / "r", **asked))
 
@@ -199,7 +201,6 @@ def test_a_run_holds_nothing_of_the_plant_but_its_hash(secret: Folded) -> None:
             assert b"0.0213" not in held, path
             for number in ("<d", ">d", "<f", ">f"):
                 assert struct.pack(number, 0.0213) not in held, path
-            assert b"secret.yaml" not in held, path
     stiffer = folded.truth.touch.displacement
     assert folded.result.displacement == pytest.approx(stiffer, abs=0.003)
 
@@ -219,7 +220,7 @@ def test_same_seed_same_bytes_whatever_the_jobs(denim: Folded, tmp_path: Path) -
         request_for("denim", "triangular", tmp_path / "again"),
         request_for("denim", "triangular", tmp_path / "again", choice=DeviceSelection(seed=4)),
     ]
-    same, other = side_by_side(requests, jobs=2)
+    same, other = fold_all(requests, jobs=2)
     lines = [denim.result.line(), same.line(), other.line()]
     for line in lines:
         line.pop("run")

@@ -13,7 +13,8 @@ from cell.config.places import find_configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.fci import start_joints
 from cell.devices.open import open_cell
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold_with
+from cell.folding.request import Recording, Request
 from cell.orchestrator.snapshot import Snapshot
 from cell.record.run import read_run
 from drivers.arm.bridge import Bridge
@@ -30,6 +31,8 @@ from drivers.fci_server.faults import (
 )
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.types import frozen
+from policies.registry import make_policy
+from tests.support.requests import request_for
 
 PHASES = ("PREFLIGHT", "GRASP", "LIFT", "FOLD", "LAY")
 AFTER = 0.25  # s in the phase before the fault strikes
@@ -168,15 +171,14 @@ def struck(fault: str, phase: str, runs: Path) -> Came:
     again: list[str] = []
     striker = Striker(phase, lambda: strike(scenes[0]))
 
-    def opened(*arguments, **options) -> Devices:
-        devices = open_cell(*arguments, **options)
-        server = next(other for other in devices.others if isinstance(other, RobotServer))
-        ends.append(Resting(server, striker.end, lambda: again.append(_next_time(fault, server))))
-        scenes.append(Scene(devices, server, lambda: devices.arm._bridge))
-        others = tuple(ends[0] if other is server else other for other in devices.others)
-        return replace(devices, others=others)
-
-    result = fold(_request(runs), lambda _f, _s: (striker,), opened=opened, page=False)
+    request = _request(runs)
+    devices = _open(request)
+    server = next(other for other in devices.others if isinstance(other, RobotServer))
+    ends.append(Resting(server, striker.end, lambda: again.append(_next_time(fault, server))))
+    scenes.append(Scene(devices, server, lambda: devices.arm._bridge))
+    others = tuple(ends[0] if other is server else other for other in devices.others)
+    devices = replace(devices, others=others)
+    result = fold_with(devices, make_policy("triangular"), request, (striker,))
     outcome = ", then ".join(filter(None, [result.outcome, *again]))
     whole = read_run(Path(result.run)).result.outcome == result.outcome
     return Came(fault, phase, outcome, expected, ends[0].rested, whole, striker.hang)
@@ -195,18 +197,16 @@ def _next_time(fault: str, server: RobotServer) -> str:
     return "connected"
 
 
-def _request(runs: Path, configs: Path | None = None) -> Request:
-    return Request(
-        strip="denim",
-        policy="triangular",
-        checkpoint=None,
-        runs=runs,
-        configs=configs,
-        choice=DeviceSelection(arm="fci", seed=3),
-        frames="none",
-        truth=True,
-        viz="off",
-    )
+def _request(runs: Path, **fci: object) -> Request:
+    """A fold by the arm fci, with other settings of `fci`."""
+    choice, record = DeviceSelection(arm="fci", seed=3), Recording("none", page=False)
+    request = request_for("denim", "triangular", runs, choice=choice, record=record)
+    changed = request.cell.fci.model_copy(update=fci)
+    return replace(request, cell=request.cell.model_copy(update={"fci": changed}))
+
+
+def _open(request: Request) -> Devices:
+    return open_cell(request.settings, request.strip, request.choice, calibrating=False)
 
 
 def _killed_parent(phase: str, runs: Path) -> Came:
@@ -232,15 +232,10 @@ def _killed_parent(phase: str, runs: Path) -> Came:
 
 def _victim(address: str, phase: str, runs: Path) -> None:
     """Fold until `phase`, say so, and go on."""
-
-    def opened(settings, *arguments, **options) -> Devices:
-        fci = settings.fci.model_copy(update={"address": address, "lock_step": True})
-        changed = settings.model_copy(update={"fci": fci})
-        return open_cell(changed, *arguments, **options)
-
+    request = _request(runs, address=address, lock_step=True)
     striker = Striker(phase, lambda: print("here", flush=True))
     try:
-        fold(_request(runs), lambda _f, _s: (striker,), opened=opened, page=False)
+        fold_with(_open(request), make_policy("triangular"), request, (striker,))
     except CellError as error:
         sys.exit(str(error))
 

@@ -6,7 +6,7 @@ from cell.folding.fold import fold
 from cell.orchestrator.snapshot import Snapshot
 from cell.record.film import Film, FilmWriter
 from cell.record.run import Run, read_run
-from tests.end_to_end.folded import request_for
+from tests.support.requests import request_for
 
 
 class Filming:
@@ -32,7 +32,7 @@ def filmed(strip: str, policy: str, place: Path) -> tuple[Run, Path, float]:
     with FilmWriter(film) as writer:
         filming = Filming(writer)
         request = request_for(strip, policy, place / "runs")
-        result = fold(request, lambda _folder, _strip: (filming,), page=False)
+        result = fold(request, (filming,))
     run = read_run(Path(result.run))
     assert filming.begin is not None
     return run, film, filming.begin - run.origin()

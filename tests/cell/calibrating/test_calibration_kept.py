@@ -14,11 +14,11 @@ from calibration.calibration import (
 from cell.calibrating.calibrate import calibrate_anew, calibration_of, kept_calibration
 from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, Configs
-from cell.devices.devices import DeviceSelection
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold
 from cell.orchestrator.interrupt import Interrupted
 from drivers.errors import ConfigurationError, Fault
 from tests.cell.conftest import straight_camera
+from tests.support.requests import request_for
 from tests.support.twin_calibration import SHIPPED
 
 SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
@@ -128,20 +128,7 @@ def test_two_that_are_saved_at_once_do_not_mix(tmp_path, monkeypatch) -> None:
 
 
 def test_one_of_another_camera_is_refused_before_anything_is_recorded(tmp_path) -> None:
-    facts = {
-        "frames": None,
-        "truth": True,
-        "viz": "off",
-        "configs": CHECKOUT_CONFIGS,
-        "checkpoint": None,
-    }
-    request = Request(
-        strip="denim",
-        policy="triangular",
-        choice=DeviceSelection(),
-        runs=tmp_path / "runs",
-        **facts,
-    )
+    request = request_for("denim", "triangular", tmp_path / "runs", CHECKOUT_CONFIGS)
     with pytest.raises(ConfigurationError, match=r"another.*cell calibrate"):
         fold(request, calibration=made(camera="another"))
     assert not (tmp_path / "runs").exists()

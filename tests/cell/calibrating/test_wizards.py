@@ -32,13 +32,14 @@ from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import open_cell
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold
+from cell.folding.request import Recording
 from cell.orchestrator.operator import Answer, Ask, Question, Unattended
 from drivers.errors import ConfigurationError
+from tests.support.requests import request_for
 from tests.support.twin_calibration import true_lens
 
 pytestmark = pytest.mark.slow
-
 SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 CAMERA = SETTINGS.twin.camera
 
@@ -239,21 +240,13 @@ def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touc
     touched, tmp_path
 ) -> None:
     session, _, _ = touched
-    strip = (CHECKOUT_CONFIGS / "strips" / "denim.yaml").read_text()
-    plant = tmp_path / "moved.yaml"
-    plant.write_text(strip + "effects: {homography_shift: {x: 0.005, z: 0.0}}\n")
-    request = Request(
-        strip="denim",
-        policy="triangular",
-        checkpoint=None,
-        choice=DeviceSelection(plant=plant),
-        runs=tmp_path / "runs",
-        configs=CHECKOUT_CONFIGS,
-        frames="none",
-        truth=False,
-        viz="off",
+    shift = {"homography_shift": {"x": 0.005, "z": 0.0}}
+    plant = Configs(CHECKOUT_CONFIGS).strip("denim").model_copy(update={"effects": shift})
+    choice, record = DeviceSelection(plant=plant), Recording("none", truth=False, page=False)
+    request = request_for(
+        "denim", "triangular", tmp_path / "runs", CHECKOUT_CONFIGS, choice=choice, record=record
     )
-    result = fold(request, calibration=session.calibration, page=False)
+    result = fold(request, calibration=session.calibration)
     assert (result.outcome, result.exit_code) == ("preflight_refused", 3)
     assert "the gripper appears moved by x +5.0" in result.reason
     header = yaml.safe_load((Path(result.run) / "run.yaml").read_text())

@@ -9,7 +9,7 @@ import pytest
 
 from cell.__main__ import main
 from cell.config.places import CHECKOUT_CONFIGS
-from cell.folding.fold import Request
+from cell.folding.request import Request
 from cell.folding.result import FoldResult
 from drivers.errors import CellError, ConfigurationError
 from tests.support.made_results import DONE, STOPPED
@@ -31,8 +31,8 @@ def folds(monkeypatch, tmp_path) -> Callable[..., tuple[int, list[dict], list[Re
                 interrupted._asked = True
             return end
 
-        monkeypatch.setattr("cell.folding.fold.fold", fold)
-        monkeypatch.setattr("cell.calibrating.calibrate.calibration_of", lambda *_: None)
+        monkeypatch.setattr("cell.folding.batch.fold", fold)
+        monkeypatch.setattr("cell.folding.batch.calibration_of", lambda *_: None)
         words = ("fold", "--strip", "denim", "--json", "--runs", tmp_path / "r", *words)
         monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])
         with pytest.raises(SystemExit) as ended:

@@ -13,13 +13,14 @@ from cell.arm.real_robot import await_strip
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_drivers, open_cell
-from cell.folding.fold import Request
+from cell.folding.batch import Attendance, fold_all
 from cell.folding.result import FoldResult
-from cell.folding.standard_runs import fold_runs, standard_requests
+from cell.folding.standard_runs import standard_requests
 from cell.orchestrator.outcome import Outcome
 from drivers.errors import ConfigurationError, PreflightRefused
 from drivers.strip.describe import load_strip
 from tests.cell.cli.test_command_errors import run
+from tests.support.requests import request_for
 
 NOWHERE = "192.0.2.7"  # of the block for documentation: no robot is there
 COMMANDS = (
@@ -121,7 +122,7 @@ def test_way_home_and_fold_of_an_emulated_robot_say_so(configs, monkeypatch, cap
     remark = "emulated robot at 127.0.0.5, on this machine"
     assert capsys.readouterr().out == f"the arm is parked ({remark})\n"
     made = FoldResult("runs/one", "denim", "adaptive", 0, "layer_touch", "", 0, 0.001)
-    monkeypatch.setattr("cell.cli.fold._results", lambda *_, **__: iter([made]))
+    monkeypatch.setattr("cell.folding.batch.fold_all", lambda *_, **__: iter([made]))
     for words, out in (((), True), (("--json",), False)):
         run(monkeypatch, "fold", "--strip", "denim", *words, "--configs", configs)
         said = capsys.readouterr()
@@ -155,10 +156,10 @@ def test_next_run_waits_until_somebody_laid_the_strip(configs, monkeypatch, tmp_
         await_strip(lambda _: "")
     await_strip(lambda _: "\n")
     laid: list[int] = []
-    monkeypatch.setattr("cell.folding.standard_runs.fold", lambda *_, **__: "folded")
+    monkeypatch.setattr("cell.folding.batch.fold", lambda *_, **__: "folded")
+    monkeypatch.setattr("cell.folding.batch.calibration_of", lambda *_: None)
     choice = DeviceSelection(agreed=True)
-    wanted = standard_requests(
-        Request("denim", "", None, choice, tmp_path, configs, None, True, "off")
-    )
-    made = list(fold_runs(wanted, 4, lay_again=lambda: laid.append(1)))
+    wanted = standard_requests(request_for("denim", "", tmp_path, configs, choice=choice))
+    attendance = Attendance(lay_again=lambda: laid.append(1))
+    made = list(fold_all(wanted, 4, attendance=attendance))
     assert len(laid) == len(made) - 1 > 0

@@ -16,7 +16,7 @@ CELL = [sys.executable, "-m", "cell"]
 FOLD = """
 import sys
 from pathlib import Path
-import cell.folding.batch, cell.calibrating.calibrate, cell.folding.fold
+import cell.folding.batch
 from tests.support.made_results import DONE
 from dataclasses import replace
 
@@ -24,8 +24,8 @@ def fold(request, *_more, **_named):
     Path("record").write_text("written")
     return replace(DONE, outcome="path_done", displacement=None, exit_code=1)
 
-cell.folding.fold.fold = fold
-cell.calibrating.calibrate.calibration_of = lambda *_: None
+cell.folding.batch.fold = fold
+cell.folding.batch.calibration_of = lambda *_: None
 from cell.__main__ import main
 main()
 """

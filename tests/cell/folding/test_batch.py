@@ -1,20 +1,21 @@
 """Several folds: their order, their end, and what one that fails does to the others."""
 
+import os
 import pickle
-import shutil
+import signal
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from multiprocessing import Pipe
 from pathlib import Path
 
 import pytest
 
-import cell.folding.batch
 from cell.campaign.worker import Stop, StopSignal
-from cell.config.places import CHECKOUT_CONFIGS
 from cell.devices.devices import DeviceSelection
-from cell.folding.batch import Worker, check_requests, requests, side_by_side
-from cell.folding.fold import Request
+from cell.folding import batch
+from cell.folding.batch import Attendance, fold_all
+from cell.folding.request import Request, repetitions
 from cell.folding.result import FoldResult
 from drivers.errors import (
     CellError,
@@ -26,33 +27,22 @@ from drivers.errors import (
     Unsupported,
 )
 from tests.support.made_results import DONE, STOPPED
+from tests.support.requests import request_for
 
 
-def request(runs: Path, **changes) -> Request:
-    facts = {"frames": None, "truth": True, "viz": "off", "configs": None, "checkpoint": None}
-    facts |= {
-        "strip": "denim",
-        "policy": "triangular",
-        "choice": DeviceSelection(seed=10),
-    } | changes
-    return Request(runs=runs, **facts)
+def repeated(runs: Path, count: int) -> tuple[Request, ...]:
+    return repetitions(
+        request_for("denim", "triangular", runs, choice=DeviceSelection()), [], count
+    )
 
 
 def test_seeds_count_on_over_plants_and_repeats(tmp_path) -> None:
-    plants = [Path("a.yaml"), Path("b.yaml")]
-    folds = requests(request(tmp_path), plants, repeat=2)
-    assert [fold.choice.plant for fold in folds] == [plants[0], plants[0], plants[1], plants[1]]
+    base = request_for("denim", "triangular", tmp_path, choice=DeviceSelection(seed=10))
+    plants = [base.strip.model_copy(update={"name": name}) for name in "ab"]
+    folds = repetitions(base, plants, repeat=2)
+    assert [fold.choice.plant.name for fold in folds] == ["a", "a", "b", "b"]
     assert [fold.choice.seed for fold in folds] == [10, 11, 12, 13]
     assert [fold.choice.index for fold in folds] == [0, 1, 0, 1]
-
-
-def test_folds_of_a_batch_are_of_the_files_that_it_began_with(tmp_path) -> None:
-    configs = Path(shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs"))
-    wanted = check_requests(requests(request(tmp_path, configs=configs), [], repeat=2))
-    for path in (configs / "cell.yaml", configs / "strips" / "denim.yaml"):
-        path.write_text("schema: 1\nname: of another fold\n")
-    cell, strip = pickle.loads(pickle.dumps(wanted[1])).read_files()  # noqa: S301  of our own
-    assert (cell.name, strip.name) == ("twin-cell", "denim")
 
 
 @pytest.mark.parametrize(
@@ -75,23 +65,26 @@ def test_an_error_is_the_same_in_another_process(error: CellError) -> None:
     assert again.exit_code == error.exit_code
 
 
-def test_an_error_of_a_process_is_raised_here(tmp_path) -> None:
-    wrong = request(tmp_path / "runs", strip="silk")
-    with pytest.raises(ConfigurationError, match="silk"):
-        list(side_by_side([wrong, wrong], jobs=2))
-    assert not (tmp_path / "runs").exists()
-
-
-def test_a_process_that_dies_is_a_fault() -> None:
-    worker = Worker()
-    worker._child.kill()
-    worker.begin_fold(0, request(Path("runs")), None)
-    died = worker.fold_result()
-    worker.release()
-    worker.join()
+def test_an_error_of_a_process_is_that_fold_s_alone_and_a_process_that_dies_is_a_fault(
+    tmp_path, monkeypatch
+) -> None:
+    monkeypatch.setattr(batch, "calibration_of", lambda *_: None)
+    short, dies = (
+        replace(r, policy=name) for r, name in zip(repeated(tmp_path, 2), "xy", strict=True)
+    )
+    monkeypatch.setattr(batch, "_fold_in_worker", die_or_refuse)
+    refused, died, again = fold_all([short, dies, short], jobs=2)
+    assert [type(refused), str(refused)] == [ConfigurationError, "x: refused"]
+    assert type(again) is ConfigurationError
     assert isinstance(died, Fault)
     assert (died.name, died.exit_code) == ("process_died", 4)
     assert "-9" in died.reason
+
+
+def die_or_refuse(request: Request, _calibration, _stop) -> CellError:
+    if request.policy == "y":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return ConfigurationError("x: refused")
 
 
 def test_a_fold_in_a_process_is_asked_to_stop_and_then_to_stop_at_once() -> None:
@@ -123,31 +116,29 @@ class Fake:
 
     def __init__(self) -> None:
         self.pipe, self._theirs = Pipe()
-        self.task: int | None = None
         self._told = False
 
-    def begin_fold(self, number: int, request: Request, calibration: object) -> None:
-        self.task, self._told = number, False
-        self.log.append(("begin", number))
-        if self.ends and number == self.ends[0]:
+    def begin(self, _function, request: Request, _calibration) -> None:
+        self._number, self._told = request.choice.seed, False
+        self.log.append(("begin", self._number))
+        if self.ends is None or self.ends[:1] == [self._number]:
             self._end()
 
     def _end(self) -> None:
-        self._theirs.send(self.task)
+        self._theirs.send(self._number)
 
-    def fold_result(self) -> FoldResult | CellError:
-        number, self.task = self.pipe.recv(), None
+    def result(self) -> FoldResult | CellError:
+        number = self.pipe.recv()
         return STOPPED if self._told else self.made.get(number, replace(DONE, seed=number))
 
     def stop(self) -> None:
-        if self.task is not None:
-            self.log.append(("stop", self.task))
-            if not self._told:
-                self._told = True
-                self._end()
+        self.log.append(("stop", self._number))
+        if not self._told:
+            self._told = True
+            self._end()
 
     def release(self) -> None:
-        self.log.append(("release", self.task))
+        self.log.append(("release", None))
 
     def join(self) -> None:
         """Nothing to wait for."""
@@ -156,42 +147,31 @@ class Fake:
 @pytest.fixture
 def fake(monkeypatch) -> type[Fake]:
     class Fresh(Fake):
-        ends, log, made = [], [], {}
+        ends, log, made = None, [], {}
 
-    monkeypatch.setattr(cell.folding.batch, "Worker", Fresh)
+    monkeypatch.setattr(batch, "Worker", Fresh)
+    monkeypatch.setattr(batch, "calibration_of", lambda *_: None)
     return Fresh
 
 
-def ending_all(fake: type[Fake]) -> None:
-    """Every fold ends at once."""
-    begin = fake.begin_fold
-
-    def ended(self, *task) -> None:
-        begin(self, *task)
-        self._end()
-
-    fake.begin_fold = ended
+def attended(interrupted: Callable[[], bool]) -> Attendance:
+    return Attendance(interrupt=lambda: nullcontext(interrupted))
 
 
-def test_results_come_in_the_order_of_the_requests(fake, tmp_path) -> None:
-    ending_all(fake)
-    wanted = requests(request(tmp_path), [], repeat=5)
-    assert [result.seed for result in side_by_side(wanted, jobs=2)] == [0, 1, 2, 3, 4]
-
-
-def test_no_more_workers_than_folds(fake, tmp_path) -> None:
-    ending_all(fake)
-    list(side_by_side(requests(request(tmp_path), [], repeat=2), jobs=50))
-    assert [word for word, _ in fake.log].count("release") == 2
+def test_results_come_in_the_order_of_the_requests_from_no_more_workers_than_folds(
+    fake, tmp_path
+) -> None:
+    results = [*fold_all(repeated(tmp_path, 5), jobs=50)]
+    assert [result.seed for result in results] == [0, 1, 2, 3, 4]
+    assert [word for word, _ in fake.log].count("release") == 5
 
 
 def test_ctrl_c_stops_the_folds_under_way_and_begins_no_other(fake, tmp_path) -> None:
-    wanted = requests(request(tmp_path), [], repeat=5)
+    fake.ends = []
     asked = iter([False, False])
-    results = list(side_by_side(wanted, 2, lambda: next(asked, True)))
-    assert results == [STOPPED, STOPPED]
-    begun = [number for word, number in fake.log if word == "begin"]
-    assert begun == [0, 1]
+    attendance = attended(lambda: next(asked, True))
+    assert [*fold_all(repeated(tmp_path, 5), 2, None, attendance)] == [STOPPED, STOPPED]
+    assert [number for word, number in fake.log if word == "begin"] == [0, 1]
 
 
 def test_a_second_ctrl_c_is_passed_on_and_the_ends_are_still_waited_for(fake, tmp_path) -> None:
@@ -203,10 +183,10 @@ def test_a_second_ctrl_c_is_passed_on_and_the_ends_are_still_waited_for(fake, tm
             raise KeyboardInterrupt
         return word
 
-    fake.stop = stubborn(fake.stop)
-    wanted = requests(request(tmp_path), [], repeat=3)
-    assert list(side_by_side(wanted, 1, interrupted)) == [STOPPED]
-    assert [word for word, _ in fake.log].count("stop") == 2
+    fake.ends, fake.stop = [], stubborn(fake.stop)
+    made = [*fold_all(repeated(tmp_path, 3), 2, None, attended(interrupted))]
+    assert made == [STOPPED, STOPPED]
+    assert [word for word, _ in fake.log].count("stop") == 4
 
 
 def stubborn(stop: Callable) -> Callable:
@@ -223,13 +203,27 @@ def stubborn(stop: Callable) -> Callable:
     return slow
 
 
-def test_what_fails_in_one_fold_is_raised_in_its_turn_and_everybody_is_let_go(
-    fake, tmp_path
+def test_what_fails_in_one_fold_comes_in_its_turn_and_the_others_go_on(fake, tmp_path) -> None:
+    fault = fake.made[1] = Fault("record", "the disk is full")
+    first, second, *others = fold_all(repeated(tmp_path, 4), jobs=2)
+    assert (first.seed, second) == (0, fault)
+    assert [result.seed for result in others] == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ("ends", "count"),
+    [([(0, 0.02)] * 3, 3), ([(1, None), (0, 0.001), (0, 0.0)], 2), ([(4, 0.0)], 1)],
+)
+def test_series_ends_with_the_first_close_or_stopped_fold(
+    monkeypatch, tmp_path, ends, count
 ) -> None:
-    ending_all(fake)
-    fake.made = {1: Fault("record", "the disk is full")}
-    results = side_by_side(requests(request(tmp_path), [], repeat=4), jobs=2)
-    assert next(results).seed == 0
-    with pytest.raises(Fault, match="disk is full"):
-        next(results)
-    assert [word for word, _ in fake.log].count("release") == 2
+    left = iter(ends)
+
+    def fold(*_: object) -> FoldResult:
+        code, offset = next(left)
+        return replace(DONE, exit_code=code, edge_offset=offset, displacement=None)
+
+    monkeypatch.setattr(batch, "fold", fold)
+    monkeypatch.setattr(batch, "calibration_of", lambda *_: None)
+    monkeypatch.setattr(batch, "with_correction", lambda request, _: request)
+    assert len([*fold_all(repeated(tmp_path, 3), 2, until=0.002)]) == count

@@ -1,5 +1,6 @@
 """What the cell cannot see, reach or fold is refused before anything moves, and says why."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -8,9 +9,10 @@ from calibration.calibration import Calibration
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.feasible import check_feasible
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold_with
 from drivers.errors import PreflightRefused
 from policies.registry import make_policy
+from tests.support.requests import request_for
 from tests.support.twin_calibration import twin_calibration
 
 
@@ -62,16 +64,13 @@ def test_fold_whose_hand_would_meet_the_desk_is_refused(seen_by, desk, says) -> 
 
 @pytest.mark.parametrize(("arm", "refused"), [("fci", True), ("twin", False)])
 def test_fold_asks_for_the_hand_of_its_arm(seen_by, tmp_path, monkeypatch, arm, refused) -> None:
-    configs = find_configs(None)
-    place = configs.cell().installation.model_copy(update={"desk": 0.85})
-    files = configs.cell().model_copy(update={"installation": place}), configs.strip("denim")
-    choice = DeviceSelection(arm=arm)
-    request = Request(
-        "denim", "triangular", None, choice, tmp_path, None, "none", False, "off", files=files
-    )
+    cell = find_configs(None).cell()
+    place = cell.installation.model_copy(update={"desk": 0.85})
+    request = request_for("denim", "triangular", tmp_path, choice=DeviceSelection(arm=arm))
+    request = replace(request, cell=cell.model_copy(update={"installation": place}))
     monkeypatch.setattr("cell.folding.fold.check_usable", lambda *_: None)
     devices = SimpleNamespace(camera=SimpleNamespace(rate="opened"))
     monkeypatch.setattr("cell.folding.fold.run_header", lambda *_: pytest.fail("got through"))
     with pytest.raises(PreflightRefused if refused else pytest.fail.Exception) as ended:
-        fold(request, calibration=seen_by, opened=lambda *_, **__: devices)
+        fold_with(devices, make_policy("triangular"), request, calibration=seen_by)
     assert ("into the desk" in str(ended.value)) == refused

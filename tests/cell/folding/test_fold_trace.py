@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from cell.folding.fold import result_content
+from cell.folding.documents import result_content
 from cell.folding.fold_trace import UNLIKE_REASON, FoldTrace
 from cell.folding.result import FoldResult
 from cell.orchestrator.outcome import Outcome

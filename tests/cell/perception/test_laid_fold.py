@@ -4,7 +4,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-import yaml
 
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
@@ -14,8 +13,8 @@ from cell.perception.laid import EDGE_TOLERANCE, LaidFold
 from cell.record.header import NOT_FOLDED, is_outcome
 from cell.record.run import read_run
 from tests.cell.folding.test_fold_trace import TOUCH
-from tests.end_to_end.folded import request_for
 from tests.support.made_results import DONE
+from tests.support.requests import request_for
 
 STRIPS = Path(__file__).parents[3] / "configs" / "strips"
 
@@ -62,11 +61,9 @@ def test_json_says_what_the_camera_sees_of_the_edges_and_whether_the_model_holds
 
 @pytest.mark.slow
 def test_strip_that_springs_open_is_not_folded(tmp_path: Path) -> None:
-    springy = yaml.safe_load((STRIPS / "denim.yaml").read_text()) | {"bending_length": 0.14}
-    plant = tmp_path / "springy.yaml"
-    plant.write_text(yaml.safe_dump(springy))
+    plant = find_configs(None).strip("denim").model_copy(update={"bending_length": 0.14})
     choice = DeviceSelection(seed=0, plant=plant)
-    result = fold(request_for("denim", "adaptive", tmp_path / "runs", choice=choice), page=False)
+    result = fold(request_for("denim", "adaptive", tmp_path / "runs", choice=choice))
     assert result.exit_code == 1
     assert result.outcome == "edges_not_seen"
     assert result.edge_offset is None

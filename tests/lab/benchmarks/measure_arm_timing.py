@@ -30,7 +30,8 @@ from cell.calibrating.calibrate import calibration_of
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.fci import start_joints
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold
+from cell.folding.request import Recording
 from cell.record.run import read_run
 from drivers.arm.joint_log import Timing
 from drivers.arm.process import PRIORITY, Task, schedule
@@ -40,6 +41,7 @@ from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.strip.describe import load_strip
 from drivers.types import frozen
+from tests.support.requests import request_for
 
 PROCESSORS = sorted(os.sched_getaffinity(0))
 TRIES = 10
@@ -129,10 +131,15 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
         os.sched_setaffinity(0, PROCESSORS[:-1] or PROCESSORS)
         configs = configured(Path(place) / "configs", address, realtime)
         fci = find_configs(configs).cell().fci
-        request = Request(
-            strip, "feedback", None, DeviceSelection(arm="fci"), Path(place), configs,
-            "none", False, "off",
-        )  # fmt: skip
+        record = Recording("none", truth=False, page=False)
+        request = request_for(
+            strip,
+            "feedback",
+            Path(place),
+            configs,
+            choice=DeviceSelection(arm="fci"),
+            record=record,
+        )
         calibration = calibration_of(find_configs(configs).cell())
         while cell.seconds < seconds:
             told = subprocess.run(
@@ -144,7 +151,7 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
             else:
                 ends.append("bare loop stopped by reflex")
             go_home(Task(address, fci, installation, 0.0), joints)
-            result = fold(request, calibration=calibration, page=False)
+            result = fold(request, calibration=calibration)
             header = read_run(Path(result.run)).header
             if header.arm_timing is not None:
                 cell.add(result.duration, header.arm_timing.model_dump())

@@ -37,6 +37,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+import cell.folding.fold
 from calibration.calibration import Calibration
 from cell.arm.arm_settings import suit_to_arm
 from cell.calibrating.calibrate import calibration_of
@@ -45,7 +46,8 @@ from cell.config.places import find_configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.fci import robot_devices, start_joints
 from cell.devices.open import open_cell
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold_with
+from cell.folding.request import Recording, Request
 from cell.folding.steady import punctual
 from cell.orchestrator.context import ManualContext
 from cell.orchestrator.recorder import Record
@@ -58,7 +60,9 @@ from drivers.clock import WallClock, lock_memory, take_priority
 from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.types import ArmState, Frame, frozen
+from policies.registry import make_policy
 from tests.support.children import children
+from tests.support.requests import request_for
 from tests.support.sights import CostlySight
 
 RATE = 60.0  # Hz, of the played images
@@ -251,11 +255,9 @@ class Bench:
 
 
 def request(configs: Path, runs: Path, arm: str = "fci", film: bool = False) -> Request:
+    record = Recording("none", "libx264" if film else None, truth=False, page=False)
     choice = DeviceSelection(arm=arm, seed=0)
-    return Request(
-        "denim", "triangular", None, choice, runs, configs, "none", truth=False, viz="off",
-        film="libx264" if film else None,
-    )  # fmt: skip
+    return request_for("denim", "triangular", runs, configs, choice=choice, record=record)
 
 
 def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[Late], float]:
@@ -265,11 +267,6 @@ def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[La
     """
     clock, arms = TimingClock(), []
     asked, struck = threading.Event(), []
-
-    def opened(settings, strip, _choice, **_options) -> Devices:
-        devices, arm = bench.devices(settings, strip, clock)
-        arms.append(arm)
-        return devices
 
     class Watch:
         state, pose = "", None
@@ -285,10 +282,12 @@ def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[La
                 threading.Timer(wait, lambda: struck.append(cause(asked))).start()
 
     watch = Watch()
-    result = fold(
-        request(bench.configs, bench.folder / "runs", film=film), lambda _f, _s: (watch,),
-        asked.is_set, bench.calibration, opened=opened, sight=CostlySight, page=False,
-    )  # fmt: skip
+    wanted = request(bench.configs, bench.folder / "runs", film=film)
+    devices, arm = bench.devices(wanted.settings, wanted.strip, clock)
+    arms.append(arm)
+    cell.folding.fold.StripSight = CostlySight
+    policy = make_policy(wanted.policy)
+    result = fold_with(devices, policy, wanted, (watch,), asked.is_set, bench.calibration)
     after = [at - struck[0] for at in arms[0].stopped if struck and at > struck[0]]
     return (
         f"{result.outcome} in {watch.state} at {watch.pose}: {result.reason}",
@@ -334,14 +333,10 @@ def recorded(configs: Path, folder: Path, calibration: Calibration) -> Film:
     lens = calibration.lens
     film = Film(folder / "film", (lens.height, lens.width, 3))
 
-    def opened(settings, *rest, **options) -> Devices:
-        devices = open_cell(settings, *rest, **options)
-        return replace(devices, camera=FilmingCamera(devices.camera, devices.arm, film))
-
-    made = fold(
-        request(configs, folder / "recorded", "twin"), calibration=calibration, opened=opened,
-        page=False,
-    )  # fmt: skip
+    wanted = request(configs, folder / "recorded", "twin")
+    devices = open_cell(wanted.settings, wanted.strip, wanted.choice, calibrating=False)
+    devices = replace(devices, camera=FilmingCamera(devices.camera, devices.arm, film))
+    made = fold_with(devices, make_policy(wanted.policy), wanted, calibration=calibration)
     sys.stderr.write(f"recorded: {made.outcome}, {len(film.poses)} images\n")
     return film
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.record.files import PROFILE, RESULT, TICKS
-from tests.end_to_end.folded import request_for
+from tests.support.requests import request_for
 
 SETTLED, GROWTH = 10, 50.0  # folds after which memory is counted, MB by which it may grow
 

@@ -1,25 +1,24 @@
 """Runs of the image-based tier: the cell folds a hidden plant through rendered images."""
 
 import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
-import yaml
 
 from calibration.calibration import Calibration
 from cell.calibrating.calibrate import calibration_of
 from cell.config.cell import CellFile
-from cell.config.places import Configs, find_configs
+from cell.config.places import find_configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import check_drivers
 from cell.devices.rig_correction import corrected_devices
 from cell.devices.twin import twin_devices
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold_with
+from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
 from cell.folding.standard_runs import standard_requests
 from cell.orchestrator.outcome import INTERRUPTED
@@ -28,12 +27,11 @@ from cell.orchestrator.states import State
 from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from drivers.errors import Fault
-from drivers.files import writing
 from drivers.readers import read_yaml
 from drivers.strip.file import StripFile
 from drivers.twin.open import PlantOptions
 from drivers.twin.settings import WrenchSettings
-from policies.registry import BY_HAND, MOTION
+from policies.registry import BY_HAND, MOTION, make_policy
 from tests.lab.exam.case import Case, Scattered
 from tests.lab.exam.causes import cause_of
 from tests.lab.exam.causes.cause import Cause
@@ -64,7 +62,7 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
     a case that cannot be folded, Fault for a run that was refused or left no record.
     """
     configs = find_configs(None)
-    settings, strip = configs.cell(), configs.strip(case.strip)
+    settings = configs.cell()
     causes = [cause_of(name, values) for name, values in case.causes.items()]
     folder.mkdir(parents=True, exist_ok=True)
     wanted = _requests(case)[:number]
@@ -73,11 +71,12 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
         return
     calibration = calibration_of(settings)
     for name, request in missing:
-        with _temporary_configs(case, configs, request) as placed:
+        with TemporaryDirectory(prefix="exam-") as place:
+            placed = _with_plant(case, request, Path(place))
             result = _fold(placed, causes, case, calibration, State.LAY)
             if result.outcome == REFUSED_OUTCOME:
                 raise Fault(REFUSED_OUTCOME, f"{placed.policy} of {case.strip}: {result.reason}")
-            _copy_sealed(Path(result.run), folder / name, strip)
+            _copy_sealed(Path(result.run), folder / name, request.strip)
 
 
 def refusal(case: Case) -> str | None:
@@ -85,17 +84,20 @@ def refusal(case: Case) -> str | None:
 
     It does for a desk a few millimetres too high or an edge far from where the strip file puts it.
     """
-    configs, causes = find_configs(None), [cause_of(n, v) for n, v in case.causes.items()]
+    causes = [cause_of(n, v) for n, v in case.causes.items()]
     _, request = _requests(case)[0]
-    calibration = calibration_of(configs.cell())
-    with _temporary_configs(case, configs, request) as placed:
+    calibration = calibration_of(request.cell)
+    with TemporaryDirectory(prefix="exam-") as place:
+        placed = _with_plant(case, request, Path(place))
         result = _fold(placed, causes, case, calibration, State.GRASP)
     return result.reason if result.outcome == REFUSED_OUTCOME else None
 
 
 def _requests(case: Case) -> list[tuple[str, Request]]:
     choice = DeviceSelection(seed=case.seed)
-    base = Request(case.strip, "", None, choice, Path(), None, "none", truth=False, viz="off")
+    configs, record = find_configs(None), Recording("none", truth=False, page=False)
+    known = configs.cell(), configs.strip(case.strip), "", Path(), choice
+    base = Request(*known, record=record)
     requests = standard_requests(base)
     if case.motions == "by_hand":
         led = f"{MOTION}{BY_HAND}{case.seed}"
@@ -111,20 +113,11 @@ def _motion_name(request: Request) -> str:
     return BY_HAND.rstrip("-") if name.startswith(BY_HAND) else name
 
 
-@contextmanager
-def _temporary_configs(case: Case, configs: Configs, request: Request) -> Iterator[Request]:
-    """Provide `request` with a temporary configuration whose plant is that of `case`."""
-    with TemporaryDirectory(prefix="exam-") as name:
-        place = Path(name)
-        (place / "strips").mkdir()
-        strip = configs.strip_path(case.strip)
-        shutil.copy(strip, place / "strips" / strip.name)
-        settings = exam_cell(configs.cell(), _motion_name(request), case.force)
-        _write(place / "cell.yaml", settings.model_dump(mode="json", by_alias=True))
-        plant = plant_of(case, configs.strip(case.strip))
-        _write(place / "plant.yaml", plant.model_dump(mode="json", by_alias=True))
-        choice = replace(request.choice, plant=place / "plant.yaml")
-        yield replace(request, choice=choice, runs=place / "runs", configs=place)
+def _with_plant(case: Case, request: Request, runs: Path) -> Request:
+    """The `request` with the cell and the plant of `case`, recorded in `runs`."""
+    settings = exam_cell(request.cell, _motion_name(request), case.force)
+    choice = replace(request.choice, plant=plant_of(case, request.strip))
+    return replace(request, cell=settings, choice=choice, runs=runs)
 
 
 def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> CellFile:
@@ -208,7 +201,9 @@ def _fold(
 ) -> FoldResult:
     """Fold the strip of `case` and interrupt the run where it enters the state `end`."""
     until, opened = Until(end), Open(causes, case.seed, case.scatter)
-    return fold(request, lambda *_: (until,), until, calibration, opened=opened, page=False)
+    devices = opened(request.settings, request.strip, request.choice, calibrating=False)
+    policy = make_policy(request.policy)
+    return fold_with(devices, policy, request, (until,), until, calibration)
 
 
 def _copy_sealed(made: Path, final: Path, strip: StripFile) -> None:
@@ -242,8 +237,3 @@ def sealed_result(result: Mapping[str, Any]) -> dict[str, Any]:
     if kept.get("outcome") == INTERRUPTED.name and touched:
         kept["outcome"] = "layer_touch"
     return kept
-
-
-def _write(path: Path, content: Mapping[str, Any]) -> None:
-    with writing(path, "make room for temporary files"):
-        path.write_text(yaml.safe_dump(dict(content), sort_keys=False), encoding="utf-8")

@@ -12,18 +12,19 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.devices import DeviceSelection
 from cell.devices.open import open_cell
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold_with
+from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
 from cell.orchestrator.interrupt import Interrupt
 from cell.orchestrator.snapshot import Snapshot
-from cell.record.documents import write_document
 from cell.record.run import read_run
 from drivers.errors import CellError
 from drivers.installation import Installation
+from drivers.settings import parse
 from drivers.types import Array
-from policies.policy import Policy
+from policies.registry import make_policy
 from tests.lab.faults.failing import PERIOD, Failing
 from tests.lab.faults.faults import FAULTS, FailingPolicy, Scene
 
@@ -96,28 +97,20 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
     """
     scenes: list[Scene] = []
     striker = Striker(blow, lambda: scenes[0])
-    policies: list[FailingPolicy] = []
-
-    def wrap_policy(policy: Policy) -> Policy:  # `fold` calls it before it opens the cell
-        policies.append(FailingPolicy(policy))
-        return policies[0]
-
-    def open_failing(settings: CellFile, *rest: Any, **options: Any) -> Devices:
-        failing = Failing(open_cell(settings, *rest, **options))
-        scenes.append(Scene(failing, policies[0], _pixels_of_two_mm(calibration)))
-        return failing.devices
-
-    cell = find_configs(_configure(folder)).cell()
-    calibration = replace(calibration, camera=cell.twin.camera.identity)  # but for its rate
+    request = _request(blow, folder / "runs")
+    cell, identity = request.cell, request.cell.twin.camera.identity
+    calibration = replace(calibration, camera=identity)  # but for its rate
     with _free_disk(), Interrupt() as interrupted:
         try:
-            result = fold(
-                _request(blow, folder), lambda _f, _s: (striker,),
+            policy = FailingPolicy(make_policy(request.policy))
+            devices = open_cell(request.settings, request.strip, request.choice, calibrating=False)
+            scenes.append(Scene(Failing(devices), policy, _pixels_of_two_mm(calibration)))
+            result = fold_with(
+                scenes[0].cell.devices, policy, request, (striker,),
                 lambda: interrupted() or striker.stops, calibration,
-                opened=open_failing, leads=wrap_policy, page=False,
             )  # fmt: skip
         except CellError as error:
-            result = FoldResult.refusal("denim", "triangular", blow.seed, error)
+            result = FoldResult.refusal(request, error)
     for scene in scenes:
         scene.cell.look()
     motion = np.array(scenes[0].cell.motion) if scenes else np.zeros((0, 4))
@@ -191,29 +184,16 @@ def _record_is_whole(result: FoldResult, *, spares: bool) -> bool:
     return not spares if stated is None else stated.outcome == result.outcome
 
 
-def _request(blow: Blow, folder: Path) -> Request:
-    """Request of a quick fold of denim with the arm that can suffer the fault."""
-    choice = DeviceSelection(arm=FAULTS[blow.fault].arm, seed=blow.seed)
-    return Request(
-        "denim", "triangular", None, choice, folder / "runs", _configure(folder), "none",
-        truth=True, viz="off",
-    )  # fmt: skip
-
-
-def _configure(folder: Path) -> Path:
-    """Write this campaign's cell files to `folder`: fewer images, shorter time for a policy."""
-    made = folder / "configs"
-    if made.exists():
-        return made
+def _request(blow: Blow, runs: Path) -> Request:
+    """A quick fold with the arm that can suffer the fault: a short strip, few images and links."""
     usual = find_configs(None)
-    (made / "strips").mkdir(parents=True)
-    content = usual.cell().model_dump(mode="json", by_alias=True, exclude_unset=True)
-    content["twin"] = content["twin"] | {"camera": {"rate": CAMERA_RATE}, "world": {"links": 60}}
+    content = usual.cell().model_dump(by_alias=True, exclude_unset=True)
+    content["twin"] |= {"camera": {"rate": CAMERA_RATE}, "world": {"links": 60}}
     content["monitors"] = {"turn": 15.0, "state_duration": 20.0}
-    write_document(made / "cell.yaml", content)
-    strip = usual.strip("denim").model_dump(mode="json", by_alias=True, exclude_unset=True)
-    write_document(made / "strips" / "denim.yaml", strip | {"length": 0.36, "spread": {}})
-    return made
+    strip = usual.strip("denim").model_copy(update={"length": 0.36, "spread": {}})
+    choice = DeviceSelection(arm=FAULTS[blow.fault].arm, seed=blow.seed)
+    known = parse(content, CellFile, "cell"), strip, "triangular", runs, choice
+    return Request(*known, record=Recording("none", page=False))
 
 
 def _pixels_of_two_mm(calibration: Calibration) -> tuple[float, float]:

@@ -7,14 +7,13 @@ from typing import Any
 import pytest
 
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
-from cell.folding.correct import with_correction
-from cell.folding.fold import Request
+from cell.folding.request import Learning, with_correction
 from cell.learning.correction import subject_of
 from cell.learning.experience import Experience, Memory
 from drivers.strip.effects import check_effects, registry
 from tests.lab.studies.catalogue import series
 from tests.lab.studies.kit.folds import SPECIMEN_NAME
+from tests.support.requests import request_for
 
 CASES = {(c.values["cell"], c.values["series"]): c.values for c in series.STUDY.cases(0, 12)}
 MOVED = ("tool 3 mm off", series.CHANGED_SERIES)
@@ -62,13 +61,8 @@ def test_a_change_of_a_right_cell_is_a_false_alarm(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_fold_is_corrected_by_the_memory_that_it_names(tmp_path: Path) -> None:
-    request = Request(
-        *("unknown:0.6", "adaptive", None, DeviceSelection(), tmp_path, None, "none"),
-        truth=True,
-        viz="off",
-        specimen=SPECIMEN_NAME,
-        memory=tmp_path,
-    )
-    assert with_correction(request, "on").correction.seen == 0.0
+    learning = Learning(SPECIMEN_NAME, tmp_path)
+    request = request_for("unknown:0.6", "adaptive", tmp_path, learning=learning)
+    assert with_correction(request, "on").learning.correction.seen == 0.0
     Memory(find_configs(None).cell().name, tmp_path, twin=True).add(learned("run-0", 0.002))
-    assert with_correction(request, "on").correction.seen == pytest.approx(0.002, rel=0.1)
+    assert with_correction(request, "on").learning.correction.seen == pytest.approx(0.002, rel=0.1)

@@ -9,19 +9,20 @@ import pytest
 from cell.arm.arm_settings import at_speed
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold
+from cell.folding.request import Recording, Request
 from cell.folding.standard_runs import check_empty, standard_requests, went_as_planned
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from drivers.errors import ConfigurationError
 from policies.experiments.standard import STANDARD
 from tests.support.gap_strip_cases import denim
+from tests.support.requests import request_for
 
 
 def base(runs: Path, seed: int = 3) -> Request:
-    return Request(
-        "denim", "", None, DeviceSelection(seed=seed), runs, None, "none", truth=False, viz="off"
-    )
+    record = Recording("none", truth=False)
+    return request_for("denim", "", runs, choice=DeviceSelection(seed=seed), record=record)
 
 
 def test_runs_count_on_from_the_first_and_have_their_own_speeds(tmp_path: Path) -> None:

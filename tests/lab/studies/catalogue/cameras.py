@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.strip.file import StripFile
 from policies.adaptive.fabrics import STRIP_LENGTH, friction, plain
-from tests.lab.studies.kit.folds import QUANTITIES, compare, configs_with_twin, fold_unknown
+from tests.lab.studies.kit.folds import QUANTITIES, cell_with_twin, compare, fold_unknown
 from tests.lab.studies.study import Study, Values
 
 CAMERAS: Mapping[str, Mapping[str, float]] = {
@@ -35,10 +35,9 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 def measure(case: Values) -> Values:
     """Facts of a fold by a cell that was calibrated through this camera."""
     with TemporaryDirectory() as name:
-        place = Path(name)
-        configs = configs_with_twin(place, camera=CAMERAS[case["camera"]])
+        cell = cell_with_twin(camera=CAMERAS[case["camera"]])
         strip = StripFile.model_validate(case["strip"])
-        return dict(compare(fold_unknown(strip, case["noise"], place, configs=configs)))
+        return dict(compare(fold_unknown(strip, case["noise"], Path(name), cell=cell)))
 
 
 STUDY = Study(

@@ -12,15 +12,17 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.config.places import find_configs
+from cell.config.places import Configs, find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold, fold_with
+from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
-from cell.folding.standard_runs import fold_runs, standard_requests
+from cell.folding.standard_runs import standard_requests
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import accept
-from drivers.files import replace_file
-from drivers.yaml_text import dump_yaml
+from drivers.strip.describe import load_plant
+from drivers.strip.file import StripFile
+from policies.registry import make_policy
 from tests.lab.exam.case import Scattered
 from tests.lab.exam.through_images import Open
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
@@ -44,7 +46,7 @@ class Circle:
     """
 
     strip: str
-    plant: Path
+    plant: StripFile
     work: Path
     scatter: Scattered = "none"
 
@@ -70,16 +72,19 @@ class Circle:
 
     def _fold_each(self, wanted: Sequence[Request]) -> Iterator[FoldResult]:
         if self.scatter == "none":
-            yield from fold_runs(wanted)
+            yield from map(fold, wanted)
             return
         for request in wanted:
-            yield fold(request, opened=Open([], request.choice.seed, self.scatter), page=False)
+            settings, strip, choice = request.settings, request.strip, request.choice
+            opened = Open([], choice.seed, self.scatter)
+            devices = opened(settings, strip, choice, calibrating=False)
+            yield fold_with(devices, make_policy(request.policy), request)
 
     def _request(self, policy: str, when: str, seed: int) -> Request:
-        choice, runs = DeviceSelection(plant=self.plant, seed=seed), self.work / when
-        return Request(
-            self.strip, policy, None, choice, runs, self.configs, None, truth=True, viz="off"
-        )
+        """Request by the files as they are now: accepted effects are in them."""
+        configs, choice = Configs(self.configs), DeviceSelection(plant=self.plant, seed=seed)
+        known = configs.cell(), configs.strip(self.strip), policy, self.work / when, choice
+        return Request(*known, record=Recording(page=False))
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
@@ -96,11 +101,9 @@ def measure(case: Values) -> Values:
     with TemporaryDirectory() as place:
         work = Path(place)
         shutil.copytree(configs.folder, work / "configs")
-        plant = configs.folder / "plants" / f"{case['strip']}.yaml"
+        plant = load_plant(configs.folder / "plants" / f"{case['strip']}.yaml")
         if hidden := HIDDEN_VALUES[case["hidden"]]:
-            content = configs.strip(case["strip"]).model_dump(mode="json", by_alias=True)
-            plant = work / "plant.yaml"
-            replace_file(plant, dump_yaml(content | {"effects": hidden}).encode())
+            plant = configs.strip(case["strip"]).model_copy(update={"effects": hidden})
         circle = Circle(case["strip"], plant, work, case["scatter"])
         before = circle.fold("before", first + SEEDS_BEFORE, count)
         named = circle.learn(first + SEEDS_STANDARD)

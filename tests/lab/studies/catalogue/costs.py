@@ -14,7 +14,8 @@ import numpy as np
 from cell.config.places import find_configs
 from cell.config.unknown import unknown_strip
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold
+from cell.folding.request import Recording, Request
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
@@ -79,10 +80,10 @@ def decision(seed: int, _look: str) -> Mapping[str, list[float]]:
 def whole(seed: int, _look: str) -> Mapping[str, list[float]]:
     """Wall time of a whole `cell fold` over its duration, and each turn of its loop [ms]."""
     calibration, choice = cached_calibration(), DeviceSelection(seed=seed)
+    configs = find_configs(None)
     with TemporaryDirectory() as place:
-        request = Request(
-            "denim", "feedback", None, choice, Path(place), None, None, truth=True, viz="save"
-        )
+        known = configs.cell(), configs.strip("denim"), "feedback", Path(place), choice
+        request = Request(*known, record=Recording(viz="save"))
         result = fold(request, calibration=calibration)
         turns = 1e3 * read_run(Path(result.run)).costs()
     return {"turn": turns.tolist(), "fold": [result.wall / result.duration]}

@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.config.places import find_configs
 from drivers.twin.renderer.looks import LOOKS
-from tests.lab.studies.kit.folds import cached_calibration, configs_with_twin, facts, fold_strip
+from tests.lab.studies.kit.folds import cached_calibration, cell_with_twin, facts, fold_strip
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 ALLOWED_MM = 6.0  # mm of displacement
@@ -23,13 +23,13 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 def measure(case: Values) -> Values:
     """Facts of a fold by feedback in one look, with the calibration made in the plain look."""
     with TemporaryDirectory() as place:
-        configs = configs_with_twin(Path(place), case["look"])
+        cell = cell_with_twin(case["look"])
         result = fold_strip(
             case["strip"],
             "feedback",
             0,
             Path(place),
-            configs=configs,
+            cell=cell,
             calibration=cached_calibration(),
         )
     refused = result.outcome == "preflight_refused"

@@ -6,6 +6,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from cell.config.places import find_configs
+from drivers.strip.describe import load_plant
 from tests.lab.studies.kit.folds import QUANTITIES, compare, fold_strip
 from tests.lab.studies.study import Study, Values
 
@@ -24,7 +25,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 def measure(case: Values) -> Values:
     """Facts of the fold, and the errors of its prediction."""
     plants = find_configs(None).folder / "plants"
-    plant = plants / f"{case['plant']}.yaml" if case["plant"] else None
+    plant = load_plant(plants / f"{case['plant']}.yaml") if case["plant"] else None
     with TemporaryDirectory() as place:
         where = Path(place)
         return compare(fold_strip(case["strip"], "adaptive", case["noise"], where, plant=plant))

@@ -20,8 +20,8 @@ from policies.adaptive.train.transfer import COVERAGE
 from tests.lab.studies.kit.folds import (
     QUANTITIES,
     SIGMAS_95,
+    cell_with_twin,
     compare,
-    configs_with_twin,
     fold_unknown,
 )
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
@@ -59,7 +59,7 @@ def measure(case: Values) -> Values:
         lost = 0.5 if case["known"] == "half dropped" else 0.0
         result = fold_unknown(
             strip, case["noise"], place, measured=case["known"] != "length alone",
-            configs=configs_with_twin(place, camera={"lost": lost}),
+            cell=cell_with_twin(camera={"lost": lost}),
         )  # fmt: skip
         found = dict(compare(result)) | {"untrained": untrained_spread().added}
         found |= _loop_size(Path(result.run), strip.length, result.edge_offset_true)

@@ -1,37 +1,40 @@
 """One fold through images on the twin, as a case of a study, and its prediction at the touch."""
 
 import math
-import shutil
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import yaml
 
 from calibration.calibration import Calibration
 from cell.calibrating.calibrate import calibration_of
+from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.config.unknown import name_of
 from cell.devices.devices import DeviceSelection
-from cell.folding.correct import with_correction
-from cell.folding.fold import Request, fold
+from cell.folding.fold import fold
+from cell.folding.request import Learning, Recording, Request, with_correction
 from cell.folding.result import FoldResult
 from cell.record.run import read_run
+from drivers.settings import parse
 from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import DEFAULT_LOOK
+from drivers.twin.settings import TwinSettings
 from policies.adaptive.critic import YIELD_UNIT
 from tests.lab.studies.study import Quantity, Statistic, Values
 
 SPECIMEN_NAME = "studied"
+UNRECORDED = Recording("none", page=False)
 
 
 @cache
-def cached_calibration(configs: Path | None = None) -> Calibration:
-    """Calibration of the cell in `configs`, made or read once a process."""
-    return calibration_of(find_configs(configs).cell())
+def cached_calibration() -> Calibration:
+    """Calibration of the configured cell, made or read once a process."""
+    return calibration_of(find_configs(None).cell())
 
 
 def fold_strip(
@@ -40,57 +43,50 @@ def fold_strip(
     seed: int,
     folder: Path,
     *,
-    plant: Path | None = None,
-    configs: Path | None = None,
+    plant: StripFile | None = None,
+    cell: CellFile | None = None,
     checkpoint: Path | None = None,
     arm: str | None = None,
     calibration: Calibration | None = None,
     memory: Path | None = None,
 ) -> FoldResult:
-    """Fold `strip` by `policy` on the twin, recorded in `folder` without images and page.
+    """Fold `strip` by `policy` on the twin of the configured or given `cell`.
 
-    With a `memory` the cell learns from it there, and all its folds are of one specimen.
+    The record in `folder` is without images and page. With a `memory` the cell learns from it
+    there, and all its folds are of one specimen.
     """
+    request = _request(strip, policy, folder, memory, cell)
     choice = DeviceSelection(arm=arm, plant=plant, seed=seed)
-    request = _request(strip, policy, folder, memory, choice, configs, checkpoint)
-    known = calibration or cached_calibration(configs)
-    return fold(request, calibration=known, page=False)
+    request = replace(request, choice=choice, checkpoint=checkpoint)
+    request = with_correction(request, "off" if memory is None else "on")
+    if calibration is None and cell is None:
+        calibration = cached_calibration()
+    return fold(request, calibration=calibration)
 
 
 def _request(
-    strip: str,
-    policy: str,
-    folder: Path,
-    memory: Path | None,
-    choice: DeviceSelection,
-    configs: Path | None = None,
-    checkpoint: Path | None = None,
+    strip: str, policy: str, folder: Path, memory: Path | None, cell: CellFile | None = None
 ) -> Request:
-    """Request of a fold, corrected by the biases learned in `memory`, if any."""
-    request = Request(
-        strip, policy, checkpoint, choice, folder / "runs", configs, "none", truth=True, viz="off",
-        specimen=SPECIMEN_NAME, memory=memory,
-    )  # fmt: skip
-    return with_correction(request, "off" if memory is None else "on")
+    configs, learning = find_configs(None), Learning(SPECIMEN_NAME, memory)
+    known = cell or configs.cell(), configs.strip(strip), policy, folder / "runs"
+    return Request(*known, record=UNRECORDED, learning=learning)
 
 
-def configs_with_twin(
-    folder: Path, look: str = DEFAULT_LOOK, camera: Mapping[str, float] = MappingProxyType({})
-) -> Path:
-    """Copy the configuration to `folder`/configs, with other `look` and `camera` of its twin."""
-    configs = find_configs(None)
-    copy = Path(shutil.copytree(configs.folder, folder / "configs"))
-    content = configs.cell().model_dump(mode="json", by_alias=True)
-    content["twin"]["look"] = look
-    content["twin"]["camera"] |= camera
-    (copy / "cell.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
-    return copy
+def cell_with_twin(
+    look: str = DEFAULT_LOOK, camera: Mapping[str, float] = MappingProxyType({})
+) -> CellFile:
+    """The configured cell with another `look` and `camera` of its twin."""
+    cell = find_configs(None).cell()
+    content = cell.twin.model_dump(by_alias=True)
+    content |= {"look": look, "camera": content["camera"] | camera}
+    return cell.model_copy(update={"twin": parse(content, TwinSettings, "twin")})
 
 
 def changed_since(strip: StripFile, memory: Path) -> str | None:
     """Run since which the cell reports a change in its folds of `strip`; None without a change."""
-    name, choice = name_of(strip.length, strip.thickness), DeviceSelection()
-    learned = _request(name, "adaptive", memory, memory, choice).correction.learned
+    name = name_of(strip.length, strip.thickness)
+    request = with_correction(_request(name, "adaptive", memory, memory), "on")
+    learned = request.learning.correction.learned
     return None if learned is None else learned.since
 
 
@@ -103,20 +99,16 @@ def fold_unknown(
     checkpoint: Path | None = None,
     memory: Path | None = None,
     thicker: float = 0.0,
-    configs: Path | None = None,
+    cell: CellFile | None = None,
 ) -> FoldResult:
     """Fold `strip` by `adaptive`, which knows its length, and its thickness if `measured`.
 
-    The thickness is stated `thicker` [m] than it is; `memory` as in `fold_strip`.
+    The thickness is stated `thicker` [m] than it is; `memory` and `cell` as in `fold_strip`.
     """
-    plant = folder / "plant.yaml"
-    content = strip.model_dump(mode="json", by_alias=True)
-    plant.write_text(yaml.safe_dump(content), encoding="utf-8")
     name = name_of(strip.length, strip.thickness + thicker if measured else None)
     return fold_strip(
-        name, "adaptive", seed, folder, plant=plant, checkpoint=checkpoint, memory=memory,
-        configs=configs,
-    )  # fmt: skip
+        name, "adaptive", seed, folder, plant=strip, checkpoint=checkpoint, memory=memory, cell=cell
+    )
 
 
 def next_strip(number: int, _rng: np.random.Generator) -> Values:

@@ -1,0 +1,154 @@
+"""Specification of a fold, and all that can be refused of it before anything is compiled."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Literal
+
+from cell.arm.arm_settings import settings_of_run
+from cell.config.cell import CellFile
+from cell.config.length import metres
+from cell.devices.devices import DeviceSelection
+from cell.devices.open import check_calibrated, check_drivers, is_physical
+from cell.learning.correction import Correction, learned_correction, subject_of
+from cell.learning.experience import Memory
+from cell.record.film import Encoder
+from cell.record.frames import Keep
+from drivers.errors import ConfigurationError
+from drivers.strip.file import StripFile
+from drivers.strip.validity import doubts
+from policies.registry import make_policy
+
+LEARNING_WORDS = ("auto", "on", "off")
+UNCORRECTED = Correction(0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What is kept of a fold: its `frames`, where None is the cell's own choice, a film by an
+    encoder, the twin's truth, a recording for Rerun, and a page.
+    """
+
+    frames: Keep | None = None
+    film: Encoder | None = None
+    truth: bool = True
+    viz: Literal["save", "live", "off"] = "off"
+    page: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Learning:
+    """How a fold is corrected by what the cell learned, and whether the cell `learns` from it.
+
+    `specimen` names the piece of fabric; `memory` is a folder instead of the user's.
+    """
+
+    specimen: str | None = None
+    memory: Path | None = None
+    correction: Correction = UNCORRECTED
+    learns: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Specification of one fold; values alone, so that another process can execute it.
+
+    `runs` is the folder for its record, `speed` [m/s] on the path replaces the cell's own, and a
+    real robot is slowed down unless at `full_speed`.
+    """
+
+    cell: CellFile
+    strip: StripFile
+    policy: str
+    runs: Path
+    choice: DeviceSelection = field(default_factory=DeviceSelection)
+    checkpoint: Path | None = None
+    speed: float | None = None
+    full_speed: bool = False
+    record: Recording = Recording()
+    learning: Learning = Learning()
+
+    @property
+    def settings(self) -> CellFile:
+        """Settings of the cell as this fold uses them, by `settings_of_run`."""
+        return settings_of_run(self.cell, self.choice, self.speed, full_speed=self.full_speed)
+
+
+def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> tuple[Request, ...]:
+    """Requests of a batch: fold number i, plants outermost, then repeats, uses seed S + i."""
+    lying: Sequence[StripFile | None] = plants or [None]
+    folds = [(plant, index) for plant in lying for index in range(repeat)]
+    return tuple(
+        replace(
+            base, choice=replace(base.choice, plant=plant, index=index, seed=base.choice.seed + i)
+        )
+        for i, (plant, index) in enumerate(folds)
+    )
+
+
+def check_request(request: Request, *, recorded: bool = True) -> None:
+    """Raise ConfigurationError for devices, calibration, policy or folder that cannot be used.
+
+    The folder of runs is made, where the fold is `recorded`.
+    """
+    check_drivers(request.cell, request.choice)
+    check_calibrated(request.cell, request.choice)
+    if recorded:
+        check_recordable(request.runs)
+    make_policy(request.policy, request.checkpoint)
+
+
+def check_recordable(runs: Path) -> None:
+    """Make the folder `runs`; raises ConfigurationError where no run can be recorded in it."""
+    try:
+        runs.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=runs):
+            pass
+    except OSError as error:
+        raise ConfigurationError(
+            f"{runs}: runs cannot be recorded here: {error.strerror}; "
+            "name another folder with --runs or make room"
+        ) from None
+
+
+def doubts_about(requests: Sequence[Request]) -> tuple[str, ...]:
+    """Warnings about strips and plants outside the range in which an engine was validated."""
+    plants = [r.choice.plant for r in requests if r.choice.plant is not None]
+    known = (requests[0].strip, *plants)
+    return tuple(dict.fromkeys(doubt for strip in known for doubt in doubts(strip)))
+
+
+def with_correction(request: Request, learning: str | None) -> Request:
+    """Copy of `request` with the correction for its fold, and with the choice to learn from it.
+
+    `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None for the
+    cell's own setting. Raises ConfigurationError for other text.
+    """
+    known = request.learning
+    if learning is not None and learning not in LEARNING_WORDS:
+        bias = metres("--learning", learning, request.cell.learning.limit)
+        stated = replace(known, correction=Correction(bias, 0.0), learns=False)
+        return replace(request, learning=stated)
+    memory = memory_of(request)
+    if not _should_learn(request, learning, memory):
+        unlearned = replace(known, correction=UNCORRECTED, learns=False)
+        return replace(request, learning=unlearned)
+    subject = subject_of(request.policy, request.checkpoint, request.strip.name, known.specimen)
+    found = learned_correction(memory, subject, request.cell.learning)
+    return replace(request, learning=replace(known, correction=found, learns=True))
+
+
+def memory_of(request: Request) -> Memory:
+    """Memory of the cell, or of its twin, to which the fold belongs."""
+    twin = not is_physical(request.cell, request.choice)
+    return Memory(request.cell.name, request.learning.memory, twin=twin)
+
+
+def _should_learn(request: Request, learning: str | None, memory: Memory) -> bool:
+    use = request.cell.learning.use
+    if learning in {"on", "off"}:
+        return learning == "on"
+    if memory.is_off or use == "off":
+        return False
+    return (use == "on" and learning != "auto") or is_physical(request.cell, request.choice)

@@ -1,0 +1,16 @@
+"""Requests of folds by names, as `cell fold` makes them."""
+
+from pathlib import Path
+
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from cell.folding.request import Recording, Request
+
+
+def request_for(
+    strip: str, policy: str, runs: Path, configs: Path | None = None, **changes
+) -> Request:
+    """A fold of seed 3 without a page; `changes` are fields of the request."""
+    found = find_configs(configs)
+    facts = {"choice": DeviceSelection(seed=3), "record": Recording(page=False)} | changes
+    return Request(found.cell(), found.strip(strip), policy, runs, **facts)
