@@ -90,7 +90,7 @@ def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> 
 def check_request(request: Request, *, recorded: bool = True) -> None:
     """Raise ConfigurationError for devices, calibration, policy or folder that cannot be used.
 
-    The folder of runs is made, where the fold is `recorded`.
+    Nothing is written; the folder of runs counts where the fold is `recorded`.
     """
     check_drivers(request.cell, request.choice)
     check_calibrated(request.cell, request.choice)
@@ -100,10 +100,10 @@ def check_request(request: Request, *, recorded: bool = True) -> None:
 
 
 def check_recordable(runs: Path) -> None:
-    """Make the folder `runs`; raises ConfigurationError where no run can be recorded in it."""
+    """Raise ConfigurationError where the folder `runs` cannot be written or made."""
+    place = next(path for path in (runs, *runs.absolute().parents) if path.exists())
     try:
-        runs.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=runs):
+        with TemporaryFile(dir=place):
             pass
     except OSError as error:
         raise ConfigurationError(
