@@ -36,6 +36,11 @@ def watch(bench, camera, seconds: float) -> list:
     return seen
 
 
+def test_camera_refuses_to_read_until_it_is_connected(bench) -> None:
+    with pytest.raises(Fault):
+        bench.camera.read(ALWAYS, 0.0)
+
+
 def test_nothing_is_seen_before_the_first_frame_arrives(bench, camera) -> None:
     assert camera.read(ALWAYS, 0.0) is None
 

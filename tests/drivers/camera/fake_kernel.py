@@ -9,6 +9,8 @@ import errno
 import os
 import threading
 from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -34,7 +36,6 @@ from drivers.camera.abi import (
 )
 from drivers.camera.camera import SOURCE
 from drivers.camera.kernel import READABLE, TROUBLE
-from tests.drivers.camera.fake_parts import Faults, Filled, Knob, Memory, usual_knobs
 
 LINK = "/dev/v4l/by-id/usb-Test_Camera-video-index0"
 EPOCH = 5000.0  # s on the monotonic clock when the tests begin
@@ -43,6 +44,67 @@ PAGE = 1 << 20
 SPIN = 0.02  # s of the wall after which a wait looks again, as after a signal
 STUCK = 10.0  # s of the wall
 MONOTONIC = BufferFlag.TIMESTAMP_MONOTONIC | BufferFlag.SOURCE_START_OF_EXPOSURE
+
+
+@dataclass
+class Knob:
+    """A control: allowed range, value, and the name of the automatic that holds it."""
+
+    number: int
+    low: int
+    high: int
+    value: int
+    held_by: str | None = None
+
+
+def usual_knobs() -> dict[str, Knob]:
+    """Controls as a USB camera has them, automatics on."""
+    return {
+        "Brightness": Knob(0x980900, 0, 255, 128),
+        "White Balance, Automatic": Knob(0x98090C, 0, 1, 1),
+        "Auto Exposure": Knob(0x9A0901, 0, 3, 3),
+        "Exposure Time, Absolute": Knob(0x9A0902, 1, 5000, 157, "Auto Exposure"),
+        "Exposure, Dynamic Framerate": Knob(0x9A0903, 0, 1, 1),
+    }
+
+
+@dataclass
+class Filled:
+    """A buffer that waits to be taken."""
+
+    index: int
+    sequence: int
+    stamp: float
+    flags: int
+    size: int
+
+
+@dataclass
+class Memory:
+    """A mapping of a buffer."""
+
+    content: np.ndarray
+    closed: Callable[[], None]
+
+    def copy(self, length: int) -> np.ndarray:
+        return self.content[:length].copy()
+
+    def close(self) -> None:
+        self.closed()
+
+
+@dataclass
+class Faults:
+    """What goes wrong, as the test says."""
+
+    refuse: dict[Request, deque[int]] = field(default_factory=dict)
+    drop: set[int] = field(default_factory=set)  # sequences, which still count
+    all_dropped: bool = False
+    corrupt: set[int] = field(default_factory=set)
+    short: set[int] = field(default_factory=set)
+    stuck: bool = False  # poll reports an error and nothing else
+    ahead: float = 0.0  # s that stamps are off
+    repeat: bool = False  # the counter does not move
 
 
 class FakeKernel:

@@ -1,27 +1,33 @@
-"""An emulated machine that runs a command of this checkout beside the kernel's vivid driver.
+"""Runs a module of this checkout beside vivid: the kernel of this host, or an emulated machine.
 
-The host's files are its root, read-only; there is no disk image and nothing runs as root here.
-Its clock counts instructions, a nanosecond each, and skips idle time: a busy host makes it slow and
-changes nothing that it measures. KVM is not used where it exists: it may not run a stock kernel.
+The host's files are the machine's root, read-only; there is no disk image and nothing runs as root
+here. Its clock counts instructions, a nanosecond each, and skips idle time: a busy host makes it
+slow and changes nothing that it measures. KVM is not used where it exists: it may not run a stock
+kernel.
 """
 
+import lzma
+import os
+import re
 import shlex
 import shutil
+import struct
 import subprocess
+import sys
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.drivers.camera.kernel_files import (
-    KernelFiles,
-    find_kernel,
-    initial_file_system,
-    module_order,
-    uncompressed,
-    unpacked,
-)
+import pytest
 
+from tests.drivers.camera.vivid.device import DRIVER
+
+WANTED = ("virtio_pci", "9pnet_virtio", "9p", "vivid")
+FOLDER = "CELL_KERNEL"
+SETUP_SECTORS, PAYLOAD_OFFSET, PAYLOAD_LENGTH = 0x1F1, 0x248, 0x24C
+SECTOR = 512
+DIRECTORY, SCRIPT, DEVICE, MODULE = 0o040755, 0o100755, 0o020600, 0o100644
 CHECKOUT = Path(__file__).parents[3]
 BEGIN, END = "the machine begins", "the machine ends with"
 VIVID = "n_devs=1 node_types=0x1 num_inputs=2 input_types=0xc"
@@ -43,6 +49,97 @@ $b chroot /root /bin/sh -c {command}
 echo {end} $?
 $b poweroff -f
 """
+REQUIRED = "CELL_REQUIRE_DEVICES"  # 1: what is missing is a failure, as in CI
+
+
+@dataclass(frozen=True, slots=True)
+class KernelFiles:
+    """Image and module folder of one kernel release."""
+
+    image: Path
+    modules: Path
+
+
+def find_kernel() -> KernelFiles | None:
+    """The newest kernel with vivid: where CELL_KERNEL points, in the cache, or of this host."""
+    for root in (unpacked(), Path("/")):
+        for vivid in sorted(root.glob("lib/modules/*/kernel/drivers/media/**/vivid.ko*")):
+            modules = next(p for p in vivid.parents if p.parent.name == "modules")
+            image = root / "boot" / f"vmlinuz-{modules.name}"
+            if os.access(image, os.R_OK):
+                return KernelFiles(image, modules)
+    return None
+
+
+def unpacked() -> Path:
+    """Where a downloaded kernel package is unpacked."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return Path(os.environ.get(FOLDER) or cache / "folding-cell" / "kernel")
+
+
+def uncompressed(image: bytes) -> bytes:
+    """The ELF inside a bzImage packed with xz, which boots five times faster; else the image."""
+    start = (image[SETUP_SECTORS] + 1) * SECTOR + struct.unpack_from("<I", image, PAYLOAD_OFFSET)[0]
+    length = struct.unpack_from("<I", image, PAYLOAD_LENGTH)[0]
+    payload = image[start : start + length]
+    return lzma.decompress(payload[:-4]) if payload.startswith(b"\xfd7zXZ") else image
+
+
+def module_order(modules: Path) -> list[Path]:
+    """Files of the wanted modules and all they need, each after what it needs."""
+    by_name = {_name(path): path for path in modules.rglob("*.ko*")}
+    order: list[Path] = []
+
+    def add(name: str) -> None:
+        path = by_name.get(name)
+        if path is None or path in order:
+            return  # built in, or already there
+        for needed in _needs(read_module(path)):
+            add(needed)
+        order.append(path)
+
+    for name in WANTED:
+        add(name)
+    return order
+
+
+def read_module(path: Path) -> bytes:
+    """A module's ELF, unpacked."""
+    content = path.read_bytes()
+    return lzma.decompress(content) if path.suffix == ".xz" else content
+
+
+def initial_file_system(busybox: Path, modules: list[Path], script: str) -> bytes:
+    """A cpio archive with busybox, the modules as /m/NN.ko in order, and `script` as /init."""
+    entries = [(name, DIRECTORY, b"", 0) for name in ("bin", "m", "dev", "root")]
+    entries.append(("dev/console", DEVICE, b"", 5 << 8 | 1))
+    entries.append(("bin/busybox", SCRIPT, busybox.read_bytes(), 0))
+    entries.append(("init", SCRIPT, script.encode(), 0))
+    for number, path in enumerate(modules):
+        entries.append((f"m/{number:02}.ko", MODULE, read_module(path), 0))
+    entries.append(("TRAILER!!!", 0, b"", 0))
+    return b"".join(_entry(number, *entry) for number, entry in enumerate(entries, 1))
+
+
+def _entry(number: int, name: str, mode: int, content: bytes, device: int) -> bytes:
+    fields = [number, mode, 0, 0, 1, 0, len(content), 0, 0, device >> 8, device & 0xFF]
+    fields += [len(name) + 1, 0]
+    head = b"070701" + b"".join(b"%08X" % field for field in fields) + name.encode() + b"\0"
+    return _padded(head) + _padded(content)
+
+
+def _padded(content: bytes) -> bytes:
+    return content + b"\0" * (-len(content) % 4)
+
+
+def _name(path: Path) -> str:
+    return path.name.partition(".")[0].replace("-", "_")
+
+
+def _needs(module: bytes) -> list[str]:
+    found = re.search(rb"\0depends=([^\0]*)\0", b"\0" + module)
+    names = found[1].decode().split(",") if found else []
+    return [name.replace("-", "_") for name in names if name]
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,3 +236,25 @@ def _script(command: Sequence[str], modules: int) -> str:
         end=END,
         command=shlex.quote(inside),
     )
+
+
+def beside_vivid(
+    folder: Path, module: str, *, seconds: float, processor: str = "Nehalem"
+) -> Iterator[str]:
+    """Lines that `module` writes; the test is skipped, or fails, where vivid cannot be had.
+
+    The host's own vivid is used where it is loaded and may be unbound; `folder` is for the boot.
+    """
+    command = [sys.executable, "-m", module]
+    if os.access(DRIVER / "unbind", os.W_OK):
+        done = subprocess.run(
+            command, cwd=CHECKOUT, stdout=subprocess.PIPE, text=True, timeout=seconds, check=False
+        )
+        yield from done.stdout.splitlines()
+        return
+    machine = find_machine()
+    if isinstance(machine, str):
+        if os.environ.get(REQUIRED) == "1":
+            pytest.fail(machine)
+        pytest.skip(machine)
+    yield from machine.run(folder, command, seconds=seconds, processor=processor)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.camera.abi import BufferFlag
-from drivers.camera.frame import Sequence, Shutter, StampSource, signed_difference
+from drivers.camera.frame import Sequence, Shutter, StampSource
 
 SHUTTER = Shutter(period=1 / 30, exposure=0.01, readout=0.006)
 START = BufferFlag.TIMESTAMP_MONOTONIC | BufferFlag.SOURCE_START_OF_EXPOSURE
@@ -58,8 +58,3 @@ def test_restart_counts_what_was_missed() -> None:
     sequence.step_to(50)
     sequence.restart(missing=9)
     assert (sequence.step_to(0), sequence.number) == (1, 10)
-
-
-@given(st.integers(-(2**31), 2**31 - 1))
-def test_signed_difference_is_that_of_32_bits(difference: int) -> None:
-    assert signed_difference(difference % 2**32) == difference

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.drivers.camera.beside_vivid import beside_vivid
+from tests.drivers.camera.machine import beside_vivid
 from tests.drivers.camera.vivid.checks import CHECKS
 
 pytestmark = pytest.mark.slow  # an emulated machine starts

@@ -1,4 +1,4 @@
-"""The twin's camera keeps the camera's times and shows the world at them."""
+"""The twin's camera keeps the camera's times, shows the world at them, and draws between ticks."""
 
 from itertools import pairwise
 
@@ -7,10 +7,11 @@ import pytest
 
 from drivers.errors import Fault
 from drivers.strip.model import Observation
-from drivers.twin.camera import TwinCamera
+from drivers.twin.camera import PacedCamera, TwinCamera
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
+from drivers.types import Frame
 from tests.support.rendered_cell import scene
 
 SETTINGS = CameraSettings(width=320, height=240)
@@ -77,16 +78,6 @@ def test_stamps_are_multiples_of_the_period_however_late_one_reads(world, clock)
         assert frame.arrival <= clock.now()
 
 
-def test_only_the_newest_frame_later_than_asked_is_given(world, clock) -> None:
-    camera = connected(world, clock)
-    clock.time = 0.5
-    newest = camera.read(ALWAYS, 0.0)
-    assert newest.sequence == 28
-    assert camera.read(newest.stamp, 0.0) is None
-    clock.time += 1 / 60
-    assert camera.read(newest.stamp, 0.0).sequence == 29
-
-
 def test_half_of_the_frames_never_arrive_and_those_that_do_are_whole(world, clock) -> None:
     settings = SETTINGS.model_copy(update={"lost": 0.5})
     poor = TwinCamera(world, clock, settings, LOOK, 1)
@@ -142,12 +133,6 @@ def test_negative_latency_never_asks_for_the_future(world, clock) -> None:
         assert np.mean(world.asked[-SETTINGS.sub_shapes :]) > frame.stamp
 
 
-def test_same_seed_gives_the_same_images(clock) -> None:
-    clock.time = 0.4
-    images = [connected(RecordedWorld(), clock).read(ALWAYS, 0.0).image for _ in range(2)]
-    assert np.array_equal(*images)
-
-
 def test_image_cannot_be_written_to(world, clock) -> None:
     camera = connected(world, clock)
     clock.time = 0.1
@@ -155,12 +140,80 @@ def test_image_cannot_be_written_to(world, clock) -> None:
         camera.read(ALWAYS, 0.0).image[0, 0] = 0
 
 
-def test_camera_that_is_not_connected_faults(world, clock) -> None:
-    camera = TwinCamera(world, clock, SETTINGS, LOOK, seed=1)
-    with pytest.raises(Fault, match="camera_closed"):
-        camera.read(ALWAYS, 0.0)
+class Drawing:
+    """A camera with one frame every other call; counts what it draws."""
+
+    rate = 50.0
+
+    def __init__(self) -> None:
+        self.calls = self.drawn = 0
+        self.open = False
+
+    def connect(self) -> None:
+        self.open = True
+
+    def read(self, after: float, timeout: float) -> Frame | None:
+        if not self.open:
+            raise Fault("camera_closed", "closed")
+        self.calls += 1
+        stamp = 0.02 * (self.calls // 2)
+        if stamp <= after:
+            return None
+        self.drawn += 1
+        return Frame(stamp, stamp + 0.01, "made", self.calls // 2, np.zeros((2, 2, 3), np.uint8))
+
+    def close(self) -> None:
+        self.open = False
+
+
+def begun(inner: Drawing) -> PacedCamera:
+    """A camera that has delivered its first image, at once."""
+    camera = PacedCamera(inner)
     camera.connect()
+    while camera.read(0.0, timeout=0.0) is None:
+        continue
+    return camera
+
+
+def drawn() -> tuple[PacedCamera, Drawing]:
+    """A camera that has drawn an image, to be delivered by the next call."""
+    inner = Drawing()
+    camera, before = begun(inner), inner.drawn
+    while inner.drawn == before:
+        assert camera.read(0.02, timeout=0.0) is None
+    return camera, inner
+
+
+def test_no_call_both_draws_and_delivers_an_image() -> None:
+    inner = Drawing()
+    camera, after, delivered = begun(inner), 0.02, 1
+    for _ in range(40):
+        before = inner.drawn
+        frame = camera.read(after, timeout=0.0)
+        if frame is not None:
+            assert inner.drawn == before
+            assert frame.stamp > after
+            after, delivered = frame.stamp, delivered + 1
+    assert delivered == pytest.approx(inner.drawn, abs=1)
+    assert delivered > 8
+
+
+def test_what_was_drawn_before_is_not_delivered_once_it_is_too_old() -> None:
+    camera, _ = drawn()
+    assert camera.read(1.0, timeout=0.0) is None
+
+
+def test_a_closed_camera_delivers_nothing_of_before() -> None:
+    camera, _ = drawn()
     camera.close()
-    camera.close()
-    with pytest.raises(Fault, match="camera_closed"):
-        camera.read(ALWAYS, 0.0)
+    with pytest.raises(Fault, match="closed"):
+        camera.read(0.0, timeout=0.0)
+
+
+def test_one_who_comes_late_is_not_kept_waiting() -> None:
+    inner = Drawing()
+    camera = begun(inner)
+    inner.calls = 19
+    frame = camera.read(0.05, timeout=0.0)
+    assert frame is not None
+    assert frame.stamp == 0.2

@@ -6,8 +6,17 @@ import time
 
 from drivers.camera.abi import Control, Request
 from drivers.camera.device import CameraBusy, CameraFaulty, CameraLost, CameraStalled
-from tests.drivers.camera.vivid.device import DRIVER, Counting, Vivid
-from tests.drivers.camera.vivid.watch import ALWAYS, frames, raising, read_on, recovered, trouble
+from tests.drivers.camera.vivid.device import (
+    ALWAYS,
+    DRIVER,
+    Counting,
+    Vivid,
+    frames,
+    raising,
+    read_on,
+    recovered,
+    trouble,
+)
 
 UNPLUG = 0.05  # s until a read must have said that the camera is gone
 
@@ -117,15 +126,6 @@ def check_driver_taken_away_is_a_lost_camera(vivid: Vivid) -> None:
         (DRIVER / "bind").write_text("vivid.0")
         vivid.plug()
         assert recovered(camera).sequence > last.sequence
-
-
-def check_camera_that_is_not_there_is_lost(vivid: Vivid) -> None:
-    vivid.unplug()
-    try:
-        with raising(CameraLost, "No such file", "plug the camera in"), vivid.camera():
-            pass
-    finally:
-        vivid.plug()
 
 
 def check_second_user_is_named(vivid: Vivid) -> None:

@@ -3,8 +3,7 @@
 import numpy as np
 
 from drivers.camera.device import CameraRefused
-from tests.drivers.camera.vivid.device import START, Vivid
-from tests.drivers.camera.vivid.watch import frames, raising
+from tests.drivers.camera.vivid.device import START, Vivid, frames, raising
 
 BAYER = ("RGGB", "GRBG", "BA81", "GBRG")
 
@@ -27,22 +26,14 @@ def check_every_format_shows_the_same_picture(vivid: Vivid) -> None:
     assert np.abs(bars["GREY"][:, 0] - grey).max() < 40
 
 
-def check_size_that_the_camera_lacks_is_refused_with_its_offer(vivid: Vivid) -> None:
-    with (
-        raising(CameraRefused, "600x400 became", "YUYV 640x360"),
-        vivid.camera(width=600, height=400),
+def check_what_the_camera_lacks_is_refused_with_its_offer(vivid: Vivid) -> None:
+    for asked, words in (
+        ({"width": 600, "height": 400}, ("600x400 became", "YUYV 640x360")),
+        ({"format": "MJPG"}, ("MJPG 640x360 became",)),
+        ({"rate": 37.0}, ("rate: 37 Hz became",)),
     ):
-        pass
-
-
-def check_format_that_the_camera_lacks_is_refused(vivid: Vivid) -> None:
-    with raising(CameraRefused, "MJPG 640x360 became"), vivid.camera(format="MJPG"):
-        pass
-
-
-def check_rate_that_the_camera_lacks_is_refused(vivid: Vivid) -> None:
-    with raising(CameraRefused, "rate: 37 Hz became"), vivid.camera(rate=37.0):
-        pass
+        with raising(CameraRefused, *words), vivid.camera(**asked):
+            pass
 
 
 def check_rates_are_kept(vivid: Vivid) -> None:
@@ -72,6 +63,4 @@ def check_value_that_a_control_clamps_is_refused(vivid: Vivid) -> None:
         raising(CameraRefused, "controls.brightness", "999 became 255", "0 to 255"),
         vivid.camera(controls={"brightness": 999}),
     ):
-        pass
-    with raising(CameraRefused, "controls.zeal", "brightness"), vivid.camera(controls={"zeal": 1}):
         pass

@@ -6,9 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from drivers.camera.frame import StampSource
-from drivers.errors import CellError
-from tests.drivers.camera.vivid.device import END, START, Vivid
-from tests.drivers.camera.vivid.watch import ALWAYS, frames, raising
+from tests.drivers.camera.vivid.device import END, START, Vivid, frames
 
 
 def check_gaps_are_counted_under_40_percent_drops(vivid: Vivid) -> None:
@@ -79,14 +77,3 @@ def check_frame_after_a_pause_is_fresh(vivid: Vivid) -> None:
         (frame,) = frames(camera, 1)
         assert frame.sequence > 8
         assert camera.read(frame.stamp + 60.0, 0.1) is None
-
-
-def check_camera_closes_twice_and_opens_again(vivid: Vivid) -> None:
-    with vivid.camera() as camera:
-        frames(camera, 2)
-        camera.close()
-        camera.close()
-        with raising(CellError, "before connect"):
-            camera.read(ALWAYS, 0.0)
-        camera.connect()
-        frames(camera, 2)

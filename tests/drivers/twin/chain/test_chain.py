@@ -8,7 +8,6 @@ import pytest
 
 from drivers.errors import SimulationNotFinite
 from drivers.strip.describe import describe
-from drivers.strip.effects import registry
 from drivers.strip.engine import StripMotion
 from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.twin.chain.engine import Chain
@@ -105,19 +104,6 @@ def test_light_fabric_folds_like_its_heavy_twin(triangle: StripMotion) -> None:
     )
 
 
-def test_long_step_is_several_short_ones() -> None:
-    chains = (Chain(20), Chain(20))
-    for chain in chains:
-        chain.reset([describe(middling())])
-        pose = carry(chain, 0.2, triangular(LENGTH))
-    one, two = chains
-    move = np.array([-0.001, 0.0, 0.0])
-    one.step((pose + move)[None], 2 * H)
-    two.step((pose + move / 2)[None], H)
-    two.step((pose + move)[None], H)
-    np.testing.assert_allclose(one.shapes(), two.shapes(), atol=1e-9)
-
-
 def test_strips_of_a_batch_do_not_know_each_other() -> None:
     models = [describe(middling()), describe(middling(bending_length=0.02))]
     poses = triangular(LENGTH).poses(np.arange(H, 1.0, H) * SPEED)
@@ -129,32 +115,6 @@ def test_strips_of_a_batch_do_not_know_each_other() -> None:
             chain.step(np.tile(pose, (len(batch), 1)), H)
         shapes.append(chain.shapes())
     np.testing.assert_array_equal(shapes[0], np.concatenate(shapes[1:]))
-
-
-LAWS = ("bending_hysteresis", "nonlinear_bending")
-
-
-def lawful() -> list[tuple[str, float]]:
-    """Low, middle and high values of every effect that changes the strip's law."""
-    cases = []
-    for effect in registry().values():
-        switch = effect.parameters[0]
-        if effect.name in LAWS:
-            middle = 0.5 * (switch.low + switch.high)
-            cases += [(effect.name, value) for value in (switch.low, middle, switch.high)]
-    return cases
-
-
-@pytest.mark.parametrize(("name", "value"), lawful())
-def test_effect_of_the_strip_changes_the_fold_and_keeps_it_finite(
-    name: str, value: float, triangle: StripMotion
-) -> None:
-    effect = registry()[name]
-    switch = effect.parameters[0]
-    strip = middling(effects={name: effect.complete({switch.name: value})})
-    motion = fold(strip, triangular(LENGTH))
-    changed = not np.array_equal(motion.contact_x, triangle.contact_x)
-    assert changed == (value != switch.null)
 
 
 @pytest.mark.parametrize("spoil", [np.nan, np.inf])
