@@ -171,15 +171,22 @@ def _find_shift(grey: Image, mark: Landmark) -> tuple[float, float] | None:
     window = grey[top : mark.top + side + SEARCH_RADIUS, left : mark.left + side + reach_u]
     if window.shape[0] < side or window.shape[1] < side:
         return None
+    found = find_patch(window, patch)
+    if found is None:
+        return None
+    return left + float(found[0]) - mark.left, top + float(found[1]) - mark.top
+
+
+def find_patch(window: Image, patch: Image) -> Array | None:
+    """Place (2,) u, v [px] of `patch` (n, n) in the grey `window` (h, w); None if not found."""
     scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
     _, best, _, (u, v) = cv2.minMaxLoc(scores)
     if not best >= MATCH_CORRELATION:
         return None
-    fine_u, fine_v = peak(scores[v, :], u), peak(scores[:, u], v)
-    return left + u + fine_u - mark.left, top + v + fine_v - mark.top
+    return np.array([u + _peak(scores[v, :], u), v + _peak(scores[:, u], v)])
 
 
-def peak(scores: Array, at: int) -> float:
+def _peak(scores: Array, at: int) -> float:
     """Offset of the maximum of `scores` (n,) from index `at`, by a parabola through 3 values."""
     if not 0 < at < len(scores) - 1:
         return 0.0

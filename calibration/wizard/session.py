@@ -234,14 +234,6 @@ def read_latency(folder: Path) -> StepsFile:
     return parse(read_json(path, LARGEST_LOG), StepsFile, str(path))
 
 
-def make_folder(folder: Path) -> None:
-    """Create `folder`, named by --out; ConfigurationError where that is not possible."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(f"--out: {folder}: cannot be made: {error.strerror}") from None
-
-
 def write_image(path: Path, image: Image) -> None:
     """Write `image` (height, width, 3) as PNG; ConfigurationError where it cannot be written."""
     made, content = cv2.imencode(".png", image, FAST_PNG)

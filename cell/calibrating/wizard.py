@@ -31,7 +31,6 @@ from calibration.wizard.session import (
     Session,
     SessionFolder,
     begin_or_resume,
-    make_folder,
     read_latency,
     read_session,
     restore,
@@ -56,6 +55,7 @@ from cell.orchestrator.operator import Answer, Ask, Operator, Question
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from drivers.errors import ConfigurationError, Fault
+from drivers.files import writing
 from drivers.readers import read_text
 from drivers.settings import Settings, load
 from drivers.types import Frame, Pose
@@ -219,7 +219,8 @@ def lens_again(folder: Path, without: Collection[int], out: Path | None) -> Lens
         views.set_length(session.length)
     result = LensSession(out, views.verdict())
     if out is not None:
-        make_folder(out)
+        with writing(f"--out: {out}"):
+            out.mkdir(parents=True, exist_ok=True)
         result.keep(out, session.camera)
     return result
 
@@ -301,7 +302,8 @@ def homography_again(
     made = assemble(*found, accept_anyway=accept_anyway, **facts)
     result = TouchSession(out, touches, latency, made, speed)
     if out is not None:
-        make_folder(out)
+        with writing(f"--out: {out}"):
+            out.mkdir(parents=True, exist_ok=True)
         result.keep(out)
     return result
 

@@ -1,6 +1,10 @@
-"""Terminal view of a calibration: what to do next, why, and the coverage."""
+"""A wizard at a terminal: what to do next, why, the coverage, single keys, and Ctrl-C."""
 
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Self
 
 import cv2
@@ -13,8 +17,14 @@ from rich.table import Table
 from rich.text import Text
 
 from calibration.wizard.coverage import Gate, Sketch
-from calibration.wizard.news import News, PlannedPoint
+from calibration.wizard.news import News, PlannedPoint, Watcher
+from calibration.wizard.session import ROWS_FILE, read_rows
 from calibration.wizard.verdict import Level, Line
+from cell.calibrating.keyboard import operator_of, single_keys
+from cell.devices.devices import Devices
+from cell.orchestrator.interrupt import Interrupt, Interrupted
+from cell.orchestrator.operator import Operator
+from cell.report.words import plural
 from drivers.types import Array
 
 STYLES = {Level.GOOD: "green", Level.FAIR: "yellow", Level.BAD: "bold red", Level.PLAIN: ""}
@@ -160,3 +170,72 @@ def points_map(plan: Sequence[PlannedPoint]) -> RenderableType:
         states = [Text(point.state, style=POINT_STYLES[point.state]) for point in row]
         table.add_row(f"z {1e3 * height:4.0f} mm", *states)
     return Group(table, Text(MARK_LEGEND, style="dim"))
+
+
+def print_verdict(lines: Iterable[Line]) -> None:
+    """Print the `lines` of a verdict, in colour where the terminal supports it."""
+    Console(highlight=False, soft_wrap=True).print(verdict_text(lines), end="")
+
+
+@dataclass(slots=True)
+class Sitting:
+    """Session of a wizard at a terminal: its `panel`, what else watches, and Ctrl-C.
+
+    `record` adds a verdict's lines to the recording.
+    """
+
+    panel: WizardPanel
+    watch: Watcher
+    interrupted: Callable[[], bool]
+    record: Callable[[Iterable[Line]], None] = lambda _: None
+
+    def operator(self, devices: Devices, *, interactive: bool) -> Operator:
+        """Operator of `devices` who answers at this terminal."""
+        return operator_of(devices, self.panel.ask, self.interrupted, interactive=interactive)
+
+
+@contextmanager
+def terminal() -> Iterator[Sitting]:
+    """Open a session at the terminal, with panel, single keys and Ctrl-C."""
+    panel = WizardPanel(Console(stderr=True))
+    with Interrupt() as interrupted, single_keys(sys.stdin), panel:
+        yield Sitting(panel, panel, interrupted)
+
+
+@contextmanager
+def sitting(folder: Path, kind: str, viz: str) -> Iterator[Sitting]:
+    """Open a wizard's session; unless `viz` is off, all is drawn into wizard.rrd too.
+
+    Raises Interrupted that says what `folder` keeps, after one Ctrl-C as after two.
+    """
+    try:
+        with terminal() as at:
+            if viz == "off":
+                yield at
+                return
+            from cell.report.viz.wizard import wizard_screen  # Rerun takes a second to import
+
+            folder.mkdir(parents=True, exist_ok=True)
+            with wizard_screen(folder, live=viz == "live") as screen:
+
+                def both(news: News) -> None:
+                    at.panel(news)
+                    screen(news)
+
+                at.watch = both
+                at.record = lambda lines: screen.verdict("\n".join(line.text for line in lines))
+                yield at
+    except (Interrupted, KeyboardInterrupt):
+        raise Interrupted(_resume_hint(folder, kind)) from None
+
+
+def _resume_hint(folder: Path, kind: str) -> str:
+    """Text on an interrupted session: what `folder` keeps, and how to resume."""
+    rows = read_rows(folder) if (folder / ROWS_FILE).is_file() else ()
+    taken = sum(row.image is not None for row in rows)
+    if taken == 0:
+        return f"interrupted; nothing was taken yet; {folder} may be deleted"
+    return (
+        f"interrupted; {plural(taken, 'image')} kept in {folder}: `cell calibrate {kind} --resume "
+        f"{folder}` goes on, `cell calibrate {kind} --from {folder}` solves them"
+    )

@@ -1,9 +1,6 @@
 """`cell calibrate`: the twin's own calibration, and the wizards `camera`, `homography`, `check`."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +12,6 @@ from cell.cli.options import (
     Configs,
     FullSpeed,
     Json,
-    Viz,
     VizOption,
     ask,
     length_parser,
@@ -24,13 +20,9 @@ from cell.cli.options import (
 
 if TYPE_CHECKING:
     from calibration.lens import Lens
-    from calibration.wizard.news import News, Watcher
-    from calibration.wizard.verdict import Line
     from cell.calibrating.wizard import TouchSession
-    from cell.calibrating.wizard_panel import WizardPanel
     from cell.config.cell import CellFile
     from cell.devices.devices import Devices
-    from cell.orchestrator.operator import Operator
 
 MEASURED_LENGTH = length_parser("--measured", "mm", least=1e-3)
 SESSIONS = Path("calibrations")
@@ -109,6 +101,8 @@ def calibrate_camera(
 ) -> None:
     """Find the lens from views of a ChArUco board; says which view is wanted next, and why."""
     from cell.calibrating.wizard import calibrate_lens, lens_again
+    from cell.calibrating.wizard_panel import print_verdict, sitting
+    from cell.report.calibration_page import write_session_page
 
     settings = _settings(configs)
     if print_to is not None:
@@ -128,11 +122,11 @@ def calibrate_camera(
                 settings, devices, folder, operator, at.watch, measured, at.interrupted
             )
             at.record(found.lines)
-    page = None if found.folder is None else _write_page(found.folder)
+    page = None if found.folder is None else write_session_page(found.folder)
     if as_json:
         print_json(found.facts() | {"folder": str(folder)})
     else:
-        _print_lines(found.lines)
+        print_verdict(found.lines)
         sys.stdout.write(f"  {page or folder}\n")
     sys.exit(0 if found.passed else 1)
 
@@ -165,6 +159,8 @@ def calibrate_homography(
 ) -> None:
     """Find the map to the plane and the latency from touches of the gripper's tip."""
     from cell.calibrating import wizard
+    from cell.calibrating.wizard_panel import print_verdict, sitting
+    from cell.report.calibration_page import write_session_page
 
     settings = _settings(configs)
     _check_writable(configs, use=use)
@@ -190,12 +186,12 @@ def calibrate_homography(
                 interrupted=at.interrupted,
             )
             at.record(found.lines)
-    page = None if found.folder is None else _write_page(found.folder)
+    page = None if found.folder is None else write_session_page(found.folder)
     in_use = _use_calibration(configs, found, again) if use else None
     if as_json:
         print_json(found.facts() | {"folder": None if found.folder is None else str(found.folder)})
     else:
-        _print_lines(found.lines)
+        print_verdict(found.lines)
         _print_use(found, in_use)
         sys.stdout.write("" if page is None else f"  {page}\n")
     sys.exit(0 if found.passed else 1)
@@ -217,6 +213,7 @@ def calibrate_check(
     from calibration.calibration import load_calibration
     from cell.calibrating.calibrate import calibration_of
     from cell.calibrating.wizard import check_calibration
+    from cell.calibrating.wizard_panel import print_verdict, terminal
 
     settings, devices = _open_devices(_settings(configs), arm, camera, full_speed=full_speed)
     with terminal() as at:
@@ -231,7 +228,7 @@ def calibrate_check(
         worst = {"median_mm": verdict.median_mm, "worst_mm": verdict.worst_mm}
         print_json(facts | worst | {"reasons": list(verdict.reasons)})
     else:
-        _print_lines(verdict.lines())
+        print_verdict(verdict.lines())
     sys.exit(0 if verdict.passed else 1)
 
 
@@ -300,12 +297,6 @@ def _find_lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
     return read_lens(file or newest_lens(SESSIONS, camera))
 
 
-def _write_page(folder: Path) -> Path:
-    from cell.report.calibration_page import write_session_page
-
-    return write_session_page(folder)
-
-
 def _check_writable(configs: Path | None, *, use: bool) -> None:
     """Refuse --use for the packaged configuration before the arm has moved."""
     from cell.config.places import PACKAGED, find_configs
@@ -357,89 +348,3 @@ def _print_use(found: "TouchSession", in_use: Path | None) -> None:
             sys.stdout.write("accepted in spite of this; every run will say so\n")
         path = (found.folder / "calibration.yaml").resolve()
         sys.stdout.write(f"to use it: --use, or in cell.yaml\n  calibration: {path}\n")
-
-
-def _print_lines(lines: "Iterable[Line]") -> None:
-    """Print the `lines` of a verdict, in colour where the terminal supports it."""
-    from rich.console import Console
-
-    from cell.calibrating.wizard_panel import verdict_text
-
-    Console(highlight=False, soft_wrap=True).print(verdict_text(lines), end="")
-
-
-@dataclass(slots=True)
-class Sitting:
-    """Session of a wizard at a terminal: its `panel`, what else watches, and Ctrl-C.
-
-    `record` adds a verdict's lines to the recording.
-    """
-
-    panel: "WizardPanel"
-    watch: "Watcher"
-    interrupted: Callable[[], bool]
-    record: "Callable[[Iterable[Line]], None]" = lambda _: None
-
-    def operator(self, devices: "Devices", *, interactive: bool) -> "Operator":
-        """Operator of `devices` who answers at this terminal."""
-        from cell.calibrating.keyboard import operator_of
-
-        return operator_of(devices, self.panel.ask, self.interrupted, interactive=interactive)
-
-
-@contextmanager
-def terminal() -> Iterator[Sitting]:
-    """Open a session at the terminal, with panel, single keys and Ctrl-C."""
-    from rich.console import Console
-
-    from cell.calibrating.keyboard import single_keys
-    from cell.calibrating.wizard_panel import WizardPanel
-    from cell.orchestrator.interrupt import Interrupt
-
-    panel = WizardPanel(Console(stderr=True))
-    with Interrupt() as interrupted, single_keys(sys.stdin), panel:
-        yield Sitting(panel, panel, interrupted)
-
-
-@contextmanager
-def sitting(folder: Path, kind: str, viz: Viz) -> Iterator[Sitting]:
-    """Open a wizard's session; unless `viz` is off, all is drawn into wizard.rrd too.
-
-    Raises Interrupted that says what `folder` keeps, after one Ctrl-C as after two.
-    """
-    from cell.orchestrator.interrupt import Interrupted
-
-    try:
-        with terminal() as at:
-            if viz == "off":
-                yield at
-                return
-            from cell.report.viz.wizard import wizard_screen
-
-            folder.mkdir(parents=True, exist_ok=True)
-            with wizard_screen(folder, live=viz == "live") as screen:
-
-                def both(news: "News") -> None:
-                    at.panel(news)
-                    screen(news)
-
-                at.watch = both
-                at.record = lambda lines: screen.verdict("\n".join(line.text for line in lines))
-                yield at
-    except (Interrupted, KeyboardInterrupt):
-        raise Interrupted(_resume_hint(folder, kind)) from None
-
-
-def _resume_hint(folder: Path, kind: str) -> str:
-    """Text on an interrupted session: what `folder` keeps, and how to resume."""
-    from calibration.wizard.session import ROWS_FILE, read_rows
-    from cell.report.words import plural
-
-    rows = read_rows(folder) if (folder / ROWS_FILE).is_file() else ()
-    taken = sum(row.image is not None for row in rows)
-    if taken == 0:
-        return f"interrupted; nothing was taken yet; {folder} may be deleted"
-    return (
-        f"interrupted; {plural(taken, 'image')} kept in {folder}: `cell calibrate {kind} --resume "
-        f"{folder}` goes on, `cell calibrate {kind} --from {folder}` solves them"
-    )

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from calibration.landmarks import MATCH_CORRELATION, grey_of, peak
+from calibration.landmarks import find_patch, grey_of
 from cell.perception.preflight import PreflightCheck
 from cell.perception.region import HIGH_HEIGHT, Region, without_hand, zones
 from cell.perception.scene import Appearance
@@ -195,14 +195,14 @@ def _median(values: Array, weights: Array) -> float:
 
 
 def _find(window: Image, patch: Image) -> Array:
-    """Shift (2,) [px] of `patch` (n, n) in a `window` SEARCH_RADIUS wider, NaN where not found."""
-    scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
-    _, best, _, (u, v) = cv2.minMaxLoc(scores)
-    if not best >= MATCH_CORRELATION or not (
-        0 < u < 2 * SEARCH_RADIUS and 0 < v < 2 * SEARCH_RADIUS
-    ):
+    """Shift (2,) [px] of `patch` (n, n) in a `window` SEARCH_RADIUS wider, NaN where not found.
+
+    A patch at the window's border may lie outside of it.
+    """
+    found = find_patch(window, patch)
+    if found is None or not ((found >= 0.5) & (found <= 2 * SEARCH_RADIUS - 0.5)).all():
         return np.full(2, NAN)
-    return np.array([u + peak(scores[v, :], u), v + peak(scores[:, u], v)]) - SEARCH_RADIUS
+    return found - SEARCH_RADIUS
 
 
 def _soft(grey: Image) -> Image:

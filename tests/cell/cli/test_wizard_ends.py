@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.cli.calibrate import sitting
+from cell.calibrating.wizard_panel import sitting
 from cell.orchestrator.interrupt import Interrupted
 
 
