@@ -118,7 +118,7 @@ TIERS: dict[Tier, str] = {"state": "From the state, without images", "images": "
 PLANTS = get_args(Plant)
 INTRODUCTION = (
     "Every case is a strip whose plant hides something, or nothing. The workflow sees the "
-    "runs and the strip file in a process that cannot open the key; its verdict is then held "
+    "runs and the strip file in a process that is given nothing else; its verdict is then held "
     "against the key. Rates are given with their 95 % intervals (Wilson)."
 )
 PLANT_KINDS = (
