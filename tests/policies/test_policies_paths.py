@@ -91,14 +91,6 @@ def test_batch_of_grippers_moves_like_each_alone() -> None:
         np.testing.assert_array_equal(alone[:steps, 0], together[:steps, j])
 
 
-def test_progress_never_jumps_from_one_leg_to_the_other() -> None:
-    policy = make_policy("triangular")
-    policy.reset(STRIP, SPEED, 1)
-    trace, _ = follow(policy, takeover(policy.lift()))
-    rising = trace[:-1, 0, 0] > 0.31
-    assert np.all(np.diff(trace[:, 0, 1])[rising] > 0)
-
-
 def test_policy_forgets_at_reset() -> None:
     policy = make_policy("triangular")
     first, _ = follow(policy, takeover(triangular(0.6)))

@@ -9,7 +9,6 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
-from policies import planned
 from policies.domain import grid, strip_at
 from policies.path import triangular
 from policies.planned import Planned, plan
@@ -54,18 +53,6 @@ def test_damped_strip_needs_a_higher_path_and_a_slow_fold_a_lower_one() -> None:
     light, heavy = plan([strip_at(0.5, 0.0), strip_at(0.5, 1.0)], 0.1)
     assert 0.025 < light < heavy < 0.065
     assert plan([strip_at(0.5, 1.0)], 0.05)[0] < heavy
-
-
-def test_same_strip_gives_the_same_plan_and_is_planned_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    calls = []
-    monkeypatch.setattr(planned, "plan", lambda *asked: calls.append(asked) or np.array([0.04]))
-    policy = Planned()
-    for speed in (0.1, 0.1, 0.05):
-        policy.reset(strip_at(0.5, 0.5), speed, 1)
-    assert len(calls) == 2
-    assert plan([strip_at(0.5, 0.5)], 0.1) == plan([strip_at(0.5, 0.5)], 0.1)
 
 
 def test_lift_is_the_triangles_own_and_the_rest_is_raised() -> None:

@@ -164,22 +164,13 @@ def test_folds_stay_finite_over_the_range_of_every_parameter(path: str) -> None:
         assert np.isfinite(motion.shapes).all(), (effect.name, values)
 
 
-def test_plain_strip_among_affected_ones_moves_bit_for_bit_as_alone() -> None:
-    names = ("relaxation", "quadratic_damping", "air_drag", "end_slip", "grip_slip", "length_error")
-    others = [affected(name, **_middle(registry()[name])) for name in names]
-    (alone,) = folds([bare()])
-    among = folds([*others[:3], bare(), *others[3:]])[3]
-    np.testing.assert_array_equal(among.contact_x, alone.contact_x)
-    np.testing.assert_array_equal(among.shapes, alone.shapes)
-    assert among.touch == alone.touch
-
-
-def test_affected_strips_move_bit_for_bit_alike_alone_and_together() -> None:
-    names = ("relaxation", "end_slip", "grip_slip", "length_error", "stretch")
-    models = [affected(name, **_middle(registry()[name])) for name in names]
+def test_strips_with_and_without_effects_move_bit_for_bit_alike_alone_and_together() -> None:
+    names = ("relaxation", "end_slip", "grip_slip", "length_error", "stretch", "air_drag")
+    models = [bare(), *(affected(name, **_middle(registry()[name])) for name in names)]
     for model, among in zip(models, folds(models), strict=True):
         (alone,) = folds([model])
         np.testing.assert_array_equal(among.contact_x, alone.contact_x)
+        np.testing.assert_array_equal(among.shapes, alone.shapes)
         assert among.touch == alone.touch
 
 

@@ -1,33 +1,25 @@
 """The rod keeps the seam of every engine, and strips side by side do not know of each other."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from drivers.errors import SimulationNotConverged, SimulationNotFinite, Unsupported
-from drivers.strip.describe import describe, load_strip
-from drivers.strip.engine import Stepper, simulate
+from drivers.strip.describe import describe
+from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
-from drivers.strip.model import Boundary, StripModel
+from drivers.strip.model import Boundary
 from drivers.strip.rod.batch import flat_batch
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import KNOWN_FIELDS
 from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.strip.rod.static import fit_length
-from policies.path import circular, triangular
+from policies.path import triangular
 from tests.support.rod_cases import for_all, paper_grid, paper_model, steady
 
 DT = 0.005
 PATH = triangular(0.6)
-
-
-def test_rod_is_a_stepper() -> None:
-    engine: Stepper = Rod(60)
-    motion = simulate(engine, paper_model(0.1), np.array([0.0, 8.0]), _two(PATH.poses(0.0)))
-    assert motion.touch is None
-    assert len(motion.t) == 1600
 
 
 def test_strip_at_rest_does_not_move_at_all() -> None:
@@ -195,24 +187,15 @@ def test_lenient_rod_ends_only_the_strip_that_failed() -> None:
     assert [lenient.touch[i] for i in (0, 2)] == [sound.touch[i] for i in (0, 2)]
 
 
-@pytest.mark.parametrize("poses", [np.zeros((2, 3)), np.zeros((3, 2))])
-def test_poses_of_another_count_are_refused(poses: np.ndarray) -> None:
+def test_settings_and_poses_that_cannot_be_are_refused() -> None:
+    for wrong in ({"segments": 5}, {"order": 3}):
+        with pytest.raises(ValueError, match="allowed"):
+            Rod(**wrong)
     rod = Rod(40)
     rod.reset([paper_model(0.1)] * 3)
-    with pytest.raises(ValueError, match="expected"):
-        rod.step(poses, DT)
-
-
-@pytest.mark.parametrize("wrong", [{"segments": 5}, {"order": 3}])
-def test_rod_that_cannot_be_is_refused(wrong: dict[str, int]) -> None:
-    with pytest.raises(ValueError, match="allowed"):
-        Rod(**wrong)
-
-
-def test_descriptions_beyond_the_rod_are_refused() -> None:
-    model = paper_model(0.1)
-    with pytest.raises(Unsupported, match="the rod cannot simulate"):
-        Rod(40).reset([_with_gravity(model, (0.0, 1.0))])
+    for poses in (np.zeros((2, 3)), np.zeros((3, 2))):
+        with pytest.raises(ValueError, match="expected"):
+            rod.step(poses, DT)
 
 
 def test_part_of_a_description_that_the_rod_does_not_know_is_refused_unless_null(
@@ -228,32 +211,8 @@ def test_part_of_a_description_that_the_rod_does_not_know_is_refused_unless_null
     rod.reset([replace(model, boundary=Magnetic())])
     with pytest.raises(Unsupported, match="the rod cannot simulate field"):
         rod.reset([replace(model, boundary=Magnetic(field=1.0))])
-
-
-def test_circular_path_folds_too_far_and_triangular_too_short() -> None:
-    for path, sign in ((circular(0.6), 1), (PATH, -1)):
-        rod = Rod(60)
-        rod.reset([paper_model(0.1)])
-        rod.advance(for_all(steady(path, DT), 1), DT)
-        touch = rod.touch[0]
-        assert touch is not None
-        assert sign * touch.displacement > 0.02
-
-
-def test_description_of_a_strip_file_folds() -> None:
-    denim = load_strip(Path(__file__).parents[3] / "configs/strips/denim.yaml")
-    rod = Rod(60)
-    rod.reset([describe(denim)])
-    rod.advance(for_all(steady(triangular(denim.length), DT), 1), DT)
-    assert rod.touch[0] is not None
-
-
-def _two(pose: np.ndarray) -> np.ndarray:
-    return np.tile(pose, (2, 1))
-
-
-def _with_gravity(model: StripModel, gravity: tuple[float, float]) -> StripModel:
-    return replace(model, boundary=replace(model.boundary, gravity=gravity))
+    with pytest.raises(Unsupported, match="does not press on the desk"):
+        rod.reset([replace(model, boundary=Boundary(gravity=(0.0, 1.0)))])
 
 
 def test_motions_in_a_batch_are_those_of_one_at_a_time() -> None:

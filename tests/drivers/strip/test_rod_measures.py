@@ -87,14 +87,3 @@ def test_touches_are_as_defined(path: Path) -> None:
         assert defined is not None
         assert touch.time == pytest.approx(defined.time, abs=1e-9)
         assert touch.displacement == pytest.approx(defined.displacement, abs=1e-9)
-
-
-def test_stretched_index_reads_between_nodes() -> None:
-    values = np.array([0.0, 1.0, 4.0])
-    for index, value in ((0.0, 0.0), (0.5, 0.5), (1.5, 2.5), (2.0, 4.0)):
-        assert _along(values, index) == value
-
-
-@numba.njit
-def _along(values: Array, index: float) -> float:
-    return compiled.along(values, index)

@@ -143,9 +143,3 @@ def test_lumps_add_up_to_the_strip() -> None:
     assert (1 / rows[:, at.BEND]).sum() == pytest.approx(mechanics.length / mechanics.rigidity[0])
     retardation = mechanics.viscosity[0] / mechanics.rigidity[0]
     np.testing.assert_allclose(rows[:, at.DAMP] / rows[:, at.BEND], retardation)
-
-
-def test_nulls_of_effects_leave_the_lumps_as_they_are() -> None:
-    null = {"nonlinear_bending": {"cubic": 0.0}, "bending_hysteresis": {"yield_curvature": 0.0}}
-    bare, nulled = paper_model(0.1), paper_model(0.1, effects=null)
-    np.testing.assert_array_equal(lump(bare, 60), lump(nulled, 60))
