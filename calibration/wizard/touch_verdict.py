@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 
 import cv2
 import numpy as np
@@ -35,14 +34,6 @@ FEWEST_POINTS = 3  # least number of points from which to judge a map
 ANEW = "run `cell calibrate homography` again"
 
 
-class Grade(StrEnum):
-    """Usability grades of a map."""
-
-    GOOD = "good"
-    USABLE = "usable"
-    REFUSED = "refused"
-
-
 @dataclass(frozen=True, slots=True)
 class TouchVerdict(Verdict):
     """The map, its errors [mm] at held-out points, and the reasons for failure.
@@ -64,14 +55,7 @@ class TouchVerdict(Verdict):
     errors_mm: dict[int, float] = field(default_factory=dict)
     rejected: tuple[Rejected, ...] = ()
     wild: tuple[Rejected, ...] = ()
-    clean: bool = False  # no point is left out, and the residual could hardly be smaller
-
-    @property
-    def grade(self) -> Grade:
-        """How usable the map is."""
-        if self.reasons:
-            return Grade.REFUSED
-        return Grade.GOOD if self.clean else Grade.USABLE
+    clean: bool = False  # no point is left out, and there is nothing to improve
 
     def lines(self) -> list[Line]:
         """Lines for the operator on the map and its points, reasons for refusal last."""
@@ -162,8 +146,8 @@ def map_lines(touches: TouchVerdict, latency: LatencyVerdict, speed: float) -> t
     """Lines for the operator on touches and latency; `speed` [m/s] is that of a fold."""
     lines = [*touches.lines(), *latency.lines(speed)]
     if touches.passed and latency.passed:
-        level = Level.GOOD if touches.grade is Grade.GOOD else Level.FAIR
-        return (*lines, Line(level, f"{touches.grade}: this calibration may be used"))
+        level, word = (Level.GOOD, "good") if touches.clean else (Level.FAIR, "usable")
+        return (*lines, Line(level, f"{word}: this calibration may be used"))
     return (*lines, Line(Level.BAD, "refused: mend what is said above and touch again"))
 
 

@@ -10,9 +10,8 @@ import numpy as np
 from calibration.calibration import Calibration
 from calibration.landmarks import find_patch, grey_of
 from cell.perception.preflight import PreflightCheck
-from cell.perception.region import HIGH_HEIGHT, Region, without_hand, zones
+from cell.perception.region import HIGH_HEIGHT, Region, strip_zone, without_hand
 from cell.perception.scene import Appearance
-from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, Pose
 
@@ -74,7 +73,7 @@ NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class CameraWatch:
     """Image patches of the still surroundings, by which motion of the camera is detected.
 
     They lie on the desk and about it, where nothing hides them for long: `corners` (n, 2), column
@@ -92,14 +91,13 @@ class Standing:
         cls,
         appearance: Appearance,
         calibration: Calibration,
-        settings: PerceptionSettings,
         strip: StripFile,
     ) -> Self:
         """Choose the patches whose position is surest, below the waiting hand and off the strip."""
         grey = grey_of(appearance.scene.background.image)
         sigma = _deviation(grey, appearance.scene.sensor)
-        strip_zone = zones(calibration, strip.length, settings.shadow_height).strip
-        sigma[cv2.dilate(strip_zone, np.ones((PATCH_SIZE, PATCH_SIZE), np.uint8)) > 0] = np.inf
+        hidden = strip_zone(calibration, strip.length)
+        sigma[cv2.dilate(hidden, np.ones((PATCH_SIZE, PATCH_SIZE), np.uint8)) > 0] = np.inf
         edge, middle = PATCH_SIZE // 2 + SEARCH_RADIUS, strip.length / 2
         top = calibration.to_image(np.array([[middle, HIGH_HEIGHT]]))[0, 1]
         sigma[: max(int(top), 0) + edge], sigma[-edge:] = np.inf, np.inf

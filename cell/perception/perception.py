@@ -10,7 +10,14 @@ from cell.perception.contact import Contact, SearchLine, find_contact
 from cell.perception.kernels import CELL_PX, PATCH_PX, soft
 from cell.perception.measurement import StripMeasurement
 from cell.perception.profile import Geometry, midline_points, order_points, resample
-from cell.perception.region import STRIP_START, Region, Sizes, strip_region, without_hand, zones
+from cell.perception.region import (
+    STRIP_START,
+    Region,
+    Sizes,
+    strip_region,
+    strip_zone,
+    without_hand,
+)
 from cell.perception.scene import Appearance
 from cell.perception.settings import PerceptionSettings
 from cell.perception.silhouette import Grip, Side, outer_side, silhouette
@@ -57,7 +64,8 @@ class Perception:
             strip.thickness,
             (STRIP_START + 0.0005, strip.length + 0.01),
         )
-        self._zones = zones(calibration, strip.length, settings.shadow_height)
+        self._zone = strip_zone(calibration, strip.length)
+        self._above_shadow = strip_zone(calibration, strip.length, settings.shadow_height)
         self._sizes = Sizes.of(calibration, PATCH_PX)
         self._rest = appearance.rest_height
         self._contact_bias = settings.contact_bias + calibration.contact_bias
@@ -112,7 +120,7 @@ class Perception:
         return levels, soft(levels), region
 
     def _mask(self, smooth: Image, region: Region) -> Image:
-        zone, high = region.of(self._zones.strip), region.of(self._zones.lifted)
+        zone, high = region.of(self._zone), region.of(self._above_shadow)
         return silhouette(smooth, self._faint, zone, high, self._sizes.hanging)
 
     def _curve(

@@ -143,23 +143,8 @@ def motion_mask(calibration: Calibration, length: float) -> Image:
     return _fill(calibration, np.array(outline))
 
 
-@dataclass(frozen=True, slots=True)
-class Zones:
-    """Masks (height, width) of the whole image, 255 inside, in which a strip can appear.
-
-    `strip` is where one can lie or hang, `lifted` the part high enough to be clear of its shadow.
-    """
-
-    strip: Image
-    lifted: Image
-
-
-def zones(calibration: Calibration, length: float, shadow_height: float) -> Zones:
-    """Zones of a strip, `length` [m] long, whose shadow reaches up to `shadow_height` [m]."""
-    return Zones(*(_zone(calibration, length, low) for low in (-BELOW, shadow_height)))
-
-
-def _zone(calibration: Calibration, length: float, low: float) -> Image:
+def strip_zone(calibration: Calibration, length: float, low: float = -BELOW) -> Image:
+    """Mask (height, width), 255 where a strip of `length` [m] can lie, or hang above `low` [m]."""
     right, ceiling = length + BEYOND, length
     corners = [(STRIP_START, low), (right, low), (right, ceiling), (STRIP_START, ceiling)]
     return _fill(calibration, np.array(corners))

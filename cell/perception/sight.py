@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.perception.camera_watch import Standing
+from cell.perception.camera_watch import CameraWatch
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.perception import Perception
@@ -55,28 +55,29 @@ class StripSight:
     def __init__(self, subject: Subject) -> None:
         self._known = subject.calibration, subject.settings, subject.strip
         self._perception: Perception | None = None
-        self._standing: Standing | None = None
+        self._camera: CameraWatch | None = None
         self._touch = LayerTouch(subject.settings, subject.strip)
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
         """Check the image taken before the grasp, and store the strip's colours for `look`."""
-        found = inspect(frame, *self._known)
+        calibration, settings, strip = self._known
+        found = inspect(frame, calibration, settings, strip)
         if found.appearance is None:
             return found.checks
-        self._perception = Perception(*self._known, found.appearance)
-        self._standing = Standing.of(found.appearance, *self._known)
-        return *found.checks, self._standing.check()
+        self._perception = Perception(calibration, settings, strip, found.appearance)
+        self._camera = CameraWatch.of(found.appearance, calibration, strip)
+        return *found.checks, self._camera.check()
 
     def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> ImageResult:
         """Measure the strip in `frame`, taken at `gripper`; with `touches`, detect layer touch too.
 
         Raises Fault `no_perception` before an accepted image.
         """
-        if self._perception is None or self._standing is None:
+        if self._perception is None or self._camera is None:
             raise Fault("no_perception", "images are to be read before a picture was judged")
         measurement = self._perception.look(frame, gripper)
         touch = self._touch.update(measurement, gripper) if touches else None
-        return ImageResult(measurement, touch, self._standing.shift(frame.image, gripper))
+        return ImageResult(measurement, touch, self._camera.shift(frame.image, gripper))
 
 
 Maker = Callable[[Subject], StripSight]

@@ -44,16 +44,14 @@ def write_session_page(folder: Path) -> Path:
     lines = [str(line) for line in verdict.get("lines", ())]
     made = folder / CALIBRATION
     said = Verdict("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ())
-    text = page(
-        "report/templates/calibration.html",
+    text = _page(
         f"session {folder.name}",
+        load_calibration(made) if made.is_file() else None,
         kicker="Session of a calibration wizard",
         name=folder.name,
         said=said,
-        refused=(),
         found=lines[:-1],
         pictures=_picture(folder),
-        **_facts(load_calibration(made) if made.is_file() else None),
     )
     write_file(path, text)
     return path
@@ -78,28 +76,24 @@ def calibration_report(calibration: Calibration, name: str) -> str:
         f"{calibration.residual_mm:.2f} mm",
         "rms at points kept back",
     )
-    return page(
-        "report/templates/calibration.html",
+    return _page(
         f"calibration {calibration.id}",
+        calibration,
         kicker="Calibration of a camera",
         name=name,
         said=said,
         refused=[f"The wizard refused it: {reason}" for reason in calibration.accepted_anyway],
-        found=(),
-        pictures=(),
-        **_facts(calibration),
     )
 
 
-def _facts(calibration: Calibration | None) -> dict[str, Any]:
-    """Facts on a calibration for the page; none where there is no calibration."""
-    if calibration is None:
-        return {"numbers": (), "grid": "", "locks": ()}
-    return {
-        "numbers": _numbers(calibration),
-        "grid": _plane_grid(calibration),
-        "locks": [(name, str(value)) for name, value in calibration.locks.items()],
-    }
+def _page(title: str, calibration: Calibration | None, **parts: Any) -> str:
+    """HTML page with `parts` and the facts on a calibration, if there is one."""
+    facts: dict[str, Any] = {"numbers": (), "grid": "", "locks": ()}
+    if calibration is not None:
+        locks = [(name, str(value)) for name, value in calibration.locks.items()]
+        facts = {"numbers": _numbers(calibration), "grid": _plane_grid(calibration), "locks": locks}
+    absent: dict[str, Any] = {"refused": (), "found": (), "pictures": ()}
+    return page("report/templates/calibration.html", title, **absent | parts | facts)
 
 
 def _numbers(calibration: Calibration) -> list[tuple[str, str]]:

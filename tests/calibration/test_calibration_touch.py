@@ -8,7 +8,7 @@ import pytest
 
 from calibration.pointer import find_pointer
 from calibration.wizard.news import Row
-from calibration.wizard.touch_verdict import Grade, TouchVerdict
+from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
@@ -89,7 +89,8 @@ SLIP = np.array([0.004, 0.003])
 
 def test_slipped_touch_is_repeated_and_named() -> None:
     verdict = _touched({5: SLIP, 6: 3 * SLIP})
-    assert verdict.grade is Grade.GOOD
+    assert verdict.passed
+    assert verdict.clean
     assert [point.number for point in verdict.wild] == [5, 6]
     assert "point 5 at x 0.600, z 0.015 m is 8.5 px off" in str(verdict.wild[0])
     assert verdict.used + verdict.held_out == 24
@@ -98,14 +99,16 @@ def test_slipped_touch_is_repeated_and_named() -> None:
 
 def test_point_that_is_wild_twice_is_left_out_and_named() -> None:
     verdict = _touched({5: SLIP}, {5: -2 * SLIP})
-    assert verdict.grade is Grade.USABLE
+    assert verdict.passed
+    assert not verdict.clean
     assert [point.number for point in verdict.rejected] == [5]
     assert verdict.residual_mm < 0.1
 
 
 def test_held_out_point_that_is_wild_twice_does_not_decide() -> None:
     verdict = _touched({6: SLIP}, {6: -2 * SLIP})
-    assert verdict.grade is Grade.USABLE
+    assert verdict.passed
+    assert not verdict.clean
     assert [point.number for point in verdict.rejected] == [6]
     assert verdict.held_out == 5
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.wizard.touch_verdict import Grade, touch_verdict
+from calibration.wizard.touch_verdict import touch_verdict
 from calibration.wizard.touches import Touched, TouchSettings, held_out, suspects, touch_plan
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
@@ -44,7 +44,7 @@ def test_order_of_touches_has_no_influence() -> None:
 
 def test_six_touches_are_refused() -> None:
     verdict = touch_verdict(_points()[:6], LENS, SETTINGS)
-    assert verdict.grade is Grade.REFUSED
+    assert not verdict.passed
     assert verdict.homography is None
     assert verdict.reasons == ("homography: 5 touched points, at least 12 are needed; touch more",)
 
@@ -53,7 +53,7 @@ def test_two_points_that_decide_are_too_few() -> None:
     deciding = [p.number for p in _points() if p.held_out][:2]
     few = [replace(p, held_out=p.number in deciding) for p in _points()]
     verdict = touch_verdict(few, LENS, SETTINGS)
-    assert verdict.grade is Grade.REFUSED
+    assert not verdict.passed
     assert "2 held-out points, at least 3 must decide; touch more" in verdict.reasons
 
 
@@ -91,7 +91,8 @@ def test_effect_on_the_displacement_is_twice_the_error_along_the_strip() -> None
     verdict = touch_verdict(moved, LENS, SETTINGS)
     assert verdict.residual_mm == pytest.approx(0.4, abs=0.05)
     assert verdict.displacement_mm == pytest.approx(0.8, abs=0.1)
-    assert verdict.grade is Grade.USABLE
+    assert verdict.passed
+    assert not verdict.clean
 
 
 def test_points_that_disagree_are_worth_a_second_touch() -> None:

@@ -46,7 +46,6 @@ def test_small_negative_pitch_is_stated_as_zero() -> None:
     assert outcome.reason.endswith("pitch 0 deg")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("last", [Pose(0.3, 0.05, 1.57), Pose(0.3, 0.02, 0.0)])
 def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(last) -> None:
     lens = twin_calibration(SETTINGS.twin.camera).lens

@@ -10,7 +10,7 @@ from rich.console import Console
 from calibration.wizard.coverage import Gate, Sketch
 from calibration.wizard.latency import NOT_MEASURED, LatencyVerdict
 from calibration.wizard.news import News, PlannedPoint, Result, Row
-from calibration.wizard.touch_verdict import Grade, map_lines, touch_verdict
+from calibration.wizard.touch_verdict import map_lines, touch_verdict
 from calibration.wizard.touches import Touched, TouchSettings, held_out, touch_plan
 from calibration.wizard.verdict import Level
 from cell.calibrating.keyboard import KEY_HELP
@@ -117,7 +117,7 @@ def test_verdict_is_coloured_and_says_what_to_do() -> None:
     assert "at 0.10 m/s this would be 3.1 mm" in lines[3].text
     assert lines[-1].text == "good: this calibration may be used"
     bad = touch_verdict(_touches(6), LENS, SETTINGS)
-    assert bad.grade is Grade.REFUSED
+    assert not bad.passed
     refused = map_lines(bad, NOT_MEASURED, 0.1)
     assert refused[-1].text.startswith("refused: mend what is said above")
     assert {str(span.style) for span in verdict_text(refused).spans} == {"bold red"}

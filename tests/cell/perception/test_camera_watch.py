@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cell.perception.camera_watch import CAMERA_WATCHED, FEWEST_PATCHES, UNWATCHED, Standing
+from cell.perception.camera_watch import CAMERA_WATCHED, FEWEST_PATCHES, UNWATCHED, CameraWatch
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
 from cell.perception.sight import StripSight, Subject
@@ -32,11 +32,11 @@ def picture(points: Array, gripper: Pose, seed: int) -> Image:
 
 
 @pytest.fixture(scope="module")
-def standing() -> Standing:
+def watch() -> CameraWatch:
     arc = np.linspace(0, DENIM.length, 61)
     flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
     seen = inspect(Frame(0.0, 0.0, "test", 0, flat), twin_calibration(CAMERA), SETTINGS, DENIM)
-    return Standing.of(seen.appearance, twin_calibration(CAMERA), SETTINGS, DENIM)
+    return CameraWatch.of(seen.appearance, twin_calibration(CAMERA), DENIM)
 
 
 @pytest.fixture(scope="module")
@@ -54,27 +54,27 @@ def moved(image: Image, x: float, z: float) -> Image:
     return np.asarray(cv2.warpAffine(image, warp, size, borderMode=cv2.BORDER_REPLICATE))
 
 
-def test_a_lifted_strip_and_other_light_move_nothing(standing: Standing, lifted: Image) -> None:
-    assert len(standing.patches) >= FEWEST_PATCHES
-    assert standing.shift(lifted, ABOVE) < 3e-4
-    assert standing.shift(lifted // 2, ABOVE) < 3e-4
+def test_a_lifted_strip_and_other_light_move_nothing(watch: CameraWatch, lifted: Image) -> None:
+    assert len(watch.patches) >= FEWEST_PATCHES
+    assert watch.shift(lifted, ABOVE) < 3e-4
+    assert watch.shift(lifted // 2, ABOVE) < 3e-4
 
 
 @pytest.mark.parametrize(("x", "z"), [(0.002, 0.0), (-0.0015, 0.001), (0.0, 0.004)])
-def test_a_moved_camera_is_told(standing: Standing, lifted: Image, x: float, z: float) -> None:
-    shift = standing.shift(moved(lifted, x, z), ABOVE)
+def test_a_moved_camera_is_told(watch: CameraWatch, lifted: Image, x: float, z: float) -> None:
+    shift = watch.shift(moved(lifted, x, z), ABOVE)
     assert shift == pytest.approx(np.hypot(x, z), abs=4e-4)
 
 
-def test_where_nothing_is_found_again_nothing_is_told(standing: Standing, lifted: Image) -> None:
-    assert np.isnan(standing.shift(np.full_like(lifted, 255), ABOVE))
-    assert np.isnan(standing.shift(moved(lifted, 0.03, 0.0), ABOVE))
+def test_where_nothing_is_found_again_nothing_is_told(watch: CameraWatch, lifted: Image) -> None:
+    assert np.isnan(watch.shift(np.full_like(lifted, 255), ABOVE))
+    assert np.isnan(watch.shift(moved(lifted, 0.03, 0.0), ABOVE))
 
 
-def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(standing: Standing) -> None:
-    found = standing.check()
+def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(watch: CameraWatch) -> None:
+    found = watch.check()
     assert (found.name, found.passed) == (CAMERA_WATCHED, True)
-    one = replace(standing, corners=standing.corners[:1], patches=standing.patches[:1])
+    one = replace(watch, corners=watch.corners[:1], patches=watch.patches[:1])
     found = one.check()
     assert (found.name, found.passed) == (UNWATCHED, True)
     assert found.reason.startswith("1 places that stand still are seen, 2 are needed: a camera")
