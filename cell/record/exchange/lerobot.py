@@ -9,7 +9,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -30,11 +30,11 @@ TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
 VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 CHUNK = 1000  # files of a folder
 FORMAT_VERSION = "v3.0"
-STATE = ("x", "z", "pitch")
-ACTION = ("x_cmd", "z_cmd")
-FORCE = ("f_x", "f_z")
-COUNTED = ("frame_index", "episode_index", "index", "task_index")
-Features = dict[str, dict[str, Any]]
+VECTORS = {
+    "observation.state": ("x", "z", "pitch"),
+    "action": ("x_cmd", "z_cmd"),
+    "observation.force": ("f_x", "f_z"),
+}
 INFO = "meta/info.json"
 EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
@@ -43,25 +43,37 @@ POINTS_TABLE = "points"
 TOUCH = "touch"
 
 
+class Feature(NamedTuple):
+    """Values (n,) or (n, m) of a quantity in the frames, and names of a vector's components."""
+
+    values: Any
+    names: list[str] | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of components."""
+        return 1 if self.values.ndim == 1 else self.values.shape[1]
+
+    def stated(self) -> dict[str, Any]:
+        """The feature as meta/info.json states it."""
+        return {"dtype": str(self.values.dtype), "shape": [self.size], "names": self.names}
+
+
 def write_lerobot(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
     """Write the runs as a data set into the new folder `out`; returns that folder."""
-    points = max((_most_points(part) for part in parts), default=0)
-    features = _features(parts, points)
-    begin, rows, all_columns = 0, [], []
+    begin, rows, frames = 0, [], []
     for i, part in enumerate(parts):
         count = len(part.tables["ticks"]["t"])
-        columns = _columns(part, features, points) | _counters(i, begin, count, _rate(parts))
-        all_columns.append(columns)
-        _write(out / _file(DATA, i), _table(columns, features))
+        frames.append(_features(part, parts) | _counters(i, begin, count, _rate(parts)))
+        _write(out / _file(DATA, i), _table(frames[-1]))
         rows.append(_episode(part, i, begin, count))
         begin += count
     episodes = {name: [row[name] for row in rows] for name in rows[0]}
     _write(out / EPISODES.format(chunk_index=0, file_index=0), pa.table(episodes))
     _write(out / TASKS, _tasks(parts))
-    _write_json(out / STATS, _stats(all_columns))
-    _write_json(out / INFO, _info(parts, features, begin))
-    text = dump_yaml(plain(mapping_of(parts, _name)))
-    replace_file(out / "meta" / MAPPING, text.encode())
+    _write_json(out / STATS, _stats(frames))
+    _write_json(out / INFO, _info(parts, frames[0], begin))
+    replace_file(out / "meta" / MAPPING, dump_yaml(plain(mapping_of(parts, _name))).encode())
     return (out,)
 
 
@@ -72,109 +84,77 @@ def _name(table: str, column: str) -> tuple[str, str]:
         return EPISODE, stamp if column == "t" else "observation.contact"
     if table != "ticks":
         return {"profile": POINTS_TABLE, "result": TOUCH}[table], column
-    for feature, names in _vectors().items():
+    for feature, names in VECTORS.items():
         if column in names:
             return EPISODE, f"{feature}.{column}"
     return EPISODE, "stamp"
 
 
-def _vectors() -> dict[str, tuple[str, ...]]:
-    return {"observation.state": STATE, "action": ACTION, "observation.force": FORCE}
-
-
-def _features(parts: Sequence[Outgoing], points: int) -> Features:
-    """Features of the frames: quantities that every run measured, by LeRobot's names."""
-    found: Features = {}
-    for name, columns in _vectors().items():
-        there = [c for c in columns if all(c in part.tables["ticks"] for part in parts)]
+def _features(part: Outgoing, parts: Sequence[Outgoing]) -> dict[str, Feature]:
+    """Features of a run's frames, by LeRobot's names: the quantities that all `parts` measured."""
+    ticks, found = part.tables["ticks"], dict[str, Feature]()
+    for name, columns in VECTORS.items():
+        there = [c for c in columns if all(c in other.tables["ticks"] for other in parts)]
         if there:
-            found[name] = {"dtype": "float64", "shape": [len(there)], "names": there}
-    single = ["stamp"]
-    if any("contact" in part.tables for part in parts):
-        single += ["observation.contact", "observation.contact_stamp"]
-    if points:
-        single += ["observation.profile_stamp"]
-        for axis in "xz":
-            found[f"observation.profile_{axis}"] = {
-                "dtype": "float64", "shape": [points], "names": [str(i) for i in range(points)],
-            }  # fmt: skip
-    found |= {name: {"dtype": "float64", "shape": [1], "names": None} for name in single}
-    found["timestamp"] = {"dtype": "float32", "shape": [1], "names": None}
-    return found | {name: {"dtype": "int64", "shape": [1], "names": None} for name in COUNTED}
-
-
-def _columns(part: Outgoing, features: Features, points: int) -> dict[str, Array]:
-    """Measured features (n,) or (n, m) of a run, by name."""
-    ticks, found = part.tables["ticks"], dict[str, Array]()
-    for name in _vectors():
-        if name in features:
-            found[name] = np.stack([ticks[c] for c in features[name]["names"]], axis=1)
-    found["stamp"] = np.asarray(ticks["t"])
-    if "observation.contact" in features:
-        empty = {"t": np.empty(0), "contact_x": np.empty(0)}
-        seen = part.tables.get("contact", empty)
-        rows = place_rows(found["stamp"], seen["t"])
+            found[name] = Feature(np.stack([ticks[c] for c in there], axis=1), there)
+    found["stamp"] = Feature(np.asarray(ticks["t"]))
+    if any("contact" in other.tables for other in parts):
+        seen = part.tables.get("contact", {"t": np.empty(0), "contact_x": np.empty(0)})
         for name, key in (("contact", "contact_x"), ("contact_stamp", "t")):
-            found[f"observation.{name}"] = _at_rows(rows, seen[key], len(found["stamp"]), part)
-    if points:
-        found |= _curves_per_frame(part, found["stamp"], points)
-    return found
+            found[f"observation.{name}"] = _at_frames(part, seen["t"], seen[key])
+    curves = [curve for other in parts for _, curve in other.run.profile.curves()]
+    points = max(map(len, curves), default=0)
+    return found | (_curves(part, points) if points else {})
 
 
-def _curves_per_frame(part: Outgoing, t: Array, points: int) -> dict[str, Array]:
-    """Curves (n, points) in the frames nearest to their images, and their stamps (n,)."""
+def _curves(part: Outgoing, points: int) -> dict[str, Feature]:
+    """Curves of up to `points` points in the frames nearest to their images, and their stamps."""
     curves = part.run.profile.curves()
     stamps = np.array([stamp for stamp, _ in curves])
-    rows = place_rows(t, stamps)
     padded = np.full((len(curves), points, 2), np.nan)
     for i, (_, curve) in enumerate(curves):
         padded[i, : len(curve)] = curve
-    found = {"observation.profile_stamp": _at_rows(rows, stamps, len(t), part)}
+    names = [str(i) for i in range(points)]
+    found = {"observation.profile_stamp": _at_frames(part, stamps, stamps)}
     for k, axis in enumerate("xz"):
-        found[f"observation.profile_{axis}"] = _at_rows(rows, padded[..., k], len(t), part)
+        feature = _at_frames(part, stamps, padded[..., k])
+        found[f"observation.profile_{axis}"] = feature._replace(names=names)
     return found
 
 
-def _at_rows(rows: Any, values: Array, count: int, part: Outgoing) -> Array:
-    """Array (count, ...) with `values` (k, ...) in their `rows` (k,), NaN elsewhere."""
+def _at_frames(part: Outgoing, stamps: Array, values: Array) -> Feature:
+    """Feature of `values` (k, ...) in the frames nearest to their `stamps` (k,), else NaN."""
+    t = part.tables["ticks"]["t"]
+    rows = place_rows(t, stamps)
     if len(np.unique(rows)) < len(rows):
         raise ConfigurationError(
             f"{part.run.folder}: two images belong to one row of ticks.parquet; LeRobot keeps one "
             "a frame: export it as mcap or csv"
         )
-    found = np.full((count, *values.shape[1:]), np.nan)
+    found = np.full((len(t), *values.shape[1:]), np.nan)
     found[rows] = values
-    return found
+    return Feature(found)
 
 
-def _most_points(part: Outgoing) -> int:
-    return max((len(curve) for _, curve in part.run.profile.curves()), default=0)
-
-
-def _counters(episode: int, begin: int, count: int, fps: int) -> dict[str, Any]:
+def _counters(episode: int, begin: int, count: int, fps: int) -> dict[str, Feature]:
     frame = np.arange(count)
-    return {
-        "timestamp": (frame / fps).astype(np.float32),
-        "frame_index": frame,
-        "episode_index": np.full(count, episode),
-        "index": begin + frame,
-        "task_index": np.zeros(count, dtype=np.int64),
-    }
+    found = {"timestamp": (frame / fps).astype(np.float32), "frame_index": frame}
+    found |= {"episode_index": np.full(count, episode), "index": begin + frame}
+    found |= {"task_index": np.zeros(count, dtype=np.int64)}
+    return {name: Feature(values) for name, values in found.items()}
 
 
-def _table(columns: Mapping[str, Any], features: Features) -> pa.Table:
+def _table(features: Mapping[str, Feature]) -> pa.Table:
     """Table of the frames, with features typed as the library `datasets` reads them."""
-    arrays, stated = {}, {}
-    for name, values in columns.items():
-        kind, size = features[name]["dtype"], features[name]["shape"][0]
-        number = {"float64": pa.float64(), "float32": pa.float32(), "int64": pa.int64()}[kind]
-        value = {"dtype": kind, "_type": "Value"}
-        if size == 1:  # a number, also where it is a vector's only part
-            arrays[name], stated[name] = pa.array(values.ravel(), number), value
+    arrays, stated = {}, dict[str, Any]()
+    for name, feature in features.items():
+        flat = pa.array(feature.values.ravel())
+        value = {"dtype": str(feature.values.dtype), "_type": "Value"}
+        if feature.size == 1:  # a number, also where it is a vector's only part
+            arrays[name], stated[name] = flat, value
         else:
-            flat = pa.array(values.ravel(), number)
-            arrays[name] = pa.FixedSizeListArray.from_arrays(flat, size)
-            stated[name] = {"feature": value, "length": size, "_type": "Sequence"}
+            arrays[name] = pa.FixedSizeListArray.from_arrays(flat, feature.size)
+            stated[name] = {"feature": value, "length": feature.size, "_type": "Sequence"}
     metadata = {"huggingface": json.dumps({"info": {"features": stated}})}
     return pa.table(arrays).replace_schema_metadata(metadata)
 
@@ -218,25 +198,28 @@ def _tasks(parts: Sequence[Outgoing]) -> pa.Table:
     return table.replace_schema_metadata({"pandas": json.dumps(stated)})
 
 
-def _stats(each: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
     """Extremes, mean, deviation and count of each feature, over its measured values."""
     found = {}
-    for name in each[0]:
-        values = np.concatenate([columns[name] for columns in each])
-        values = values.reshape(len(values), -1)
+    for name, feature in each[0].items():
+        values = np.concatenate([features[name].values for features in each])
+        values = values.reshape(len(values), feature.size)
         known = np.isfinite(values)
         some = np.where(known.any(axis=0), values, 0.0)
-        found[name] = {
-            "min": np.nanmin(some, axis=0).tolist(),
-            "max": np.nanmax(some, axis=0).tolist(),
-            "mean": np.nanmean(some, axis=0).tolist(),
-            "std": np.nanstd(some, axis=0).tolist(),
-            "count": [int(known.any(axis=1).sum())],
+        measures: dict[str, Any] = {
+            "min": np.nanmin,
+            "max": np.nanmax,
+            "mean": np.nanmean,
+            "std": np.nanstd,
         }
+        found[name] = {key: measure(some, axis=0).tolist() for key, measure in measures.items()}
+        found[name]["count"] = [int(known.any(axis=1).sum())]
     return found
 
 
-def _info(parts: Sequence[Outgoing], features: Features, frames: int) -> dict[str, Any]:
+def _info(
+    parts: Sequence[Outgoing], features: Mapping[str, Feature], frames: int
+) -> dict[str, Any]:
     drivers = parts[0].run.header.drivers
     return {
         "codebase_version": FORMAT_VERSION,
@@ -251,7 +234,7 @@ def _info(parts: Sequence[Outgoing], features: Features, frames: int) -> dict[st
         "splits": {"train": f"0:{len(parts)}"},
         "data_path": DATA,
         "video_path": VIDEO,
-        "features": features,
+        "features": {name: feature.stated() for name, feature in features.items()},
     }
 
 
