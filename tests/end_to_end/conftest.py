@@ -2,10 +2,14 @@
 
 import pytest
 
-from tests.end_to_end.folded import Folded, fold_and_keep, request_for
+from cell.folding.request import Recording
+from tests.end_to_end.folded import Folded, fold_and_keep
+from tests.support.requests import request_for
 
 
 @pytest.fixture(scope="session")
 def denim(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     runs = tmp_path_factory.mktemp("denim")
-    return fold_and_keep(request_for("denim", "triangular", runs, frames="all"))
+    return fold_and_keep(
+        request_for("denim", "triangular", runs, record=Recording("all", page=False))
+    )
