@@ -19,6 +19,7 @@ from cell.cli.options import (
     ask,
     busy,
     check_names,
+    check_readable,
     length_option,
     policy_names,
     print_json,
@@ -111,15 +112,20 @@ def fold(
     check_names(configs, strip, policy)
     known_strip = _strip_name(strip, length, thickness)
     from cell.config.length import metres
-    from cell.config.places import find_configs
+    from cell.config.places import check_recordable, find_configs
+
+    close = None if until is None else metres("--until", until, LARGEST_OFFSET)
+    for path in plant or []:
+        check_readable(path)
+    if checkpoint is not None:
+        check_readable(checkpoint, "; name another checkpoint or train one")
+    if not (dry_run or rehearse):
+        check_recordable(runs)
     from cell.devices.devices import DeviceSelection
     from cell.folding import request as asked
     from drivers.strip.describe import load_plant
 
-    found, close = find_configs(configs), None
-    if until is not None:
-        close = metres("--until", until, LARGEST_OFFSET)
-        learning = learning or "on"
+    found = find_configs(configs)
     settings = found.cell()
     kept = film or settings.record.film
     base = asked.Request(
@@ -133,9 +139,9 @@ def fold(
         record=asked.Recording(frames, None if kept == "none" else kept, not no_truth, viz),
         learning=asked.Learning(specimen),
     )
-    base = asked.with_correction(base, learning)
+    base = asked.with_correction(base, learning or (None if close is None else "on"))
     requests = asked.repetitions(base, [load_plant(path) for path in plant or []], repeat)
-    asked.check_request(base, recorded=not (dry_run or rehearse))
+    asked.check_request(base)
     for doubt in asked.doubts_about(requests):
         _print_remark(doubt)
     if dry_run:

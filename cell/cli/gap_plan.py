@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, Strip, ask, check_names, print_json, while_busy
+from cell.cli.options import (
+    Configs,
+    Json,
+    Strip,
+    ask,
+    check_names,
+    check_readable,
+    print_json,
+    while_busy,
+)
 from drivers.errors import CellError
 
 if TYPE_CHECKING:
@@ -37,14 +46,20 @@ def plan(
 ) -> None:
     """Fold the standard runs: speeds, heights, a hold, there and back, shakes, repeats."""
     check_names(configs, strip)
-    from cell.config.places import find_configs
-    from cell.devices.devices import DeviceSelection
-    from cell.folding.request import Recording, Request, check_recordable
-    from cell.folding.standard_runs import check_empty, standard_requests
-    from drivers.strip.describe import load_plant
+    from cell.config.places import check_recordable, find_configs
+    from cell.record.files import check_empty
 
     folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
     check_empty(folder)
+    if not dry_run:
+        check_recordable(folder)
+    if plant is not None:
+        check_readable(plant)
+    from cell.devices.devices import DeviceSelection
+    from cell.folding.request import Recording, Request
+    from cell.folding.standard_runs import standard_requests
+    from drivers.strip.describe import load_plant
+
     found, desk = find_configs(configs), None if plant is None else load_plant(plant)
     choice, record = DeviceSelection(plant=desk, seed=seed), Recording(truth=not no_truth)
     base = Request(found.cell(), found.strip(strip), "", folder, choice, record=record)
@@ -52,7 +67,6 @@ def plan(
     if dry_run:
         _print_plan(requests)
         return
-    check_recordable(folder)
     code = _fold_all(requests, jobs, as_json=as_json)
     if not as_json:
         sys.stdout.write(f"next: {_next_command(strip, folder, configs)}\n")

@@ -76,6 +76,16 @@ def check_names(configs: Path | None, strip: str, policy: str | None = None) -> 
         )
 
 
+def check_readable(path: Path, remedy: str = "") -> None:
+    """Raise ConfigurationError for a file that cannot be opened; `remedy` says what to do."""
+    from drivers.errors import ConfigurationError
+
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}{remedy}") from None
+
+
 def _choice_of(kind: str, names: tuple[str, ...]) -> Any:
     """An option whose value is one of `names`."""
 

@@ -3,6 +3,7 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 from drivers.errors import ConfigurationError, suggestion
@@ -91,6 +92,19 @@ def find_configs(given: Path | None) -> Configs:
         if (folder / "cell.yaml").is_file():
             return Configs(folder)
     raise ConfigurationError("--configs: no configuration was found; name a folder with cell.yaml")
+
+
+def check_recordable(runs: Path) -> None:
+    """Raise ConfigurationError where the folder `runs` cannot be written or made."""
+    place = next(path for path in (runs, *runs.absolute().parents) if path.exists())
+    try:
+        with TemporaryFile(dir=place):
+            pass
+    except OSError as error:
+        raise ConfigurationError(
+            f"{runs}: runs cannot be recorded here: {error.strerror}; "
+            "name another folder with --runs or make room"
+        ) from None
 
 
 def cache_folder() -> Path:

@@ -10,8 +10,8 @@ from calibration.wizard.latency import LatencySettings
 from calibration.wizard.touches import TouchSettings
 from cell.config.drivers import arm_names, camera_names
 from cell.perception.settings import PerceptionSettings
+from cell.record.files import Keep
 from cell.record.film import Encoder
-from cell.record.frames import Keep
 from drivers.arm.settings import FciSettings
 from drivers.camera.settings import V4l2Settings
 from drivers.installation import Installation

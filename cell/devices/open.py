@@ -1,7 +1,6 @@
 """Opening of the devices of a cell: the only module that selects drivers."""
 
 from ipaddress import ip_address
-from typing import Protocol
 
 import cv2
 
@@ -13,15 +12,6 @@ from cell.extras import require_library
 from drivers.errors import ConfigurationError, PreflightRefused
 from drivers.plugins import guarded
 from drivers.strip.file import StripFile
-
-
-class DeviceFactory(Protocol):
-    """Protocol of a function that opens a cell's devices: `open_cell`, or another plant's."""
-
-    def __call__(
-        self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
-    ) -> Devices:
-        """Open the devices as configured and selected."""
 
 
 def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:

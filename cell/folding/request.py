@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Literal
 
 from cell.arm.arm_settings import settings_of_run
@@ -13,9 +12,8 @@ from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_calibrated, check_drivers, is_physical
 from cell.learning.correction import Correction, learned_correction, subject_of
 from cell.learning.experience import Memory
+from cell.record.files import Keep
 from cell.record.film import Encoder
-from cell.record.frames import Keep
-from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.strip.validity import doubts
 from policies.registry import make_policy
@@ -87,29 +85,11 @@ def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> 
     )
 
 
-def check_request(request: Request, *, recorded: bool = True) -> None:
-    """Raise ConfigurationError for devices, calibration, policy or folder that cannot be used.
-
-    Nothing is written; the folder of runs counts where the fold is `recorded`.
-    """
+def check_request(request: Request) -> None:
+    """Raise ConfigurationError for devices, calibration or policy that cannot be used."""
     check_drivers(request.cell, request.choice)
     check_calibrated(request.cell, request.choice)
-    if recorded:
-        check_recordable(request.runs)
     make_policy(request.policy, request.checkpoint)
-
-
-def check_recordable(runs: Path) -> None:
-    """Raise ConfigurationError where the folder `runs` cannot be written or made."""
-    place = next(path for path in (runs, *runs.absolute().parents) if path.exists())
-    try:
-        with TemporaryFile(dir=place):
-            pass
-    except OSError as error:
-        raise ConfigurationError(
-            f"{runs}: runs cannot be recorded here: {error.strerror}; "
-            "name another folder with --runs or make room"
-        ) from None
 
 
 def doubts_about(requests: Sequence[Request]) -> tuple[str, ...]:

@@ -1,15 +1,12 @@
 """Standard runs for comparing simulation and measurement of a strip."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from cell.folding.request import Request
 from cell.folding.result import FoldResult
-from cell.record.files import is_run
 from cell.record.header import NOT_FOLDED
-from drivers.errors import ConfigurationError
 from policies.experiments.standard import STANDARD, standard_order
 from policies.registry import MOTION
 
@@ -31,15 +28,6 @@ def standard_requests(base: Request) -> tuple[Request, ...]:
         )
         for i, name in enumerate(order)
     )
-
-
-def check_empty(folder: Path) -> None:
-    """Refuse a folder that holds runs: runs of a specimen are numbered from its first fold."""
-    if folder.is_dir() and any(is_run(inner) for inner in folder.iterdir()):
-        raise ConfigurationError(
-            f"--runs: {folder} holds runs already; name a new folder, so that the standard runs "
-            "stay together"
-        )
 
 
 def went_as_planned(result: FoldResult) -> bool:

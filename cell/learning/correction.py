@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -12,9 +12,10 @@ from cell.config.settings import LearningSettings
 from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.learning.bias import Bias, bias
 from cell.learning.experience import Experience, Memory
-from cell.orchestrator.lay import edge_place
-from cell.orchestrator.outcome import Outcome
 from policies.policy import Policy
+
+if TYPE_CHECKING:  # a request that is refused at once needs no compiled perception
+    from cell.orchestrator.outcome import Outcome
 
 WEIGHTS_FOLDER = Path(__file__).parents[2] / "policies" / "weights"
 TEACHING = {"layer_touch", "unlike_model"}  # outcomes of folds that were laid down
@@ -116,7 +117,7 @@ def learned_correction(memory: Memory, subject: Subject, settings: LearningSetti
 
 
 def experience_of(
-    run: str, subject: Subject, outcome: Outcome, correction: Correction, key: str = ""
+    run: str, subject: Subject, outcome: "Outcome", correction: Correction, key: str = ""
 ) -> Experience | None:
     """Experience gained from a measured fold; None where nothing can be learned from it.
 
@@ -133,6 +134,10 @@ def experience_of(
     expected = -correction.unseen if predicted is None else predicted.displacement
     uncorrected = expected - correction.seen
     edges = outcome.edge_offset
+    if edges is not None:
+        from cell.orchestrator.lay import edge_place
+
+        edges += edge_place(touch, correction.place)
     return Experience(
         run=run,
         policy=subject.policy,
@@ -140,7 +145,7 @@ def experience_of(
         specimen=subject.specimen or run,
         kind="camera",
         displacement=touch.displacement - uncorrected,
-        edges=None if edges is None else edges + edge_place(touch, correction.place),
+        edges=edges,
         key=key,
         aim=-correction.total,
         place=-correction.place,

@@ -2,6 +2,7 @@
 
 import fcntl
 from pathlib import Path
+from typing import Literal
 
 from drivers.errors import ConfigurationError
 
@@ -16,10 +17,21 @@ OVERLAY = "overlay.mp4"  # of a film that was observed
 CHECKPOINT = "checkpoint.json"
 NOTES = "notes.yaml"  # tags and a note by the operator
 
+Keep = Literal["all", "key", "none"]  # which images of a run are kept
+
 
 def is_run(folder: Path) -> bool:
     """Whether `folder` holds a run, complete or not."""
     return (folder / RUN).is_file()
+
+
+def check_empty(folder: Path) -> None:
+    """Refuse a folder that holds runs: runs of a specimen are numbered from its first fold."""
+    if folder.is_dir() and any(is_run(inner) for inner in folder.iterdir()):
+        raise ConfigurationError(
+            f"--runs: {folder} holds runs already; name a new folder, so that the standard runs "
+            "stay together"
+        )
 
 
 def check_run(folder: Path) -> None:

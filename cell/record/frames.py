@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from cell.record.documents import json_line
 from cell.record.events import lift_time
-from cell.record.files import FILM
+from cell.record.files import FILM, Keep
 from cell.record.film import Encoder
 from cell.record.film_encoder import FilmEncoder
 from drivers.errors import ConfigurationError
@@ -21,7 +21,6 @@ from drivers.files import new_file, replace_file, write_all
 from drivers.readers import read_json_lines
 from drivers.types import Frame, Image
 
-Keep = Literal["all", "key", "none"]
 FOLDER, INDEX = "frames", "frames/index.jsonl"
 LARGEST_SIDE = 4096  # px of a side
 QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk

@@ -11,9 +11,9 @@ from typing import Any, Self
 
 from cell.perception.measurement import StripMeasurement
 from cell.record.documents import json_line, write_document
-from cell.record.files import EVENTS, JOINTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
+from cell.record.files import EVENTS, JOINTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM, Keep
 from cell.record.film import Encoder
-from cell.record.frames import FrameWriter, Keep
+from cell.record.frames import FrameWriter
 from cell.record.header import Header, Result
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS, StreamFile, Tick
 from cell.record.tables import assemble, joint_table, write_parquet, write_tables

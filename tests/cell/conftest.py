@@ -12,8 +12,7 @@ from calibration.calibration import Calibration, make_calibration, save_calibrat
 from calibration.homography import Homography
 from calibration.lens import Lens
 from cell.perception.measurement import StripMeasurement
-from cell.record.files import CALIBRATION
-from cell.record.frames import Keep
+from cell.record.files import CALIBRATION, Keep
 from cell.record.stream import Tick
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter

@@ -1,6 +1,8 @@
 """Errors of input: one clear line, the right exit code, nothing half-written."""
 
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -144,38 +146,40 @@ def test_folder_that_is_no_run_is_refused(monkeypatch, capsys, tmp_path, command
     assert list(tmp_path.iterdir()) == []
 
 
-def test_help_imports_nothing_heavy() -> None:
-    import subprocess
-    import sys
+HEAVY = {"mujoco", "torch", "numba", "rerun", "matplotlib"}
+SOLVERS = {"scipy.spatial", "scipy.integrate", "scipy.optimize", "torch", "matplotlib"}
+RUN = """
+from cell.__main__ import main
+try:
+    main()
+except SystemExit as end:
+    code = end.code
+"""
 
-    script = (
-        "import sys\n"
-        "sys.argv = ['cell', '--help']\n"
-        "from cell.__main__ import main\n"
-        "try:\n    main()\n"
-        "except SystemExit:\n    pass\n"
-        "heavy = {'mujoco', 'cv2', 'torch', 'numba', 'rerun', 'matplotlib', 'pyarrow', 'numpy'}\n"
-        "print('heavy:', sorted(heavy & set(sys.modules)))\n"
-    )
+
+@pytest.mark.parametrize(
+    ("words", "script", "code", "heavy"),
+    [
+        ("--help", RUN, 0, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        ("fold --strip denm", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        ("fold --strip denim --runs /proc/nope", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        ("fold --strip denim --until 3mx", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        ("fold --strip denim --plant gone.yaml", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        ("gap plan --strip denim --runs /proc/nope", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        ("fold --strip denim --learning nope", RUN, 2, HEAVY),
+        ("fold --strip denim --camera v4l2", RUN, 2, HEAVY),
+        ("", "import cell.folding.batch, cell.devices.twin\ncode = None", None, SOLVERS),
+    ],
+)
+def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
+    words, script, code, heavy
+) -> None:
+    script = f"import sys\nsys.argv = ['cell', *{words.split()}]\n{script}\n"
+    script += f"print('\\nleft:', code, sorted({heavy} & set(sys.modules)))\n"
     told = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
-    assert told.stdout.strip().endswith("heavy: []")
-
-
-def test_a_fold_imports_no_solvers() -> None:
-    import subprocess
-    import sys
-
-    script = (
-        "import sys, cell.folding.batch, cell.devices.twin\n"
-        "heavy = {'scipy.spatial', 'scipy.integrate', 'scipy.optimize', 'torch', 'matplotlib'}\n"
-        "print('heavy:', sorted(heavy & set(sys.modules)))\n"
-    )
-    imported = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert imported.stdout.strip() == "heavy: []"
+    assert told.stdout.splitlines()[-1] == f"left: {code} []"
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,10 @@ from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.folding.request import Recording, Request
-from cell.folding.standard_runs import check_empty, standard_requests, went_as_planned
+from cell.folding.standard_runs import standard_requests, went_as_planned
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
+from cell.record.files import check_empty
 from drivers.errors import ConfigurationError
 from policies.experiments.standard import STANDARD
 from tests.support.gap_strip_cases import denim
