@@ -43,11 +43,13 @@ def faults(given: typer.Context) -> None:
 def script(given: typer.Context) -> None:
     """Run the `main` of the module of this name with the arguments that follow it."""
     module = import_module(SCRIPTS[str(given.info_name)])
-    sys.argv = [given.command_path, *given.args]
     if inspect.signature(module.main).parameters:
-        typer.run(module.main)
-    else:
-        sys.exit(module.main())
+        command = typer.Typer(add_completion=False, rich_markup_mode=None)
+        command.command()(module.main)
+        path = given.command_path
+        sys.exit(command(given.args, standalone_mode=False, prog_name=path) or 0)
+    sys.argv = [given.command_path, *given.args]
+    sys.exit(module.main())
 
 
 def _sentence(module: str) -> str:

@@ -4,7 +4,6 @@
 CI, ten times as much. A server that no longer serves ends it with an AssertionError.
 """
 
-import argparse
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -27,13 +26,9 @@ def serving() -> Iterator[RobotServer]:
         fuzz.assert_serves(server)
 
 
-def main() -> None:
+def main(packets: int = 1_000_000, seed: int = 0) -> None:
     """Send as many packets as asked for."""
-    reader = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    reader.add_argument("--packets", type=int, default=1_000_000)
-    reader.add_argument("--seed", type=int, default=0)
-    asked = reader.parse_args()
-    times, random = asked.packets / SHARE, np.random.default_rng(asked.seed)
+    times, random = packets / SHARE, np.random.default_rng(seed)
     parts: dict[str, Callable[[RobotServer], None]] = {
         "datagrams": lambda s: fuzz.test_datagrams_of_garbage_in_a_motion_change_nothing(s, random),
         "streams to the arm": lambda s: fuzz.test_streams_of_garbage_end_and_hold_nobody_up(

@@ -5,7 +5,6 @@ is not one of the cell's own, more than 2 s of processor time for one input, or 
 memory ends it with exit code 1 and the input that did it.
 """
 
-import argparse
 import gc
 import json
 import resource
@@ -306,20 +305,15 @@ def _drawn(strategy: Any, check: Callable[[Any], None], count: int, start: int) 
     run()
 
 
-def main() -> None:
+def main(documents: int = 10_000, folders: int = 1_000, seed: int = 0) -> int:
     """Fuzz as asked and say what came of it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--documents", type=int, default=10_000)
-    parser.add_argument("--folders", type=int, default=1_000)
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         root, began = Path(name), time.process_time()
-        took = fuzz_documents(asked.documents, asked.seed, root)
-        took += fuzz_acceptance(asked.documents // 20, asked.seed, root / "fit")
-        took += fuzz_folders(asked.folders, asked.seed, root)
+        took = fuzz_documents(documents, seed, root)
+        took += fuzz_acceptance(documents // 20, seed, root / "fit")
+        took += fuzz_folders(folders, seed, root)
     for what, times in sorted(took.items()):
         sys.stdout.write(f"{what:24s} {times:6d}\n")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
     sys.stdout.write(f"{time.process_time() - began:.0f} s of processor time, {peak:.0f} MB\n")
-    sys.exit(0 if peak < MEMORY else 1)
+    return 0 if peak < MEMORY else 1

@@ -4,7 +4,6 @@
 terminal half way, and at the end) and touches.jpg, views.jpg (the pictures of the sessions).
 """
 
-import argparse
 import io
 import shutil
 import tempfile
@@ -62,11 +61,8 @@ def _reduced(session: Path, path: Path) -> None:
     cv2.imwrite(str(path), small, [cv2.IMWRITE_JPEG_QUALITY, 82])
 
 
-def main() -> None:
+def main(out: Path) -> None:
     """Run both wizards and draw."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    out = parser.parse_args().folder
     scratch = Path(tempfile.mkdtemp())
     try:
         views, devices = Half(14), _devices()

@@ -8,7 +8,6 @@ after its first image. Every row that it said to have written must be there, and
 to within a second of the last image that stands in the index. Exit code 1 where it does not.
 """
 
-import argparse
 import signal
 import subprocess
 import sys
@@ -51,7 +50,7 @@ def record(root: Path) -> None:
 
 def kill(after: float, root: Path) -> tuple[int, int, float]:
     """Rows that were said and read, and what the film lacks [s], of a run killed `after` [s]."""
-    command = [sys.executable, "-m", "tests.lab", "film-kills", "--record", str(root)]
+    command = [sys.executable, "-m", "tests.lab", "film-kills", "--record-in", str(root)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         said = process.stdout.readline()
         time.sleep(after)
@@ -70,22 +69,17 @@ def kill(after: float, root: Path) -> tuple[int, int, float]:
     return written[-1], run.ticks.t.size, notes[-1].stamp - begun
 
 
-def main() -> None:
-    """Kill so many and say what was lost."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--record", type=Path)
-    asked = parser.parse_args()
-    if asked.record is not None:
-        record(asked.record)
-    chance, lost, bad = np.random.default_rng(asked.seed), list[float](), 0
-    for number in range(asked.count):
+def main(count: int = 40, seed: int = 0, record_in: Path | None = None) -> int:
+    """Kill so many recordings and print what was lost; or be one of them, in `record_in`."""
+    if record_in is not None:
+        record(record_in)
+    chance, lost, bad = np.random.default_rng(seed), list[float](), 0
+    for number in range(count):
         with tempfile.TemporaryDirectory() as root:
             said, read, lacks = kill(chance.uniform(0.2, 6.0), Path(root))
         lost.append(lacks)
         bad += read < said or lacks > LAST
         print(f"{number + 1}: {said} rows said, {read} read, film lacks {1e3 * lacks:.0f} ms")
-    print(f"{asked.count} kills, {bad} incomplete; films lack {1e3 * np.median(lost):.0f} ms")
+    print(f"{count} kills, {bad} incomplete; films lack {1e3 * np.median(lost):.0f} ms")
     print(f"in the median, {1e3 * max(lost):.0f} ms at most")
-    sys.exit(bad > 0)
+    return int(bad > 0)

@@ -10,7 +10,6 @@ intervals between states. Both run as `fci.realtime` says: with real-time priori
 real-time kernel is asked for), or as ordinary processes with `ignore`.
 """
 
-import argparse
 import json
 import os
 import shutil
@@ -22,7 +21,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 
@@ -112,7 +111,7 @@ def hold_still(address: str, seconds: float, realtime: RealTime) -> None:
 @contextmanager
 def robot_at(joints: list[float]) -> Iterator[str]:
     """Address of a robot that runs in a process of its own."""
-    command = [sys.executable, "-m", *THIS, "--serve", json.dumps(joints)]
+    command = [sys.executable, "-m", *THIS, "--serve-at", json.dumps(joints)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
             yield server.stdout.readline().strip()
@@ -182,20 +181,20 @@ def configured(folder: Path, address: str, realtime: RealTime) -> Path:
     return folder
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=120.0)
-    parser.add_argument("--strip", default="denim")
-    parser.add_argument("--realtime", choices=("priority", "ignore"), default="priority")
-    parser.add_argument("--serve", type=json.loads, help=argparse.SUPPRESS)
-    parser.add_argument("--hold", help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.serve:
-        serve(asked.serve)
-    if asked.hold:
-        hold_still(asked.hold, STILL, asked.realtime)
+def main(
+    seconds: float = 120.0,
+    strip: str = "denim",
+    realtime: Literal["priority", "ignore"] = "priority",
+    serve_at: str = "",
+    hold: str = "",
+) -> int:
+    """Compare a bare loop with the cell; or serve the robot at these joints, or hold an arm."""
+    if serve_at:
+        serve(json.loads(serve_at))
+    if hold:
+        hold_still(hold, STILL, realtime)
         return 0
-    bare, cell, ends = measure(asked.seconds, asked.strip, asked.realtime)
+    bare, cell, ends = measure(seconds, strip, realtime)
     behind = 100 * (bare.answered / bare.seconds - cell.answered / cell.seconds)
     print(f"bare loop {bare}\nthe cell  {cell}\nbehind by {behind:.2f} points (bar {BAR:.0f})")
     print(f"folds ended: {', '.join(ends)}")

@@ -8,7 +8,6 @@ first fit is made twice and its first time left out, for it may compile. Nothing
 meanwhile.
 """
 
-import argparse
 import os
 import subprocess
 import sys
@@ -65,15 +64,10 @@ def measure(exam: Path, most: int, jobs: int) -> Iterator[Cost]:
         yield fit(exam, made[i], jobs)
 
 
-def main() -> None:
+def main(exam: Path, cases: int = 12, jobs: int = 2) -> None:
     """Print the cost of each fit, the median and the worst."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("exam", type=Path)
-    parser.add_argument("--cases", type=int, default=12)
-    parser.add_argument("--jobs", type=int, default=2)
-    asked = parser.parse_args()
     found = []
-    for cost in measure(asked.exam, asked.cases, asked.jobs):
+    for cost in measure(exam, cases, jobs):
         found.append(cost)
         sys.stdout.write(
             f"{cost.case}: {cost.runs} runs, {cost.time:.1f} s, {cost.memory:.0f} MB\n"
@@ -81,6 +75,6 @@ def main() -> None:
         sys.stdout.flush()
     times = [cost.time for cost in found[1:]]
     sys.stdout.write(
-        f"{len(times)} fits on {asked.jobs} cores: {np.median(times):.1f} s in the median, "
+        f"{len(times)} fits on {jobs} cores: {np.median(times):.1f} s in the median, "
         f"{max(times):.1f} s at worst, {max(cost.memory for cost in found):.0f} MB\n"
     )

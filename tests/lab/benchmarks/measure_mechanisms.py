@@ -2,9 +2,9 @@
 driven|servo|triple OUT [--data DIR]` writes them into OUT and prints the command that fits them.
 """
 
-import argparse
 import json
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -50,12 +50,7 @@ def triple(data: Path, out: Path) -> Path:
     return convert_pendulum(source / "pendulum.yaml", sorted((source / "runs").iterdir()), out)
 
 
-def main() -> None:
+def main(which: Literal["driven", "servo", "triple"], out: Path, data: Path = DATA) -> None:
     """Convert, and print the command that fits."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("which", choices=("driven", "servo", "triple"))
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--data", type=Path, default=DATA)
-    given = parser.parse_args()
-    file = {"driven": driven, "servo": servo, "triple": triple}[given.which](given.data, given.out)
-    print(f"cell gap fit {given.out / 'runs'} --model {file} --out {given.out / 'verdict'}")
+    file = {"driven": driven, "servo": servo, "triple": triple}[which](data, out)
+    print(f"cell gap fit {out / 'runs'} --model {file} --out {out / 'verdict'}")

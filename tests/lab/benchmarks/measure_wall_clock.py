@@ -1,6 +1,6 @@
 """How punctual the control loop is on the wall clock, whatever an image costs.
 
-python -m tests.lab measure-wall-clock [--folds 20] [--image 0.04] [--stops 5] [--idle 60]
+python -m tests.lab measure-wall-clock [--folds 20] [--image 0.04] [--stops 5] [--idle-time 60]
     [--films 0]
 
 An emulated robot runs by the wall clock in a process of its own and knows no strip. A fold of the
@@ -8,7 +8,7 @@ twin is recorded once; another process plays its images at 60 Hz, each where the
 was taken. The cell folds with them as with a real camera: images are measured beside the loop and
 made to cost `--image` seconds of processor time each. Printed are the lateness of the ticks, how
 many folds got through, and the time from a cause to the stop command: the operator's, and the end
-of the process that measures. The same loop without images, the robot held still for `--idle`
+of the process that measures. The same loop without images, the robot held still for `--idle-time`
 seconds, is the reference for this machine. After each of the first
 `--films` folds comes one that keeps a film, as `cell fold` does; their ticks are counted apart.
 
@@ -17,7 +17,6 @@ does, nothing of this machine runs, and a robot gives its loop up after 20 ms. A
 ticks followed a turn that itself took too long; the others were not woken in time.
 """
 
-import argparse
 import gc
 import json
 import os
@@ -357,7 +356,7 @@ def serve(joints: list[float]) -> None:
 
 @contextmanager
 def robot(joints: list[float]) -> Iterator[str]:
-    command = [sys.executable, "-m", *THIS, "--serve", json.dumps(joints)]
+    command = [sys.executable, "-m", *THIS, "--serve-at", json.dumps(joints)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
             yield server.stdout.readline().strip()
@@ -422,46 +421,46 @@ def told(name: str, late: list[Late], stolen: float) -> bool:
     return share >= BAR
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--folds", type=int, default=20)
-    parser.add_argument("--image", type=float, default=0.04)
-    parser.add_argument("--stops", type=int, default=5)
-    parser.add_argument("--films", type=int, default=0)
-    parser.add_argument("--idle", type=float, default=60.0)
-    parser.add_argument("--serve", type=json.loads, help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.serve:
-        serve(asked.serve)
-    os.environ["IMAGE_COST"] = str(asked.image)
+def main(
+    folds: int = 20,
+    image: float = 0.04,
+    stops: int = 5,
+    films: int = 0,
+    idle_time: float = 60.0,
+    serve_at: str = "",
+) -> int:
+    """Fold and stop on the wall clock; or serve the robot at these joints."""
+    if serve_at:
+        serve(json.loads(serve_at))
+    os.environ["IMAGE_COST"] = str(image)
     late, through, kept, filmed = [], 0, True, []
     with bench() as table:
         table.go_home()
         begun = taken()
-        told("without images", idle(table, asked.idle), taken() - begun)
+        told("without images", idle(table, idle_time), taken() - begun)
         begun = taken()
-        for number in range(asked.folds):
+        for number in range(folds):
             table.go_home()
             outcome, more, _ = one_fold(table)
             late, through = late + more, through + outcome.startswith("layer_touch")
             sys.stderr.write(f"{outcome}\n")
-            if number < asked.films:
+            if number < films:
                 table.go_home()
                 outcome, more, _ = one_fold(table, film=True)
                 filmed += more
                 sys.stderr.write(f"with a film: {outcome}\n")
         if filmed:
             told("the same with a film", filmed, taken() - begun)
-        if asked.folds:
-            kept = told(f"images of {1e3 * asked.image:g} ms", late, taken() - begun)
-            print(f"{through} of {asked.folds} folds got through", flush=True)
+        if folds:
+            kept = told(f"images of {1e3 * image:g} ms", late, taken() - begun)
+            print(f"{through} of {folds} folds got through", flush=True)
         for name, cause in (("operator", interrupt), ("reader killed", kill_reader)):
             times = []
-            for _ in range(asked.stops):
+            for _ in range(stops):
                 table.go_home()
                 outcome, _, after = one_fold(table, cause)
                 times.append(1e3 * after)
                 sys.stderr.write(f"{outcome}: {1e3 * after:.1f} ms\n")
             print(f"stop after {name}: {', '.join(f'{t:.1f}' for t in times)} ms (bar 20)")
             kept = kept and max(times, default=0.0) <= 1e3 * STOP
-    return 0 if kept and through == asked.folds else 1
+    return 0 if kept and through == folds else 1

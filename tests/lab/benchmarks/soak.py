@@ -7,7 +7,6 @@ Prints memory and open handles after each fold. Exit code 1 where the memory has
 of the first, does not hold the same bytes.
 """
 
-import argparse
 import gc
 import hashlib
 import os
@@ -49,22 +48,17 @@ def content(run: Path) -> str:
     return h.hexdigest()[:16]
 
 
-def main() -> int:
+def main(count: int = 500, strip: str = "denim", policy: str = "triangular") -> int:
     """Fold so often; the exit code."""
-    reader = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    reader.add_argument("--count", type=int, default=500)
-    reader.add_argument("--strip", default="denim")
-    reader.add_argument("--policy", default="triangular")
-    asked = reader.parse_args()
     seen: list[tuple[float, int]] = []
     digests = []
     print("| fold | MB | handles | s |\n|---|---|---|---|")
-    for number in range(asked.count):
+    for number in range(count):
         begun = time.perf_counter()
         with tempfile.TemporaryDirectory() as runs:
-            last = number == asked.count - 1
+            last = number == count - 1
             choice = DeviceSelection(seed=0 if last else number)
-            result = fold(request_for(asked.strip, asked.policy, Path(runs), choice=choice))
+            result = fold(request_for(strip, policy, Path(runs), choice=choice))
             if number == 0 or last:
                 digests.append(content(Path(result.run)))
         seen.append((resident(), handles()))
