@@ -30,9 +30,9 @@ def camera(
         _grab(_settings(device, configs), grab, as_json=as_json)
         return
     from drivers.camera.camera import list_cameras, report
-    from drivers.camera.kernel import Linux
+    from drivers.camera.device import Kernel
 
-    found = list_cameras(Linux()) if device is None else iter([report(Linux(), device)])
+    found = list_cameras(Kernel()) if device is None else iter([report(Kernel(), device)])
     _print_cameras(found, as_json=as_json)
 
 
@@ -41,7 +41,7 @@ def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
     from cell.config.places import find_configs
     from cell.devices.camera_check import suggest_settings
     from drivers.camera.camera import report
-    from drivers.camera.kernel import Linux
+    from drivers.camera.device import Kernel
     from drivers.errors import ConfigurationError
 
     own = find_configs(configs).cell().camera
@@ -51,7 +51,7 @@ def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
         raise ConfigurationError(
             "--device: cell.yaml names no camera; name one that `cell camera` lists"
         )
-    settings = suggest_settings(report(Linux(), device))
+    settings = suggest_settings(report(Kernel(), device))
     if settings is None:
         raise ConfigurationError(f"{device}: offers no format that this driver reads")
     return settings

@@ -7,9 +7,9 @@ import cv2
 
 from drivers.camera.camera import CameraReport, V4l2Camera
 from drivers.camera.controls import CameraControl
+from drivers.camera.device import Kernel
 from drivers.camera.formats import Mode
 from drivers.camera.frame import CameraFrame, Counts
-from drivers.camera.kernel import Kernel
 from drivers.camera.session import Setup
 from drivers.camera.settings import V4l2Settings
 from drivers.clock import WallClock

@@ -10,7 +10,7 @@ from cell.config.cell import CellFile
 from cell.doctor.check import Check, State
 from cell.doctor.link import Link, measured_link
 from drivers.camera.camera import report
-from drivers.camera.kernel import Linux
+from drivers.camera.device import Kernel
 from drivers.errors import CellError
 
 LOST_SHARE, TOO_MANY, IN_A_ROW = 0.01, 0.10, 20  # shares of states; the robot itself stops after 20
@@ -79,7 +79,7 @@ def camera(settings: CellFile) -> Check:
         remedy = "run `cell camera` and put what it prints into cell.yaml"
         return Check("camera", State.FAIL, "cell.yaml states none", why, remedy)
     try:
-        found = report(Linux(), stated.device)
+        found = report(Kernel(), stated.device)
     except CellError as error:
         return Check("camera", State.FAIL, str(error), why, "connect it, close other programs")
     values = {control.name: control.value for control in found.controls}

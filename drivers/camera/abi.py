@@ -10,6 +10,11 @@ ANY_FIELD, PROGRESSIVE = 0, 1
 WITHOUT_BYTE_ORDER = 0x7FFFFFFF  # the highest bit of a pixel format marks big-endian pixels
 
 
+def _u32(names: str) -> tuple[tuple[str, type[c_uint32]], ...]:
+    """Fields of 32 bits without sign by their `names`, as `_fields_` of a structure takes them."""
+    return tuple((name, c_uint32) for name in names.split())
+
+
 class Capability(Structure):
     """struct v4l2_capability: identity and capabilities of the device."""
 
@@ -17,9 +22,7 @@ class Capability(Structure):
         ("driver", c_char * 16),
         ("card", c_char * 32),
         ("bus_info", c_char * 32),
-        ("version", c_uint32),
-        ("capabilities", c_uint32),
-        ("device_caps", c_uint32),
+        *_u32("version capabilities device_caps"),
         ("reserved", c_uint32 * 3),
     )
 
@@ -28,12 +31,9 @@ class FormatDescription(Structure):
     """struct v4l2_fmtdesc: one pixel format that the device offers."""
 
     _fields_ = (
-        ("index", c_uint32),
-        ("type", c_uint32),
-        ("flags", c_uint32),
+        *_u32("index type flags"),
         ("description", c_char * 32),
-        ("pixelformat", c_uint32),
-        ("mbus_code", c_uint32),
+        *_u32("pixelformat mbus_code"),
         ("reserved", c_uint32 * 3),
     )
 
@@ -48,9 +48,7 @@ class FrameSize(Structure):
     """struct v4l2_frmsizeenum: a size; `steps` are min, max, step of width, then of height."""
 
     _fields_ = (
-        ("index", c_uint32),
-        ("pixel_format", c_uint32),
-        ("type", c_uint32),
+        *_u32("index pixel_format type"),
         ("steps", c_uint32 * 6),
         ("reserved", c_uint32 * 2),
     )
@@ -60,11 +58,7 @@ class FrameInterval(Structure):
     """struct v4l2_frmivalenum: a frame interval; `steps` are min, max, step."""
 
     _fields_ = (
-        ("index", c_uint32),
-        ("pixel_format", c_uint32),
-        ("width", c_uint32),
-        ("height", c_uint32),
-        ("type", c_uint32),
+        *_u32("index pixel_format width height type"),
         ("steps", Fraction * 3),
         ("reserved", c_uint32 * 2),
     )
@@ -73,19 +67,9 @@ class FrameInterval(Structure):
 class PixFormat(Structure):
     """struct v4l2_pix_format: size, pixel format and memory layout of a picture."""
 
-    _fields_ = (
-        ("width", c_uint32),
-        ("height", c_uint32),
-        ("pixelformat", c_uint32),
-        ("field", c_uint32),
-        ("bytesperline", c_uint32),
-        ("sizeimage", c_uint32),
-        ("colorspace", c_uint32),
-        ("priv", c_uint32),
-        ("flags", c_uint32),
-        ("ycbcr_enc", c_uint32),
-        ("quantization", c_uint32),
-        ("xfer_func", c_uint32),
+    _fields_ = _u32(
+        "width height pixelformat field bytesperline sizeimage colorspace priv flags"
+        " ycbcr_enc quantization xfer_func"
     )
 
 
@@ -103,11 +87,9 @@ class CaptureParameters(Structure):
     """struct v4l2_captureparm: frame period and buffers of a capture stream."""
 
     _fields_ = (
-        ("capability", c_uint32),
-        ("capturemode", c_uint32),
+        *_u32("capability capturemode"),
         ("timeperframe", Fraction),
-        ("extendedmode", c_uint32),
-        ("readbuffers", c_uint32),
+        *_u32("extendedmode readbuffers"),
         ("reserved", c_uint32 * 4),
     )
 
@@ -126,10 +108,7 @@ class BufferRequest(Structure):
     """struct v4l2_requestbuffers: number and memory type of buffers to allocate."""
 
     _fields_ = (
-        ("count", c_uint32),
-        ("type", c_uint32),
-        ("memory", c_uint32),
-        ("capabilities", c_uint32),
+        *_u32("count type memory capabilities"),
         ("flags", c_uint8),
         ("reserved", c_uint8 * 3),
     )
@@ -142,12 +121,7 @@ class TimeValue(Structure):
 
 
 class _TimeCode(Structure):
-    _fields_ = (
-        ("type", c_uint32),
-        ("flags", c_uint32),
-        ("digits", c_uint8 * 4),
-        ("userbits", c_uint8 * 4),
-    )
+    _fields_ = (*_u32("type flags"), ("digits", c_uint8 * 4), ("userbits", c_uint8 * 4))
 
 
 class _Memory(Union):
@@ -158,18 +132,12 @@ class Buffer(Structure):
     """struct v4l2_buffer; the kernel rewrites it on every call, QBUF included."""
 
     _fields_ = (
-        ("index", c_uint32),
-        ("type", c_uint32),
-        ("bytesused", c_uint32),
-        ("flags", c_uint32),
-        ("field", c_uint32),
+        *_u32("index type bytesused flags field"),
         ("timestamp", TimeValue),
         ("timecode", _TimeCode),
-        ("sequence", c_uint32),
-        ("memory", c_uint32),
+        *_u32("sequence memory"),
         ("m", _Memory),
-        ("length", c_uint32),
-        ("reserved2", c_uint32),
+        *_u32("length reserved2"),
         ("request_fd", c_int32),
     )
 
@@ -178,8 +146,7 @@ class ControlQuery(Structure):
     """struct v4l2_queryctrl: range and state of one control."""
 
     _fields_ = (
-        ("id", c_uint32),
-        ("type", c_uint32),
+        *_u32("id type"),
         ("name", c_char * 32),
         ("minimum", c_int32),
         ("maximum", c_int32),
@@ -199,12 +166,7 @@ class MenuQuery(Structure):
     """struct v4l2_querymenu: one entry of a menu control."""
 
     _pack_ = 1
-    _fields_ = (
-        ("id", c_uint32),
-        ("index", c_uint32),
-        ("entry", _MenuEntry),
-        ("reserved", c_uint32),
-    )
+    _fields_ = (*_u32("id index"), ("entry", _MenuEntry), ("reserved", c_uint32))
 
 
 class Control(Structure):

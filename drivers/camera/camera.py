@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.camera.controls import CameraControl, controls_of
-from drivers.camera.device import CameraFaulty, CameraStalled, Device, Identity
+from drivers.camera.device import CameraFaulty, CameraStalled, Device, Identity, Kernel
 from drivers.camera.formats import Mode, Picture, modes_of
 from drivers.camera.frame import CameraFrame, Counts, Sequence, StampSource
-from drivers.camera.kernel import Kernel, Linux
 from drivers.camera.session import Capture, Session, Setup
 from drivers.camera.settings import V4l2Settings
 from drivers.errors import CellError, Fault
@@ -206,7 +205,7 @@ class V4l2Camera:
     def __init__(self, settings: V4l2Settings, clock: Clock, kernel: Kernel | None = None) -> None:
         self._settings = settings
         self._clock = clock
-        self._kernel = Linux() if kernel is None else kernel
+        self._kernel = Kernel() if kernel is None else kernel
         self._drain: Drain | None = None
         self._setup: Setup | None = None
         self._newest: CameraFrame | None = None

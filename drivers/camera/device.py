@@ -1,21 +1,81 @@
-"""An open V4L2 device: ioctl requests, its identity and formats, and errors that state a remedy."""
+"""An open V4L2 device: system calls, ioctl requests, identity, and errors that state a remedy."""
 
 import errno
+import fcntl
+import mmap
 import os
+import select
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self, TypeVar
 
+import numpy as np
+
 from drivers.camera.abi import CAPTURE, Argument, Can, Capability, FormatDescription, Request
-from drivers.camera.kernel import Kernel
 from drivers.errors import ConfigurationError, Fault
+from drivers.types import Image
 
 A = TypeVar("A", bound=Argument)
 
 GONE_ERRNOS = frozenset({errno.ENODEV, errno.ENXIO, errno.ENOENT})
 NO_MORE = frozenset({errno.EINVAL, errno.ENOTTY})
 NOBODY_KNOWN = "another program of a user whose processes are hidden"
+
+
+class MappedBuffer:
+    """A kernel buffer that is shared with this process."""
+
+    def __init__(self, fd: int, length: int, offset: int) -> None:
+        self._memory = mmap.mmap(
+            fd, length, mmap.MAP_SHARED, mmap.PROT_READ | mmap.PROT_WRITE, offset=offset
+        )
+
+    def copy(self, length: int) -> Image:
+        """A copy (length,) of the mapping's first bytes."""
+        return np.frombuffer(self._memory[:length], np.uint8)
+
+    def close(self) -> None:
+        """Unmap the buffer."""
+        self._memory.close()
+
+
+class Kernel:
+    """System calls of this machine; all raise OSError as the system does."""
+
+    def open(self, path: str) -> int:
+        """Open the device at `path` non-blocking and return its file descriptor."""
+        return os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
+
+    def close(self, fd: int) -> None:
+        """Close the file descriptor `fd`."""
+        os.close(fd)
+
+    def ioctl(self, fd: int, request: Request, argument: Argument) -> None:
+        """Execute `request`, repeated after a signal."""
+        while True:
+            try:
+                fcntl.ioctl(fd, request, argument, True)
+            except InterruptedError:
+                continue
+            return
+
+    def map(self, fd: int, length: int, offset: int) -> MappedBuffer:
+        """Map the buffer of `length` bytes at `offset` of a device into memory."""
+        return MappedBuffer(fd, length, offset)
+
+    def wait(self, fd: int | None, seconds: float) -> int:
+        """Poll `fd` for `seconds` and return the events, 0 for none; without `fd` only wait."""
+        poll = select.poll()
+        if fd is not None:
+            poll.register(fd, select.POLLIN)
+        events = poll.poll(1e3 * seconds)
+        return events[0][1] if events else 0
+
+    def monotonic(self) -> float:
+        """Time [s] of CLOCK_MONOTONIC."""
+        return time.monotonic()
 
 
 class CameraLost(Fault):

@@ -8,10 +8,17 @@ from typing import Self
 
 from drivers.camera.abi import CAPTURE, MMAP, Buffer, BufferFlag, BufferRequest, Number, Request
 from drivers.camera.controls import EXPOSURE, EXPOSURE_UNIT, controls_of, lock
-from drivers.camera.device import CameraFaulty, CameraLost, Device, Identity, translate_error
+from drivers.camera.device import (
+    CameraFaulty,
+    CameraLost,
+    Device,
+    Identity,
+    Kernel,
+    MappedBuffer,
+    translate_error,
+)
 from drivers.camera.formats import Picture, agree
 from drivers.camera.frame import Shutter
-from drivers.camera.kernel import Kernel, MappedBuffer
 from drivers.camera.settings import V4l2Settings
 from drivers.types import Image
 

@@ -3,7 +3,6 @@
 from collections import deque
 from functools import partial
 from math import exp, hypot
-from typing import Self
 
 import numpy as np
 
@@ -131,15 +130,6 @@ class TwinArm:
         self._profile.stop()
         self._connected = False
         self._closed = True
-
-    def __enter__(self) -> Self:
-        """Connect for the duration of the block."""
-        self.connect()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Disconnect, whatever happened."""
-        self.close()
 
     def _tick(self, now: float) -> None:
         self._stamp = now

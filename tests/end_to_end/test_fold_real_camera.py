@@ -38,7 +38,7 @@ def folded(
 ) -> Result:
     """`cell fold` with a camera that shows nothing but noise."""
     kernel = FakeKernel(640, 360, 30.0)
-    monkeypatch.setattr(drivers.camera.camera, "Linux", lambda: kernel)
+    monkeypatch.setattr(drivers.camera.camera, "Kernel", lambda: kernel)
     monkeypatch.setattr(drivers.clock, "time", KernelTime(kernel, unplugged))
     monkeypatch.setattr("cell.doctor.doctor.refuse_red", lambda _: None)  # it has its own tests
     configure(tmp_path, V4l2Settings(device=LINK, width=640, height=360, rate=30.0))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-import drivers.camera.kernel
+import drivers.camera.device
 from cell.cli.app import app
 from cell.config.places import find_configs
 from cell.devices.camera_check import suggest_settings
@@ -73,7 +73,7 @@ def test_no_camera_is_reported_and_is_no_error(monkeypatch: pytest.MonkeyPatch) 
 def test_listing_names_formats_controls_and_the_section_to_add(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(drivers.camera.kernel, "Linux", FakeKernel)
+    monkeypatch.setattr(drivers.camera.device, "Kernel", FakeKernel)
     done = CliRunner().invoke(app, ["camera", "--device", LINK])
     assert done.exit_code == 0
     assert "YUYV 64x48 at 60 Hz" in done.stdout

@@ -7,6 +7,7 @@ changes what was asked without an error, drops frames when it has no buffer.
 
 import errno
 import os
+import select
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -35,7 +36,6 @@ from drivers.camera.abi import (
     fourcc,
 )
 from drivers.camera.camera import SOURCE
-from drivers.camera.kernel import READABLE, TROUBLE
 
 LINK = "/dev/v4l/by-id/usb-Test_Camera-video-index0"
 EPOCH = 5000.0  # s on the monotonic clock when the tests begin
@@ -108,7 +108,7 @@ class Faults:
 
 
 class FakeKernel:
-    """Satisfies `drivers.camera.kernel.Kernel`; also the clock of the cell that it stands in."""
+    """Stands in for `drivers.camera.device.Kernel`, and is the clock of its cell."""
 
     def __init__(self, width: int = 64, height: int = 48, rate: float = 60.0) -> None:
         self.size, self.rate = (width, height), rate
@@ -233,8 +233,8 @@ class FakeKernel:
         if fd is None:
             return 0
         if fd in self._gone or self.faults.stuck:
-            return TROUBLE
-        return READABLE if self._filled and self._streaming == fd else 0
+            return select.POLLERR
+        return select.POLLIN if self._filled and self._streaming == fd else 0
 
     def _due(self) -> float:
         frame = float("inf") if self._streaming is None else self._exposed + DELAY

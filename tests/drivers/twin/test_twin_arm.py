@@ -126,8 +126,8 @@ def test_motion_has_ended_only_when_the_arm_is_where_it_was_sent() -> None:
 
 def test_arm_that_is_let_go_in_motion_brakes_in_the_world() -> None:
     twin = twin_with()
-    with twin.arm:
-        drive(twin, Velocity(-0.1, 0.0, 0.0), 0.5)
+    drive(twin, Velocity(-0.1, 0.0, 0.0), 0.5)
+    twin.arm.close()
     wait(twin, 0.3)
     rest = twin.world.gripper
     wait(twin, 0.3)

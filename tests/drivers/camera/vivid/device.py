@@ -9,9 +9,8 @@ from pathlib import Path
 from drivers.camera.abi import Control, Request
 from drivers.camera.camera import V4l2Camera
 from drivers.camera.controls import CameraControl, controls_of
-from drivers.camera.device import CameraLost, Device
+from drivers.camera.device import CameraLost, Device, Kernel
 from drivers.camera.frame import CameraFrame
-from drivers.camera.kernel import Kernel, Linux
 from drivers.camera.settings import V4l2Settings
 from drivers.clock import WallClock
 from drivers.errors import CellError
@@ -50,7 +49,7 @@ class Vivid:
     @contextmanager
     def device(self) -> Iterator[Device]:
         """The device opened beside whoever streams."""
-        device = Device.open(Linux(), self.node())
+        device = Device.open(Kernel(), self.node())
         try:
             yield device
         finally:
@@ -96,7 +95,7 @@ class Vivid:
             self.link.unlink()
 
 
-class Counting(Linux):
+class Counting(Kernel):
     """The kernel, with its waits counted."""
 
     def __init__(self) -> None:
