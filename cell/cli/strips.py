@@ -30,9 +30,14 @@ def list_strips(context: typer.Context, configs: Configs = None, as_json: Json =
     if context.invoked_subcommand is not None:
         return
     from cell.config.places import find_configs
+    from drivers.errors import ConfigurationError
 
-    found = find_configs(configs)
-    all_strips = [found.strip(name) for name in found.strip_names()]
+    found, all_strips = find_configs(configs), list["StripFile"]()
+    for name in found.strip_names():
+        try:
+            all_strips.append(found.strip(name))
+        except ConfigurationError as error:  # the others are listed all the same
+            sys.stderr.write(f"cell: {error}\n")
     if as_json:
         for strip in all_strips:
             print_json(strip.model_dump(mode="json", by_alias=True))

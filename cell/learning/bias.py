@@ -143,17 +143,17 @@ class _Learner:
 
     def _predict(self, unknowns: tuple[Unknown, ...]) -> tuple[float, float]:
         """Mean [m] and variance [m^2] of the sum of `unknowns`, given the rows."""
-        names = sorted({*unknowns, *(name for row in self._rows for name in row[0])}, key=str)
+        names = sorted({*unknowns, *(name for used, *_ in self._rows for name in used)}, key=str)
         place = {name: i for i, name in enumerate(names)}
         precision = np.diag([self._sigma(name) ** -2 for name in names])
         weighted = np.zeros(len(names))
         for used, y, noise in self._rows:
-            at = _indicator(used, place)
-            precision += np.outer(at, at) / noise**2
-            weighted += at * y / noise**2
-        at = _indicator(unknowns, place)
-        solved = np.linalg.solve(precision, np.column_stack([weighted, at]))
-        return float(at @ solved[:, 0]), float(at @ solved[:, 1])
+            row = _indicator(used, place)
+            precision += np.outer(row, row) / noise**2
+            weighted += row * y / noise**2
+        row = _indicator(unknowns, place)
+        solved = np.linalg.solve(precision, np.column_stack([weighted, row]))
+        return float(row @ solved[:, 0]), float(row @ solved[:, 1])
 
 
 def _shows_change(first: float, second: float) -> bool:
@@ -163,9 +163,9 @@ def _shows_change(first: float, second: float) -> bool:
 
 def _indicator(unknowns: Sequence[Unknown], place: dict[Unknown, int]) -> Array:
     """Vector (n,) with ones at the places of `unknowns`, zeros elsewhere."""
-    at = np.zeros(len(place))
-    at[[place[name] for name in unknowns]] = 1.0
-    return at
+    row = np.zeros(len(place))
+    row[[place[name] for name in unknowns]] = 1.0
+    return row
 
 
 def shrunk(

@@ -131,13 +131,13 @@ def runs_before(folder: Path, strip: str, most: int) -> tuple[RunRow, ...]:
 
     They are found by their names, so that a folder of thousands is not read.
     """
-    place, own = folder.resolve().parent, folder.resolve().name
+    place, name_of_run = folder.resolve().parent, folder.resolve().name
     try:
         with os.scandir(place) as entries:
             names = [entry.name for entry in entries]
     except OSError:
         return ()
-    found = (name for name in names if f"Z-{strip}-" in name and name < own)
+    found = (name for name in names if f"Z-{strip}-" in name and name < name_of_run)
     newest = sorted(filter(BEGAN.match, found), reverse=True)[:most]
     return tuple(read_row(place / name) for name in newest if is_run(place / name))
 

@@ -41,14 +41,14 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
     scatter = _scatter(y, variance)
     weight = 1 / (variance + scatter)
     value = float((weight * y).sum() / weight.sum())
-    own = float(norm.ppf(0.5 + CONFIDENCE / 2) / np.sqrt(weight.sum()))
+    known = float(norm.ppf(0.5 + CONFIDENCE / 2) / np.sqrt(weight.sum()))
     free = len(y) - 1
     agreement = float(chi2.sf(_excess_squares(y, variance, 0.0) + free, free)) if free else 1.0
     spread = 0.0
     if free:
         knapp = (weight * (y - value) ** 2).sum() / (free * weight.sum())
         spread = float(t.ppf(0.5 + CONFIDENCE / 2, free) * np.sqrt(knapp))
-    half = max(own, spread)
+    half = max(known, spread)
     return Pooled(value, value - half, value + half, float(np.sqrt(scatter)), agreement)
 
 

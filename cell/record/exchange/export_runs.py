@@ -10,7 +10,7 @@ import pyarrow.csv as pc
 from cell.extras import require_library
 from cell.record.documents import write_document
 from cell.record.exchange.mapping import MAPPING
-from cell.record.exchange.run_tables import Outgoing, mapping_of, outgoing
+from cell.record.exchange.run_tables import RunTables, mapping_of, tables_of
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.files import check_free, new_folder, replace_file
@@ -28,7 +28,7 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
     check_free(out)
     if kind == "mcap":
         require_library("mcap")
-    parts = outgoing([read_run(folder) for folder in folders])
+    parts = tables_of([read_run(folder) for folder in folders])
     names = [part.run.name for part in parts]
     if len(set(names)) < len(names):
         raise ConfigurationError(f"two runs are named {max(names, key=names.count)}; rename one")
@@ -37,7 +37,7 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
     return tuple(out / path.relative_to(made) for path in paths)
 
 
-def _write(parts: Sequence[Outgoing], kind: Format, out: Path) -> tuple[Path, ...]:
+def _write(parts: Sequence[RunTables], kind: Format, out: Path) -> tuple[Path, ...]:
     if kind == "csv":
         return _write_csv(parts, out)
     if kind == "mcap":
@@ -49,7 +49,7 @@ def _write(parts: Sequence[Outgoing], kind: Format, out: Path) -> tuple[Path, ..
     return write_lerobot(parts, out)
 
 
-def _write_csv(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
+def _write_csv(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
     """Write a folder of tables for each run into the new folder `out`, and one mapping for all."""
     for part in parts:
         (out / part.run.name).mkdir(parents=True)

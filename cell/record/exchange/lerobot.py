@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 
 from cell.record.documents import plain
 from cell.record.exchange.mapping import MAPPING
-from cell.record.exchange.run_tables import Outgoing, mapping_of
+from cell.record.exchange.run_tables import RunTables, mapping_of
 from cell.record.files import RESULT, RUN
 from cell.record.tables import place_rows
 from drivers.errors import ConfigurationError, suggestion
@@ -59,7 +59,7 @@ class Feature(NamedTuple):
         return {"dtype": str(self.values.dtype), "shape": [self.size], "names": self.names}
 
 
-def write_lerobot(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
+def write_lerobot(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
     """Write the runs as a data set into the new folder `out`; returns that folder."""
     begin, rows, frames = 0, [], []
     for i, part in enumerate(parts):
@@ -90,7 +90,7 @@ def _name(table: str, column: str) -> tuple[str, str]:
     return EPISODE, "stamp"
 
 
-def _features(part: Outgoing, parts: Sequence[Outgoing]) -> dict[str, Feature]:
+def _features(part: RunTables, parts: Sequence[RunTables]) -> dict[str, Feature]:
     """Features of a run's frames, by LeRobot's names: the quantities that all `parts` measured."""
     ticks, found = part.tables["ticks"], dict[str, Feature]()
     for name, columns in VECTORS.items():
@@ -107,7 +107,7 @@ def _features(part: Outgoing, parts: Sequence[Outgoing]) -> dict[str, Feature]:
     return found | (_curves(part, points) if points else {})
 
 
-def _curves(part: Outgoing, points: int) -> dict[str, Feature]:
+def _curves(part: RunTables, points: int) -> dict[str, Feature]:
     """Curves of up to `points` points in the frames nearest to their images, and their stamps."""
     curves = part.run.profile.curves()
     stamps = np.array([stamp for stamp, _ in curves])
@@ -122,7 +122,7 @@ def _curves(part: Outgoing, points: int) -> dict[str, Feature]:
     return found
 
 
-def _at_frames(part: Outgoing, stamps: Array, values: Array) -> Feature:
+def _at_frames(part: RunTables, stamps: Array, values: Array) -> Feature:
     """Feature of `values` (k, ...) in the frames nearest to their `stamps` (k,), else NaN."""
     t = part.tables["ticks"]["t"]
     rows = place_rows(t, stamps)
@@ -159,7 +159,7 @@ def _table(features: Mapping[str, Feature]) -> pa.Table:
     return pa.table(arrays).replace_schema_metadata(metadata)
 
 
-def _episode(part: Outgoing, i: int, begin: int, count: int) -> dict[str, Any]:
+def _episode(part: RunTables, i: int, begin: int, count: int) -> dict[str, Any]:
     """Row of meta/episodes for one run; `cell/` holds the run's documents."""
     documents = {}
     for name in (RUN, RESULT):
@@ -182,11 +182,11 @@ def _episode(part: Outgoing, i: int, begin: int, count: int) -> dict[str, Any]:
     }
 
 
-def _task(part: Outgoing) -> str:
+def _task(part: RunTables) -> str:
     return f"fold {part.run.header.strip} in half"
 
 
-def _tasks(parts: Sequence[Outgoing]) -> pa.Table:
+def _tasks(parts: Sequence[RunTables]) -> pa.Table:
     """Table of tasks and their index; the text is the index of a pandas frame."""
     columns = [
         {"name": name, "field_name": name, "pandas_type": pandas, "numpy_type": numpy,
@@ -218,7 +218,7 @@ def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
 
 
 def _info(
-    parts: Sequence[Outgoing], features: Mapping[str, Feature], frames: int
+    parts: Sequence[RunTables], features: Mapping[str, Feature], frames: int
 ) -> dict[str, Any]:
     drivers = parts[0].run.header.drivers
     return {
@@ -238,7 +238,7 @@ def _info(
     }
 
 
-def _rate(parts: Sequence[Outgoing]) -> int:
+def _rate(parts: Sequence[RunTables]) -> int:
     """Nominal number of rows per second [Hz]."""
     steps = np.concatenate([np.diff(part.tables["ticks"]["t"]) for part in parts])
     return max(round(1.0 / float(np.median(steps))), 1) if len(steps) else 1
@@ -353,7 +353,7 @@ def _read(
     place = {"chunk_index": row["data/chunk_index"], "file_index": row["data/file_index"]}
     path = root / DATA.format(**place)
     frames = read_parquet(path)
-    own = np.asarray(frames["episode_index"]) == row["episode_index"]
+    of_episode = np.asarray(frames["episode_index"]) == row["episode_index"]
     documents = {
         name: row[f"cell/{name}"].encode() for name in (RUN, RESULT) if row.get(f"cell/{name}")
     }
@@ -362,5 +362,5 @@ def _read(
     if Path(name).name != name:
         raise ValueError(f"cell/name: {name!r} is not the name of a folder")
     return Episode(
-        path, name, {**shared, **documents}, frames.filter(pa.array(own)), features, touch
+        path, name, {**shared, **documents}, frames.filter(pa.array(of_episode)), features, touch
     )

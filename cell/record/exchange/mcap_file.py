@@ -16,7 +16,7 @@ import pyarrow as pa
 
 from cell.record.documents import plain
 from cell.record.exchange.mapping import MAPPING
-from cell.record.exchange.run_tables import Outgoing, mapping_of
+from cell.record.exchange.run_tables import RunTables, mapping_of
 from cell.record.files import CALIBRATION, RESULT, RUN
 from cell.record.frames import encode
 from drivers.errors import ConfigurationError, suggestion
@@ -35,12 +35,12 @@ ATTACHED = (RUN, RESULT, CALIBRATION)
 Row = dict[str, Any]
 
 
-def write_mcap(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
+def write_mcap(parts: Sequence[RunTables], out: Path) -> tuple[Path, ...]:
     """Write a file for each run into the folder `out`, its mapping as an attachment."""
     return tuple(_write(part, out / f"{part.run.name}.mcap") for part in parts)
 
 
-def _write(part: Outgoing, path: Path) -> Path:
+def _write(part: RunTables, path: Path) -> Path:
     """Write one run as an MCAP file, its documents and mapping as attachments."""
     from mcap.writer import Writer
 
@@ -64,7 +64,7 @@ def _write(part: Outgoing, path: Path) -> Path:
     return path
 
 
-def _write_numbers(writer: "Writer", part: Outgoing) -> None:
+def _write_numbers(writer: "Writer", part: RunTables) -> None:
     for table, columns in part.tables.items():
         schema = {"type": "object", "properties": {name: {"type": "number"} for name in columns}}
         text = json.dumps(schema).encode()
@@ -75,11 +75,11 @@ def _write_numbers(writer: "Writer", part: Outgoing) -> None:
         for row in zip(*(values.tolist() for values in columns.values()), strict=True):
             message = dict(zip(columns, row, strict=True))
             finite = {name: value for name, value in message.items() if np.isfinite(value)}
-            at = _log_time(message[time])
-            writer.add_message(channel, at, json.dumps(finite).encode(), at)
+            moment = _log_time(message[time])
+            writer.add_message(channel, moment, json.dumps(finite).encode(), moment)
 
 
-def _write_pictures(writer: "Writer", part: Outgoing) -> None:
+def _write_pictures(writer: "Writer", part: RunTables) -> None:
     """Write the kept images, preceded by the camera's lens."""
     from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
     from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
@@ -100,10 +100,10 @@ def _write_pictures(writer: "Writer", part: Outgoing) -> None:
         writer.add_message(place, ATTACHMENT_TIME, about.SerializeToString(), ATTACHMENT_TIME)
     place = channel("/camera/image", CompressedImage)
     for frame in part.run.frames():
-        at = _log_time(frame.stamp)
+        moment = _log_time(frame.stamp)
         picture = CompressedImage(frame_id="camera", format="png", data=encode(frame.image))
-        picture.timestamp.FromNanoseconds(at)
-        writer.add_message(place, at, picture.SerializeToString(), at, frame.sequence)
+        picture.timestamp.FromNanoseconds(moment)
+        writer.add_message(place, moment, picture.SerializeToString(), moment, frame.sequence)
 
 
 def _log_time(t: float) -> int:

@@ -19,7 +19,7 @@ Name = Callable[[str, str], tuple[str, str]]
 
 
 @dataclass(frozen=True, slots=True)
-class Outgoing:
+class RunTables:
     """A run to export, with its measurements: name of a table -> columns (n,) in SI units.
 
     The tables are `ticks`, and where they were measured `contact`, `profile` and `result`.
@@ -44,7 +44,7 @@ class Outgoing:
         return cls(run, found)
 
 
-def outgoing(runs: Sequence[Run]) -> tuple[Outgoing, ...]:
+def tables_of(runs: Sequence[Run]) -> tuple[RunTables, ...]:
     """Collect the tables of `runs`; ConfigurationError where no single mapping describes them."""
     for run in runs:
         if not len(run.ticks.t):
@@ -54,10 +54,10 @@ def outgoing(runs: Sequence[Run]) -> tuple[Outgoing, ...]:
                 f"{run.folder}: differs from {runs[0].folder} in strip, start or sigma; export "
                 "runs of one kind together"
             )
-    return tuple(Outgoing.of(run) for run in runs)
+    return tuple(RunTables.of(run) for run in runs)
 
 
-def mapping_of(parts: Sequence[Outgoing], name: Name) -> dict[str, Any]:
+def mapping_of(parts: Sequence[RunTables], name: Name) -> dict[str, Any]:
     """Contents of the mapping file of exported runs; `name` gives the format's file and column.
 
     A table or column is described where every run has it, the touch where any has.

@@ -35,6 +35,16 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
     return int(ended.value.code or 0)
 
 
+def test_a_strip_file_that_cannot_be_read_does_not_hide_the_others(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], configs: Path
+) -> None:
+    (configs / "strips" / "broken.yaml").write_text("name: [")
+    assert run(monkeypatch, "--configs", configs) == 0
+    told = capsys.readouterr()
+    assert "denim" in told.out
+    assert told.err.startswith(f"cell: {configs / 'strips' / 'broken.yaml'}")
+
+
 def refused(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
 ) -> str:
