@@ -1,6 +1,7 @@
 """The command `cell train`: trains a policy in the simulation of the strip as a rod."""
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -128,7 +129,7 @@ def _transfer(
     out = folder / CHECKPOINT
     with Meter(Console(stderr=True)) as meter:
         found, quality = transfer(checkpoint, folder, out, seed, folds, by, meter)
-    return {"checkpoint": str(out), "transfer": found.facts(), "left_out": quality.facts()}
+    return {"checkpoint": str(out), "transfer": found.facts(), "left_out": asdict(quality)}
 
 
 def _print_transfer(facts: dict[str, Any], *, as_json: bool) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,7 +22,6 @@ from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from policies.adaptive.bias import Bias
 from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
-from policies.adaptive.critic import YIELD_UNIT
 from policies.adaptive.fabrics import unknown
 from policies.adaptive.train.transfer import FitQuality, FoldedBatch, fit_transfer
 
@@ -71,8 +70,6 @@ class FoldPart:
             "predicted": predicted.displacement,
             "sigma": predicted.sigma,
             "log_length": math.log(predicted.bending_length.value),
-            "log_time": math.log(predicted.retardation_time.value),
-            "friction": math.log1p(predicted.yield_curvature.value / YIELD_UNIT),
             "thickness": strip.thickness,
         }
 
@@ -100,6 +97,6 @@ def transfer(
             "needed; see the reasons in its journal"
         )
     found, quality = fit_transfer(FoldedBatch.of(rows))
-    origin = {"transfer": found.facts(), "seed": seed, "code": code(), "left_out": quality.facts()}
+    origin = {"transfer": found.facts(), "seed": seed, "code": code(), "left_out": asdict(quality)}
     save_critic(out, critic, facts | {THROUGH_IMAGES: origin})
     return found, quality

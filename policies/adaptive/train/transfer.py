@@ -1,8 +1,8 @@
 """Fit of a critic's correction, its `Bias`, to folds that were made through images."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any, NamedTuple, Self
+from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +20,13 @@ PARTS = 10  # of the cross-validation
 
 class FoldedBatch(NamedTuple):
     """Data of n folds, arrays (n,): measured displacement [m], the critic's predicted displacement
-    and sigma [m], logarithms of its estimate of the strip, and thickness [m].
+    and sigma [m], logarithm of its estimate of the bending length, and thickness [m].
     """
 
     displacement: Array
     predicted: Array
     sigma: Array
     log_length: Array
-    log_time: Array
-    friction: Array
     thickness: Array
 
     @classmethod
@@ -44,10 +42,6 @@ class FitQuality:
     folds: int
     bias: float
     within: float
-
-    def facts(self) -> dict[str, Any]:
-        """The quality as the checkpoint records it."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 def fit_transfer(batch: FoldedBatch) -> tuple[Bias, FitQuality]:

@@ -25,17 +25,14 @@ BIAS = np.array([0.7e-3, -1.0e-3, 0.5])
 def folds(count: int, noise: float, wild: int = 0) -> FoldedBatch:
     """Folds of strips over the paper's range whose bias is BIAS."""
     rng = np.random.default_rng(5)
-    length, time = (
-        np.log(0.02) + rng.uniform(-0.6, 0.6, count),
-        np.log(rng.uniform(0.01, 0.2, count)),
-    )
-    friction, thickness = rng.uniform(0.0, 2.0, count), rng.uniform(3e-4, 2e-3, count)
+    length = np.log(0.02) + rng.uniform(-0.6, 0.6, count)
+    thickness = rng.uniform(3e-4, 2e-3, count)
     displacement = rng.normal(0.0, 1e-3, count)
     predicted = displacement + bias_terms(length, thickness - REFERENCE_THICKNESS) @ BIAS
     predicted = predicted + noise * rng.standard_normal(count)
     predicted[:wild] += 0.02
     sigma = np.full(count, 5e-4)
-    return FoldedBatch(displacement, predicted, sigma, length, time, friction, thickness)
+    return FoldedBatch(displacement, predicted, sigma, length, thickness)
 
 
 @pytest.mark.parametrize("wild", [0, 3])
