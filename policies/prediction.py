@@ -44,7 +44,7 @@ class FoldPrediction:
 
 
 @runtime_checkable
-class Predicting(Protocol):
+class Predictor(Protocol):
     """A policy that predicts the result of its fold."""
 
     def prediction(self) -> FoldPrediction | None:

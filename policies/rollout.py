@@ -14,7 +14,7 @@ from drivers.strip.shape import Touch
 from drivers.types import Array
 from policies.path import TAKEOVER_HEIGHT, Path
 from policies.policy import Decision, Policy
-from policies.sensing import Eye, Sensing
+from policies.sensing import Sensing, SimulatedCamera
 
 NO_SHAPES = (np.empty((0, 0, 2)), np.empty((0, 0)))
 LIFT_SHARE = 0.9  # of the height of a path below TAKEOVER_HEIGHT, at which its lift ends
@@ -22,7 +22,7 @@ TINY_SPEED = 1e-12  # m/s, against a division by zero
 
 
 @runtime_checkable
-class Marching(Protocol):
+class MultiStepper(Protocol):
     """Protocol of an engine that executes several steps in one call."""
 
     def advance(self, poses: Array, dt: float) -> Observables:
@@ -86,7 +86,7 @@ def roll_out(
     """
     policy.reset(strip, settings.speed, len(models))
     engine.reset(models)
-    eye = Eye(
+    camera = SimulatedCamera(
         settings.sensing,
         settings.period,
         count=len(models),
@@ -94,11 +94,11 @@ def roll_out(
         rng=rng,
         profile=settings.profile,
     )
-    loop = _Loop(engine, settings, eye)
+    loop = _Loop(engine, settings, camera)
     loop.lift(policy.lift(), len(models))
     decisions = round(settings.patience * strip.length / settings.speed * settings.rate)
     for _ in range(decisions):
-        decision = policy.decide(loop.eye.look(loop.time, loop.poses[:, :2]))
+        decision = policy.decide(loop.camera.look(loop.time, loop.poses[:, :2]))
         if loop.follow(decision):
             break
     return loop.folds()
@@ -107,8 +107,8 @@ def roll_out(
 class _Loop:
     """Closed loop of grippers and strips: advances their state between decisions."""
 
-    def __init__(self, engine: Stepper, settings: Rollout, eye: Eye) -> None:
-        self.eye = eye
+    def __init__(self, engine: Stepper, settings: Rollout, camera: SimulatedCamera) -> None:
+        self.camera = camera
         self.time = 0.0
         self.poses: Array = np.zeros((0, 3))
         self._engine = engine
@@ -120,7 +120,7 @@ class _Loop:
         self._trace: list[Array] = []
         self._touch: tuple[Touch | None, ...] = ()
         self._folding: NDArray[np.bool_] = np.zeros(0, dtype=bool)
-        self._march = engine.advance if isinstance(engine, Marching) else self._step
+        self._march = engine.advance if isinstance(engine, MultiStepper) else self._step
 
     def lift(self, path: Path, count: int) -> None:
         """Move along `path` from rest until the grippers stand at the take-over height."""
@@ -184,9 +184,9 @@ class _Loop:
         self.time += self._settings.period
         self.poses = poses[-1]
         shapes, arc = NO_SHAPES
-        if self.eye.wants_shapes:
+        if self.camera.wants_shapes:
             shapes, arc = self._engine.shapes(), self._engine.arc()
-        self.eye.remember(seen, shapes, arc, self.poses[:, :2])
+        self.camera.remember(seen, shapes, arc, self.poses[:, :2])
         self._trace.append(self.poses[:, :2].copy())
 
     def _step(self, poses: Array, dt: float) -> Observables:

@@ -103,7 +103,7 @@ TRAINING = replace(
 """Images of the twin, and worse ones: later, with gaps, outliers, and up to six times the noise."""
 
 
-class Shown(NamedTuple):
+class Images(NamedTuple):
     """Observed state of n strips: `stamp` (n,), `state` (n, STATE_SIZE), `profile` (n, m, 2)."""
 
     stamp: Array
@@ -129,7 +129,7 @@ class Draws:
         return np.concatenate([values] * self._groups)
 
 
-class Eye:
+class SimulatedCamera:
     """Simulated camera: stores the state of n strips at each decision and returns it as a camera
     would measure it.
 
@@ -165,7 +165,7 @@ class Eye:
         self._whole_late = np.floor(late).astype(int)
         self._part_late = (late - self._whole_late)[:, None]
         self._strips = np.arange(count)
-        self._shown: Shown | None = None
+        self._shown: Images | None = None
 
     def remember(self, seen: Observables, shapes: Array, arc: Array, grip: Array) -> None:
         """Store the strips' true state at the next decision time.
@@ -201,7 +201,7 @@ class Eye:
             profile_confidence=np.ones(len(points) if self._points else 0),
         )
 
-    def _add_noise(self, time: float) -> Shown:
+    def _add_noise(self, time: float) -> Images:
         """The newest image of each strip, with noise added."""
         after = (self._newest + self._whole_late) % len(self._recent)
         before = (after + 1) % len(self._recent)
@@ -215,7 +215,7 @@ class Eye:
         if self._sensing.wild > 0:
             wild = self._draws.uniform(0.0, 1.0) < self._sensing.wild
             state[:, CONTACT] += wild * self._draws.normal() * self._sensing.wild_size
-        return Shown(time - self._delay, state, profile)
+        return Images(time - self._delay, state, profile)
 
     def _blur_profile(self, profile: Array) -> Array:
         """Profiles with noise on all points but the last, which the arm measures."""
@@ -224,11 +224,11 @@ class Eye:
         noise[:, -1] = 0.0
         return profile + noise
 
-    def _drop_images(self, new: Shown) -> Shown:
+    def _drop_images(self, new: Images) -> Images:
         """The newest image of each strip that was not lost: `new` or the previous one."""
         if self._shown is not None and self._sensing.dropped[1] > 0:
             lost = self._draws.uniform(0.0, 1.0) < self._dropped
-            new = Shown(
+            new = Images(
                 np.where(lost, self._shown.stamp, new.stamp),
                 np.where(lost[:, None], self._shown.state, new.state),
                 np.where(lost[:, None, None], self._shown.profile, new.profile),

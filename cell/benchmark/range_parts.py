@@ -20,7 +20,7 @@ from policies.path import TAKEOVER_HEIGHT
 from policies.planned import Planned
 from policies.policy import Policy
 from policies.registry import make_policy
-from policies.rollout import Marching, Rollout, roll_out
+from policies.rollout import MultiStepper, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING
 
 
@@ -46,7 +46,7 @@ class RecordingEngine:
 
     def advance(self, poses: Array, dt: float) -> Observables:
         """Advance the wrapped engine and record the last step."""
-        if isinstance(self._engine, Marching):
+        if isinstance(self._engine, MultiStepper):
             seen = self._engine.advance(poses, dt)
         else:
             seen = [self._engine.step(pose, dt) for pose in poses][-1]

@@ -39,7 +39,7 @@ from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
 from policies.path import lift_pitch
 from policies.policy import Observation
-from policies.prediction import Predicting
+from policies.prediction import Predictor
 from policies.profile import seen_profile
 
 # of the arm's acceleration, with which the pitch comes to rest at the lift's end
@@ -145,7 +145,7 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 
 def _note_predicted(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
     """Store and record the policy's prediction, and an event when it loses or regains sight."""
-    if not isinstance(cell.policy, Predicting):
+    if not isinstance(cell.policy, Predictor):
         return
     before, cell.predicted = cell.predicted, cell.policy.prediction()
     if cell.predicted is None:

@@ -19,7 +19,7 @@ from cell.strips.problem import (
     Z,
     rotation,
 )
-from drivers.strip.cantilever import Hanging, NoRest
+from drivers.strip.cantilever import HangingStrip, NoRest
 from drivers.types import Array
 
 RULER = 0.001  # m, one sigma of a measured overhang
@@ -43,7 +43,7 @@ class Fit:
     prior: RestCurvaturePrior
     values: Array
     covariance: Array
-    hanging: Hanging
+    hanging: HangingStrip
     misses: Array
     evidence: float
 

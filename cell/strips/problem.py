@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from cell.strips.photograph import Photograph
-from drivers.strip.cantilever import Hanging, hang, hinges
+from drivers.strip.cantilever import HangingStrip, hang, hinges
 from drivers.types import Array
 
 # place of each unknown, and of the first coefficient of the rest curvature's fields
@@ -66,7 +66,7 @@ class Trial:
     """
 
     values: Array
-    hanging: Hanging
+    hanging: HangingStrip
     misses: Array
     slopes: Array
     cost: float
@@ -140,7 +140,7 @@ class Problem:
 class _Along:
     """Samples of a hanging strip at arc lengths `arc` (n,) [m]; it is straight before the ledge."""
 
-    def __init__(self, hanging: Hanging, arc: Array, clamp_angle: float) -> None:
+    def __init__(self, hanging: HangingStrip, arc: Array, clamp_angle: float) -> None:
         spans = np.diff(hanging.arc)
         self._hanging = hanging
         self._index = np.clip(np.searchsorted(hanging.arc, arc) - 1, 0, len(spans) - 1)

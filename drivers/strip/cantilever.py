@@ -26,7 +26,7 @@ class NoRest(CellError):
 
 
 @dataclass(frozen=True, slots=True)
-class Hanging:
+class HangingStrip:
     """Equilibrium shape of a hanging strip, with the stiffness and loads for its derivatives.
 
     `points` (n + 1, 2) are x, z [m] from the ledge (0, 0), at arc lengths `arc` (n + 1,) [m];
@@ -86,7 +86,7 @@ def hang(
     *,
     rest_curvature: Array | None = None,
     clamp_angle: float = 0.0,
-) -> Hanging:
+) -> HangingStrip:
     """Equilibrium of a strip of `bending_length` [m] that hangs over a ledge by `overhang` [m].
 
     `rest_curvature` (n,) [1/m] at the `hinges`, positive turns the free end up; `clamp_angle`
@@ -112,7 +112,7 @@ def hang(
         )
     chords = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.diff(arc)[:, None]
     points = np.concatenate([np.zeros((1, 2)), np.cumsum(chords, axis=0)])
-    return Hanging(bending_length, arc, angles, points, stiffness, pull)
+    return HangingStrip(bending_length, arc, angles, points, stiffness, pull)
 
 
 def _newton_step(gradient: Array, stiffness: Array, lifting: Array) -> Array:

@@ -17,7 +17,7 @@ from policies.policy import Decision, Observation
 from policies.profile import POINTS, seen_profile
 from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
-from policies.sensing import EXACT_SENSING, Eye, Sensing
+from policies.sensing import EXACT_SENSING, Sensing, SimulatedCamera
 
 STRIP = paper_strip(0.1, 0.01)
 ARC = np.linspace(0.0, 0.6, 13)
@@ -123,12 +123,14 @@ def test_images_are_as_old_as_their_stamps_say() -> None:
 
 def test_noise_is_drawn_anew_in_each_image_but_alike_in_each_group() -> None:
     rng = np.random.default_rng(0)
-    eye = Eye(Sensing(0.001, 0.002, 0.0, (0.0, 0.06)), 1 / 60, count=4, groups=2, rng=rng)
+    camera = SimulatedCamera(
+        Sensing(0.001, 0.002, 0.0, (0.0, 0.06)), 1 / 60, count=4, groups=2, rng=rng
+    )
     tip = np.full((4, 2), 0.4)
     seen = Observables(0.0, np.full(4, 0.3), tip, np.zeros(4), tip, (None,) * 4)
     for _ in range(6):
-        eye.remember(seen, np.empty((0, 0, 2)), np.empty((0, 0)), np.empty((0, 2)))
-    looks = [eye.look(0.1, np.zeros((4, 2))) for _ in range(400)]
+        camera.remember(seen, np.empty((0, 0, 2)), np.empty((0, 0)), np.empty((0, 2)))
+    looks = [camera.look(0.1, np.zeros((4, 2))) for _ in range(400)]
     contact = np.array([look.contact_x for look in looks])
     np.testing.assert_array_equal(contact[:, :2], contact[:, 2:])
     assert contact[:, 0].std() == pytest.approx(0.001, rel=0.15)

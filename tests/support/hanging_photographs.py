@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from drivers.strip.cantilever import SEGMENTS, Hanging, hang, hinges
+from drivers.strip.cantilever import SEGMENTS, HangingStrip, hang, hinges
 from drivers.types import Array, Image
 
 FINER = 4
@@ -31,7 +31,7 @@ class Scene:
     fuzz: int = 60
 
 
-def shape(scene: Scene) -> Hanging:
+def shape(scene: Scene) -> HangingStrip:
     """The strip's true shape."""
     s = hinges(scene.overhang) / scene.overhang
     born = scene.curl + scene.set_amplitude * np.sin(2 * np.pi * scene.set_waves * s)

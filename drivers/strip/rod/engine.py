@@ -22,7 +22,7 @@ from drivers.types import Array
 LARGEST_RATIO = 2.0  # of a step to the last one: BDF2 is stable up to 1 + sqrt(2)
 
 
-class Showing(NamedTuple):
+class Trace(NamedTuple):
     """Observables of n strips over k steps, and midlines at m of these steps.
 
     `contact_x` (k, n), `tip` (k, n, 2), `holding_force` (k, n), `grip_force` (k, n, 2), and
@@ -95,9 +95,7 @@ class Rod:
             touch=self.touch,
         )
 
-    def follow(
-        self, poses: Array, dt: float, every: int = 0, memory: Array | None = None
-    ) -> Showing:
+    def follow(self, poses: Array, dt: float, every: int = 0, memory: Array | None = None) -> Trace:
         """Advance by a step of `dt` [s] to each of `poses` (k, n, 3); returns observables of each.
 
         Shapes are kept of each `every`th step, 0 for none, in `memory` (m or more, n, nodes, 2) if
@@ -109,7 +107,7 @@ class Rod:
         shown = self._step_all(poses, dt, shapes, max(every, 1))
         tip = shown[:, :, of.TIP_X : of.TIP_Z + 1]
         grip = shown[:, :, of.GRIP_X : of.GRIP_Z + 1]
-        return Showing(shown[:, :, of.CONTACT_X], tip, shown[:, :, of.HOLDING], grip, shapes)
+        return Trace(shown[:, :, of.CONTACT_X], tip, shown[:, :, of.HOLDING], grip, shapes)
 
     def retire(self, gone: NDArray[np.bool_]) -> None:
         """End the strips `gone` (n,): they keep their shape and are no longer computed."""

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.strip.engine import StripMotion
 from drivers.strip.grip_path import true_path
 from drivers.strip.model import StripModel
-from drivers.strip.rod.engine import Rod, Showing
+from drivers.strip.rod.engine import Rod, Trace
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
@@ -55,7 +55,7 @@ def simulate_all(
     simulated = len(observed[0])
     motions = []
     for i, (path, count, shapes) in enumerate(zip(paths, counts, kept, strict=True)):
-        seen = Showing._make([*(channel[:, i] for channel in observed), shapes])
+        seen = Trace._make([*(channel[:, i] for channel in observed), shapes])
         steps, touch = min(count, simulated), rod.touch[i]
         motions.append(_motion_of_strip(seen, poses[:, i], path, steps, touch, dt, stride))
     return motions
@@ -66,7 +66,7 @@ def _follow_in_pieces(
 ) -> list[Array]:
     """Follow `poses` (k, n, 3) in calls of about PIECE_TIME until all strips have ended.
 
-    Strip i ends after `counts[i]` steps at the latest. Returns the observables of `Showing` but for
+    Strip i ends after `counts[i]` steps at the latest. Returns the observables of `Trace` but for
     the shapes, each (k, n, ...), and writes every `every`th shape of strip i into `kept[i]`.
     """
     stride = every or len(poses) + 1
@@ -104,7 +104,7 @@ def _start_poses(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> 
 
 
 def _motion_of_strip(
-    seen: Showing,
+    seen: Trace,
     poses: Array,
     path: GripperPath,
     count: int,

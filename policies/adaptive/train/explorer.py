@@ -15,7 +15,7 @@ NEVER = 1_000_000  # kept decisions, more than any fold has
 UNSWITCHED = 0.25  # share of the folds with random rises whose rise is never switched
 
 
-class Silent(Critic):
+class NullCritic(Critic):
     """Placeholder critic whose weights are all zero, for folds before any training."""
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ class Explorer(Adaptive):
         switches: bool = True,
     ) -> None:
         """Perturb rises once by `perturbation` [m] if `switches`; decide at `rate` [Hz]."""
-        super().__init__(critic or Silent())
+        super().__init__(critic or NullCritic())
         self._random_rises, self._switches = critic is None, switches
         self._perturbation, self._rng = perturbation, rng
         self._latest = int(LATEST * rate) // INPUT_STRIDE

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
-from drivers.strip.cantilever import SEGMENTS, Hanging, NoRest, hang, hinges
+from drivers.strip.cantilever import SEGMENTS, HangingStrip, NoRest, hang, hinges
 from drivers.types import Array
 
 
-def elastica(hanging: Hanging, curvature: float, clamp: float) -> Array:
+def elastica(hanging: HangingStrip, curvature: float, clamp: float) -> Array:
     """Points at the nodes by collocation of EI theta'' = w (L - s) cos(theta)."""
     c, length = hanging.bending_length, hanging.arc[-1]
 
