@@ -15,7 +15,7 @@ from cell.gap.fitting.projection import Projection, projection
 from cell.gap.fitting.starts import nominal
 from cell.gap.fitting.tasks import run_all
 from cell.gap.opening import open_subject
-from cell.gap.selection.screening import Probed, probe
+from cell.gap.selection.screening import ProbeResponses, probe
 from cell.gap.subject.run_folders import (
     TABLES,
     RunFolder,
@@ -292,7 +292,7 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
             words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
             yield _finding(IDENTIFIABLE, words, "move faster, higher or longer")
     about = projection(stated, robustly=False)
-    library = [probe(stated, c) for c in subject.scope.candidates]
+    library = [probe(stated, c, steps=False) for c in subject.scope.candidates]
     directions: dict[str, Array] = {}
     for probed in run_all(subject.simulate, library):
         largest, name = _largest_response(about, probed), probed.candidate.name
@@ -308,8 +308,8 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
             yield _finding(IDENTIFIABLE, words, "fit, then `cell gap advise`")
 
 
-def _largest_response(about: Projection, probed: Probed) -> Array:
+def _largest_response(about: Projection, probed: ProbeResponses) -> Array:
     """Largest response (N,) of an effect to its own probes that the base cannot absorb."""
-    firsts = np.concatenate([group[:, :1] for group in probed.responses[1:]], axis=1)
+    firsts = np.concatenate([group[:, :1] for group in probed.responses], axis=1)
     left = about.left(firsts)
     return np.asarray(left[:, int(np.argmax(np.linalg.norm(left, axis=0)))])

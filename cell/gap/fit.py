@@ -18,7 +18,6 @@ from cell.gap.opening import open_subject
 from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
 from cell.gap.subject.run_folders import RunFolder, counted_once, find_runs, note
-from cell.gap.subject.subject import EditsModel, HasConsequences
 from cell.gap.verdict.accept import (
     BASE_PATCH,
     CELL_PATCH,
@@ -84,8 +83,7 @@ def fit(
     verdict = compose(found, time.monotonic() - began, simulate.total)
     deviates = deviations(subject.scope.base, verdict.base)
     notes = [*verdict.notes, *map(note, copies, copies.values()), *subject.notes]
-    if isinstance(subject, HasConsequences):
-        notes += subject.consequences(*_values(verdict))
+    notes += subject.consequences(*_values(verdict))
     verdict = verdict.model_copy(update={"notes": notes, "deviates": deviates})
     progress("write", 0.97)
     _write(found, verdict, file, out)
@@ -130,10 +128,9 @@ def _write_patches(found: Findings, verdict: Verdict, out: Path, source: str, na
 
 def _write_model(found: Findings, path: Path, base: Mapping[str, float], effects: Effects) -> None:
     """Write the accepted model of a subject that keeps one beside its file."""
-    if isinstance(found.subject, EditsModel):
-        text = found.subject.model_text(base, effects)
-        if text is not None:
-            write_file(path, text)
+    text = found.subject.model_text(base, effects)
+    if text is not None:
+        write_file(path, text)
 
 
 def _values(verdict: Verdict) -> tuple[dict[str, float], Effects]:

@@ -12,7 +12,7 @@ import numpy as np
 from cell.gap.diagnosis import lack_of_fit
 from cell.gap.diagnosis.invariance import Repeats
 from cell.gap.diagnosis.lack_of_fit import localise
-from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.reml import Spread, clearly_differ, estimate_spreads, with_scatter
@@ -26,7 +26,7 @@ from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import ranked_pairs
 from cell.gap.selection.search import BUDGET, other_signs
 from cell.gap.subject.subject import Subject
-from cell.gap.verdict.findings import Fitted, Screened
+from cell.gap.verdict.findings import BaseFit, Screen
 from drivers.types import Array
 
 Progress = Callable[[str, float], None]
@@ -52,7 +52,7 @@ def revised_base(
     return with_scatter(better or fits.base.estimate, found, whole), found
 
 
-def leading_models(fits: Fits) -> list[Validated]:
+def leading_models(fits: Fits) -> list[CrossValidatedFit]:
     """Models that lead the base: the one that predicts clearly better, and more probable ones."""
     by = fits.scale
     names = [fits.best.model.names] if margin(fits.best, fits.base, by).gain >= MIN_GAIN else []
@@ -61,7 +61,9 @@ def leading_models(fits: Fits) -> list[Validated]:
     return [m for name in dict.fromkeys(names) if (m := fits.of(name)) is not None]
 
 
-def better_base(simulate: Simulate, fits: Fits, leading: Sequence[Validated]) -> Estimate | None:
+def better_base(
+    simulate: Simulate, fits: Fits, leading: Sequence[CrossValidatedFit]
+) -> Estimate | None:
     """Refit the base from its values in `leading` models; None where that is not clearly better.
 
     A base that stopped in a local minimum leaves a gap that is none.
@@ -80,7 +82,11 @@ def better_base(simulate: Simulate, fits: Fits, leading: Sequence[Validated]) ->
 
 
 def refit_on_base(
-    simulate: Simulate, fits: Fits, base: Validated, found: Sequence[Spread], whole: Evidence
+    simulate: Simulate,
+    fits: Fits,
+    base: CrossValidatedFit,
+    found: Sequence[Spread],
+    whole: Evidence,
 ) -> Fits:
     """Refit the models of `fits` beside a new `base`, with the scatter `found` in runs `whole`.
 
@@ -93,7 +99,7 @@ def refit_on_base(
         tasks.append(refit(fit.model, known, start, _secants(fit, known), ROUGH_GAIN))
     done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
     fits = replace(fits, models=(base, *done))
-    placed = [*fits.of_size(1), *fits.worth(2)[: BUDGET.pairs]]
+    placed = [*fits.of_size(1), *fits.near_best(2)[: BUDGET.pairs]]
     return fits.merge(other_signs(simulate, fits, placed))
 
 
@@ -116,8 +122,8 @@ class ForwardSelection:
     subject: Subject
     simulate: Simulate
     progress: Progress
-    fitted: Fitted
-    screened: Screened
+    fitted: BaseFit
+    screened: Screen
 
     def refit_singles(self, fits: Fits) -> Fits:
         """Fit the most promising single effects beside the base, unless none can be accepted."""
@@ -159,7 +165,7 @@ class ForwardSelection:
             return fits
         return fits.merge(search.shape_parameters(self.simulate, fits))
 
-    def _accept(self, fits: Fits) -> Validated:
+    def _accept(self, fits: Fits) -> CrossValidatedFit:
         """The model that would be accepted if nothing else were fitted."""
         return choose(fits, posterior(fits, fits.scale)).accepted
 
@@ -189,7 +195,7 @@ class ForwardSelection:
         pairs = search.shortlist(simulate, base, pairs, candidates, most)
         fits = search.fit_scores(simulate, fits, pairs, candidates)
         fits = search.extend(simulate, fits, 1, candidates, probed)
-        fits = fits.merge(search.other_signs(simulate, fits, fits.worth(2)[:most]))
+        fits = fits.merge(search.other_signs(simulate, fits, fits.near_best(2)[:most]))
         if self._is_pair(fits) and _leaves_more(fits, anywhere=False):
             self.progress("refit triples", 0.7)
             fits = search.extend(simulate, fits, 2, candidates, probed)

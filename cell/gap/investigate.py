@@ -27,10 +27,10 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA, LikelihoodScale, family_wise, likelihood_scale
 from cell.gap.selection.posterior import posterior
 from cell.gap.selection.prior import filling_floor, immaterial
-from cell.gap.selection.screening import Probed, Score, detectable, probe, ranking, table
+from cell.gap.selection.screening import ProbeResponses, Score, detectable, probe, ranking, table
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.decide import in_doubt, kind
-from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
+from cell.gap.verdict.findings import Advice, BaseFit, Findings, Screen
 from cell.gap.verdict.judge import advice, chosen, judge, refit_held_out
 from cell.gap.verdict.offered_law import Names, offered_law
 
@@ -70,7 +70,7 @@ def investigate(
     shown = refit_held_out(subject, simulate, fitted.base, choice.accepted, unseen, rng)
     progress("advise", 0.95)
     is_gap = bool(choice.accepted.model.effects) or fitted.gap
-    advised = advice(subject, screened, choice, judged, simulate) if is_gap else Advised()
+    advised = advice(subject, screened, choice, judged, simulate) if is_gap else Advice()
     found = Findings(
         subject, tuple(held_out), fitted, screened, choice, sets, judged, shown, advised
     )
@@ -91,7 +91,7 @@ def _with_law(found: Findings, simulate: Simulate, rng: np.random.Generator) -> 
 
 def _fit_base(
     subject: Subject, runs: Evidence, simulate: Simulate, rng: np.random.Generator
-) -> Fitted:
+) -> BaseFit:
     """Fit the base from several starts, estimate run-to-run spreads, and test what it leaves."""
     rough = refit_base(simulate, Model(subject.scope.base), runs, rng)
     found = spreads(rough)
@@ -104,12 +104,12 @@ def _judge_base(
     scatter: Sequence[Spread],
     simulate: Simulate,
     rng: np.random.Generator,
-) -> Fitted:
+) -> BaseFit:
     """Refit the base finely from `rough`, and test what it leaves beyond noise and scatter."""
     base = refit_fine(subject, simulate, rough)
     repeats, noise = Repeats.of(base), lack_of_fit.noise_left(base, rng)
     allowed = lack_of_fit.slack(base.evidence, repeats.inflation)
-    return Fitted(
+    return BaseFit(
         base=run_one(simulate, validate(base)),
         repeats=repeats,
         misfit=lack_of_fit.lack_of_fit(base, noise, allowed),
@@ -131,24 +131,26 @@ def _is_strained(subject: Subject, base: Estimate) -> bool:
     return min(float(special.chdtrc(len(squares), squares.sum())), any_one) < ALPHA
 
 
-def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
+def _screen(subject: Subject, fitted: BaseFit, simulate: Simulate) -> Screen:
     """Probe all candidates at the refitted base, and score them."""
     base = fitted.base.estimate
     probed = run_all(simulate, [probe(base, c) for c in subject.scope.candidates])
     return _score_candidates(subject, fitted, probed)
 
 
-def _score_candidates(subject: Subject, fitted: Fitted, probed: Sequence[Probed]) -> Screened:
+def _score_candidates(
+    subject: Subject, fitted: BaseFit, probed: Sequence[ProbeResponses]
+) -> Screen:
     """Score the `probed` candidates by the linear screen at the refitted base.
 
-    Like the posterior it expects every effect of the library at an immaterial amount.
+    Like the posterior it gives every absent effect of the library its spike prior.
     """
     base, by = fitted.base.estimate, likelihood_scale([fitted.base])
     library = filling_floor(base, probed, believed=subject.scope.believed)
     about = projection(base, nuisance=immaterial(library))
     known = table(about, probed)
     singles = ranking(known)
-    return Screened(
+    return Screen(
         tuple(probed),
         known,
         tuple(singles),

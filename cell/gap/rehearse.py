@@ -26,7 +26,7 @@ from cell.gap.fitting.reml import spreads
 from cell.gap.fitting.starts import refit_base
 from cell.gap.strength import Ruler, drawn_path, twins
 from cell.gap.subject.run_folders import RunFolder, find_runs
-from cell.gap.subject.strip.runs import Measured, MeasuredRun, read_runs
+from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.strip.subject import Strip
 from cell.gap.subject.strip.synthetic import Instruments, rod_folds, write_fold
@@ -209,7 +209,7 @@ def differing(
     return model
 
 
-def instruments(run: Measured) -> Instruments:
+def instruments(run: FoldMeasurement) -> Instruments:
     """Simulated instruments with the noise that `run` states, with force where it was measured."""
     stated = run.sigma.model_dump(exclude_none=True, include={f.name for f in fields(Instruments)})
     return replace(Instruments(**stated), force=run.sigma.force if run.has_force else None)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cell.gap.verdict.schema import Gap, Interval, Measured, NamedEffect, Verdict
+from cell.gap.verdict.schema import Gap, Interval, NamedEffect, ValueWithUnit, Verdict
 from tests.lab.exam.case import Case
 from tests.support.gap_strip_cases import folds, written
 
@@ -46,7 +46,7 @@ def named(
 ) -> Verdict:
     """A verdict that names effects."""
     values = {
-        key: Measured(value=v, low=low, high=high, unit="")
+        key: ValueWithUnit(value=v, low=low, high=high, unit="")
         for key, (v, low, high) in (parameters or {}).items()
     }
     effects = [

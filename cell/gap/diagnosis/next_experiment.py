@@ -19,7 +19,7 @@ REMEDY_SHARE = 0.5  # of a spread from run to run, that a remedy would leave; se
 
 
 @dataclass(frozen=True, slots=True)
-class Advice:
+class RatedExperiment:
     """An experiment and by how many sigma it would separate two explanations."""
 
     experiment: Experiment
@@ -37,7 +37,7 @@ def advise(
     second: tuple[Model, Array],
     experiments: Sequence[Experiment],
     by: LikelihoodScale,
-) -> Task[list[Advice]]:
+) -> Task[list[RatedExperiment]]:
     """Experiments by expected separation per minute, best first; yields simulations.
 
     `second` is a model with its shared values (P,). What the first explanation's parameters may
@@ -60,7 +60,7 @@ def advise(
         square = _unabsorbed_square(difference, jacobians[i], block_diag(known, own))
         sigma = float(np.sqrt(max(0.0, square)))
         pair = (first.model.name, model.name)
-        found.append(Advice(experiment, pair, sigma / by.scale / by.inefficiency**0.5))
+        found.append(RatedExperiment(experiment, pair, sigma / by.scale / by.inefficiency**0.5))
     return sorted(found, key=lambda a: -a.rate)
 
 

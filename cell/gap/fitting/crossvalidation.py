@@ -69,7 +69,7 @@ CROSS_VALIDATION = CrossValidation()
 
 
 @dataclass(frozen=True, slots=True)
-class Validated:
+class CrossValidatedFit:
     """A fitted model with its cross-validation: whitened residuals (n,) of each run left out.
 
     `uncertain` (n, k) by run are its responses to one standard deviation of the shared values under
@@ -113,7 +113,7 @@ def folds(runs: Sequence[Run], most: int = CROSS_VALIDATION.most) -> list[list[i
 
 
 @dataclass(frozen=True, slots=True)
-class _Predicted:
+class _FoldPrediction:
     """Runs of one fold, predicted from the fit to all others.
 
     Per run: whitened `residuals` (n,), `uncertain` responses (n, k), and the `penalty` (runs,)
@@ -126,7 +126,7 @@ class _Predicted:
     penalty: Array
 
 
-def validate(estimate: Estimate) -> Task[Validated]:
+def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
     """Predict every run of `estimate` from the fit to the other folds; yields simulations."""
     dealt = folds(estimate.evidence.runs)
     parts = yield from side_by_side([_predict_fold(estimate, fold) for fold in dealt])
@@ -139,10 +139,10 @@ def validate(estimate: Estimate) -> Task[Validated]:
         charged[part.fold] = part.penalty
     order = range(len(charged))
     predicted, responses = tuple(left_out[i] for i in order), tuple(uncertain[i] for i in order)
-    return Validated(estimate, predicted, responses, charged)
+    return CrossValidatedFit(estimate, predicted, responses, charged)
 
 
-def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[_Predicted]:
+def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[_FoldPrediction]:
     """Prediction of the runs of `fold` under the fit to all others; yields simulations.
 
     Penalised by the number of shared values that only the fold determines, at its first run, and by
@@ -157,7 +157,7 @@ def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[_Predicted]:
     penalty[0] += undetermined.sum()
     deviations = _deviations(estimate.on(keep), shared, undetermined)
     uncertain = [_settled_response(estimate, i) @ deviations for i in fold]
-    return _Predicted(fold, residuals(raw, unseen), uncertain, penalty)
+    return _FoldPrediction(fold, residuals(raw, unseen), uncertain, penalty)
 
 
 def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, normal_equations.Mask]:

@@ -110,7 +110,7 @@ def _step_one(values: Array, i: int, h: float) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Stepping:
+class StepControl:
     """Step control of a Gauss-Newton fit, in shares of the decrease that a step predicted.
 
     A fit ends after `steps`. A Jacobian is kept where the decrease is in the range `trusted`; in
@@ -127,7 +127,7 @@ class Stepping:
     damping: float = 1e-3
 
 
-STEPPING = Stepping()
+STEP_CONTROL = StepControl()
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +195,7 @@ def refit(
     start: Point,
     jacobians: tuple[Array, ...] | None = None,
     enough: float = FINAL_GAIN,
-    steps: int = STEPPING.steps,
+    steps: int = STEP_CONTROL.steps,
     *,
     both_ways: bool = False,
 ) -> Task[Estimate]:
@@ -232,9 +232,13 @@ def refit(
         share = gain / promised
         if gain <= 0.0 and fresh:
             break
-        stalled = stalled + 1 if fresh and share < STEPPING.stalled else 0
-        trusted = STEPPING.trusted[0] < share < STEPPING.trusted[1]
-        mended = not trusted and not mended and STEPPING.mendable[0] < share < STEPPING.mendable[1]
+        stalled = stalled + 1 if fresh and share < STEP_CONTROL.stalled else 0
+        trusted = STEP_CONTROL.trusted[0] < share < STEP_CONTROL.trusted[1]
+        mended = (
+            not trusted
+            and not mended
+            and STEP_CONTROL.mendable[0] < share < STEP_CONTROL.mendable[1]
+        )
         fresh = not trusted and not mended
         if mended:
             jacobians = _broyden_update(search, trial.z - z, raw, trial.raw)
@@ -295,8 +299,8 @@ def _line_search(search: _Search, z: Array, step: Array, r: Sequence[Array]) -> 
     if full.objective < search.start_value:
         return full
     bend = _second_order_step(search, z, step, r, residuals(full.raw, search.evidence))
-    points = [z + f * step + f * f * bend for f in STEPPING.parabola]
-    trials = yield from _evaluate(search, [*points, z + STEPPING.parabola[-1] * step])
+    points = [z + f * step + f * f * bend for f in STEP_CONTROL.parabola]
+    trials = yield from _evaluate(search, [*points, z + STEP_CONTROL.parabola[-1] * step])
     return min(trials, key=lambda trial: trial.objective)
 
 
@@ -316,7 +320,7 @@ def _second_order_step(
     gradient = np.zeros_like(z)
     for i, (d, jacobian) in enumerate(zip(beyond, search.jacobians, strict=True)):
         gradient[place.columns(i)] += jacobian.T @ d / search.scale**2
-    damped = search.curvature + STEPPING.damping * np.diag(np.diag(search.curvature))
+    damped = search.curvature + STEP_CONTROL.damping * np.diag(np.diag(search.curvature))
     inside = np.clip(z + step, limits.low, limits.high)
     return normal_equations.bounded_step(normal_equations.Normal(gradient, damped), inside, limits)
 
@@ -355,7 +359,7 @@ def _evaluate(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
     return trials
 
 
-def settle(estimate: Estimate) -> Task[Estimate]:
+def final_fit(estimate: Estimate) -> Task[Estimate]:
     """Refit `estimate` with two-sided slopes, weighting down samples that respond nonlinearly."""
     start = yield from _with_slope_errors(estimate)
     refitted = yield from refit(

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import FuncNorm
@@ -15,11 +14,11 @@ from cell.gap.diagnosis.lack_of_fit import Bin
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import requests
 from cell.gap.report.sentence import motion
-from cell.gap.subject.scene import Draws, Scene
-from cell.gap.subject.subject import Quantity
+from cell.gap.subject.scene import Scene
+from cell.gap.subject.subject import Quantity, Subject
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Compared
-from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, STYLE, as_svg
+from cell.gap.verdict.schema import CandidateEntry
+from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, as_svg, canvas
 from drivers.types import Array
 
 FAINT_COLOUR, COLOUR_BEFORE, COLOUR_AFTER = MUTED, ORANGE, BLUE
@@ -29,7 +28,7 @@ MOST_BARS = 14  # candidates in a figure
 
 
 @dataclass(frozen=True, slots=True)
-class Replayed:
+class Replay:
     """A run as measured and as simulated; `after` is None where no effect was accepted."""
 
     name: str
@@ -39,11 +38,9 @@ class Replayed:
     after: Scene | None
 
 
-def replay(found: Findings, *, held_out_only: bool = False) -> Iterator[Replayed]:
+def replay(found: Findings, *, held_out_only: bool = False) -> Iterator[Replay]:
     """Simulate runs under the refitted base and the accepted model, held-out ones first."""
     subject, shown = found.subject, found.shown
-    if not isinstance(subject, Draws):
-        return
     pairs = [(True, shown.before, shown.after if shown.changed else None)]
     if not held_out_only:
         base, best = found.base.estimate, found.accepted.estimate
@@ -53,10 +50,10 @@ def replay(found: Findings, *, held_out_only: bool = False) -> Iterator[Replayed
         scenes_before = _scenes(subject, before)
         scenes_after = [None] * len(runs) if after is None else _scenes(subject, after)
         for run, old, new in zip(runs, scenes_before, scenes_after, strict=True):
-            yield Replayed(run.name, held_out, subject.draw_measured(run), old, new)
+            yield Replay(run.name, held_out, subject.draw_measured(run), old, new)
 
 
-def _scenes(subject: Draws, estimate: Estimate) -> Sequence[Scene | None]:
+def _scenes(subject: Subject, estimate: Estimate) -> Sequence[Scene | None]:
     asked = requests(estimate.model, estimate.evidence.runs, estimate.point)
     return subject.draw_simulated(asked)
 
@@ -65,8 +62,7 @@ def blank(
     width: float, height: float, rows: int = 1, columns: int = 1
 ) -> tuple[Figure, list[Axes]]:
     """Empty figure of `width` by `height` [inch] with rows by columns of plain axes."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
+    with canvas(width, height) as figure:
         axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
     for axis in axes:
         axis.tick_params(colors=INK, labelsize=8)
@@ -115,7 +111,7 @@ def _slant_labels(labels: Sequence[str], width: float) -> dict[str, Any]:
     return {"rotation": 40, "ha": "right", "rotation_mode": "anchor"}
 
 
-def candidate_bars(rows: Sequence[Compared], accepted: str) -> str:
+def candidate_bars(rows: Sequence[CandidateEntry], accepted: str) -> str:
     """Bars of the nats that candidates gain on runs left out, with standard errors over runs."""
     shown = list(rows)[:MOST_BARS][::-1]  # bars stand from the bottom up
     figure, axes = blank(7.0, 0.6 + 0.27 * len(shown))
@@ -170,7 +166,7 @@ def residual_traces(
     return as_svg(figure)
 
 
-def midlines(run: Replayed) -> str:
+def midlines(run: Replay) -> str:
     """Figure of the lifted part of a run's curve at four moments: measured, before and after."""
     measured = run.measured.curve
     if measured is None or not len(measured.t):
@@ -188,7 +184,7 @@ def midlines(run: Replayed) -> str:
     return as_svg(figure)
 
 
-def _midline(axis: Axes, run: Replayed, k: int) -> None:
+def _midline(axis: Axes, run: Replay, k: int) -> None:
     """Draw image number `k`, as far as its midline was seen."""
     points = 1e3 * run.measured.curve.points[k] if run.measured.curve else np.zeros((1, 2))
     axis.plot(*points.T, "o", ms=3.5, color=INK, alpha=0.35, mew=0, label="measured")

@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cell.gap.report.figures import COLOUR_AFTER, COLOUR_BEFORE, Replayed, replay
+from cell.gap.report.figures import COLOUR_AFTER, COLOUR_BEFORE, Replay, replay
 from cell.gap.report.sentence import headline, sentence
 from cell.gap.subject.scene import Scene
 from cell.gap.verdict.findings import Findings
@@ -35,7 +35,7 @@ def write_overlay(found: Findings, verdict: Verdict, path: Path) -> None:
     write_recording(found.subject.name, list(replay(found)), path, words)
 
 
-def write_recording(name: str, runs: Sequence[Replayed], path: Path, words: str) -> None:
+def write_recording(name: str, runs: Sequence[Replay], path: Path, words: str) -> None:
     """Write the Rerun recording of `runs` of the subject `name` with `words`, its verdict.
 
     Raises ConfigurationError where it cannot be written.
@@ -51,7 +51,7 @@ def write_recording(name: str, runs: Sequence[Replayed], path: Path, words: str)
         raise ConfigurationError(f"{path}: cannot be written: {error}") from None
 
 
-def blueprint(runs: Sequence[Replayed]) -> Any:
+def blueprint(runs: Sequence[Replay]) -> Any:
     """Rerun layout with a tab for each run: curve and events on the left, plots on the right.
 
     A subject without curves has its plots only.
@@ -68,7 +68,7 @@ def blueprint(runs: Sequence[Replayed]) -> Any:
     )
 
 
-def _run_tab(run: Replayed) -> Any:
+def _run_tab(run: Replay) -> Any:
     name = f"{run.name} (held out)" if run.held_out else run.name
     root = _root(run.name)
     titles = dict.fromkeys(s.title for _, scene in _scenes(run) for s in scene.signals)
@@ -92,7 +92,7 @@ def _run_tab(run: Replayed) -> Any:
     return rrb.Horizontal(left, rrb.Vertical(*plots), name=name)
 
 
-def _log_run(recording: rr.RecordingStream, run: Replayed) -> None:
+def _log_run(recording: rr.RecordingStream, run: Replay) -> None:
     """Log the signals, curve, tracks and events of a run, measured and simulated."""
     root = _root(run.name)
     if run.measured.curve is not None:
@@ -152,7 +152,7 @@ def _send_columns(
         recording.send_columns(entity, [rr.TimeColumn("t", duration=t)], columns)
 
 
-def _scenes(run: Replayed) -> Iterator[tuple[str, Scene]]:
+def _scenes(run: Replay) -> Iterator[tuple[str, Scene]]:
     for word, scene in (("measured", run.measured), ("before", run.before), ("after", run.after)):
         if scene is not None:
             yield word, scene

@@ -28,10 +28,10 @@ from cell.gap.report.sentence import (
     unit,
 )
 from cell.gap.selection.likelihood import MIN_GAIN
-from cell.gap.subject.subject import EditsModel, Parameter, Run
+from cell.gap.subject.subject import Parameter, Run
 from cell.gap.verdict.compose import LISTED
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Compared, Interval, Kind, Verdict
+from cell.gap.verdict.schema import CandidateEntry, Interval, Kind, Verdict
 from cell.report.kit import Tone
 from cell.report.kit import page as document
 from cell.report.verdict import Verdict as Card
@@ -113,7 +113,7 @@ def _effect_names(names: Sequence[str]) -> str:
     return " + ".join(names) or "the base alone"
 
 
-def _candidate_row(row: Compared, best: bool) -> dict[str, Any]:
+def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
     same = "" if row.invariance_p is None else probability(row.invariance_p)
     return {
         "name": row.name,
@@ -283,10 +283,7 @@ def _verdict_card(found: Findings, verdict: Verdict) -> Card:
 
 def _next_commands(found: Findings, verdict: Verdict) -> list[str]:
     """Sentences on the commands to type next, for the folder where the fit was called."""
-    name = f"--strip configs/strips/{found.subject.name}.yaml"
-    if isinstance(found.subject, EditsModel):
-        name = "--model FILE"
-    todo = []
+    name, todo = found.subject.option, []
     if verdict.verdict == "named":
         todo += [f"`cell gap accept OUT {name}` puts it into the file; `cell gap undo OUT {name}` "
                  "takes it back."]  # fmt: skip

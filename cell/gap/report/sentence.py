@@ -8,7 +8,7 @@ from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.decide import lone_run
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Deviation, Measured, Verdict
+from cell.gap.verdict.schema import Deviation, ValueWithUnit, Verdict
 
 POWERS = {"^2": "²", "^3": "³", "^4": "⁴"}
 SMALL_UNITS = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "kg": (1e3, "g")}
@@ -63,7 +63,7 @@ def quantity(value: float, of: str) -> str:
     )
 
 
-def interval(value: Measured) -> str:
+def interval(value: ValueWithUnit) -> str:
     """Text of an estimate with its interval and unit."""
     if value.low is None or value.high is None:
         return quantity(value.value, value.unit)
@@ -199,7 +199,7 @@ def deviation(deviates: Sequence[Deviation]) -> str:
     return f"not as the file states: {'; '.join(parts)}"
 
 
-def _parameter_values(parameters: dict[str, Measured]) -> str:
+def _parameter_values(parameters: dict[str, ValueWithUnit]) -> str:
     return ", ".join(
         f"{name.replace('_', ' ')} {quantity(v.value, v.unit)}" for name, v in parameters.items()
     )

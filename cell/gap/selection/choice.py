@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.gap.fitting import robust
-from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, margin
 from cell.gap.selection.posterior import Posterior
@@ -24,7 +24,7 @@ PRESENT = 0.5  # inclusion probability from which an effect is rather there than
 class Choice:
     """The accepted model (the base where none is), all fits, and the scale of their comparison."""
 
-    accepted: Validated
+    accepted: CrossValidatedFit
     fits: Fits
     by: LikelihoodScale
 
@@ -34,7 +34,7 @@ def choose(fits: Fits, sets: Posterior) -> Choice:
     return Choice(next(needed_models(fits, sets), fits.base), fits, fits.scale)
 
 
-def needed_models(fits: Fits, sets: Posterior) -> Iterator[Validated]:
+def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
     """Models of which each effect is needed, the most probable first.
 
     A model clearly leads each fitted part of it, the base too, and predicts runs left out better:
@@ -42,7 +42,7 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[Validated]:
     """
     scale = fits.scale.scale
 
-    def leads(model: Validated, part: Validated) -> bool:
+    def leads(model: CrossValidatedFit, part: CrossValidatedFit) -> bool:
         lead = sets.lead(model.model.names) - sets.lead(part.model.names)
         return lead > MIN_GAIN and bool(model.losses(scale).sum() < part.losses(scale).sum())
 
@@ -58,7 +58,7 @@ def is_exhausted(fits: Fits) -> bool:
     return leaves_nothing(fits.best, fits)
 
 
-def leaves_nothing(model: Validated, fits: Fits) -> bool:
+def leaves_nothing(model: CrossValidatedFit, fits: Fits) -> bool:
     """Whether effects of `model` leave less on runs left out than a further one has to gain.
 
     Beyond what immaterial amounts of all effects leave there. On the likelihood scale of a model
@@ -73,7 +73,9 @@ def leaves_nothing(model: Validated, fits: Fits) -> bool:
     return _beyond_model_error(left, model, fits, ideal) < fits.unresolved + MIN_GAIN
 
 
-def _beyond_model_error(left: Array, model: Validated, fits: Fits, by: LikelihoodScale) -> float:
+def _beyond_model_error(
+    left: Array, model: CrossValidatedFit, fits: Fits, by: LikelihoodScale
+) -> float:
     """Sum of what is `left` (R,) [nats] in each run, less what errors of its laws may explain.
 
     What a law gets wrong of what it explains in a run, another effect would absorb there.
@@ -87,16 +89,16 @@ def _beyond_model_error(left: Array, model: Validated, fits: Fits, by: Likelihoo
 class Alternative:
     """A rival of the accepted model, and the nats by which it is `behind`."""
 
-    model: Validated
+    model: CrossValidatedFit
     behind: float
 
 
-def rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative]:
+def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Alternative]:
     """Models that explain the runs about as well as the accepted one, and more probable ones."""
     return [*probable_rivals(accepted, fits, sets), *more_probable(accepted, fits, sets)]
 
 
-def probable_rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative]:
+def probable_rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Alternative]:
     """Models of as many effects as the accepted one that the posterior does not exclude.
 
     Excluded is what is less than ALPHA times as probable, beyond what errors of laws may decide.
@@ -110,7 +112,7 @@ def probable_rivals(accepted: Validated, fits: Fits, sets: Posterior) -> list[Al
     return sorted(found, key=lambda r: r.behind)
 
 
-def _law_error(accepted: Validated, rival: Alternative, sets: Posterior) -> float:
+def _law_error(accepted: CrossValidatedFit, rival: Alternative, sets: Posterior) -> float:
     """Nats by which a rival may be behind `accepted` though it is true, since no law is exact.
 
     The share LAW_ERROR of what the accepted set gains over the base, but at most the share
@@ -124,11 +126,13 @@ def _law_error(accepted: Validated, rival: Alternative, sets: Posterior) -> floa
     return max(0.0, min(LAW_ERROR * lead, EXPLAINED * gain))
 
 
-def _alternative(accepted: Validated, other: Validated, sets: Posterior) -> Alternative:
+def _alternative(
+    accepted: CrossValidatedFit, other: CrossValidatedFit, sets: Posterior
+) -> Alternative:
     return Alternative(other, sets.lead(accepted.model.names) - sets.lead(other.model.names))
 
 
-def more_probable(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alternative]:
+def more_probable(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Alternative]:
     """For each improbable accepted effect, the most probable fitted model without it.
 
     The model of no effect does not count: whether there is a gap at all is decided elsewhere.
@@ -143,7 +147,7 @@ def more_probable(accepted: Validated, fits: Fits, sets: Posterior) -> list[Alte
     return found
 
 
-def classes(accepted: Validated, found: Sequence[Alternative]) -> list[list[str]]:
+def classes(accepted: CrossValidatedFit, found: Sequence[Alternative]) -> list[list[str]]:
     """Classes of effects, by name, that the runs cannot separate from one another.
 
     Rivals that differ in one effect give the class of the two effects; those that share none

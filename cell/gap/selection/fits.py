@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import best
 from cell.gap.selection.likelihood import LikelihoodScale, likelihood_scale, margin
@@ -22,11 +22,11 @@ class Fits:
     `library` has the whitened response (N, k) to the amount of each effect that fills the floor.
     """
 
-    models: tuple[Validated, ...]
+    models: tuple[CrossValidatedFit, ...]
     library: Mapping[str, Array] = field(default_factory=dict)
 
     @property
-    def base(self) -> Validated:
+    def base(self) -> CrossValidatedFit:
         """The model without effects."""
         return next(m for m in self.models if not m.model.effects)
 
@@ -37,29 +37,29 @@ class Fits:
 
     @property
     def immaterial(self) -> list[Array]:
-        """Whitened responses (N, k) to an immaterial amount of each effect."""
+        """Whitened responses (N, k) to one sigma of each effect's spike prior."""
         return immaterial(self.library)
 
     @property
     def unresolved(self) -> float:
-        """Mean [nats] of what immaterial effects leave once the base absorbs what it can."""
+        """Mean [nats] of what the spike prior leaves once the base absorbs what it can."""
         left = projection(self.base.estimate, robustly=False).left
         return 0.5 * sum(float(np.sum(response * left(response))) for response in self.immaterial)
 
-    def of_size(self, size: int) -> list[Validated]:
+    def of_size(self, size: int) -> list[CrossValidatedFit]:
         """Models of `size` effects, the one that predicts best first."""
         return by_loss([m for m in self.models if len(m.model.effects) == size], self.scale)
 
-    def of(self, names: frozenset[str]) -> Validated | None:
+    def of(self, names: frozenset[str]) -> CrossValidatedFit | None:
         """The model with exactly these effects, if it was fitted."""
         return next((m for m in self.models if m.model.names == names), None)
 
     @property
-    def best(self) -> Validated:
+    def best(self) -> CrossValidatedFit:
         """The model that predicts best, whatever its size."""
         return by_loss(self.models, self.scale)[0]
 
-    def worth(self, size: int, share: float = GAIN_SHARE) -> list[Validated]:
+    def near_best(self, size: int, share: float = GAIN_SHARE) -> list[CrossValidatedFit]:
         """Models of `size` effects that gain over the `share` of what the best of them gains."""
         if not size:
             return []
@@ -67,7 +67,7 @@ class Fits:
         gains = [margin(m, self.base, by).gain for m in models]
         return [m for m, gain in zip(models, gains, strict=True) if gain > share * gains[0]]
 
-    def merge(self, more: Sequence[Validated]) -> "Fits":
+    def merge(self, more: Sequence[CrossValidatedFit]) -> "Fits":
         """Fits with `more` added; of two fits of the same effects the better one is kept."""
         found = {m.model.names: m for m in self.models}
         for m in more:
@@ -77,6 +77,6 @@ class Fits:
         return replace(self, models=tuple(found.values()))
 
 
-def by_loss(models: Sequence[Validated], by: LikelihoodScale) -> list[Validated]:
+def by_loss(models: Sequence[CrossValidatedFit], by: LikelihoodScale) -> list[CrossValidatedFit]:
     """Sort `models` by their predictive loss, the best first."""
     return sorted(models, key=lambda m: (float(m.losses(by.scale).sum()), m.model.name))

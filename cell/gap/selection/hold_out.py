@@ -17,7 +17,7 @@ from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Sparing:
+class HoldOutLimits:
     """Thresholds by which runs are held out. Source: set by hand.
 
     One condition in `every`, unless without it the share `needed` of the information on an effect
@@ -31,7 +31,7 @@ class Sparing:
     shown: float = 1.0
 
 
-SPARING = Sparing()
+LIMITS = HoldOutLimits()
 
 
 def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -> list[str]:
@@ -50,7 +50,7 @@ def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -
     held = _dispensable_runs(conditions, information)
     for condition in conditions:
         is_free = len(condition) > 1 and not set(condition) & set(held)
-        if is_free and information.largest_loss(condition) >= SPARING.alone:
+        if is_free and information.largest_loss(condition) >= LIMITS.alone:
             held += condition[-1:]
     if not held and len(conditions) > 1:
         held = conditions[1]
@@ -58,12 +58,12 @@ def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -
 
 
 def _dispensable_runs(conditions: Sequence[list[int]], information: "Informativeness") -> list[int]:
-    """Numbers of the runs to hold out: one condition in `SPARING.every` that others can spare."""
+    """Numbers of the runs to hold out: one condition in `LIMITS.every` that others can spare."""
     held: list[int] = []
-    for first in range(1, len(conditions), SPARING.every):
+    for first in range(1, len(conditions), LIMITS.every):
         for condition in (*conditions[first:], *conditions[:first]):
             is_free = not set(condition) & set(held)
-            if is_free and information.largest_loss([*held, *condition]) < SPARING.needed:
+            if is_free and information.largest_loss([*held, *condition]) < LIMITS.needed:
                 held += condition
                 break
     return held
@@ -95,7 +95,7 @@ class Informativeness:
     def largest_loss(self, without: Sequence[int]) -> float:
         """Largest share of the information on any effect that is lost without these runs."""
         kept = [i for i in range(len(self._responses)) if i not in without]
-        shown = self._all > SPARING.shown
+        shown = self._all > LIMITS.shown
         if not kept or not shown.any():
             return float(not kept)
         return float((1.0 - self._information(kept)[shown] / self._all[shown]).max())

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import special
 
 from cell.gap.fitting import robust
-from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from drivers.types import Array
 
 MIN_GAIN = 4.0  # nats, 55 times as likely: "strong" (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
@@ -26,12 +26,12 @@ class LikelihoodScale:
     inefficiency: float
 
 
-def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
+def likelihood_scale(models: Sequence[CrossValidatedFit]) -> LikelihoodScale:
     """Scale of log-likelihoods from the model of `models` that fits best."""
     best = min(models, key=lambda m: (m.estimate.scale, m.estimate.objective))
     scale = best.estimate.scale
-    worth = robust.inefficiency(best.estimate.evidence.runs, best.estimate.residuals)
-    return LikelihoodScale(scale, worth)
+    inefficiency = robust.inefficiency(best.estimate.evidence.runs, best.estimate.residuals)
+    return LikelihoodScale(scale, inefficiency)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +52,14 @@ class Margin:
         return float(np.sqrt(n) * self.each.std(ddof=1)) if n > 1 else 0.0
 
 
-def margin(model: Validated, other: Validated, by: LikelihoodScale) -> Margin:
+def margin(model: CrossValidatedFit, other: CrossValidatedFit, by: LikelihoodScale) -> Margin:
     """Margin of `model` over `other`, nested or not."""
     return Margin((other.losses(by.scale) - model.losses(by.scale)) / by.inefficiency)
 
 
-def likelihood_ratio(model: Validated, part: Validated, by: LikelihoodScale) -> float:
+def likelihood_ratio(
+    model: CrossValidatedFit, part: CrossValidatedFit, by: LikelihoodScale
+) -> float:
     """p-value of `model` against a `part` of it (Wilks 1938); conservative for a fixed sign."""
     loss = sum(float(robust.loss(r / by.scale).sum()) for r in model.estimate.residuals)
     nested = sum(float(robust.loss(r / by.scale).sum()) for r in part.estimate.residuals)

@@ -1,11 +1,10 @@
 """Posterior over sets of effects, by the evidence of linearised fits with stated priors.
 
 Residuals at the prior mean are normal. Their covariance is that of noise and floor, of the
-unknowns under their priors (`Parameter.spread`), of every other effect of the library at an
-immaterial amount (a spike that is no point: George and McCulloch 1993, J. Am. Stat. Assoc. 88,
-881), and of what a law gets wrong of what it explains, smooth in time (Kennedy and O'Hagan 2001,
-J. R. Stat. Soc. B 63, 425). The integral over the unknowns is Laplace's (MacKay 2003, Information
-Theory, chapter 28).
+unknowns under their priors (`Parameter.spread`), of the spike prior of every absent effect of the
+library (George and McCulloch 1993, J. Am. Stat. Assoc. 88, 881), and of a relative model error of
+each law, smooth in time (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63, 425). The integral over
+the unknowns is Laplace's (MacKay 2003, Information Theory, chapter 28).
 """
 
 from collections.abc import Callable
@@ -25,7 +24,7 @@ from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Weighed:
+class SetProbability:
     """A set of effects, its log evidence plus log prior [nats], and its probability."""
 
     names: frozenset[str]
@@ -37,7 +36,7 @@ class Weighed:
 class Posterior:
     """Probabilities of the fitted sets of effects, which sum to one; the most probable first."""
 
-    models: tuple[Weighed, ...]
+    models: tuple[SetProbability, ...]
 
     @property
     def inclusion(self) -> dict[str, float]:
@@ -70,7 +69,7 @@ def posterior(fits: Fits, by: LikelihoodScale, prior: Beliefs | None = None) -> 
     nats = [about.evidence(m.estimate) + odds * len(m.model.effects) for m in fits.models]
     shares = special.softmax(nats)
     rows = zip(fits.models, nats, shares, strict=True)
-    weighed = [Weighed(m.model.names, float(n), float(p)) for m, n, p in rows]
+    weighed = [SetProbability(m.model.names, float(n), float(p)) for m, n, p in rows]
     return Posterior(tuple(sorted(weighed, key=lambda w: (-w.nats, sorted(w.names)))))
 
 
@@ -97,14 +96,14 @@ class _About:
         return cls(base, weight, spikes, prior)
 
     def evidence(self, fit: Estimate) -> float:
-        """Log evidence [nats] of a fit, averaged over the possible errors of its laws."""
+        """Log evidence [nats] of a fit, averaged over relative model errors of its laws."""
         shares = self.prior.shares if fit.model.effects else (0.0,)
         mass = np.exp(-0.5 * np.square(np.array(shares) / self.prior.wrong))
         nats = [self._evidence_at(fit, share) for share in shares]
         return float(special.logsumexp(nats, b=mass / mass.sum()))
 
     def _evidence_at(self, fit: Estimate, share: float) -> float:
-        """Log evidence [nats] of a fit whose laws are wrong by the `share` of what they explain."""
+        """Log evidence [nats] of a fit whose laws have the relative model error `share`."""
         residual, jacobian = _in_units_of(self.base, fit)
         spikes = [s for name, s in self.spikes.items() if name not in fit.model.names]
         columns = np.concatenate([residual[:, None], jacobian, *spikes], axis=1)

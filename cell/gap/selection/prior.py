@@ -13,7 +13,7 @@ from pydantic import Field
 
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection
-from cell.gap.selection.screening import Probed
+from cell.gap.selection.screening import ProbeResponses
 from drivers.settings import Seconds, Settings, load
 from drivers.types import Array
 
@@ -22,12 +22,12 @@ LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
 
 
 class Beliefs(Settings):
-    """Content of beliefs.yaml: what is believed of the effects before runs are seen.
+    """Content of beliefs.yaml: the prior of the effects before runs are seen.
 
-    Of the library `expected` effects are present; an `immaterial` one responds with this share (one
-    sigma) of what the floor allows; a law is wrong by a share of what it explains, half-normal of
-    sigma `wrong`, summed over `shares`, with a correlation time `memory` [s]. `source` says where
-    the numbers come from, `belongs_to` the place of the file.
+    Of the library `expected` effects are present. The spike prior of an absent one has a response
+    of this share (one sigma, `immaterial`) of what the floor allows. The relative model error of a
+    law is half-normal of sigma `wrong`, summed over `shares`, with a correlation time `memory` [s].
+    `source` says where the numbers come from, `belongs_to` the place of the file.
     """
 
     expected: float = Field(gt=0.0)
@@ -41,11 +41,13 @@ class Beliefs(Settings):
 
 @cache
 def beliefs() -> Beliefs:
-    """Load the beliefs that the package ships."""
+    """Load the prior that the package ships."""
     return load(BELIEFS_FILE, Beliefs)
 
 
-def filling_floor(base: Estimate, probed: Sequence[Probed], *, believed: bool) -> dict[str, Array]:
+def filling_floor(
+    base: Estimate, probed: Sequence[ProbeResponses], *, believed: bool
+) -> dict[str, Array]:
     """Whitened responses (N, k) by name to the amount of each effect that fills the floor.
 
     One for each group of its probes that is seen once the base absorbs what it can: the amount
@@ -74,7 +76,7 @@ def filling_floor(base: Estimate, probed: Sequence[Probed], *, believed: bool) -
 
 
 def immaterial(library: Mapping[str, Array]) -> list[Array]:
-    """Whitened responses (N, k) to an immaterial amount of each effect.
+    """Whitened responses (N, k) to one sigma of each effect's spike prior.
 
     `library` has those to the amount that fills the floor.
     """

@@ -123,13 +123,13 @@ class Reach:
     """Limits within which a screen trusts responses to probes. Source: set by hand.
 
     A response is extrapolated to `farthest` times its probe; an unscaled probe is a start where it
-    gains the share `worth` of the best mix. Two responses differ by at least the share `alike` of
+    gains the `least_share` of the best mix. Two responses differ by at least the share `alike` of
     their square. An effect whose response per amount near null is below the share `steep` of that
     farther off has a threshold; one of a whitened response below `dead` changes nothing.
     """
 
     farthest: float = 3.0
-    worth: float = 0.3
+    least_share: float = 0.3
     alike: float = 1e-10
     steep: float = 0.3
     dead: float = 1e-6
@@ -139,7 +139,7 @@ DEFAULT_REACH = Reach()
 
 
 @dataclass(frozen=True, slots=True)
-class Probed:
+class ProbeResponses:
     """A candidate's groups of probes with the whitened responses (N, members) to each group.
 
     The first group are steps from the null, one parameter at a time, the others the candidate's
@@ -162,13 +162,14 @@ class Probed:
         return all(np.abs(d).max(initial=0.0) < DEFAULT_REACH.dead for d in self.responses)
 
 
-def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
-    """Simulate the probes of a candidate at the refitted base; yields simulations."""
+def probe(base: Estimate, candidate: Candidate, *, steps: bool = True) -> Task[ProbeResponses]:
+    """Simulate the probes of a candidate at the refitted base; yields simulations.
+
+    Without `steps` from the null, which a linear screen needs, only its own probes.
+    """
     model = Model(base.model.base, (*base.model.effects, candidate))
-    groups = (
-        _steps_from_null(candidate),
-        *(tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes),
-    )
+    own = tuple(tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes)
+    groups = (_steps_from_null(candidate), *own) if steps else own
     vectors = [v for group in groups for v in group]
     runs, local = base.evidence.runs, base.point.local
     asked = [
@@ -186,7 +187,7 @@ def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
     for group in groups:
         responses.append(np.array(columns[at : at + len(group)]).T)
         at += len(group)
-    return Probed(candidate, groups, tuple(responses))
+    return ProbeResponses(candidate, groups, tuple(responses))
 
 
 def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
@@ -207,12 +208,12 @@ class Table:
     `together` (G, G) is what two of these groups could gain at most [nats], in their order.
     """
 
-    probed: tuple[Probed, ...]
+    probed: tuple[ProbeResponses, ...]
     form: normal_equations.Normal
     columns: dict[tuple[str, int], Columns]
     together: Array
 
-    def most(self, members: Sequence[Probed]) -> Array:
+    def most(self, members: Sequence[ProbeResponses]) -> Array:
         """Largest gain [nats] of one candidate by group (groups,), of two (groups, groups)."""
         order = list(self.columns)
         rows = [[order.index((p.candidate.name, g)) for g in range(len(p.groups))] for p in members]
@@ -221,7 +222,7 @@ class Table:
         return np.asarray(self.together[np.ix_(*rows)])
 
 
-def table(about: Projection, probed: Sequence[Probed]) -> Table:
+def table(about: Projection, probed: Sequence[ProbeResponses]) -> Table:
     """Table of the probes of every candidate that changes something."""
     alive = tuple(p for p in probed if not p.dead)
     columns: dict[tuple[str, int], Columns] = {}
@@ -291,35 +292,37 @@ def _inverse(matrix: Array) -> Array:
     return np.asarray(np.linalg.pinv(matrix, rcond=1e-10, hermitian=True))
 
 
-def _score(known: Table, members: Sequence[Probed]) -> Score:
+def _score(known: Table, members: Sequence[ProbeResponses]) -> Score:
     """Score of the best mix of probes of one or more candidates, over all choices of groups.
 
     The amounts solve the bounded quadratic programme of the refitted objective: one-sided where
     physics fixes the sign. Groups are tried in the order of what they could gain, until no other
     can be better.
     """
-    best = Score(tuple(p.candidate.name for p in members), 0.0, {})
-    secants = {p.candidate.name: p.secants for p in members}
-    unscaled_gain, unscaled, probes_of_best = 0.0, dict[str, Array](), dict[str, Array]()
+    best, values_at_best = Score(tuple(p.candidate.name for p in members), 0.0, {}), {}
+    probe_gain, best_probe = 0.0, dict[str, Array]()  # of probes as they are, unscaled
     bounds = known.most(members)
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
-        if -bound <= best.gain and -bound <= max(unscaled_gain, DEFAULT_REACH.worth * best.gain):
+        worthwhile = DEFAULT_REACH.least_share * best.gain
+        if -bound <= min(best.gain, max(probe_gain, worthwhile)):
             break
         mix, gain, values = _best_mix(known, members, choice)
         if mix.gain > best.gain:
-            best, probes_of_best = mix, values
-        if gain > unscaled_gain and all(choice):  # group 0 holds steps, which are no probes
-            unscaled_gain, unscaled = gain, values
-    if unscaled_gain <= DEFAULT_REACH.worth * best.gain:
-        unscaled = probes_of_best if any(_has_threshold(p) for p in members) else {}
-    mirrored = _other_sign(known, members[0], best) if len(members) == 1 else None
+            best, values_at_best = mix, values
+        if gain > probe_gain and all(choice):  # group 0 holds steps, which are no probes
+            probe_gain, best_probe = gain, values
+    if probe_gain <= DEFAULT_REACH.least_share * best.gain:
+        best_probe = values_at_best if any(_has_threshold(p) for p in members) else {}
     return replace(
-        best, tried=_probes_to_fit(members, unscaled), mirrored=mirrored, secants=secants
+        best,
+        tried=_probes_to_fit(members, best_probe),
+        mirrored=_other_sign(known, members[0], best) if len(members) == 1 else None,
+        secants={p.candidate.name: p.secants for p in members},
     )
 
 
 def _probes_to_fit(
-    members: Sequence[Probed], unscaled: dict[str, Array]
+    members: Sequence[ProbeResponses], unscaled: dict[str, Array]
 ) -> tuple[dict[str, Array], ...]:
     """Values of the probes to fit from: `unscaled` or, of one effect with a threshold, every probe.
 
@@ -332,7 +335,7 @@ def _probes_to_fit(
     return (unscaled,) if unscaled else ()
 
 
-def _has_threshold(p: Probed) -> bool:
+def _has_threshold(p: ProbeResponses) -> bool:
     """Whether an effect responds far less per amount near its null than farther off.
 
     One of either sign at a place has none: it may respond more at another place.
@@ -347,7 +350,7 @@ def _has_threshold(p: Probed) -> bool:
     return bool(near < DEFAULT_REACH.steep * max(far, default=0.0))
 
 
-def _other_sign(known: Table, p: Probed, best: Score) -> dict[str, Array] | None:
+def _other_sign(known: Table, p: ProbeResponses, best: Score) -> dict[str, Array] | None:
     """Values of an effect at the place where it gains most with the sign opposite to `best`.
 
     None where it has no place, or gains with one sign alone.
@@ -362,7 +365,7 @@ def _other_sign(known: Table, p: Probed, best: Score) -> dict[str, Array] | None
 
 
 def _best_mix(
-    known: Table, members: Sequence[Probed], choice: tuple[int, ...]
+    known: Table, members: Sequence[ProbeResponses], choice: tuple[int, ...]
 ) -> tuple[Score, float, dict[str, Array]]:
     """Score of the best mix of the groups `choice`; gain and values of their unscaled probes."""
     names = tuple(p.candidate.name for p in members)
@@ -415,7 +418,7 @@ def _ends(candidate: Candidate) -> tuple[Array, Array]:
     return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
 
 
-def _values(chosen: Sequence[tuple[Probed, int]], amounts: Array) -> dict[str, Array]:
+def _values(chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array) -> dict[str, Array]:
     """Parameter values (k,) by effect of the probes mixed in `amounts` (probes,)."""
     values, at = {}, 0
     for p, group in chosen:
@@ -429,7 +432,7 @@ def _values(chosen: Sequence[tuple[Probed, int]], amounts: Array) -> dict[str, A
 
 
 def detectable(
-    about: Projection, probed: Sequence[Probed], by: LikelihoodScale
+    about: Projection, probed: Sequence[ProbeResponses], by: LikelihoodScale
 ) -> dict[str, float | None]:
     """Smallest detectable value of each effect's main parameter; None where none would show.
 
@@ -440,7 +443,7 @@ def detectable(
     return {p.candidate.name: None if p.dead else _smallest(about, p, by) for p in probed}
 
 
-def _smallest(about: Projection, probed: Probed, by: LikelihoodScale) -> float | None:
+def _smallest(about: Projection, probed: ProbeResponses, by: LikelihoodScale) -> float | None:
     """Detectable value of an effect's main parameter, by the probe that shows nearest to it."""
     sizes: list[tuple[float, float | None]] = []
     for group, responses in zip(probed.groups, probed.responses, strict=True):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.fitting.projection import projection
@@ -14,7 +14,7 @@ from cell.gap.fitting.tasks import Simulate, Task, run_all, side_by_side
 from cell.gap.selection.choice import is_exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, likelihood_ratio, margin
-from cell.gap.selection.screening import Probed, Score, Start, probe, ranking, starts, table
+from cell.gap.selection.screening import ProbeResponses, Score, Start, probe, ranking, starts, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
@@ -63,7 +63,7 @@ def fit_scores(
     scale = min(e.scale for e in every)
     least_gain = BUDGET.finish_share * _gain(base, best(every), scale)
     found = run_all(
-        simulate, [_finish(e, worth=_gain(base, e, scale) >= least_gain) for e in begun]
+        simulate, [_finish(e, promising=_gain(base, e, scale) >= least_gain) for e in begun]
     )
     return fits.merge(run_all(simulate, [validate(e) for e in found]))
 
@@ -101,9 +101,9 @@ def _gain(base: Estimate, estimate: Estimate, scale: float) -> float:
     return objective_of(base, scale) - objective_of(estimate, scale)
 
 
-def _finish(first: Estimate, *, worth: bool = True) -> Task[Estimate]:
-    """Continue the fit `first` to its end if it is `worth` that; returns the better of the two."""
-    if not worth:
+def _finish(first: Estimate, *, promising: bool) -> Task[Estimate]:
+    """Continue the fit `first` to its end if it is `promising`; returns the better of the two."""
+    if not promising:
         return first
     known = first.evidence
     done = yield from refit(first.model, known, first.point, first.jacobians, ROUGH_GAIN)
@@ -161,7 +161,7 @@ def extend(
     fits: Fits,
     size: int,
     candidates: Sequence[Candidate],
-    probed: Sequence[Probed],
+    probed: Sequence[ProbeResponses],
 ) -> Fits:
     """Fit the best models of `size` effects with one further effect each, and add them to `fits`.
 
@@ -171,7 +171,7 @@ def extend(
     beam = 1 if is_exhausted(fits) else BUDGET.beam
     scale, known = fits.scale.scale, with_shape_parameters(candidates, fits)
     expected: dict[tuple[str, ...], tuple[float, Score]] = {}
-    for fit in [m.estimate for m in fits.worth(size, BUDGET.beam_share)[:beam]]:
+    for fit in [m.estimate for m in fits.near_best(size, BUDGET.beam_share)[:beam]]:
         before, unit = objective_of(fit, scale), (fit.scale / scale) ** 2
         screened = _screen_further(simulate, fit, known, probed, fits.immaterial)
         for s in screened[: BUDGET.additions]:
@@ -189,9 +189,9 @@ def extend(
 def extend_where_shown(
     simulate: Simulate,
     fits: Fits,
-    models: Sequence[Validated],
+    models: Sequence[CrossValidatedFit],
     candidates: Sequence[Candidate],
-    probed: Sequence[Probed],
+    probed: Sequence[ProbeResponses],
 ) -> Fits:
     """Fit `models` with each further effect that the screen beside them clearly shows.
 
@@ -212,7 +212,7 @@ def _screen_further(
     simulate: Simulate,
     fit: Estimate,
     candidates: Sequence[Candidate],
-    probed: Sequence[Probed],
+    probed: Sequence[ProbeResponses],
     immaterial: Sequence[Array],
 ) -> list[Score]:
     """Scores of the effects to add to `fit`, probed at its values, the largest gain first.
@@ -227,7 +227,7 @@ def _screen_further(
     return ranking(table(about, again))
 
 
-def without_each(fits: Fits, accepted: Validated) -> list[Score]:
+def without_each(fits: Fits, accepted: CrossValidatedFit) -> list[Score]:
     """Scores of the `accepted` and of the best model, each without one of its effects.
 
     Fits start from their values: beside another effect a fit may have left a local minimum.
@@ -242,7 +242,7 @@ def without_each(fits: Fits, accepted: Validated) -> list[Score]:
 
 
 def substitutes(
-    simulate: Simulate, fits: Fits, accepted: Validated, candidates: Sequence[Candidate]
+    simulate: Simulate, fits: Fits, accepted: CrossValidatedFit, candidates: Sequence[Candidate]
 ) -> list[Score]:
     """Scores of the `accepted` model with each effect replaced by its best substitutes.
 
@@ -265,10 +265,12 @@ def substitutes(
     return list(found.values())
 
 
-def other_signs(simulate: Simulate, fits: Fits, models: Sequence[Validated]) -> list[Validated]:
+def other_signs(
+    simulate: Simulate, fits: Fits, models: Sequence[CrossValidatedFit]
+) -> list[CrossValidatedFit]:
     """Fit to the end those of `models` whose effects have a place, with the other sign of each too.
 
-    What is stiffer here may be what is softer beside it, on another base or beside another effect.
+    A stiff seam here resembles a soft one next to it, on another base or beside another effect.
     """
     tasks: list[Task[Estimate]] = []
     for fit in (m.estimate for m in models):
@@ -306,19 +308,19 @@ def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task
     return fit
 
 
-def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
+def shape_parameters(simulate: Simulate, fits: Fits) -> list[CrossValidatedFit]:
     """Free the shape parameters of the best models; returns those that gain significantly."""
     by = fits.scale
-    worth = [m for m in fits.worth(len(fits.best.model.effects)) if _has_shape(m.model)]
+    best_models = [m for m in fits.near_best(len(fits.best.model.effects)) if _has_shape(m.model)]
     tasks = []
-    for m in worth:
+    for m in best_models:
         fit, model = m.estimate, _with_shape(m.model)
         shared, effects = fit.model.split(fit.shared)
         begin = [Point(model.join(shared, v), fit.point.local) for v in _guesses(model, effects)]
         # the start that ends lower may be the higher one after a few steps
         tasks.append(_best_of([refit(model, fit.evidence, p, None, ROUGH_GAIN) for p in begin]))
     done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
-    return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
+    return [new for m, new in zip(best_models, done, strict=True) if _better(new, m, by)]
 
 
 def _has_shape(model: Model) -> bool:
@@ -343,7 +345,7 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
     return [at_start, off_start]
 
 
-def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
+def _better(new: CrossValidatedFit, plain: CrossValidatedFit, by: LikelihoodScale) -> bool:
     """Whether free shape parameters gain enough over `plain`; less is asked than of an effect."""
     ahead = margin(new, plain, by).gain > BUDGET.shape_gain * MIN_GAIN
     return ahead and likelihood_ratio(new, plain, by) < ALPHA

@@ -1,10 +1,8 @@
 """Data for drawing a measured or simulated run: its curve, points and signals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
 
-from cell.gap.subject.subject import Request, Run
 from drivers.types import Array
 
 
@@ -41,14 +39,3 @@ class Scene:
     curve: Curve | None = None
     tracks: Mapping[str, Track] = field(default_factory=dict)
     events: tuple[tuple[float, str], ...] = ()
-
-
-@runtime_checkable
-class Draws(Protocol):
-    """A subject that can draw its measured and simulated runs."""
-
-    def draw_measured(self, run: Run) -> Scene:
-        """Drawing of the measured run."""
-
-    def draw_simulated(self, requests: Sequence[Request]) -> Sequence[Scene | None]:
-        """Drawings of simulations beside the measured run; None where there is no motion."""

@@ -1,15 +1,19 @@
 """Interface between the gap engine and a measured subject, strip or mechanism."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.gap.subject.scene import Scene
 from drivers.types import Array
 
 Words = NDArray[np.str_]
+NamedValues = Mapping[str, Mapping[str, float]]
+"""Values by effect and parameter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +185,7 @@ class Experiment:
 
 
 @dataclass(frozen=True, slots=True)
-class Scattering:
+class ScatterSource:
     """A quantity that differs from run to run, described in words, with its remedy."""
 
     name: str
@@ -203,60 +207,55 @@ class Scope:
     candidates: tuple[Candidate, ...]
     quantities: Mapping[str, Quantity]
     terms: tuple[Candidate, ...] = ()
-    scatter: tuple[Scattering, ...] = ()
+    scatter: tuple[ScatterSource, ...] = ()
     left: float = 0.5
     believed: bool = False
 
 
-class Subject(Protocol):
-    """Measured strip or mechanism: its runs, library of effects, simulation and files."""
+class Subject(ABC):
+    """Measured strip or mechanism `name`: its runs, library of effects, simulation and files.
 
-    @property
-    def name(self) -> str:
-        """Name of the strip or mechanism."""
+    `runs` are in the order in which they were taken, `notes` are remarks for the operator on them.
+    `scope` holds base parameters, candidate effects, quantities and descriptive terms. `option`
+    names its file on the command line.
+    """
 
-    @property
-    def runs(self) -> Sequence[Run]:
-        """The measured runs, in the order in which they were taken."""
+    name: str
+    runs: Sequence[Run]
+    scope: Scope
+    notes: Sequence[str] = ()
+    option: str = "--model FILE"
 
-    @property
-    def notes(self) -> Sequence[str]:
-        """Remarks for the operator on the runs: which ended early, and which parts were used."""
-
-    @property
-    def scope(self) -> Scope:
-        """Base parameters, candidate effects, quantities and descriptive terms."""
-
+    @abstractmethod
     def simulate(self, requests: Sequence[Request]) -> Sequence[Residuals]:
         """Residuals of many simulations, each independent of the others in the call."""
 
-    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """Runs of `requests`, corrected for coarse simulation, with floors for what may remain."""
-
-    def experiments(self) -> Sequence[Experiment]:
-        """Possible next runs, to be rated by how well they separate explanations."""
-
+    @abstractmethod
     def patch(
-        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
+        self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """Patched content of the subject's file, and of the cell's where effects belong to it."""
 
+    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
+        """Runs of `requests`, corrected for coarse simulation, with floors for what may remain."""
+        return [request.run for request in requests]
 
-@runtime_checkable
-class HasConsequences(Protocol):
-    """A subject that can state what named effects mean for the operator."""
+    def experiments(self) -> Sequence[Experiment]:
+        """Possible next runs, to be rated by how well they separate explanations."""
+        return ()
 
-    def consequences(
-        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
-    ) -> Sequence[str]:
+    def consequences(self, base: Mapping[str, float], effects: NamedValues) -> Sequence[str]:  # noqa: ARG002
         """Sentences for the operator on the consequences of named effects."""
+        return ()
 
-
-@runtime_checkable
-class EditsModel(Protocol):
-    """A subject that writes an edited model beside its file when a verdict is accepted."""
-
-    def model_text(
-        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
-    ) -> str | None:
+    def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:  # noqa: ARG002
         """Text of the edited model that the patched file names as `model`; None without one."""
+        return None
+
+    def draw_measured(self, run: Run) -> Scene:  # noqa: ARG002
+        """Drawing of the measured run."""
+        return Scene(())
+
+    def draw_simulated(self, requests: Sequence[Request]) -> Sequence[Scene | None]:
+        """Drawings of simulations beside the measured run; None where there is no motion."""
+        return [None] * len(requests)

@@ -30,13 +30,13 @@ ABSENT = ""  # text of a file that an acceptance makes
 LARGEST_MODEL = 20 * MEGABYTE
 
 
-class Stored(Settings):
+class StoredFile(Settings):
     """Base of stored files: unknown keys are ignored, for a program wrote them."""
 
     model_config = ConfigDict(extra="ignore")
 
 
-class StoredSpread(Stored):
+class StoredSpread(StoredFile):
     """A quantity that differs from run to run, with its standard deviation and 95 % interval."""
 
     name: str
@@ -46,13 +46,13 @@ class StoredSpread(Stored):
     high: float
 
 
-class StoredLaw(Stored):
+class StoredLaw(StoredFile):
     """The law that was offered: amounts by term."""
 
     terms: dict[str, float]
 
 
-class FitRecord(Stored):
+class FitRecord(StoredFile):
     """Content of fit.json: hash of the file that was fitted, and the effects that were named.
 
     `values` of the base are outside what the file tolerates; `scatter` are quantities that differ
@@ -73,14 +73,14 @@ class FitRecord(Stored):
         return tuple(self.law.terms) if self.law is not None else ()
 
 
-class Acceptance(Stored):
+class Acceptance(StoredFile):
     """Content of accepted.json: by path, the text before an acceptance and the hash after it."""
 
     before: dict[str, str]
     after: dict[str, str]
 
 
-class Patch(Stored):
+class Patch(StoredFile):
     """Content of a patch of any subject: effects and their parameters.
 
     That of an arm may hold settings of the cell: its tool, and the delay of its twin.
@@ -100,7 +100,7 @@ def read_stored(path: Path, model: type[S]) -> S:
 
 
 @dataclass(frozen=True, slots=True)
-class Accepted:
+class AcceptResult:
     """Result of an acceptance or undo: the files that were written, and the effects."""
 
     files: tuple[Path, ...]
@@ -112,7 +112,9 @@ def sha256(path: Path) -> str:
     return hashlib.sha256(read_bytes(path, MEGABYTE)).hexdigest()
 
 
-def accept(out: Path, file: Path, cell_file: Path | None = None, *, law: bool = False) -> Accepted:
+def accept(
+    out: Path, file: Path, cell_file: Path | None = None, *, law: bool = False
+) -> AcceptResult:
     """Apply the patches of the fit in `out` to `file` and, where there is one, to the cell file.
 
     With `law`, the patch of the law that describes what no effect explains. Refuses when `file` is
@@ -124,7 +126,7 @@ def accept(out: Path, file: Path, cell_file: Path | None = None, *, law: bool = 
         return _accept(out, file, cell_file, law=law)
 
 
-def _accept(out: Path, file: Path, cell_file: Path | None, *, law: bool) -> Accepted:
+def _accept(out: Path, file: Path, cell_file: Path | None, *, law: bool) -> AcceptResult:
     record = _record(out)
     _restore_interrupted(out, file, cell_file)
     patch = _patch(out, law=law)
@@ -147,7 +149,7 @@ def _accept(out: Path, file: Path, cell_file: Path | None, *, law: bool) -> Acce
         with suppress(ConfigurationError):  # the next command tries again
             _restore_interrupted(out, file, cell_file)
         raise
-    return Accepted(tuple(changes), record.laws if law else record.effects or record.values)
+    return AcceptResult(tuple(changes), record.laws if law else record.effects or record.values)
 
 
 def _changes(
@@ -185,7 +187,7 @@ def _nothing_to_accept(out: Path, *, law: bool) -> str:
     return f"nothing was named, so there is nothing to accept{offered}"
 
 
-def undo(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
+def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
     """Restore the files as they were before the fit in `out` was accepted.
 
     Refuses when a file has changed since the acceptance. An interrupted undo is finished.
@@ -194,7 +196,7 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
         return _undo(out, file, cell_file)
 
 
-def _undo(out: Path, file: Path, cell_file: Path | None) -> Accepted:
+def _undo(out: Path, file: Path, cell_file: Path | None) -> AcceptResult:
     kept = out / ACCEPTED
     if not kept.exists():
         raise ConfigurationError(f"{out}: was not accepted, so there is nothing to undo")
@@ -206,7 +208,7 @@ def _undo(out: Path, file: Path, cell_file: Path | None) -> Accepted:
     _check_writable(list(paths.values()))
     _write({path: stored.before[name] for name, path in paths.items()})
     kept.unlink()
-    return Accepted(tuple(paths.values()), record.effects or record.laws or record.values)
+    return AcceptResult(tuple(paths.values()), record.effects or record.laws or record.values)
 
 
 def _files_by_name(

@@ -8,7 +8,7 @@ from scipy import special
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
-from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
 from cell.gap.selection.likelihood import family_wise, likelihood_ratio, margin
@@ -17,16 +17,16 @@ from cell.gap.verdict.confidence import confidence
 from cell.gap.verdict.decide import BARS, describe_rest, kind, unseen_gap
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import (
-    Compared,
+    CandidateEntry,
     Deviation,
     Gap,
     Interval,
     Kind,
-    Measured,
     NamedEffect,
     Probable,
     ProbableSet,
-    Recommended,
+    Recommendation,
+    ValueWithUnit,
     Verdict,
     WhereBin,
 )
@@ -90,7 +90,7 @@ def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
 
 def intervals(
     estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]
-) -> dict[str, list[Measured]]:
+) -> dict[str, list[ValueWithUnit]]:
     """95 % intervals of the base's parameters (`base`) and of each effect's, in their order.
 
     They cover noise, run-to-run scatter and measurement errors common to all runs; they are wider
@@ -101,22 +101,26 @@ def intervals(
     model = estimate.model
     owners = ["base"] * len(model.base)
     owners += [e.name for e in model.effects for _ in e.parameters]
-    found: dict[str, list[Measured]] = {name: [] for name in owners}
+    found: dict[str, list[ValueWithUnit]] = {name: [] for name in owners}
     rows = zip(owners, model.parameters, estimate.shared, reach * spread, strict=False)
     for owner, parameter, value, half in rows:
         found[owner].append(_interval(parameter, float(value), float(half)))
     return found
 
 
-def _interval(p: Parameter, value: float, half: float) -> Measured:
+def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
     ends = [max(p.low, value - half), min(p.high, value + half)]
     shown = sorted(p.stated_value(v) for v in ends)
     low, high = (v if np.isfinite(v) else None for v in shown)
     middle = p.stated_value(value)
-    return Measured(value=middle if np.isfinite(middle) else HUGE, low=low, high=high, unit=p.unit)
+    return ValueWithUnit(
+        value=middle if np.isfinite(middle) else HUGE, low=low, high=high, unit=p.unit
+    )
 
 
-def _values_by_parameter(candidate: Candidate, values: list[Measured]) -> dict[str, Measured]:
+def _values_by_parameter(
+    candidate: Candidate, values: list[ValueWithUnit]
+) -> dict[str, ValueWithUnit]:
     return {p.name: v for p, v in zip(candidate.parameters, values, strict=True)}
 
 
@@ -157,7 +161,7 @@ def _posterior(found: Findings) -> Probable:
     )
 
 
-def _candidates(found: Findings) -> list[Compared]:
+def _candidates(found: Findings) -> list[CandidateEntry]:
     """Candidates by their gain, the best first: refitted models, and others as screened."""
     fits = found.choice.fits
     base, others = fits.base, [m for m in fits.models if m.model.effects]
@@ -173,15 +177,17 @@ def _candidates(found: Findings) -> list[Compared]:
     return sorted(rows, key=lambda row: -row.elpd_gain)
 
 
-def _family(found: Findings, base: Validated, singles: list[Validated]) -> dict[str, float]:
+def _family(
+    found: Findings, base: CrossValidatedFit, singles: list[CrossValidatedFit]
+) -> dict[str, float]:
     """Family-wise p-values of single candidates over the whole library."""
     raw = {m.model.name: likelihood_ratio(m, base, found.by) for m in singles}
     return family_wise(raw, [c.name for c in found.subject.scope.candidates])
 
 
 def _compare_with_base(
-    found: Findings, base: Validated, model: Validated, family: dict[str, float]
-) -> Compared:
+    found: Findings, base: CrossValidatedFit, model: CrossValidatedFit, family: dict[str, float]
+) -> CandidateEntry:
     by = found.by
     ahead = margin(model, base, by)
     values = intervals(model.estimate, by.inefficiency, found.judged.scatter)
@@ -192,7 +198,7 @@ def _compare_with_base(
         for name, value in _values_by_parameter(e, values[e.name]).items():
             parameters[f"{e.name}.{name}" if several else name] = value
     tests = found.judged.invariances.get(model.model.name)
-    return Compared(
+    return CandidateEntry(
         name=model.model.name,
         elpd_gain=ahead.gain,
         se=ahead.se,
@@ -202,7 +208,7 @@ def _compare_with_base(
     )
 
 
-def _compare_by_screen(found: Findings, name: str, gain: float) -> Compared:
+def _compare_by_screen(found: Findings, name: str, gain: float) -> CandidateEntry:
     """Row of a candidate that was not refitted, with its gain in the linear screen."""
     by = found.by
     score = next((s for s in found.screened.singles if s.names == (name,)), None)
@@ -212,8 +218,8 @@ def _compare_by_screen(found: Findings, name: str, gain: float) -> Compared:
     for p, v in zip(candidate.parameters, values, strict=True):
         value = p.stated_value(float(v))
         if np.isfinite(value):
-            shown[p.name] = Measured(value=value, low=None, high=None, unit=p.unit)
-    return Compared(
+            shown[p.name] = ValueWithUnit(value=value, low=None, high=None, unit=p.unit)
+    return CandidateEntry(
         name=name,
         elpd_gain=gain / by.inefficiency,
         se=0.0,
@@ -223,9 +229,9 @@ def _compare_by_screen(found: Findings, name: str, gain: float) -> Compared:
     )
 
 
-def _advice(found: Findings) -> list[Recommended]:
+def _advice(found: Findings) -> list[Recommendation]:
     return [
-        Recommended(
+        Recommendation(
             experiment=f"{a.experiment.name}: {a.experiment.instruction}",
             separates=a.separates,
             expected_sigma=a.sigma,

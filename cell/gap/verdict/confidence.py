@@ -23,7 +23,7 @@ CONFIDENCE_FILE = Path(__file__).with_name("confidence.yaml")
 
 
 @dataclass(frozen=True, slots=True)
-class Signs:
+class Features:
     """Features of a verdict that speak for or against the named effects.
 
     `log_odds` [nats] are the posterior's of what is named, or its class; `left` the rms on held-out
@@ -40,7 +40,7 @@ class Signs:
     law: float = 0.0
 
     @classmethod
-    def of(cls, sets: Probable, gap: Gap) -> "Signs":
+    def of(cls, sets: Probable, gap: Gap) -> "Features":
         """Features from the posterior and gap of a verdict; without log-odds they are infinite."""
         log_odds = np.inf if sets.log_odds is None else sets.log_odds
         unseen, law = gap.before["excess"], float(sets.law)
@@ -88,7 +88,7 @@ class Calibration(Settings):
     source: str = Field(min_length=1)
     belongs_to: str = ""
 
-    def probability(self, found: Signs) -> float:
+    def probability(self, found: Features) -> float:
         """Probability that a verdict with the features `found` names the right effects."""
         parts = [w.weight * w.share(getattr(found, name)) for name, w in self.weights.items()]
         return float(special.expit(self.intercept + sum(parts)))
@@ -102,4 +102,4 @@ def calibration() -> Calibration:
 
 def confidence(sets: Probable, gap: Gap) -> float:
     """Probability that the named effects of a verdict are right."""
-    return calibration().probability(Signs.of(sets, gap))
+    return calibration().probability(Features.of(sets, gap))

@@ -37,24 +37,50 @@ def kind(found: Findings) -> Kind:
     """Kind of verdict that the findings support."""
     if not found.accepted.model.effects:
         return "unexplained" if gap_is_there(found) else "no_gap"
-    if runs_disagree(found) or leaves_too_much(found) or law_refutes(found):
+    if any(objection.refutes for objection in objections(found)):
         return "unexplained"
     return "named" if found.sure else "ambiguous"
 
 
-def law_refutes(found: Findings) -> bool:
-    """Whether an offered law is clearly more probable than the accepted effects.
+@dataclass(frozen=True, slots=True)
+class Objection:
+    """An objection to the accepted model, in `words`; one that `refutes` leaves the gap open."""
 
-    A description without a cause may not be more probable than a cause that is there.
+    words: str
+    refutes: bool = True
+
+
+def objections(found: Findings) -> Iterator[Objection]:
+    """Objections to the accepted model, or to the base where nothing was accepted.
+
+    No effect of one size describes all runs where amplitudes or repeats differ, the specimen
+    drifts, or the fit misses more than is tolerated. A true cause leaves little on held-out runs,
+    and no description without a cause is clearly more probable than it.
     """
-    return found.offered is not None and found.offered.refutes
-
-
-def runs_disagree(found: Findings) -> bool:
-    """Whether no effect of one size describes all runs: repeats differ, amplitudes, or the fit."""
     judged = found.judged
-    differ = judged.repeats.drifts or judged.repeats.differ or judged.leftover < ALPHA
-    return differ or bool(drifting(found)) or not _others_confirm(found)
+    if drift := drifting(found):
+        where = "conditions or phases" if judged.phases else "conditions"
+        yield Objection(f"the amplitude of {', '.join(drift)} drifts between {where}")
+    if judged.repeats.drifts and judged.repeats.drift is not None:
+        words = judged.repeats.drift.words
+        yield Objection(f"the specimen changes from run to run: {words}")
+    if judged.outlying_run is not None:
+        words = f"run {judged.outlying_run} goes another way"
+        yield Objection(words, refutes=not _others_confirm(found))
+    if judged.repeats.differ:
+        factor = max(judged.repeats.inflation.values())
+        yield Objection(f"repeats of one condition differ by {factor:.1f} times the stated noise")
+    if judged.leftover < ALPHA:
+        yield Objection("")  # the sizes that are left are told beside
+    if found.accepted.model.effects and leaves_too_much(found):
+        left, most = held_out_gap.rms_left(found.shown.after), most_left(found)
+        closed = 100.0 * found.shown.shrink.value
+        yield Objection(
+            f"that is {left:.2g} times noise and floor, where a true cause leaves at most "
+            f"{most:.2g}, and {closed:.0f} % of the gap is closed"
+        )
+    if found.offered is not None and found.offered.refutes:
+        yield Objection("a law without a cause is clearly more probable")
 
 
 def leaves_too_much(found: Findings) -> bool:
@@ -109,10 +135,8 @@ def _bounded_gap(estimate: Estimate) -> float:
 
 
 def _others_confirm(found: Findings) -> bool:
-    """Whether the accepted model gains in all runs but the outlying one, where there is one."""
+    """Whether the accepted model gains in all runs but the outlying one."""
     outlying, base = found.judged.outlying_run, found.choice.fits.base
-    if outlying is None:
-        return True
     each = margin(found.accepted, base, found.by).each
     others = [run.name != outlying for run in base.estimate.evidence.runs]
     return float(each[others].sum()) > MIN_GAIN
@@ -168,28 +192,5 @@ def unexplained_part(found: Findings) -> str:
     )
     best = found.accepted.model.name
     of = "the refitted model" if best == "base" else f"the model with {best}"
-    return "; ".join([f"{of} leaves {sizes} on held-out runs", *_reasons(found)])
-
-
-def _reasons(found: Findings) -> Iterator[str]:
-    """Reasons why the best model is not, or not wholly, the cause."""
-    judged, drift = found.judged, drifting(found)
-    if drift:
-        where = "conditions or phases" if judged.phases else "conditions"
-        yield f"the amplitude of {', '.join(drift)} drifts between {where}"
-    if judged.repeats.drifts and judged.repeats.drift is not None:
-        yield f"the specimen changes from run to run: {judged.repeats.drift.words}"
-    if judged.outlying_run is not None:
-        yield f"run {judged.outlying_run} goes another way"
-    if judged.repeats.differ:
-        factor = max(judged.repeats.inflation.values())
-        yield f"repeats of one condition differ by {factor:.1f} times the stated noise"
-    if found.accepted.model.effects and leaves_too_much(found):
-        left, most = held_out_gap.rms_left(found.shown.after), most_left(found)
-        closed = 100.0 * found.shown.shrink.value
-        yield (
-            f"that is {left:.2g} times noise and floor, where a true cause leaves at most "
-            f"{most:.2g}, and {closed:.0f} % of the gap is closed"
-        )
-    if law_refutes(found):
-        yield "a law without a cause is clearly more probable"
+    reasons = [objection.words for objection in objections(found) if objection.words]
+    return "; ".join([f"{of} leaves {sizes} on held-out runs", *reasons])

@@ -5,21 +5,21 @@ from dataclasses import dataclass
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.invariance import Invariance, Repeats
 from cell.gap.diagnosis.lack_of_fit import Bin, stronger_of_two
-from cell.gap.diagnosis.next_experiment import Advice, RepeatabilityGain
-from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.diagnosis.next_experiment import RatedExperiment, RepeatabilityGain
+from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread
 from cell.gap.selection.choice import Alternative, Choice
 from cell.gap.selection.likelihood import ALPHA, LikelihoodScale
 from cell.gap.selection.posterior import Posterior
-from cell.gap.selection.screening import Probed, Score, Table
+from cell.gap.selection.screening import ProbeResponses, Score, Table
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
 from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Fitted:
+class BaseFit:
     """The refitted base and the tests of its residuals.
 
     `misfit` is the p-value of the residuals under noise; `weak` are directions that the runs do not
@@ -27,7 +27,7 @@ class Fitted:
     values contradict their priors.
     """
 
-    base: Validated
+    base: CrossValidatedFit
     repeats: Repeats
     misfit: float
     places: tuple[Bin, ...]
@@ -48,14 +48,14 @@ class Fitted:
 
 
 @dataclass(frozen=True, slots=True)
-class Screened:
+class Screen:
     """Results of the screen: probes, their table, scores of single effects, p-values by name.
 
     `detectable` are smallest sizes by effect, None where no possible size would show; `library` has
     the whitened response (N, k) to the amount of each effect that fills the floor.
     """
 
-    probed: tuple[Probed, ...]
+    probed: tuple[ProbeResponses, ...]
     known: Table
     singles: tuple[Score, ...]
     p: dict[str, float]
@@ -64,7 +64,7 @@ class Screened:
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class ModelTests:
     """Tests that may cast doubt on the accepted model.
 
     `misfit` is the p-value of its residuals under noise, `leftover` under noise and tolerance,
@@ -94,7 +94,7 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class HeldOutFits:
     """The base and the accepted model on held-out runs, and how much the gap shrinks."""
 
     before: Estimate
@@ -108,10 +108,10 @@ class Shown:
 
 
 @dataclass(frozen=True, slots=True)
-class Advised:
+class Advice:
     """Advice: `experiments`, best per minute first, and the gain of `steadier` quantities."""
 
-    experiments: tuple[Advice, ...] = ()
+    experiments: tuple[RatedExperiment, ...] = ()
     steadier: tuple[RepeatabilityGain, ...] = ()
 
 
@@ -121,22 +121,22 @@ class Findings:
 
     subject: Subject
     held_out: tuple[str, ...]
-    fitted: Fitted
-    screened: Screened
+    fitted: BaseFit
+    screened: Screen
     choice: Choice
     posterior: Posterior
-    judged: Judged
-    shown: Shown
-    advised: Advised
+    judged: ModelTests
+    shown: HeldOutFits
+    advised: Advice
     offered: OfferedLaw | None = None
 
     @property
-    def base(self) -> Validated:
+    def base(self) -> CrossValidatedFit:
         """The refitted base."""
         return self.fitted.base
 
     @property
-    def accepted(self) -> Validated:
+    def accepted(self) -> CrossValidatedFit:
         """The accepted model; the base where no effect was accepted."""
         return self.choice.accepted
 

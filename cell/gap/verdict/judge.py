@@ -8,8 +8,8 @@ from cell.gap.diagnosis import held_out_gap, lack_of_fit
 from cell.gap.diagnosis.invariance import Invariance, Repeats, invariance
 from cell.gap.diagnosis.lack_of_fit import Bin, matching_bins
 from cell.gap.diagnosis.next_experiment import advise, repeatability_gains
-from cell.gap.fitting.crossvalidation import Validated, validate
-from cell.gap.fitting.gauss_newton import Estimate, settle
+from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
+from cell.gap.fitting.gauss_newton import Estimate, final_fit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.reml import estimate_spreads, with_own_scatter, with_spreads
 from cell.gap.fitting.starts import refine, refit_fine
@@ -19,7 +19,7 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import ALPHA
 from cell.gap.selection.posterior import Posterior
 from cell.gap.subject.subject import Subject
-from cell.gap.verdict.findings import Advised, Judged, Screened, Shown
+from cell.gap.verdict.findings import Advice, HeldOutFits, ModelTests, Screen
 from drivers.types import Array
 
 
@@ -44,7 +44,7 @@ def judge(
     simulate: Simulate,
     whole: Evidence,
     rng: np.random.Generator,
-) -> Judged:
+) -> ModelTests:
     """Test the accepted model of `choice` for lack of fit, drift and rivals.
 
     `sets` are the probabilities of what was fitted; `whole` are the runs with every random unknown
@@ -60,7 +60,7 @@ def judge(
     leftover, outlying_run = _leftover(best, noise, lenient)
     close = rivals(choice.accepted, choice.fits, sets) if best.model.effects else []
     scatter = estimate_spreads(simulate, best, whole)
-    return Judged(
+    return ModelTests(
         invariances=invariances,
         misfit=lack_of_fit.lack_of_fit(best, noise, strict),
         leftover=leftover,
@@ -68,7 +68,7 @@ def judge(
         repeats=repeats,
         rivals=tuple(close),
         classes=tuple(map(tuple, classes(choice.accepted, close))),
-        sized=run_one(simulate, settle(with_own_scatter(simulate, best, scatter, whole))),
+        sized=run_one(simulate, final_fit(with_own_scatter(simulate, best, scatter, whole))),
         scatter=scatter,
         phases=_phase_tests(choice, simulate),
         places=_matching_places(choice, rng),
@@ -127,11 +127,11 @@ def _leftover(estimate: Estimate, noise: Array, allowed: Array) -> tuple[float, 
 def refit_held_out(
     subject: Subject,
     simulate: Simulate,
-    base: Validated,
-    accepted: Validated,
+    base: CrossValidatedFit,
+    accepted: CrossValidatedFit,
     test: Evidence,
     rng: np.random.Generator,
-) -> Shown:
+) -> HeldOutFits:
     """Refit base and accepted model to held-out runs `test`, with all shared parameters fixed."""
 
     def refine_for(fit: Estimate) -> Evidence:
@@ -146,19 +146,19 @@ def refit_held_out(
         scales = tuple(map(np.maximum, known.scales, fine.scales))
         before = held_out_gap.unseen(simulate, base.estimate, Evidence(known.runs, scales))
         after = held_out_gap.unseen(simulate, accepted.estimate, Evidence(fine.runs, scales))
-    return Shown(before, after, held_out_gap.shrink(before, after, rng))
+    return HeldOutFits(before, after, held_out_gap.shrink(before, after, rng))
 
 
 def advice(
-    subject: Subject, screened: Screened, choice: Choice, judged: Judged, simulate: Simulate
-) -> Advised:
+    subject: Subject, screened: Screen, choice: Choice, judged: ModelTests, simulate: Simulate
+) -> Advice:
     """Experiments and better repeats that would separate the accepted model from a rival.
 
     Planned runs scatter in the quantities that scatter in the runs so far.
     """
     second = _alternative(screened, choice, judged)
     if second is None:
-        return Advised()
+        return Advice()
     first = choice.accepted.estimate
     more = run_one(simulate, repeatability_gains(first, second, choice.by))
     experiments = [
@@ -166,10 +166,12 @@ def advice(
         for e in subject.experiments()
     ]
     planned = run_one(rough(simulate), advise(first, second, experiments, choice.by))
-    return Advised(tuple(planned), tuple(more))
+    return Advice(tuple(planned), tuple(more))
 
 
-def _alternative(screened: Screened, choice: Choice, judged: Judged) -> tuple[Model, Array] | None:
+def _alternative(
+    screened: Screen, choice: Choice, judged: ModelTests
+) -> tuple[Model, Array] | None:
     """Model to separate first from the accepted one, with its shared values (P,)."""
     if judged.rivals:
         other = judged.rivals[0].model

@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.fitting.crossvalidation import Validated, on_runs
+from cell.gap.fitting.crossvalidation import CrossValidatedFit, on_runs
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate, run_all
@@ -62,7 +62,7 @@ class Names:
     is sure, no less is enough. Nothing is more probable than a model that `leaves_nothing`.
     """
 
-    model: Validated
+    model: CrossValidatedFit
     sure: bool
     leaves_nothing: bool = False
 
@@ -75,17 +75,17 @@ class Names:
             else OFFER.longest
         )
 
-    def allow(self, law: Validated, sets: Posterior) -> bool:
+    def allow(self, law: CrossValidatedFit, sets: Posterior) -> bool:
         """Whether `law` is probable enough among `sets` to be offered beside the model."""
         fewer = len(law.model.effects) < len(self.model.model.effects)
         least = -MIN_GAIN if fewer or not self.sure else MIN_GAIN
         return self._ahead(law, sets) > least
 
-    def is_refuted_by(self, law: Validated, sets: Posterior) -> bool:
+    def is_refuted_by(self, law: CrossValidatedFit, sets: Posterior) -> bool:
         """Whether `law` is clearly more probable among `sets` than the model."""
         return self._ahead(law, sets) > MIN_GAIN
 
-    def _ahead(self, law: Validated, sets: Posterior) -> float:
+    def _ahead(self, law: CrossValidatedFit, sets: Posterior) -> float:
         """Lead [nats] of `law` over the model."""
         return sets.lead(law.model.names) - sets.lead(self.model.model.names)
 

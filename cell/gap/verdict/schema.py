@@ -27,13 +27,13 @@ class Interval(Entry):
     high: float | None
 
 
-class Measured(Interval):
+class ValueWithUnit(Interval):
     """An estimate with its unit."""
 
     unit: str
 
 
-class Deviation(Measured):
+class Deviation(ValueWithUnit):
     """A refitted base value outside `tolerated`, whose upper end is None for infinity."""
 
     parameter: str
@@ -46,7 +46,7 @@ class NamedEffect(Entry):
 
     name: str
     of: Literal["strip", "cell", "model", "rig"]
-    parameters: dict[str, Measured]
+    parameters: dict[str, ValueWithUnit]
     confidence: float
 
 
@@ -80,7 +80,7 @@ class Gap(Entry):
     shrink_high: float
 
 
-class Compared(Entry):
+class CandidateEntry(Entry):
     """A candidate, or several joined by ` + `, with its gain [nats] over the base."""
 
     name: str
@@ -88,10 +88,10 @@ class Compared(Entry):
     se: float
     p: float
     invariance_p: float | None
-    parameters: dict[str, Measured]
+    parameters: dict[str, ValueWithUnit]
 
 
-class Recommended(Entry):
+class Recommendation(Entry):
     """A recommended experiment: the two explanations it separates, by how much, in what time."""
 
     experiment: str
@@ -135,8 +135,8 @@ class Verdict(Entry):
     base: dict[str, Interval]
     where: list[WhereBin]
     gap: Gap
-    candidates: list[Compared]
-    advice: list[Recommended]
+    candidates: list[CandidateEntry]
+    advice: list[Recommendation]
     detectable: dict[str, float]
     held_out: list[str]
     runtime: float

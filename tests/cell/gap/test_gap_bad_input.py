@@ -370,13 +370,6 @@ def test_a_missing_strip_file_is_refused(monkeypatch, capsys, bench) -> None:
     assert str(bench.file["strip"]) in told(monkeypatch, capsys, bench, bench.words("strip"))
 
 
-def test_single_folds_that_all_say_index_zero_claim_no_order(bench) -> None:
-    from cell.gap.subject.run_folders import check_indices
-
-    folders = sorted(bench.runs("strip").iterdir())
-    check_indices(folders, [0, 0])
-
-
 def test_a_library_of_which_all_is_withheld_is_refused(bench: Bench) -> None:
     every = sorted(registry())
     with pytest.raises(ConfigurationError, match="withholds every effect; leave one"):

@@ -15,7 +15,7 @@ from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.investigate import investigate
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.hold_out import held_out
-from cell.gap.selection.posterior import Posterior, Weighed
+from cell.gap.selection.posterior import Posterior, SetProbability
 from cell.gap.subject.subject import (
     Candidate,
     Experiment,
@@ -26,6 +26,7 @@ from cell.gap.subject.subject import (
     Run,
     Samples,
     Scope,
+    Subject,
 )
 from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
@@ -59,7 +60,7 @@ def candidate(name: str, signed: bool) -> Candidate:
 
 
 @dataclass
-class Curves:
+class Curves(Subject):
     """y = offset + slope t (+ effects) + each run's own shift; `truth` adds what is hidden."""
 
     truth: Law
@@ -118,9 +119,6 @@ class Curves:
         """What the effect `name` adds to a curve (60,), with its `values`."""
         return values[0] * LAWS[name](T, speed, 0)
 
-    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        return [request.run for request in requests]
-
     def experiments(self) -> Sequence[Experiment]:
         return [Experiment("fast", "make it fast", 1.0, self.run(99, "faster", np.zeros(60)))]
 
@@ -173,7 +171,7 @@ def test_a_set_with_one_effect_more_does_not_speak_against_a_name() -> None:
     sets = [(frozenset({"bump"}), 100.0), (frozenset({"bump", "wave"}), 101.0), (frozenset(), 0.0)]
     doubtful = [*sets, (frozenset({"wave"}), 99.0)]
     for weighed, odds in ((sets, 101.3133), (doubtful, 2.3133)):
-        models = tuple(Weighed(names, nats, 0.25) for names, nats in weighed)
+        models = tuple(SetProbability(names, nats, 0.25) for names, nats in weighed)
         posterior = compose(replace(found, posterior=Posterior(models)), 0.0, 1).posterior
         assert posterior is not None
         assert posterior.log_odds == pytest.approx(odds, abs=1e-4)

@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 from cell.gap.diagnosis.held_out_gap import floor
 from cell.gap.fit import fit
 from cell.gap.fitting.model import evidence
-from cell.gap.report.figures import Replayed
+from cell.gap.report.figures import Replay
 from cell.gap.report.overlay import write_overlay, write_recording
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.scene import Scene
@@ -91,18 +91,18 @@ MM_UP = (1e3, -1e3)  # per m, of a flat view whose second axis points down
 
 
 @pytest.fixture(scope="module")
-def replays(strip: Strip) -> list[Replayed]:
+def replays(strip: Strip) -> list[Replay]:
     """Before: a strip that is too soft; after: the right one."""
     before = simulated(strip, bending_length=SOFT * strip.file.bending_length)
     after = simulated(strip)
     return [
-        Replayed(run.name, run.name == "00-normal", strip.draw_measured(run), old, new)
+        Replay(run.name, run.name == "00-normal", strip.draw_measured(run), old, new)
         for run, old, new in zip(strip.runs, before, after, strict=True)
     ]
 
 
 @pytest.fixture(scope="module")
-def recording(replays: list[Replayed], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recording(replays: list[Replay], tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recording") / "overlay.rrd"
     write_recording("denim", replays, path, "named")
     return path
@@ -161,7 +161,7 @@ def test_a_recording_carries_one_blueprint(recording) -> None:
 
 def test_a_model_without_effects_has_no_after(replays, tmp_path) -> None:
     run = replays[0]
-    alone = Replayed(run.name, True, run.measured, run.before, None)
+    alone = Replay(run.name, True, run.measured, run.before, None)
     write_recording("denim", [alone], tmp_path / "o.rrd", "no gap")
     rows = read(tmp_path / "o.rrd")
     assert "/00-normal/curve/before" in rows

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cell.gap.diagnosis.invariance import drift
-from cell.gap.fitting.crossvalidation import Validated, folds, validate
+from cell.gap.fitting.crossvalidation import CrossValidatedFit, folds, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.starts import refit_fine
 from cell.gap.fitting.tasks import run_one
@@ -53,7 +53,7 @@ def test_repeats_that_scatter_for_no_reason_leave_the_cause_open() -> None:
     assert "repeats of one condition differ by" in verdict.unexplained.description
 
 
-def validated(estimate: Estimate, subject: Curves | None = None) -> Validated:
+def validated(estimate: Estimate, subject: Curves | None = None) -> CrossValidatedFit:
     simulate = (subject or Curves(nothing)).simulate
     return run_one(simulate, validate(estimate))
 

@@ -8,8 +8,8 @@ import pytest
 
 from cell.gap.fitting.gauss_newton import (
     Estimate,
+    final_fit,
     refit,
-    settle,
 )
 from cell.gap.fitting.model import Model, Point, evidence
 from cell.gap.fitting.tasks import run_one
@@ -57,7 +57,7 @@ def test_interval_beside_a_jump_is_that_of_all_other_samples() -> None:
     for seed in range(10):
         subject = Jumping(nothing, seed=seed)
         fit = before_the_jump(subject)
-        done = run_one(subject.simulate, settle(fit))
+        done = run_one(subject.simulate, final_fit(fit))
         plain += slope(fit)[0] < SLOPE < slope(fit)[1]
         mended += slope(done)[0] < SLOPE < slope(done)[1]
         usual = slope(fitted(Curves(nothing, seed=seed)))
@@ -70,6 +70,6 @@ def test_interval_beside_a_jump_is_that_of_all_other_samples() -> None:
 def test_settling_leaves_a_linear_fit_as_it_is() -> None:
     subject = Curves(nothing)
     fit = fitted(subject)
-    done = run_one(subject.simulate, settle(fit))
+    done = run_one(subject.simulate, final_fit(fit))
     assert done.shared == pytest.approx(fit.shared, abs=1e-9)
     assert slope(done) == pytest.approx(slope(fit), abs=1e-9)

@@ -19,7 +19,7 @@ from cell.gap.strength import twins
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
-from cell.gap.verdict.confidence import Signs
+from cell.gap.verdict.confidence import Features
 from cell.gap.verdict.schema import Interval, NamedEffect, Verdict
 from cell.gap.verdict.schema import Kind as VerdictKind
 from drivers.settings import Settings
@@ -236,7 +236,7 @@ def _compare(
 def _signs(verdict: Verdict) -> dict[str, float] | None:
     if verdict.posterior is None or verdict.posterior.log_odds is None:
         return None
-    return asdict(Signs.of(verdict.posterior, verdict.gap))
+    return asdict(Features.of(verdict.posterior, verdict.gap))
 
 
 def _rival(verdict: Verdict, named: tuple[str, ...]) -> str:

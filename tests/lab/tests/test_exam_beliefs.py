@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.gap.selection.posterior import Posterior, Weighed
+from cell.gap.selection.posterior import Posterior, SetProbability
 from cell.gap.selection.prior import BELIEFS_FILE, Beliefs, beliefs
 from tests.lab.exam.case import Case
 from tests.lab.exam.cases import FOREIGN, Draw
@@ -25,7 +25,9 @@ from tests.lab.studies.study import Outcome
 
 def sets(**shares: float) -> Posterior:
     """Posterior over sets of effects, whose names are joined by two underscores."""
-    models = [Weighed(frozenset(filter(None, k.split("__"))), 0.0, p) for k, p in shares.items()]
+    models = [
+        SetProbability(frozenset(filter(None, k.split("__"))), 0.0, p) for k, p in shares.items()
+    ]
     return Posterior(tuple(models))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.gap.verdict.confidence import Calibration, Signs, calibration
+from cell.gap.verdict.confidence import Calibration, Features, calibration
 from tests.lab.benchmarks.measure_confidence import verdicts_in
 from tests.lab.studies.catalogue.confidence import (
     OUTSIDE_SHARE,
@@ -35,7 +35,7 @@ def drawn(count: int, seed: int = 0) -> list[Name]:
     for i in range(count):
         log_odds, left = float(np.exp(rng.uniform(0.0, 5.0))), float(rng.uniform(0.5, 2.0))
         right = bool(rng.uniform() < 0.3 + 0.13 * np.log1p(log_odds))
-        found.append(Name(Signs(log_odds, left, 0.0, 2.0, 1.0), right, False, str(i)))
+        found.append(Name(Features(log_odds, left, 0.0, 2.0, 1.0), right, False, str(i)))
     return found
 
 
@@ -61,7 +61,7 @@ def test_no_sign_speaks_against_its_sense() -> None:
 
 
 def test_withheld_names_count_as_rarely_as_causes_outside() -> None:
-    found = [Name(Signs(9.0, 1.0, 0.0, 2.0, 1.0), i > 3, i < 4, str(i)) for i in range(10)]
+    found = [Name(Features(9.0, 1.0, 0.0, 2.0, 1.0), i > 3, i < 4, str(i)) for i in range(10)]
     counts = shares(found, 0.4)
     assert counts[:4].sum() / counts.sum() == pytest.approx(OUTSIDE_SHARE)
 
@@ -111,14 +111,14 @@ def test_verdicts_are_counted_by_what_is_hidden_and_withheld() -> None:
 def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
     by = calibration()
     assert "verdicts that name" in by.source
-    stated = [by.probability(Signs(n, 0.6, 0.0, 2.0, 1.0)) for n in (1.0, 20.0, 150.0)]
+    stated = [by.probability(Features(n, 0.6, 0.0, 2.0, 1.0)) for n in (1.0, 20.0, 150.0)]
     assert stated == sorted(stated)
     assert 0.0 < stated[0] < stated[2] < 1.0
 
 
 def test_correlated_residuals_count_by_their_size() -> None:
     def lost(left: float) -> float:
-        white, correlated = (Signs(20.0, left, c, 2.0, 1.0) for c in (-0.3, 0.7))
+        white, correlated = (Features(20.0, left, c, 2.0, 1.0) for c in (-0.3, 0.7))
         assert white.correlated == 0.0
         return calibration().probability(white) - calibration().probability(correlated)
 

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.gap.verdict.schema import Measured, NamedEffect, Verdict
+from cell.gap.verdict.schema import NamedEffect, ValueWithUnit, Verdict
 from tests.lab.studies.catalogue.mechanisms import STUDY, coverage, score
 
 
 def verdict(kind: str, *names: str, ambiguous: Any = ()) -> Verdict:
-    size = {"torque_j1": Measured(value=1.0, low=0.8, high=1.2, unit="N m")}
+    size = {"torque_j1": ValueWithUnit(value=1.0, low=0.8, high=1.2, unit="N m")}
     named = [NamedEffect(name=n, of="model", parameters=size, confidence=0.9) for n in names]
     return Verdict.model_construct(verdict=kind, effects=named, ambiguous=list(ambiguous))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effect import Effect, Readings
 from cell.gap.subject.mechanism.fields import Fields
-from cell.gap.subject.mechanism.load import Opened
+from cell.gap.subject.mechanism.load import MechanismData
 from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, phases, samples, width_of
 from cell.gap.subject.subject import Samples, Words
 from drivers.types import Array
@@ -53,7 +53,7 @@ class Engine(ABC):
 
     notes: Sequence[str] = ()
 
-    def __init__(self, opened: Opened) -> None:
+    def __init__(self, opened: MechanismData) -> None:
         self._opened, self._mechanism = opened, opened.mechanism
 
     def prepare(self, recording: Recording) -> tuple[Content, Samples]:

@@ -16,7 +16,7 @@ from mujoco.batch import Batch, SimulationError
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.engine import Case, Content, Engine
 from cell.gap.subject.mechanism.fields import BatchFields, ModelFields
-from cell.gap.subject.mechanism.load import Opened, start_of
+from cell.gap.subject.mechanism.load import MechanismData, start_of
 from cell.gap.subject.mechanism.model import Mechanism, compile_model
 from cell.gap.subject.mechanism.runs import Cut, Recording
 from drivers.types import Array, frozen
@@ -88,7 +88,7 @@ def commands_of(recording: Recording, inputs: Sequence[str], actuators: Sequence
 class Forward(Engine):
     """Predicts a mechanism's signals by simulation, with MuJoCo's forces and `laws`."""
 
-    def __init__(self, opened: Opened, jobs: int, laws: frozenset[str]) -> None:
+    def __init__(self, opened: MechanismData, jobs: int, laws: frozenset[str]) -> None:
         super().__init__(opened)
         self._signals, self._mix = opened.signals, opened.mix
         self._jobs, self._laws = jobs, laws

@@ -13,11 +13,12 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.effect import Readings
-from cell.gap.subject.mechanism.effects import Accepted, effect_of, ordered_values
+from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.fields import ModelFields
 from cell.gap.subject.mechanism.file import PendulumFile
-from cell.gap.subject.mechanism.load import LIMITLESS, Opened
+from cell.gap.subject.mechanism.load import LIMITLESS, MechanismData
 from cell.gap.subject.mechanism.model import Mechanism, tip
+from cell.gap.subject.subject import NamedValues
 from drivers.types import Array
 
 # N m/rad of the robot's joint impedance. Source: setJointImpedance in libfranka's examples.
@@ -28,13 +29,13 @@ KEPT_OF_ACTUATOR = ("name", "class", "group", "joint", "jointinparent", "tendon"
                     "delay", "nsample", "interp", "user")  # fmt: skip
 
 
-def accepted_name(opened: Opened) -> str:
+def accepted_name(opened: MechanismData) -> str:
     """File name of the MJCF that is written beside the model on acceptance."""
     return f"{opened.file.name}-accepted.xml"
 
 
 def patch_file(
-    opened: Opened, base: Mapping[str, float], effects: Accepted, source: str
+    opened: MechanismData, base: Mapping[str, float], effects: NamedValues, source: str
 ) -> dict[str, object]:
     """Content of the mechanism file after acceptance; old values stay in its provenance."""
     content: dict[str, Any] = opened.file.model_dump(mode="json", by_alias=True, exclude_none=True)
@@ -55,7 +56,7 @@ def patch_file(
 
 
 def patch_pendulum(
-    opened: Opened, pendulum: PendulumFile, base: Mapping[str, float], effects: Accepted,
+    opened: MechanismData, pendulum: PendulumFile, base: Mapping[str, float], effects: NamedValues,
     source: str,
 ) -> dict[str, object]:  # fmt: skip
     """Content of a pendulum's file after acceptance; old values stay in its provenance."""
@@ -84,7 +85,7 @@ def _named_values(name: str, mechanism: Mechanism, values: Mapping[str, float]) 
     return {first.name if key == "amount" else key: value for key, value in values.items()}
 
 
-def accepted_xml(opened: Opened, base: Mapping[str, float], effects: Accepted) -> str:
+def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: NamedValues) -> str:
     """MJCF text of the model with the refitted base and the effects that its fields can express."""
     m = opened.mechanism
     edited = copy.copy(m.model)
@@ -207,7 +208,7 @@ def _write_pairs(root: ET.Element, m: Mechanism, edited: Any) -> None:
 
 
 def gripper_shift(
-    opened: Opened, q: Array, predicted: tuple[Array, Array], readings: Readings
+    opened: MechanismData, q: Array, predicted: tuple[Array, Array], readings: Readings
 ) -> Array:
     """Distances (k,) [m] by which an effect moves the tip at measured joints `q` (k, 7) [rad].
 
@@ -222,7 +223,7 @@ def gripper_shift(
     return np.asarray(np.linalg.norm(_tips(opened, q) - _tips(opened, true), axis=1))
 
 
-def _tips(opened: Opened, q: Array) -> Array:
+def _tips(opened: MechanismData, q: Array) -> Array:
     """Positions (k, 3) [m] of the tip for joint angles `q` (k, 7) [rad]."""
     model = opened.mechanism.model
     data, number = mujoco.MjData(model), model.site("tip").id
@@ -246,7 +247,7 @@ def gripper_sentences(name: str, shifts: Array) -> list[str]:
 
 
 def cell_patch(
-    opened: Opened, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
+    opened: MechanismData, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
 ) -> dict[str, object] | None:
     """Patch of cell.yaml for accepted effects, the tool's load and the arm's delay; else None."""
     found: dict[str, object] = {}
@@ -258,7 +259,7 @@ def cell_patch(
     return {"effects": {}, **found} if found else None
 
 
-def _tool(opened: Opened, mass: float) -> dict[str, object]:
+def _tool(opened: MechanismData, mass: float) -> dict[str, object]:
     """Mass [kg] and centre of mass [m in the flange] of the hand with a load at the tip."""
     model = opened.mechanism.model
     hand, last = model.body("hand").id, model.body("link7").id

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.base import Base
 from cell.gap.subject.mechanism.effects import check_effects, torques
 from cell.gap.subject.mechanism.fields import Fields
 from cell.gap.subject.mechanism.file import MechanismFile, PendulumFile
-from cell.gap.subject.mechanism.load import FORWARD_FLOOR, SMOOTH, Opened, zone_of
+from cell.gap.subject.mechanism.load import FORWARD_FLOOR, SMOOTH, Base, MechanismData, zone_of
 from cell.gap.subject.mechanism.model import Joint, Mechanism, compile_model
 from cell.gap.subject.mechanism.planar_chain import fastest, fields_of, levers
 from cell.gap.subject.mechanism.runs import Recording, Signal, check_angle
@@ -49,7 +48,7 @@ def load_pendulum(path: Path) -> PendulumFile:
     return pendulum
 
 
-def open_swings(path: Path, folders: Sequence[RunFolder]) -> Opened:
+def open_swings(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
     """Read the pendulum at `path` and its measured swings; ConfigurationError for broken input."""
     pendulum = load_pendulum(path)
     heads = [_read_head(folder.path / HEADER_FILE, pendulum) for folder in folders]
@@ -64,7 +63,7 @@ def open_swings(path: Path, folders: Sequence[RunFolder]) -> Opened:
 
 def open_recordings(
     path: Path, pendulum: PendulumFile, mechanism: Mechanism, found: Sequence[Recording]
-) -> Opened:
+) -> MechanismData:
     """Mechanism of a pendulum with its recordings, base parameters and signals."""
     names, n = [j.name for j in mechanism.joints], len(mechanism.joints)
     signals = [Signal(name, "position", 0.0, zone_of(i, n), i, FORWARD_FLOOR, "angle")
@@ -75,8 +74,9 @@ def open_recordings(
         "effects": pendulum.effects,
     })  # fmt: skip
     pace = 0.5 * mechanism.joints[0].rate
-    return Opened(described, path, mechanism, tuple(_base(pendulum, mechanism)), tuple(found),
-                  tuple(signals), pace, np.tri(n), pendulum)  # fmt: skip
+    base = tuple(_base(pendulum, mechanism))
+    return MechanismData(described, path, mechanism, base, tuple(found), tuple(signals), pace,
+                         np.tri(n), pendulum)  # fmt: skip
 
 
 def mechanism_of(pendulum: PendulumFile, origin: str) -> Mechanism:
@@ -204,7 +204,7 @@ def _check_rates(slope: Array, rates: Array, path: Path) -> None:
         )
 
 
-def plans(opened: Opened) -> list[tuple[str, str, Recording]]:
+def plans(opened: MechanismData) -> list[tuple[str, str, Recording]]:
     """Planned releases from rest: name, instruction, and recording of the angles at the start.
 
     Each is as long as the measured runs unless its instruction says otherwise.

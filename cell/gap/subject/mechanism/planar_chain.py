@@ -25,7 +25,7 @@ from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.engine import Case, Content
 from cell.gap.subject.mechanism.fields import BatchFields
 from cell.gap.subject.mechanism.forward import Forward
-from cell.gap.subject.mechanism.load import Opened
+from cell.gap.subject.mechanism.load import MechanismData
 from cell.gap.subject.mechanism.runs import falls
 from cell.gap.subject.subject import Words
 from drivers.strip.rod.compiled import entry, kernel
@@ -81,7 +81,7 @@ def fastest(model: Any) -> float:
 class PlanarChain(Forward):
     """Predicts the angles of planar chains by their equations of motion, whatever runs beside."""
 
-    def __init__(self, opened: Opened, jobs: int, laws: frozenset[str]) -> None:
+    def __init__(self, opened: MechanismData, jobs: int, laws: frozenset[str]) -> None:
         super().__init__(opened, jobs, laws)
         with warnings.catch_warnings():  # laws are functions, and arguments of compiled ones
             warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)

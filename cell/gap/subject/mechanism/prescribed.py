@@ -21,7 +21,7 @@ from cell.gap.subject.mechanism.effect import Effect, Readings
 from cell.gap.subject.mechanism.effects import registry, torques
 from cell.gap.subject.mechanism.engine import Case, Content, Engine
 from cell.gap.subject.mechanism.fields import ModelFields
-from cell.gap.subject.mechanism.load import Opened
+from cell.gap.subject.mechanism.load import MechanismData
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.passive import without_clock
 from cell.gap.subject.mechanism.runs import Cut, Recording, average, phases
@@ -168,7 +168,7 @@ class Prescribed(Engine):
 
     notes = ("torques of the measured motion are compared; the motion itself is not simulated",)
 
-    def __init__(self, opened: Opened, jobs: int, laws: frozenset[str]) -> None:  # noqa: ARG002
+    def __init__(self, opened: MechanismData, jobs: int, laws: frozenset[str]) -> None:  # noqa: ARG002
         super().__init__(opened)
         self._known: OrderedDict[bytes, Array] = OrderedDict()
         self._jobs = jobs

@@ -9,7 +9,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from cell.gap.subject.mechanism.base import stated_fields
 from cell.gap.subject.mechanism.effect import Effect, readings_of
 from cell.gap.subject.mechanism.effects import (
     accepted_parameters,
@@ -23,7 +22,7 @@ from cell.gap.subject.mechanism.effects import (
 from cell.gap.subject.mechanism.engine import Case, Content, Engine
 from cell.gap.subject.mechanism.fields import Fields, add_point
 from cell.gap.subject.mechanism.forward import Forward
-from cell.gap.subject.mechanism.load import Opened, initial_state, open_all
+from cell.gap.subject.mechanism.load import MechanismData, initial_state, open_all, stated_fields
 from cell.gap.subject.mechanism.patch import (
     accepted_xml,
     cell_patch,
@@ -42,13 +41,15 @@ from cell.gap.subject.scene import Signal as Drawn
 from cell.gap.subject.subject import (
     Candidate,
     Experiment,
+    NamedValues,
     Parameter,
     Quantity,
     Request,
     Residuals,
     Run,
-    Scattering,
+    ScatterSource,
     Scope,
+    Subject,
 )
 from drivers.errors import ConfigurationError
 from drivers.readers import read_yaml
@@ -69,10 +70,10 @@ SET_UP = 1.0  # minutes to set a pendulum up and let it go
 THIRD = 1.0 / 3.0  # of its noise, by which halving the time step may move a signal
 
 
-class MechanismSubject:
+class MechanismSubject(Subject):
     """Measured runs of one mechanism, and their simulation by MuJoCo or as a planar chain."""
 
-    def __init__(self, opened: Opened, jobs: int = 1, without: Sequence[str] = ()) -> None:
+    def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
         self.opened, self.name = opened, opened.file.name
         self._mechanism = opened.mechanism
         engine = ENGINES[opened.mechanism.mode]
@@ -100,7 +101,7 @@ class MechanismSubject:
         if unknown is not None:
             raise ConfigurationError(f"--without {unknown}: no effect that these runs could show")
         quantities = {s.channel: self._quantity(s.channel, s.kind) for s in self.opened.signals}
-        scatter = [Scattering(f"{b.parameter.name}_run", f"{b.field} of {b.owner}",
+        scatter = [ScatterSource(f"{b.parameter.name}_run", f"{b.field} of {b.owner}",
                               f"keep the {b.field} of {b.owner} steady")
                    for b in self.opened.base if b.by_run]  # fmt: skip
         return Scope(tuple(base), tuple(c for c in candidates if c.name not in without),
@@ -192,10 +193,6 @@ class MechanismSubject:
             at, table = torques().at[effect.name], effect.table(m, values)
             fields["jnt_user"][: table.shape[1], at : at + len(table)] = table.T
 
-    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """Runs of `requests` as they are: the time step was checked when the subject was opened."""
-        return [request.run for request in requests]
-
     def experiments(self) -> Sequence[Experiment]:
         """Experiments for a pendulum: planned releases from rest; empty for any other mechanism."""
         if self.opened.pendulum is None:
@@ -226,7 +223,7 @@ class MechanismSubject:
         return Scene(tuple(drawn))
 
     def patch(
-        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
+        self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """Content of the file with refitted base and named effects, and the patch of the cell's."""
         if self.opened.pendulum is not None:
@@ -234,9 +231,7 @@ class MechanismSubject:
         of_cell = cell_patch(self.opened, base, effects) if self.opened.file.cell else None
         return patch_file(self.opened, base, effects, source), of_cell
 
-    def consequences(
-        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
-    ) -> Sequence[str]:
+    def consequences(self, base: Mapping[str, float], effects: NamedValues) -> Sequence[str]:
         """Sentences on how named effects move the cell's gripper, and where to accept them."""
         if not self.opened.file.cell:
             return ()
@@ -262,9 +257,7 @@ class MechanismSubject:
         n = len(self._mechanism.torques)  # trackings follow torques
         return gripper_shift(self.opened, q.T, (changed[:n], changed[n:]), readings)
 
-    def model_text(
-        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
-    ) -> str | None:
+    def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:
         """MJCF text of the accepted model, to lie beside the stated one; None for a pendulum."""
         if self.opened.pendulum is not None:
             return None

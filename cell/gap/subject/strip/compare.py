@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.gap.subject.strip.layout import Layout, Part
-from cell.gap.subject.strip.runs import Measured
+from cell.gap.subject.strip.runs import FoldMeasurement
 from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
 from cell.gap.subject.subject import Residuals
 from drivers.strip.curve import group_means, nearest_ends, signed_distances
@@ -28,7 +28,7 @@ CONTACT_LIMIT = 1.0  # bending lengths between contacts that are still one and t
 class Comparison:
     """Compares a run with simulations; the strip's `length` and stated `bending_length` in [m]."""
 
-    run: Measured
+    run: FoldMeasurement
     layout: Layout
     length: float
     bending_length: float
@@ -108,7 +108,9 @@ class Comparison:
         return mean, mean**2
 
 
-def simulated_touch(run: Measured, model: StripModel, shown: SimulatedMotion) -> Touch | None:
+def simulated_touch(
+    run: FoldMeasurement, model: StripModel, shown: SimulatedMotion
+) -> Touch | None:
     """The simulated touch as the images of `run` would show it; None where there is none."""
     if shown.touch is None:
         return None

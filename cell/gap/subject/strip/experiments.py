@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cell.gap.subject.strip.curves import Images
-from cell.gap.subject.strip.runs import Measured, MeasuredRun
+from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun
 from cell.gap.subject.strip.synthetic import Fold, reported_path, rod_folds
 from cell.record.header import Sigma
 from drivers.geometry import arc_lengths
@@ -35,7 +35,7 @@ def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun
 
 def measured_along(
     paths: Sequence[GripperPath], strip: StripFile, sigma: Sigma, index: int
-) -> list[Measured]:
+) -> list[FoldMeasurement]:
     """Simulated, noise-free measurements of `strip` along each of these gripper `paths`."""
     folds = rod_folds([describe(strip, index=index)] * len(paths), paths, SEGMENTS, STEP)
     return [_measure(fold, sigma, index) for fold in folds]
@@ -46,7 +46,7 @@ def minutes(run: MeasuredRun) -> float:
     return SET_UP + run.measured.end / 60.0
 
 
-def _measure(fold: Fold, sigma: Sigma, index: int) -> Measured:
+def _measure(fold: Fold, sigma: Sigma, index: int) -> FoldMeasurement:
     """Noise-free measurements of a simulated fold, up to its touch."""
     path, touch = fold.path, fold.motion.touch
     end = float(path.t[-1]) if touch is None else touch.time
@@ -59,7 +59,7 @@ def _measure(fold: Fold, sigma: Sigma, index: int) -> Measured:
     force_t = path.t[path.t <= end] if sigma.force is not None else np.empty(0)
     motion_force = mean_force(fold.motion.t, fold.motion.grip_force)
     force = reported_force(observation, force_t, fold.motion.t, motion_force)
-    return Measured(
+    return FoldMeasurement(
         t=path.t, poses=path.poses, travel=frozen(travel), hanging=False, index=index,
         contact_height=height, sigma=sigma, contact_t=stamps,
         contact_x=frozen([desk_contact(shape, height) for shape in shapes]),

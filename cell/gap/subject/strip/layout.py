@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.strip.runs import Measured
+from cell.gap.subject.strip.runs import FoldMeasurement
 from cell.gap.subject.subject import Samples, Words
 from drivers.types import Array
 from policies.path import TAKEOVER_HEIGHT
@@ -31,7 +31,7 @@ SLOTS, PHASES = 100_000, 10  # at most in a run: slots of time, and names of pha
 EVENT = ("touch_time", "touch_x", "displacement")
 
 
-def phases(run: Measured, t: Array) -> Words:
+def phases(run: FoldMeasurement, t: Array) -> Words:
     """Phase of the fold (n,) at each of the times `t` (n,) [s]; the touch itself is none."""
     speed, back = _averaged_motion(run, t)
     usual = float(np.median(_moving_speeds(run)))
@@ -51,11 +51,11 @@ def zones(s: Array, length: float) -> Words:
     return np.array(ZONES)[third]
 
 
-def _is_rising(run: Measured) -> bool:
+def _is_rising(run: FoldMeasurement) -> bool:
     return bool((run.poses[:, 1] >= TAKEOVER_HEIGHT).any()) and not run.hanging
 
 
-def _averaged_motion(run: Measured, t: Array) -> tuple[Array, Array]:
+def _averaged_motion(run: FoldMeasurement, t: Array) -> tuple[Array, Array]:
     """Speed (n,) [m/s] of the averaged motion at `t` (n,) [s], and its x component, backwards."""
     ends = [np.clip(t + side * AVERAGING_TIME / 2, run.t[0], run.t[-1]) for side in (-1, 1)]
     before, after = (
@@ -65,7 +65,7 @@ def _averaged_motion(run: Measured, t: Array) -> tuple[Array, Array]:
     return np.hypot(*rate.T), rate[:, 0]
 
 
-def _moving_speeds(run: Measured) -> Array:
+def _moving_speeds(run: FoldMeasurement) -> Array:
     """Speeds (k,) [m/s] of the averaged motion at the even times at which the gripper moves."""
     speeds, _ = _averaged_motion(run, np.arange(run.t[0], run.end, SPEED_INTERVAL))
     moving: NDArray[np.bool_] = speeds > STANDING_SPEED
@@ -115,7 +115,7 @@ class Layout:
     samples: Samples
 
 
-def layout(run: Measured, length: float, floors: Floors) -> Layout:
+def layout(run: FoldMeasurement, length: float, floors: Floors) -> Layout:
     """Group the readings of `run`, a fold of a strip of `length` [m], into samples."""
     images, sigma = run.images, run.sigma
     profile = _part(
@@ -134,7 +134,7 @@ def layout(run: Measured, length: float, floors: Floors) -> Layout:
     return Layout(profile, contact, force, _samples(columns))
 
 
-def _force_part(run: Measured, length: float, axis: int) -> Part:
+def _force_part(run: FoldMeasurement, length: float, axis: int) -> Part:
     """Samples of the force along one axis; none where the run states no noise for it."""
     reported = run.force_t if run.has_force else np.empty(0)
     unknown = np.isnan(run.force[: len(reported), axis])
@@ -142,7 +142,7 @@ def _force_part(run: Measured, length: float, axis: int) -> Part:
     return _part(run, reported, grasped, run.sigma.force or 0.0, 1, unknown, BRIEF)
 
 
-def _is_buckled(run: Measured, length: float) -> NDArray[np.bool_]:
+def _is_buckled(run: FoldMeasurement, length: float) -> NDArray[np.bool_]:
     """Mask of contacts (k,) beside the fixed edge while the other end is still being lifted.
 
     A soft strip that is pushed along the desk buckles there or not, by chance.
@@ -151,7 +151,7 @@ def _is_buckled(run: Measured, length: float) -> NDArray[np.bool_]:
 
 
 def _part(
-    run: Measured, t: Array, zone: Words, sigma: float, fewest: int,
+    run: FoldMeasurement, t: Array, zone: Words, sigma: float, fewest: int,
     left_out: NDArray[np.bool_] | None = None, span: float = SAMPLE_TIME,
 ) -> Part:  # fmt: skip
     """Group readings at `t` (n,) [s] into samples by `zone` (n,), phase and slots of `span` [s].
@@ -177,7 +177,7 @@ def _part(
     )  # fmt: skip
 
 
-def _is_compared(run: Measured, t: Array) -> NDArray[np.bool_]:
+def _is_compared(run: FoldMeasurement, t: Array) -> NDArray[np.bool_]:
     """Mask of times (n,) that are compared: after the lift's start, before snap and touch."""
     lifted = run.hanging | (np.interp(t, run.t, run.travel) >= GRIP_TRAVEL)
     end = run.end - (SNAP if run.touch is not None else 0.0)
@@ -209,7 +209,7 @@ def _columns(part: Part, channel: str, floor: float, *, by_zone: bool = False) -
     ]  # fmt: skip
 
 
-def _touch_columns(run: Measured, floors: Floors) -> list[_Column]:
+def _touch_columns(run: FoldMeasurement, floors: Floors) -> list[_Column]:
     """Three series of the touch: its time, mean distance from both edges, and displacement.
 
     There are none without a touch. l1 and l2 are measured alike, so that their difference and

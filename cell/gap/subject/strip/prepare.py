@@ -9,7 +9,7 @@ import numpy as np
 from cell.gap.subject.strip.bias import common_errors, half, model_error
 from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
-from cell.gap.subject.strip.runs import Measured, MeasuredRun
+from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.simulation import FINE, FINER, HashedModel, HashedPath, Job, Simulation
 from cell.gap.subject.subject import Parameter, Residuals, Run, Samples
@@ -154,7 +154,9 @@ def _engine_run(
     return relinearise(bare, fold, about)
 
 
-def _common_errors(run: Measured, samples: Samples, about: Linearisation) -> dict[str, Array]:
+def _common_errors(
+    run: FoldMeasurement, samples: Samples, about: Linearisation
+) -> dict[str, Array]:
     """Residuals (n,) per standard deviation of each error that all runs share, by name.
 
     Of the model in damping, and of perception where a camera saw the run.
@@ -188,7 +190,7 @@ def _drop_large(change: Array, limit: Array) -> Array:
     return np.where(np.abs(known) < limit, known, 0.0)
 
 
-def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
+def _fold(run: FoldMeasurement, strip: StripFile, floors: Floors) -> Fold:
     chosen = layout(run, strip.length, floors)
     kept = run.t <= run.end + LATER
     path = GripperPath(run.t[kept], run.poses[kept], run.hanging)
@@ -199,7 +201,7 @@ def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
     return Fold(whole, lifted_path, comparison, run.index, nothing, {})
 
 
-def _lifted_path(path: GripperPath, run: Measured) -> GripperPath:
+def _lifted_path(path: GripperPath, run: FoldMeasurement) -> GripperPath:
     """Measured `path`, changed to rise before it moves in: the lying strip is never pushed.
 
     A strip lifted by z draws the grip in by about z^2: so does this one, until it joins `path`.

@@ -119,7 +119,7 @@ def _batch_key(header: Header) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class FoldMeasurement:
     """Measurements of a fold, in SI units.
 
     `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it. `contact_t`,
@@ -156,7 +156,7 @@ class MeasuredRun:
 
     name: str
     condition: str
-    measured: Measured
+    measured: FoldMeasurement
     notes: tuple[str, ...]
 
     @property
@@ -244,7 +244,7 @@ def _check_kind(folder: Path) -> None:
         )
 
 
-def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
+def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> FoldMeasurement:
     """Reduce a run's tables to the arrays with which simulations are compared."""
     ticks, header = run.ticks, run.header
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
@@ -254,7 +254,7 @@ def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> Measu
     force = np.stack([ticks.f_x, ticks.f_z], axis=1)
     reported = np.isfinite(force).any(axis=1)
     grip = np.stack([np.interp(run.profile.t, ticks.t, poses[:, c]) for c in range(2)], axis=1)
-    return Measured(
+    return FoldMeasurement(
         t=t, poses=smooth, travel=frozen(arc_lengths(smooth[:, :2])),
         hanging=header.start == "hanging", index=header.index or 0,
         contact_height=header.contact_height, sigma=header.sigma,
@@ -265,9 +265,9 @@ def _measured_run(run: Recorded, touch: Touch | None, strip: StripFile) -> Measu
     )  # fmt: skip
 
 
-def _empty_measurement(run: Recorded) -> Measured:
+def _empty_measurement(run: Recorded) -> FoldMeasurement:
     none, pairs = frozen([]), np.empty((0, 2))
-    return Measured(
+    return FoldMeasurement(
         none, np.empty((0, 3)), none, False, run.header.index or 0, run.header.contact_height,
         run.header.sigma, none, none, Images(none, pairs, np.empty(0, dtype=np.int64), none), none,
         pairs, None, 0.0,

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from cell.gap.subject.scene import Curve, Scene, Signal, Track
 from cell.gap.subject.strip.compare import simulated_touch
 from cell.gap.subject.strip.prepare import Fold
-from cell.gap.subject.strip.runs import Measured
+from cell.gap.subject.strip.runs import FoldMeasurement
 from cell.gap.subject.strip.simulation import SHAPE_PERIOD, SimulatedMotion
 from drivers.strip.curve import signed_distances
 from drivers.strip.model import StripModel
@@ -19,7 +19,7 @@ DRAWN_STRIDE = 10  # rows of a run between drawn places of the gripper
 CONTACT_SIGNAL, DISTANCE_SIGNAL = "contact [mm]", "distance from the measured midline, rms [mm]"
 
 
-def measured_scene(run: Measured) -> Scene:
+def measured_scene(run: FoldMeasurement) -> Scene:
     """Drawing of a measured fold up to the touch of its layers, or to its last row."""
     images, t = run.images, run.t[run.t <= run.end][::DRAWN_STRIDE]
     grip = np.stack([np.interp(t, run.t, run.poses[:, c]) for c in range(2)], axis=1)
@@ -55,12 +55,12 @@ def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, lengt
     )  # fmt: skip
 
 
-def _images_before_end(run: Measured) -> Index:
+def _images_before_end(run: FoldMeasurement) -> Index:
     """Indices (m,) of the images before the end of the run."""
     return np.flatnonzero(run.images.stamps <= run.end)
 
 
-def _shape_indices(run: Measured, model: StripModel, shown: SimulatedMotion) -> Array:
+def _shape_indices(run: FoldMeasurement, model: StripModel, shown: SimulatedMotion) -> Array:
     """Fractional index (m,) into the simulated shapes for each image; the last shape is held."""
     true = np.asarray(shown_time(model.observation, run.images.stamps))
     return np.clip((true - shown.begin) / SHAPE_PERIOD, 0.0, len(shown.shapes) - 1.0)

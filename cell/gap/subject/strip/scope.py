@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
-from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scattering, Scope
+from cell.gap.subject.subject import Candidate, Parameter, Quantity, ScatterSource, Scope
 from drivers.errors import Unsupported
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
@@ -79,7 +79,7 @@ def scope(
               *_accepted_parameters(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if can_simulate(e, strip)),
         terms=candidates(),
-        scatter=tuple(Scattering(e.name, e.sentence, e.remedy) for e in KNOWN_EFFECTS),
+        scatter=tuple(ScatterSource(e.name, e.sentence, e.remedy) for e in KNOWN_EFFECTS),
         left=UNTRUE,
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),

@@ -27,7 +27,15 @@ from cell.gap.subject.strip.simulation import (
     Job,
     Simulation,
 )
-from cell.gap.subject.subject import Experiment, Parameter, Request, Residuals, Run, Scope
+from cell.gap.subject.subject import (
+    Experiment,
+    NamedValues,
+    Parameter,
+    Request,
+    Residuals,
+    Run,
+    Subject,
+)
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
@@ -45,7 +53,7 @@ Values = tuple[float, ...]
 
 
 def patch_file(
-    strip: StripFile, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]],
+    strip: StripFile, base: Mapping[str, float], effects: NamedValues,
     source: str,
 ) -> tuple[dict[str, object], dict[str, object] | None]:  # fmt: skip
     """Content of the strip file with refitted values and named effects, and the cell's effects."""
@@ -89,7 +97,7 @@ def _note(key: str, old: float | None, source: str) -> dict[str, str]:
     return {"key": key, "source": source, "note": was}
 
 
-class Look(NamedTuple):
+class ResidualKey(NamedTuple):
     """Key of residuals: run, key of its motion, whether that is rough, how it is observed."""
 
     run: str
@@ -98,7 +106,7 @@ class Look(NamedTuple):
     observation: Observation
 
 
-class Strip:
+class Strip(Subject):
     """Measured folds of one strip, simulated by the rod along the measured gripper paths.
 
     `notes` warn the operator of runs that are not whole.
@@ -113,81 +121,71 @@ class Strip:
 
         `scatter` are the quantities that may differ from run to run.
         """
-        self.file, self._jobs = strip, jobs
+        self.file, self.name, self._jobs = strip, strip.name, jobs
+        self.option = f"--strip configs/strips/{strip.name}.yaml"
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
 
         has_force = any(run.measured.has_force for run in self._measured)
         lifted = _lift_off_position(self._measured)
-        self._scope = scope(strip, self._floors, lifted, without, has_force=has_force)
+        self.scope = scope(strip, self._floors, lifted, without, has_force=has_force)
         self._scatter = _scatter_of(scatter, has_force=has_force)
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
 
         self._simulation = Simulation(COARSE, jobs)
         self._rough_simulation = Simulation(ROUGH, jobs, SELDOM)
-        self._residual_cache: dict[Look, tuple[Comparison, Residuals]] = {}
-        self._model_cache = lru_cache(DESCRIBED)(partial(_describe, strip, self._scope.base))
+        self._residual_cache: dict[ResidualKey, tuple[Comparison, Residuals]] = {}
+        self._model_cache = lru_cache(DESCRIBED)(partial(_describe, strip, self.scope.base))
 
-        self._runs = prepare(
+        self.runs = prepare(
             self._measured, strip, self._floors, self._simulation, jobs, self._scatter
         )
-        self._replicates = replicates(self._runs)
-
-    @property
-    def name(self) -> str:
-        """Name of the strip."""
-        return self.file.name
-
-    @property
-    def runs(self) -> Sequence[Run]:
-        """The measured folds, in the order in which they were taken."""
-        return self._runs
-
-    @property
-    def scope(self) -> Scope:
-        """Base parameters, candidates, quantities and terms of the strip."""
-        return self._scope
+        self._replicates = replicates(self.runs)
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Residuals of `requests`, measured minus simulated; each motion is simulated once."""
         folds, drives = self._drive(requests)
-        looks = [
-            Look(request.run.name, drive.key, request.rough, drive.model.observation)
+        keys = [
+            ResidualKey(request.run.name, drive.key, request.rough, drive.model.observation)
             for request, drive in zip(requests, drives, strict=True)
         ]
-        residuals = self._compare(dict(zip(looks, zip(folds, drives, strict=True), strict=True)))
+        residuals = self._compare(dict(zip(keys, zip(folds, drives, strict=True), strict=True)))
         return [
-            fold.correct(residuals[look], request.run, request.local)
-            for request, fold, look in zip(requests, folds, looks, strict=True)
+            fold.correct(residuals[key], request.run, request.local)
+            for request, fold, key in zip(requests, folds, keys, strict=True)
         ]
 
-    def _compare(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
-        """Residuals of each look, from a cache or a new simulation; its motion is not kept."""
+    def _compare(
+        self, asked: Mapping[ResidualKey, tuple[Fold, Job]]
+    ) -> dict[ResidualKey, Residuals]:
+        """Residuals by key, from a cache or a new simulation; its motion is not kept."""
         found = {}
-        for look, (fold, _) in asked.items():
-            comparison, residuals = self._residual_cache.get(look, (None, None))
+        for key, (fold, _) in asked.items():
+            comparison, residuals = self._residual_cache.get(key, (None, None))
             if residuals is not None and comparison is fold.comparison:
-                found[look] = residuals
-        new = {look: each for look, each in asked.items() if look not in found}
+                found[key] = residuals
+        new = {key: each for key, each in asked.items() if key not in found}
         compared = self._compare_new(new)
         self._residual_cache |= {k: (new[k][0].comparison, r) for k, r in compared.items()}
         return found | compared
 
-    def _compare_new(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
-        """Simulate and compare looks, a portion of motions of similar duration at a time.
+    def _compare_new(
+        self, asked: Mapping[ResidualKey, tuple[Fold, Job]]
+    ) -> dict[ResidualKey, Residuals]:
+        """Simulate and compare by key, a portion of motions of similar duration at a time.
 
-        Looks at one motion stay together, in the order in which they are asked.
+        Keys of one motion stay together, in the order in which they are asked.
         """
-        first = {look.motion: i for i, look in reversed(list(enumerate(asked)))}
+        first = {key.motion: i for i, key in reversed(list(enumerate(asked)))}
         order = sorted(asked, key=lambda k: (k.rough, asked[k][1].path.duration, first[k.motion]))
-        found: dict[Look, Residuals] = {}
+        found: dict[ResidualKey, Residuals] = {}
         with ThreadPoolExecutor(self._jobs) as pool:
-            for rough, group in groupby(order, key=lambda look: look.rough):
+            for rough, group in groupby(order, key=lambda key: key.rough):
                 simulation = self._rough_simulation if rough else self._simulation
-                looks = iter(group)
-                while portion := list(islice(looks, PORTION)):
-                    folds, drives = zip(*(asked[look] for look in portion), strict=True)
+                keys = iter(group)
+                while portion := list(islice(keys, PORTION)):
+                    folds, drives = zip(*(asked[key] for key in portion), strict=True)
                     residuals = pool.map(lambda fold, drive, motion: fold.comparison(
                         drive.model, motion), folds, drives, simulation(drives))  # fmt: skip
                     found.update(zip(portion, residuals, strict=True))
@@ -224,7 +222,7 @@ class Strip:
                 for run in ready]  # fmt: skip
 
     def patch(
-        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
+        self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """Content of the strip file with refitted base and named effects, and of the cell's."""
         return patch_file(self.file, base, effects, source)
@@ -296,5 +294,5 @@ def open_strip(
             known = ", ".join(sorted(registry()))
             raise ConfigurationError(f"--without {name}: is no effect; allowed: {known}")
     if registry().keys() <= {*without, *strip.effects}:
-        raise ConfigurationError("--without: withholds every effect; leave one to look for")
+        raise ConfigurationError("--without: withholds every effect; leave one to key for")
     return Strip(strip, read_runs(folders, strip), jobs, without=without)

@@ -140,12 +140,6 @@ def cosines(count: int) -> list[Made]:
     return [Made(t, np.pi + size * np.cos(10.0 * t)[None], "c") for size in sizes]
 
 
-def test_single_run_is_refused(tmp_path: Path) -> None:
-    file, runs = write_swings(tmp_path, pendulum(1), cosines(1), SIGMA)
-    with pytest.raises(ConfigurationError, match="single run"):
-        fit([runs / "00"], file, tmp_path / "out")
-
-
 @pytest.mark.parametrize(
     ("change", "word"),
     [

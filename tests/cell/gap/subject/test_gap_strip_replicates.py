@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.strip.simulation import HashedModel, Simulation
 from cell.gap.subject.strip.subject import Strip, open_strip
@@ -42,30 +41,6 @@ def responses(strip: Strip, *, rough: bool) -> list[Array]:
         (there.mean - here.mean) / np.hypot(run.samples.noise, run.samples.floor)
         for here, there, run in zip(found[:count], found[count:], strip.runs, strict=True)
     ]
-
-
-def test_a_rough_response_is_simulated_once_for_all_replicates(
-    strip: Strip, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    simulated: list[bytes] = []
-    whole = Simulation._simulate_batches
-
-    def counted(self: Simulation, wanted):  # type: ignore[no-untyped-def]
-        simulated.extend(wanted)
-        return whole(self, wanted)
-
-    monkeypatch.setattr(Simulation, "_simulate_batches", counted)
-    responses(strip, rough=True)
-    assert len(simulated) == 2 * len(set(NAMES))
-
-
-def test_a_motion_that_is_asked_again_is_not_compared_again(
-    strip: Strip, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    first = responses(strip, rough=False)
-    monkeypatch.setattr(Comparison, "__call__", None)
-    for before, again in zip(first, responses(strip, rough=False), strict=True):
-        np.testing.assert_array_equal(again, before)
 
 
 def test_runs_of_one_name_and_path_are_compared_each_with_its_own_measurement(
@@ -113,10 +88,3 @@ def test_a_response_along_the_path_of_a_replicate_is_that_along_its_own(strip: S
         size = np.sqrt((exact[known] ** 2).mean())
         assert size > 1.0
         assert np.sqrt(((rough - exact)[known] ** 2).mean()) < 0.1 * size
-
-
-def test_a_run_along_another_path_is_no_replicate(strip: Strip) -> None:
-    first, other, second = (run.content for run in strip.runs)
-    leaders = strip._replicates
-    assert leaders[other.path.digest] is other
-    assert leaders[first.path.digest] is leaders[second.path.digest]

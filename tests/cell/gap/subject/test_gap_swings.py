@@ -268,8 +268,3 @@ def test_damping_that_grows_from_run_to_run_is_not_named(tmp_path: Path) -> None
     assert verdict.verdict == "unexplained"
     assert verdict.unexplained is not None
     assert "damping_1 changes by" in verdict.unexplained.description
-
-
-def test_unknown_held_out_run_is_refused(rubbing: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="--hold-out 99: no such run"):
-        fit([rubbing / "runs"], rubbing / "pendulum.yaml", tmp_path / "out", ["99"])

@@ -17,7 +17,7 @@ from cell.config.places import find_configs
 from cell.gap.fit import fit
 from cell.gap.rehearse import table
 from cell.gap.verdict.accept import RECORD
-from cell.gap.verdict.confidence import LEFT_OPEN, Calibration, Signs, Weight, calibration
+from cell.gap.verdict.confidence import LEFT_OPEN, Calibration, Features, Weight, calibration
 from drivers.strip.effects import registry
 from drivers.types import Array
 from tests.lab.exam.case import STRENGTHS, Case
@@ -44,7 +44,7 @@ DOUBTFUL = 0.7  # confidence under which a wrong name does little harm
 class Name(NamedTuple):
     """Verdict that names: its signs, if it is right, if the library lacks the cause, its case."""
 
-    signs: Signs
+    signs: Features
     right: bool
     outside: bool
     case: str
@@ -90,7 +90,7 @@ def names_to_withhold(case: Case) -> list[str]:
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
     """Verdicts that name an effect, and the share of the causes that the library lacks."""
     found = [
-        Name(Signs(**v["signs"]), v["is_right"], _is_outside(v), v["case"])
+        Name(Features(**v["signs"]), v["is_right"], _is_outside(v), v["case"])
         for v in (o.values for o in outcomes)
         if v["is_named"] and v["signs"]
     ]

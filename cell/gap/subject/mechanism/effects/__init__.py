@@ -13,13 +13,12 @@ from cell.gap.subject.mechanism.effect import Effect
 from cell.gap.subject.mechanism.effects import bodies, compliance, drives, friction, terms
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.passive import Torques
-from cell.gap.subject.subject import Candidate, Parameter
+from cell.gap.subject.subject import Candidate, NamedValues, Parameter
 from drivers.errors import ConfigurationError
 from drivers.plugins import plugins
 from drivers.types import Array
 
 FAMILIES = (bodies, compliance, drives, friction)
-Accepted = Mapping[str, Mapping[str, float]]
 
 
 @cache
@@ -37,7 +36,7 @@ def torques() -> Torques:
 
 
 def candidates(
-    mechanism: Mechanism, accepted: Accepted, stated: Collection[str] = ()
+    mechanism: Mechanism, accepted: NamedValues, stated: Collection[str] = ()
 ) -> tuple[Candidate, ...]:
     """Candidate effects of a mechanism, without accepted ones and errors of `stated` fields."""
     return tuple(e.candidate(mechanism) for name, e in registry().items()
@@ -56,7 +55,7 @@ def effect_of(name: str) -> Effect:
     return found if found is not None else next(t for t in terms.EFFECTS if t.name == name)
 
 
-def accepted_parameters(mechanism: Mechanism, accepted: Accepted) -> Iterator[Parameter]:
+def accepted_parameters(mechanism: Mechanism, accepted: NamedValues) -> Iterator[Parameter]:
     """Base parameters `effect.parameter` by which accepted effects are refitted."""
     for name, values in accepted.items():
         for p in effect_of(name).with_shape(mechanism):
@@ -71,7 +70,7 @@ def _engine_value(p: Parameter, value: float | None) -> float:
     return 1.0 / value if p.inverse else float(value)
 
 
-def check_effects(accepted: Accepted, mechanism: Mechanism, origin: str) -> None:
+def check_effects(accepted: NamedValues, mechanism: Mechanism, origin: str) -> None:
     """Refuse effects and parameters that the library does not have, and values out of range."""
     known = {e.name: e for e in (*registry().values(), *terms.EFFECTS) if e.applies(mechanism)}
     for name, values in accepted.items():

@@ -1,12 +1,10 @@
 """The library of effects: each is nothing at its null, something beyond it."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cell.gap.subject.mechanism import forward
 from cell.gap.subject.mechanism.effects import describing_terms, effect_of, registry
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
@@ -89,24 +87,6 @@ def test_a_law_compiled_into_the_engine_acts_as_the_law_itself(arm) -> None:
     assert np.abs(by_law[:2] - by_force[:2]).max() < 1e-12
 
 
-def test_what_lies_between_world_and_record_takes_no_simulation_of_its_own(arm, monkeypatch):
-    if arm.opened.mechanism.mode != "forward":
-        pytest.skip("measured motion is not simulated")
-    sizes, batch = list[int](), forward.Batch
-    monkeypatch.setattr(forward, "Batch", lambda m, n, jobs: sizes.append(n) or batch(m, n, jobs))
-    read = {"encoder_bias": np.array([0.01, 0.0]), "encoder_scale": np.array([0.0, 0.02]),
-            "sensor_delay": np.array([0.004])}  # fmt: skip
-    run, base = arm.runs[1], np.array([p.start for p in arm.scope.base])
-    own = np.array([p.start for p in run.local])
-    asked = [{}, *({name: v} for name, v in read.items()), {"control_delay": np.array([0.004])}]
-    whole = arm.simulate([Request(run, base, effects, own) for effects in asked])
-    assert sizes == [2]
-    sizes.clear()
-    for effects, found in zip(asked, whole, strict=True):
-        assert np.array_equal(simulated(arm, effects).mean, found.mean)
-    assert sizes == [1] * len(asked)
-
-
 def test_stiffer_gears_come_nearer_to_rigid_ones(arm) -> None:
     plain = simulated(arm, {})
     size = np.array(arm.scope.candidates[0].null)
@@ -116,10 +96,3 @@ def test_stiffer_gears_come_nearer_to_rigid_ones(arm) -> None:
         for c in (4e-3, 4e-4)
     )
     assert 0.0 < stiff < 0.3 * soft
-
-
-def test_folder_of_runs_is_left_as_it_was(tmp_path: Path) -> None:
-    file, runs = make_arm(tmp_path, 2, span=0.6)
-    before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
-    open_mechanism(file, find_runs([runs]))
-    assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
