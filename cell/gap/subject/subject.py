@@ -2,8 +2,8 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,6 +110,22 @@ class Samples:
     reading: Array
     floor: Array
     series: NDArray[np.int64]
+
+    @classmethod
+    def stack(cls, series: Sequence[Mapping[str, Any]]) -> "Samples":
+        """Samples of time series, one after another, from their columns by field.
+
+        A column is an array with an entry per sample, or one value for all of them.
+        """
+        counts = [len(columns["t"]) for columns in series]
+
+        def stacked(name: str) -> Any:
+            pairs = zip(series, counts, strict=True)
+            return np.concatenate([np.broadcast_to(columns[name], n) for columns, n in pairs])
+
+        names = [f.name for f in fields(cls) if f.name != "series"]
+        return cls(**{name: stacked(name) for name in names},
+                   series=np.repeat(np.arange(len(series)), counts))  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.t)

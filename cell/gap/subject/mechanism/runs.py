@@ -276,17 +276,12 @@ def falls(height: Array, edges: NDArray[np.int64]) -> Words:
 
 def samples(signals: Sequence[Signal], made: Cut, phase: Words) -> Samples:
     """Samples of all `signals` of a cut run, signal by signal, with phases `phase` (b,)."""
-    k, n = len(made.edges) - 1, len(signals)
     counts = np.diff(made.edges)
-    channel = np.repeat(np.array([s.channel for s in signals]), k)
     middle = np.add.reduceat(made.t, made.edges[:-1]) / counts
-    sigma = np.array([s.sigma for s in signals])
     # the error of a torque is ripple, supply and constants, which a mean does not make smaller
-    readings = np.where([[s.kind == "torque"] for s in signals], 1.0, np.sqrt(counts))
-    return Samples(
-        channel=channel, phase=np.tile(phase, n),
-        zone=np.repeat(np.array([s.zone for s in signals]), k), quantity=channel,
-        t=np.tile(middle, n), noise=(sigma[:, None] / readings).ravel(),
-        reading=np.repeat(sigma, k), floor=np.repeat(np.array([s.floor for s in signals]), k),
-        series=np.repeat(np.arange(n), k),
-    )  # fmt: skip
+    return Samples.stack([
+        {"channel": s.channel, "quantity": s.channel, "phase": phase, "zone": s.zone, "t": middle,
+         "noise": s.sigma / (1.0 if s.kind == "torque" else np.sqrt(counts)),
+         "reading": s.sigma, "floor": s.floor}
+        for s in signals
+    ])  # fmt: skip

@@ -1,7 +1,6 @@
 """Groups the readings of a fold into samples, by phase, zone and time."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -131,7 +130,7 @@ def layout(run: FoldMeasurement, length: float, floors: Floors) -> Layout:
         *_columns(force[1], "force", floors.force),
         *_touch_columns(run, floors),
     ]
-    return Layout(profile, contact, force, _samples(columns))
+    return Layout(profile, contact, force, Samples.stack(columns))
 
 
 def _force_part(run: FoldMeasurement, length: float, axis: int) -> Part:
@@ -184,32 +183,23 @@ def _is_compared(run: FoldMeasurement, t: Array) -> NDArray[np.bool_]:
     return np.asarray(lifted & (t >= run.t[0]) & (t < end))
 
 
-@dataclass(frozen=True, slots=True)
-class _Column:
-    """Samples of one time series, in the fields of `Samples`; arrays have one entry per sample."""
-
-    channel: str
-    quantity: str
-    phase: Words
-    zone: Words
-    t: Array
-    noise: Array
-    reading: float
-    floor: float
+Columns = dict[str, Any]
+"""Samples of one time series, by field of `Samples`."""
 
 
-def _columns(part: Part, channel: str, floor: float, *, by_zone: bool = False) -> list[_Column]:
+def _columns(part: Part, channel: str, floor: float, *, by_zone: bool = False) -> list[Columns]:
     """Time series of the samples of `part`: one for all, or one for each zone."""
     noise = part.sigma / np.sqrt(np.maximum(np.diff(part.edges), 1))
     series = [part.zone == z for z in ZONES] if by_zone else [np.ones(len(part), dtype=bool)]
     return [
-        _Column(channel, channel, part.phase[rows], part.zone[rows], part.t[rows], noise[rows],
-                part.sigma, floor)
+        {"channel": channel, "quantity": channel, "phase": part.phase[rows],
+         "zone": part.zone[rows], "t": part.t[rows], "noise": noise[rows],
+         "reading": part.sigma, "floor": floor}
         for rows in series
     ]  # fmt: skip
 
 
-def _touch_columns(run: FoldMeasurement, floors: Floors) -> list[_Column]:
+def _touch_columns(run: FoldMeasurement, floors: Floors) -> list[Columns]:
     """Three series of the touch: its time, mean distance from both edges, and displacement.
 
     There are none without a touch. l1 and l2 are measured alike, so that their difference and
@@ -217,22 +207,12 @@ def _touch_columns(run: FoldMeasurement, floors: Floors) -> list[_Column]:
     """
     if run.touch is None:
         return []
-    place = np.array(["touch"]), np.array(["middle"]), np.array([run.touch.time])
     displacement = run.sigma.displacement
     sizes = ((run.sigma.touch_time or TOUCH_TIME, floors.touch_time),
              (displacement / 2, floors.displacement / 2),
              (displacement, floors.displacement))  # fmt: skip
     return [
-        _Column("layer_touch", quantity, *place, np.array([sigma]), sigma, floor)
+        {"channel": "layer_touch", "quantity": quantity, "phase": "touch", "zone": "middle",
+         "t": np.array([run.touch.time]), "noise": sigma, "reading": sigma, "floor": floor}
         for quantity, (sigma, floor) in zip(EVENT, sizes, strict=True)
-    ]
-
-
-def _samples(columns: Sequence[_Column]) -> Samples:
-    """Concatenate the time series `columns` into the samples of a run."""
-
-    def column(name: str) -> Any:
-        return np.concatenate([np.broadcast_to(getattr(c, name), len(c.t)) for c in columns])
-
-    series = np.repeat(np.arange(len(columns)), [len(c.t) for c in columns])
-    return Samples(**{field.name: column(field.name) for field in fields(_Column)}, series=series)
+    ]  # fmt: skip
