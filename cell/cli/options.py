@@ -1,6 +1,7 @@
 """Options that several commands share."""
 
 import json
+import os
 import sys
 from contextlib import contextmanager
 from math import inf
@@ -81,7 +82,7 @@ def check_readable(path: Path, remedy: str = "") -> None:
     from drivers.errors import ConfigurationError
 
     try:
-        path.open("rb").close()
+        os.close(os.open(path, os.O_RDONLY | os.O_NONBLOCK))  # a pipe is not waited for
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}{remedy}") from None
 

@@ -1,6 +1,7 @@
 """`cell fold` as programs call it: its lines, its exit code, its refusals."""
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -107,8 +108,9 @@ def test_a_plant_that_cannot_be_used_is_refused_before_the_first_fold(
     assert asked == []
     assert lines == []
     assert all(remark.startswith(f"cell: {broken_plant}") for remark in remarks[:1])
-    missing = ("--plant", tmp_path / "missing.yaml", "--dry-run")
-    assert folds(capsys, [], *missing)[0] == 2
+    os.mkfifo(tmp_path / "pipe.yaml")
+    for name in ("missing.yaml", "pipe.yaml"):
+        assert folds(capsys, [], "--plant", tmp_path / name, "--dry-run")[0] == 2
 
 
 def test_a_defect_of_the_program_is_one_line_and_no_traceback(
