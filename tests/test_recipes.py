@@ -378,7 +378,7 @@ def test_a_driver_is_a_class_behind_a_seam(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_study_is_one_file(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     only(installed, monkeypatch, catalogue, "coins", STUDY)
-    asked = campaign.Asked(catalogue.study_of("coins"), 0, 40, installed / "out")
+    asked = campaign.StudyRequest(catalogue.study_of("coins"), 0, 40, installed / "out")
     campaign.measure(asked, Here(), Quiet(), (1, 1), again=False)
-    assert "| all | 40 |" in markdown(campaign.kept_outcomes(asked))
+    assert "| all | 40 |" in markdown(campaign.read_study(asked))
     sys.modules.pop(f"{catalogue.__name__}.coins")

@@ -15,7 +15,7 @@ from cell.benchmark.figures import (
     strips_figure,
 )
 from cell.benchmark.photograph import photograph
-from cell.benchmark.results import Refused, Results
+from cell.benchmark.results import MissingPart, Results
 from cell.benchmark.side_views import (
     adaptation_figure,
     critical_figure,
@@ -92,7 +92,7 @@ def page_of(results: Results) -> str:
         hidden=_hidden_effects(results),
         figures={name: draw(results) for name, draw in FIGURES.items()},
         photograph=photograph(results),
-        refused=[(r.part, r.reason) for r in results.results if isinstance(r, Refused)],
+        refused=[(r.part, r.reason) for r in results.results if isinstance(r, MissingPart)],
         made_with=_made_with(results),
     )
 

@@ -90,7 +90,7 @@ PLANNING_FOLDS = 16  # folds of the rod, about, that planning takes
 
 
 @dataclass(frozen=True, slots=True)
-class OverRange:
+class RangePart:
     """Benchmark part: a logarithmic grid of side x side strips, folded at `speed` [m/s].
 
     A policy that uses images gets late and noisy observations, as in training.
@@ -157,7 +157,7 @@ FOLD_COST, PLANNED_COST = 0.1, 5  # s of a fold; times as much where it is plann
 
 
 @dataclass(frozen=True, slots=True)
-class HiddenEffect:
+class EffectPart:
     """Benchmark part: folds of `count` strips with a hidden `effect` at `speed` [m/s].
 
     The effect is of textile size. Every policy folds the same strips, observed as through images.

@@ -199,7 +199,7 @@ class Laid(Settings):
     shape: Curve
 
 
-class Refused(Settings):
+class MissingPart(Settings):
     """A part that was not measured, and the reason."""
 
     kind: Literal["refused"] = "refused"
@@ -208,7 +208,14 @@ class Refused(Settings):
 
 
 Result = (
-    ImageFold | RangeFolds | EffectFolds | CriticalPoints | Evolution | Adaptation | Laid | Refused
+    ImageFold
+    | RangeFolds
+    | EffectFolds
+    | CriticalPoints
+    | Evolution
+    | Adaptation
+    | Laid
+    | MissingPart
 )
 AnyResult = Annotated[Result, Field(discriminator="kind")]
 

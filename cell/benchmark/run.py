@@ -10,9 +10,15 @@ import numpy as np
 from pydantic import TypeAdapter
 
 import policies
-from cell.benchmark.range_parts import HIDDEN_EFFECTS, HiddenEffect, OverRange
-from cell.benchmark.results import AnyResult, BenchmarkSpec, ImageFold, Refused, Result, Results
-from cell.benchmark.shape_parts import LEVEL_MOTION, Adapted, Critical, Evolved, LaidDown
+from cell.benchmark.range_parts import HIDDEN_EFFECTS, EffectPart, RangePart
+from cell.benchmark.results import AnyResult, BenchmarkSpec, ImageFold, MissingPart, Result, Results
+from cell.benchmark.shape_parts import (
+    LEVEL_MOTION,
+    AdaptationPart,
+    CriticalPart,
+    EvolutionPart,
+    LaidPart,
+)
 from cell.calibrating.calibrate import calibration_of
 from cell.campaign.journal import Record, digest
 from cell.campaign.run import Engine, Part, Watcher, carry_out
@@ -30,7 +36,7 @@ PART_COST = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class ThroughImages:
+class ImagePart:
     """Benchmark part: one fold through images by `request`; `of` is the digest of its inputs."""
 
     request: Request
@@ -81,20 +87,20 @@ def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
     extent = spec.extent
     for policy in spec.policies:
         of = digest(code(), weights_digest(policy))
-        yield OverRange(policy, "rod", extent.grid, speed, of)
-        yield OverRange(policy, "chain", extent.chain, speed, of)
+        yield RangePart(policy, "rod", extent.grid, speed, of)
+        yield RangePart(policy, "chain", extent.chain, speed, of)
         for effect in HIDDEN_EFFECTS:
-            yield HiddenEffect(policy, effect, extent.hidden, speed, of)
+            yield EffectPart(policy, effect, extent.hidden, speed, of)
     of = digest(code())
     for pace in (LEVEL_SPEED, speed):
-        yield Critical(pace, extent.heights, extent.stiffnesses, extent.dampings, of)
+        yield CriticalPart(pace, extent.heights, extent.stiffnesses, extent.dampings, of)
     for place in np.linspace(0.0, 1.0, extent.laid):
-        yield LaidDown(float(place), of)
-    yield Evolved(LEVEL_MOTION, LEVEL_SPEED, of)
+        yield LaidPart(float(place), of)
+    yield EvolutionPart(LEVEL_MOTION, LEVEL_SPEED, of)
     if LEARNED in spec.policies:
         of = digest(code(), weights_digest(LEARNED))
-        yield Evolved(LEARNED, speed, of)
-        yield Adapted(LEARNED, speed, of)
+        yield EvolutionPart(LEARNED, speed, of)
+        yield AdaptationPart(LEARNED, speed, of)
 
 
 def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:
@@ -108,7 +114,7 @@ def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[
 
 def _fold_request(
     spec: BenchmarkSpec, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
-) -> ThroughImages:
+) -> ImagePart:
     """Part that folds a new `strip` by `policy`, with noise of the spec's seed plus `repeat`."""
     cell, lying = configs.cell(), configs.strip(strip)
     choice, record = DeviceSelection(seed=spec.seed + repeat), Recording(page=False)
@@ -119,7 +125,7 @@ def _fold_request(
         lying.model_dump_json(),
         weights_digest(policy),
     )
-    return ThroughImages(request, of)
+    return ImagePart(request, of)
 
 
 JOURNAL = "parts"
@@ -157,7 +163,7 @@ def benchmark(
 def measure_parts(
     parts: Sequence[Part], folder: Path, engine: Engine, watcher: Watcher, *, again: bool = False
 ) -> Iterator[tuple[str, Result]]:
-    """Measure every part; yields its key and result, Refused where it could not be measured."""
+    """Measure every part; yields its key and result, MissingPart where it could not be measured."""
     for part, record in carry_out(parts, folder, engine, watcher, again=again):
         yield part.key, _result(record)
 
@@ -173,7 +179,7 @@ def summarise(record: Record) -> str:
 
 def _result(record: Record) -> Result:
     if record.outcome is None:
-        return Refused(part=record.key, reason=record.reason)
+        return MissingPart(part=record.key, reason=record.reason)
     return _ANY.validate_python(record.outcome, strict=False)
 
 

@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cell.benchmark.results import Refused, Results
+from cell.benchmark.results import MissingPart, Results
 from cell.benchmark.summary import Row, claims, newtons, numeral, rows
 from cell.report.words import plural
 
@@ -20,7 +20,7 @@ def show(results: Results, console: Console) -> None:
     for claim in claims(results):
         mark = "[green]held[/]    " if claim.held else "[red]not held[/]"
         console.print(f"  {mark} {claim.says}\n           {claim.here}", highlight=False)
-    for refused in (r for r in results.results if isinstance(r, Refused)):
+    for refused in (r for r in results.results if isinstance(r, MissingPart)):
         reason = escape(refused.reason)
         console.print(f"  [yellow]missing[/]  {refused.part}: {reason}", highlight=False)
 

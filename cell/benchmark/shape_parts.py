@@ -38,7 +38,7 @@ DWELL_TIME = 3.0  # s at rest before it: three times the slowest fabric's retard
 
 
 @dataclass(frozen=True, slots=True)
-class Critical:
+class CriticalPart:
     """Benchmark part: level motions at `speed` [m/s] and each of `heights` [m], on many strips."""
 
     speed: float
@@ -101,7 +101,7 @@ STRIP_PLACE = (0.4, 0.3)  # of the strip in the paper's range
 
 
 @dataclass(frozen=True, slots=True)
-class Evolved:
+class EvolutionPart:
     """Benchmark part: shapes of a strip of medium stiffness folded by `policy`, or level."""
 
     policy: str
@@ -191,7 +191,7 @@ DAMPING_SHARE = 0.3  # place in the paper's range
 
 
 @dataclass(frozen=True, slots=True)
-class Adapted:
+class AdaptationPart:
     """Benchmark part: gripper paths of `policy` over the paper's range of stiffness."""
 
     policy: str
@@ -234,7 +234,7 @@ HELD, RELEASED = 0.5, 1.5  # s of rest
 
 
 @dataclass(frozen=True, slots=True)
-class LaidDown:
+class LaidPart:
     """Benchmark part: a laid strip at `stiffness`, its place in the paper's range from 0 to 1."""
 
     stiffness: float

@@ -9,7 +9,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn
 from cell.campaign.journal import Record
 from cell.campaign.run import Part
 
-Says = Callable[[Record], str]
+Describe = Callable[[Record], str]
 
 
 def briefly(record: Record) -> str:
@@ -35,8 +35,10 @@ class Meter:
     Parts that failed stay on the screen.
     """
 
-    def __init__(self, console: Console, says: Says = briefly, *, quiet: bool = False) -> None:
-        self._console, self._says, self._quiet = console, says, quiet
+    def __init__(
+        self, console: Console, describe: Describe = briefly, *, quiet: bool = False
+    ) -> None:
+        self._console, self._describe, self._quiet = console, describe, quiet
         self._count = self._done = self._failed = 0
         self._left = self._known = self._before = 0.0
         self._begun = time.monotonic()
@@ -69,7 +71,7 @@ class Meter:
             return
         failed = f", {self._failed} failed" if self._failed else ""
         text = f"{self._done} of {self._count}{failed}{self._time_left()}  {part.key}"
-        text += self._says(record)
+        text += self._describe(record)
         if self._task is None or record.state != "measured":
             self._print(text)
         if self._task is not None:

@@ -12,7 +12,7 @@ from cell.cli.options import Cluster, Json, engine, print_json, resumable
 
 if TYPE_CHECKING:
     from cell.campaign.run import Engine
-    from tests.lab.studies.campaign import Asked
+    from tests.lab.studies.campaign import StudyRequest
 
 
 def study(
@@ -49,7 +49,7 @@ def study(
     A case that OUT holds, by the same code, is done: the same command goes on where it stopped.
     """
     from drivers.errors import ConfigurationError
-    from tests.lab.studies.campaign import Asked
+    from tests.lab.studies.campaign import StudyRequest
     from tests.lab.studies.catalogue import studies, study_of
 
     if name is None and not quick:
@@ -60,7 +60,7 @@ def study(
     for each in chosen:
         size = count or (max(each.quick, 1) if quick else each.usual)
         folder = _study_folder(out, f"{each.name}-{seed}", alone=name is not None)
-        asked = Asked(each, seed, size, folder)
+        asked = StudyRequest(each, seed, size, folder)
         if show and not asked.journal.is_dir():
             raise ConfigurationError(
                 f"--show: {folder} holds no case of {each.name}; measure some first, without it"
@@ -103,7 +103,7 @@ def _shard(given: str | None) -> tuple[int, int]:
 
 
 def _measure(
-    asked: "Asked", by: "Engine", shard: tuple[int, int], again: bool, *, quiet: bool
+    asked: "StudyRequest", by: "Engine", shard: tuple[int, int], again: bool, *, quiet: bool
 ) -> None:
     from rich.console import Console
 
@@ -114,13 +114,13 @@ def _measure(
         measure(asked, by, meter, shard, again=again)
 
 
-def _print_study(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
+def _print_study(asked: "StudyRequest", *, as_json: bool) -> tuple[bool, bool]:
     """Print a study and write its page; returns whether bars are kept, and whether cases failed."""
-    from tests.lab.studies.campaign import kept_outcomes
+    from tests.lab.studies.campaign import read_study
     from tests.lab.studies.page import write_page
     from tests.lab.studies.table import keeps_bars, markdown, rows
 
-    found = kept_outcomes(asked)
+    found = read_study(asked)
     table = rows(found)
     page = write_page(found)
     if as_json:

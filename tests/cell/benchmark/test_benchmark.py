@@ -21,8 +21,8 @@ from cell.benchmark.results import (
     Evolution,
     ImageFold,
     Laid,
+    MissingPart,
     RangeFolds,
-    Refused,
     Results,
 )
 from cell.benchmark.run import measure_parts, order
@@ -36,7 +36,7 @@ from tests.support.campaign_parts import Deadly, Fine, Impossible, Noted, Plain
 pytestmark = pytest.mark.slow
 
 CONFIGS = find_configs(Path(__file__).parents[3] / "configs")
-TITLES = ("Displacement of the strips", "Repeatability", "Critical points", "Force that")
+TITLES = ("Displacement of the strips", "Repeatability", "CriticalPart points", "Force that")
 TITLES += ("Adaptation", "The folded strip", "State, action", "maps", "level motion")
 POLICIES = ("triangular", "circular", "shifted", "planned", "feedback")
 STRIPS = ("blanket", "denim", "rib-knit")
@@ -159,8 +159,8 @@ def test_one_impossible_and_one_deadly_part_leave_the_others_measured(tmp_path: 
     parts = [Plain(Fine("a")), Plain(Impossible("b")), Plain(Deadly("c")), Plain(Fine("d"))]
     found = dict(measure_parts(parts, tmp_path, Local(2), Noted()))
     assert found.keys() == set("abcd")
-    assert found["b"] == Refused(part="b", reason="this strip cannot be folded")
-    assert found["c"] == Refused(part="c", reason="its process died 2 times, code 3")
+    assert found["b"] == MissingPart(part="b", reason="this strip cannot be folded")
+    assert found["c"] == MissingPart(part="c", reason="its process died 2 times, code 3")
     assert all(isinstance(found[key], Laid) for key in "ad")
 
 
@@ -223,7 +223,9 @@ def test_page_needs_nothing_else_and_says_what_is_not_the_papers() -> None:
 
 
 def test_page_of_a_benchmark_that_measured_nothing_still_explains() -> None:
-    nothing = measured().model_copy(update={"results": (Refused(part="all", reason="no disk"),)})
+    nothing = measured().model_copy(
+        update={"results": (MissingPart(part="all", reason="no disk"),)}
+    )
     page = page_of(nothing)
     assert "no disk" in page
     assert "was not tried" in page

@@ -9,7 +9,7 @@ from drivers.settings import Settings
 Tier = Literal["state", "images"]
 Kind = Literal["nothing", "single", "pair", "outside"]
 Strength = Literal["weak", "medium", "strong"]
-Scattered = Literal["none", "half", "full"]
+ScatterLevel = Literal["none", "half", "full"]
 Motions = Literal["standard", "by_hand"]
 Plant = Literal["the model itself", "another engine", "another law"]
 
@@ -48,7 +48,7 @@ class Case(Settings):
     causes: dict[str, Values] = Field(default_factory=dict)
     answer: tuple[str, ...] = ()
     strength: Strength | None = None
-    scatter: Scattered = "none"
+    scatter: ScatterLevel = "none"
     motions: Motions = "standard"
     repeats: int = Field(1, ge=1, le=8)
     force: float | None = Field(None, gt=0, le=5.0, exclude_if=lambda force: force is None)

@@ -23,7 +23,7 @@ from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
 from policies.experiments.by_hand import by_hand
 from policies.experiments.standard import REFERENCE_RUN, REPEATED_RUN, STANDARD, standard_order
-from tests.lab.exam.case import STRENGTHS, Case, Kind, Scattered, Strength, Tier, Values
+from tests.lab.exam.case import STRENGTHS, Case, Kind, ScatterLevel, Strength, Tier, Values
 from tests.lab.exam.causes import causes
 from tests.lab.exam.from_state import BY, MOTIONS, paths_by_hand, scale_strip
 from tests.lab.exam.through_images import refusal
@@ -75,7 +75,7 @@ FOREIGN = 2  # one state-based case in so many has a plant that is not the model
 BY_HAND_PERIOD = 3  # one triple of levels in so many is moved by hand
 STIFFER, SLOWER = 1.15, 2.0  # factors by which a plant's base may differ from its file
 CASE_STRENGTHS: tuple[Strength, ...] = ("weak", "medium", "strong")
-SCATTER: tuple[Scattered, ...] = ("none", "half", "full")
+SCATTER: tuple[ScatterLevel, ...] = ("none", "half", "full")
 SHARES: dict[Tier, dict[Kind, float]] = {
     "state": {"nothing": 0.43, "single": 0.47, "pair": 0.10},
     "images": {"nothing": 0.25, "single": 0.40, "pair": 0.15, "outside": 0.20},
@@ -125,7 +125,7 @@ def cases(
     return found
 
 
-def _scatter_level(number: int) -> Scattered:
+def _scatter_level(number: int) -> ScatterLevel:
     """Run-to-run scatter of case `number` of a kind; cycles over strengths and motions as well."""
     levels, triples = len(SCATTER), number // len(CASE_STRENGTHS)
     return SCATTER[(number + triples + triples // BY_HAND_PERIOD) % levels]

@@ -31,7 +31,7 @@ from policies.experiments.by_hand import STEP, generator, hand_path, wavering
 from policies.experiments.standard import STANDARD
 from policies.path import lift_pitch
 from policies.registry import MOTION
-from tests.lab.exam.case import Case, Scattered
+from tests.lab.exam.case import Case, ScatterLevel
 from tests.lab.exam.causes import cause_of
 from tests.lab.exam.causes.cause import Cause
 
@@ -52,7 +52,7 @@ class Scatter:
     stiffness: float
 
 
-LEVELS: dict[Scattered, Scatter] = {
+LEVELS: dict[ScatterLevel, Scatter] = {
     "none": Scatter(0.0, 0.0, 0.0),
     "half": Scatter(0.00015, 0.025, 0.0025),
     "full": Scatter(0.0003, 0.05, 0.005),
@@ -68,7 +68,7 @@ class RunScatter:
     stiffness: float
 
     @classmethod
-    def draw(cls, level: Scattered, seed: int, index: int) -> Self:
+    def draw(cls, level: ScatterLevel, seed: int, index: int) -> Self:
         """Draw the scatter of run `index` of a case with `seed`; exactly zero at level `none`."""
         sigma, rng = LEVELS[level], np.random.default_rng([seed, index, SCATTER_STREAM])
         grip = frozen(sigma.grip * rng.standard_normal(2))
@@ -107,10 +107,10 @@ class Specimen:
     """
 
     def __init__(
-        self, links: int, causes: Sequence[Cause], seed: int, scatter: Scattered = "none"
+        self, links: int, causes: Sequence[Cause], seed: int, scatter: ScatterLevel = "none"
     ) -> None:
         self._links, self._causes, self._seed = links, tuple(causes), seed
-        self._level: Scattered = scatter
+        self._level: ScatterLevel = scatter
         self._scatter = RunScatter.draw(scatter, seed, 0)
         self._time = 0.0
         self._chain = Chain(links)
@@ -166,7 +166,7 @@ class Law:
         return _no_force if act is None else act
 
 
-class Aged:
+class LaggedView:
     """Scene source for a camera whose image stamps differ, by `causes`, from the true time."""
 
     def __init__(self, world: Visible, causes: Sequence[Cause]) -> None:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from cell.gap.rehearse import table
 from drivers.files import replace_file, writing
-from tests.lab.exam.case import Plant, Scattered, Tier
+from tests.lab.exam.case import Plant, ScatterLevel, Tier
 from tests.lab.exam.from_state import LEVELS
 from tests.lab.exam.ledger import Entry
 from tests.lab.exam.score import Outcome
@@ -169,7 +169,7 @@ def scatter_table(entries: Sequence[Entry]) -> str:
     return "\n\n".join(parts)
 
 
-def _scatter_words(name: Scattered) -> str:
+def _scatter_words(name: ScatterLevel) -> str:
     """Level of run-to-run scatter as text: spreads of grip, damping and stiffness."""
     of = LEVELS[name]
     sizes = f"{1e3 * of.grip:g} mm, {100 * of.damping:g} %, {100 * of.stiffness:g} %"

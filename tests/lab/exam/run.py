@@ -13,7 +13,7 @@ from cell.campaign.run import Engine, Watcher, carry_out
 from tests.lab.exam.case import Case, Kind
 from tests.lab.exam.cases import Sources, sources
 from tests.lab.exam.ledger import Entry, Ledger
-from tests.lab.exam.run_case import Examined, Maker, Steps, made_by_tier
+from tests.lab.exam.run_case import ExamPart, Maker, Steps, made_by_tier
 
 LEDGER, JOURNAL = "ledger.jsonl", "journal"
 
@@ -39,7 +39,7 @@ def run_exam(
     kept, now, named = Ledger(ledger or folder / LEDGER), sources(), {c.name: c for c in cases}
     with TemporaryDirectory(prefix="exam-", ignore_cleanup_errors=True) as workdirs:
         parts = [
-            Examined(case, folder, Path(workdirs), now, now.entry(case), steps, make, again)
+            ExamPart(case, folder, Path(workdirs), now, now.entry(case), steps, make, again)
             for case in spread(cases)
         ]
         anew = again or steps == "make"
@@ -60,7 +60,7 @@ def entry_of(case: Case, now: Sources, record: Record) -> Entry:
     return Entry.model_validate(record.outcome)
 
 
-def _import_ledger(kept: Ledger, journal: Journal, parts: Sequence[Examined]) -> None:
+def _import_ledger(kept: Ledger, journal: Journal, parts: Sequence[ExamPart]) -> None:
     """Copy a ledger's outcomes into the journal, so that an exam can resume elsewhere."""
     known = {(entry.case.name, entry.of): entry for entry in kept.entries}
     for part in parts:

@@ -38,7 +38,7 @@ def made_by_tier(case: Case, folder: Path) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Examined:
+class ExamPart:
     """An exam case as a part of a campaign, with its ledger entry as outcome.
 
     Its runs and verdict lie in `folder`; diagnoses work within `workdirs`, or among the temporary

@@ -36,7 +36,7 @@ Result = Literal[
 RIGHT_RESULTS: tuple[Result, ...] = ("right_strict", "right_class")
 
 
-class Checked(Settings):
+class Comparison(Settings):
     """Comparison of an estimated parameter with its true value.
 
     `error` is relative to the truth's distance from the null, None where that is zero; `switch`
@@ -99,8 +99,8 @@ class Outcome(Settings):
     confidence: float | None
     realised: float
     shrink: float
-    base: tuple[Checked, ...]
-    parameters: tuple[Checked, ...]
+    base: tuple[Comparison, ...]
+    parameters: tuple[Comparison, ...]
     rival: str
     reason: str
     runtime: float
@@ -197,7 +197,7 @@ def same(name: str, answer: Iterable[str]) -> bool:
     return any(name in whole for whole in with_twins(frozenset(answer)))
 
 
-def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Checked]:
+def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Comparison]:
     """Compare the base parameters with the truth, where the plant follows the library's laws."""
     if not case.alike:
         return
@@ -207,14 +207,14 @@ def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Checked]:
             yield _compare(name, true, 0.0, verdict.base[name])
 
 
-def _effects(verdict: Verdict, case: Case) -> Iterable[Checked]:
+def _effects(verdict: Verdict, case: Case) -> Iterable[Comparison]:
     """Compare the parameters of rightly named effects with the truth, where the laws agree."""
     for effect in verdict.effects:
         if case.alike and effect.name in case.effects:
             yield from _compare_effect(effect, case.effects[effect.name])
 
 
-def _compare_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Checked]:
+def _compare_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Comparison]:
     known = registry()[effect.name]
     for i, p in enumerate(known.parameters):
         if p.name in truth and p.name in effect.parameters:
@@ -224,10 +224,10 @@ def _compare_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Ch
 
 def _compare(
     name: str, truth: float, null: float, found: Interval, *, switch: bool = False
-) -> Checked:
+) -> Comparison:
     size = abs(truth - null)
     error = abs(found.value - truth) / size if size else None
-    return Checked(
+    return Comparison(
         name=name, truth=truth, value=found.value, low=found.low, high=found.high,
         error=error, switch=switch,
     )  # fmt: skip

@@ -9,7 +9,7 @@ from statistics import median
 from tests.lab.exam.case import Kind, Tier
 from tests.lab.exam.from_state import LEVELS
 from tests.lab.exam.ledger import Entry
-from tests.lab.exam.score import RIGHT_RESULTS, Checked, Outcome
+from tests.lab.exam.score import RIGHT_RESULTS, Comparison, Outcome
 
 NORMAL = 1.959963984540054  # two-sided 95 %
 
@@ -270,7 +270,7 @@ def _abstentions(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
         yield _at_least("abstained on causes outside the library", found, 0.95 if through else None)
 
 
-def comparisons(entries: Iterable[Entry]) -> list[Checked]:
+def comparisons(entries: Iterable[Entry]) -> list[Comparison]:
     """Comparisons of all parameters whose true values are known."""
     return [c for o in outcomes(entries) for c in (*o.base, *o.parameters)]
 

@@ -32,10 +32,10 @@ from drivers.strip.file import StripFile
 from drivers.twin.open import PlantOptions
 from drivers.twin.settings import WrenchSettings
 from policies.registry import BY_HAND, MOTION, make_policy
-from tests.lab.exam.case import Case, Scattered
+from tests.lab.exam.case import Case, ScatterLevel
 from tests.lab.exam.causes import cause_of
 from tests.lab.exam.causes.cause import Cause
-from tests.lab.exam.from_state import Aged, Specimen, scale_strip
+from tests.lab.exam.from_state import LaggedView, Specimen, scale_strip
 
 LINKS = 200
 STEP = 0.004  # s; against 2 ms it moves d by 0.07 mm and contact_x by 0.13 mm rms at most
@@ -142,15 +142,15 @@ def plant_of(case: Case, strip: StripFile) -> StripFile:
     return scaled.model_copy(update={"effects": case.effects, "provenance": ()})
 
 
-class Open:
+class ExamTwin:
     """Device factory of a twin whose plant has hidden `causes` and run-to-run `scatter`.
 
     All chance comes from `seed`.
     """
 
-    def __init__(self, causes: list[Cause], seed: int, scatter: Scattered = "none") -> None:
+    def __init__(self, causes: list[Cause], seed: int, scatter: ScatterLevel = "none") -> None:
         self._causes, self._seed = causes, seed
-        self._scatter: Scattered = scatter
+        self._scatter: ScatterLevel = scatter
 
     def __call__(
         self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
@@ -160,7 +160,7 @@ class Open:
         cv2.setNumThreads(1)
         staging = PlantOptions(
             engine=lambda links: Specimen(links, self._causes, self._seed, self._scatter),
-            view=lambda world: Aged(world, self._causes),
+            view=lambda world: LaggedView(world, self._causes),
         )
         devices = twin_devices(
             self._change_lens(settings), strip, choice, calibrating=calibrating, staging=staging
@@ -200,7 +200,7 @@ def _fold(
     request: Request, causes: list[Cause], case: Case, calibration: Calibration, end: State
 ) -> FoldResult:
     """Fold the strip of `case` and interrupt the run where it enters the state `end`."""
-    until, opened = Until(end), Open(causes, case.seed, case.scatter)
+    until, opened = Until(end), ExamTwin(causes, case.seed, case.scatter)
     devices = opened(request.settings, request.strip, request.choice, calibrating=False)
     policy = make_policy(request.policy)
     return fold_with(devices, policy, request, (until,), until, calibration)

@@ -55,7 +55,7 @@ class CasePart:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class StudyRequest:
     """The requested cases of a study, and the folder that keeps them."""
 
     study: Study
@@ -78,13 +78,13 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class StudyRecord:
     """Stored outcomes of the requested cases, by the version `of` the code.
 
     `lost` are cases that failed or were set aside, `other` is the number of other versions' ones.
     """
 
-    asked: Asked
+    asked: StudyRequest
     of: str
     outcomes: tuple[Outcome, ...]
     lost: tuple[Record, ...]
@@ -98,7 +98,7 @@ class Kept:
 
 
 def measure(
-    asked: Asked, engine: Engine, watcher: Watcher, shard: tuple[int, int], *, again: bool
+    asked: StudyRequest, engine: Engine, watcher: Watcher, shard: tuple[int, int], *, again: bool
 ) -> None:
     """Measure the cases that have no record in the journal; raises as `carry_out`."""
     parts = asked.parts(shard)
@@ -106,7 +106,7 @@ def measure(
         pass
 
 
-def kept_outcomes(asked: Asked) -> Kept:
+def read_study(asked: StudyRequest) -> StudyRecord:
     """Read stored outcomes by the present code, or else by the version with the most outcomes."""
     wanted = {case.key: case for case in asked.study.cases(asked.seed, asked.count)}
     found = [r for r in Journal(asked.journal).records() if r.key in wanted]
@@ -117,10 +117,10 @@ def kept_outcomes(asked: Asked) -> Kept:
     )
     lost = tuple(record for record in mine if record.outcome is None)
     costs = tuple(record.cost for record in mine if record.outcome is not None)
-    return Kept(asked, of, outcomes, lost, len(found) - len(mine), costs)
+    return StudyRecord(asked, of, outcomes, lost, len(found) - len(mine), costs)
 
 
-def cost(kept: Kept, clock: Callable[[float], str]) -> list[tuple[str, str]]:
+def cost(kept: StudyRecord, clock: Callable[[float], str]) -> list[tuple[str, str]]:
     """Median, worst and summed cost of the measured cases, as named texts."""
     if not kept.costs:
         return []

@@ -10,7 +10,7 @@ from cell.report.drawing import BLUE, INK, as_svg, canvas
 from cell.report.kit import Tone, page
 from cell.report.verdict import Verdict
 from drivers.files import replace_file
-from tests.lab.studies.campaign import Kept, cost
+from tests.lab.studies.campaign import StudyRecord, cost
 from tests.lab.studies.table import (
     cells,
     group,
@@ -26,7 +26,7 @@ TABLE_FILE, PAGE = "table.md", "study.html"
 ROW_HEIGHT, PAGE_WIDTH = 0.32, 8.4  # inch
 
 
-def write_page(kept: Kept) -> Path:
+def write_page(kept: StudyRecord) -> Path:
     """Write the page, table and ledger of a study; returns the page's path.
 
     A whole study that fits something also writes its data files. Raises OSError where the folder
@@ -47,7 +47,7 @@ def write_page(kept: Kept) -> Path:
     return path
 
 
-def page_of(kept: Kept) -> str:
+def page_of(kept: StudyRecord) -> str:
     """Self-contained HTML page of a study."""
     study, found = kept.asked.study, rows(kept)
     whole = len(kept.outcomes) >= kept.asked.count
@@ -71,7 +71,7 @@ def page_of(kept: Kept) -> str:
     )
 
 
-def points(kept: Kept) -> str:
+def points(kept: StudyRecord) -> str:
     """Figure (SVG) of the first quantity of every case, a row for each group."""
     quantity, groups = kept.asked.study.quantities[0], group(kept)
     with canvas(PAGE_WIDTH, 0.7 + ROW_HEIGHT * len(groups)) as figure:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tests.lab.studies.campaign import Kept
+from tests.lab.studies.campaign import StudyRecord
 from tests.lab.studies.study import Figure, Outcome, figure
 
 ALL = "all"
@@ -18,7 +18,7 @@ class Row:
     figures: tuple[Figure, ...]
 
 
-def rows(kept: Kept) -> tuple[Row, ...]:
+def rows(kept: StudyRecord) -> tuple[Row, ...]:
     """Rows of a study's table, one a group of cases, and of several groups a last one of all."""
     quantities, groups = kept.asked.study.quantities, group(kept)
     if len(groups) > 1:
@@ -29,7 +29,7 @@ def rows(kept: Kept) -> tuple[Row, ...]:
     )
 
 
-def group(kept: Kept) -> dict[str, list[Outcome]]:
+def group(kept: StudyRecord) -> dict[str, list[Outcome]]:
     """Group outcomes by the values of the study's `by`, in the order of their cases."""
     groups: dict[str, list[Outcome]] = {}
     for outcome in sorted(kept.outcomes, key=lambda o: o.case.number):
@@ -43,7 +43,7 @@ def keeps_bars(found: Sequence[Row]) -> bool:
     return bool(found) and all(f.held is not False for f in found[-1].figures)
 
 
-def head(kept: Kept) -> tuple[str, ...]:
+def head(kept: StudyRecord) -> tuple[str, ...]:
     """Column heads of a study's table."""
     study = kept.asked.study
     return (", ".join(study.by) or "cases", "n", *(q.title for q in study.quantities))
@@ -54,7 +54,7 @@ def cells(row: Row) -> tuple[str, ...]:
     return (row.group, str(row.count), *(f.text() for f in row.figures))
 
 
-def markdown(kept: Kept) -> str:
+def markdown(kept: StudyRecord) -> str:
     """Format the table in Markdown, with the share of cases measured and the command for it."""
     titles = head(kept)
     lines = [titles, ("---",) * len(titles), *(cells(row) for row in rows(kept))]
@@ -64,7 +64,7 @@ def markdown(kept: Kept) -> str:
     )
 
 
-def progress(kept: Kept) -> str:
+def progress(kept: StudyRecord) -> str:
     """Sentence on the number of measured cases, the version of the code, and missing cases."""
     asked, lost = kept.asked, kept.lost
     done = len(kept.outcomes)

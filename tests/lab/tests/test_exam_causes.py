@@ -19,7 +19,7 @@ from drivers.types import Array, Pose
 from policies.path import triangular
 from tests.lab.exam.causes import cause_of, causes
 from tests.lab.exam.causes.cause import Cause
-from tests.lab.exam.from_state import Aged, Specimen
+from tests.lab.exam.from_state import LaggedView, Specimen
 from tests.support.effect_cases import LENGTH, denim, way
 
 LINKS, STEP = 40, 0.005
@@ -144,7 +144,7 @@ class Still:
 
 def test_clock_that_drifts_shows_an_older_world_the_longer_the_run() -> None:
     world = Still()
-    seen = Aged(world, [cause_of("clock_drift", {"drift": 0.01})])
+    seen = LaggedView(world, [cause_of("clock_drift", {"drift": 0.01})])
     stamps = [1.0, 2.0, 3.0, 12.0]
     shown = [seen.scene(stamp).stamp for stamp in stamps]
     assert shown == stamps  # nobody is told

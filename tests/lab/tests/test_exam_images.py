@@ -16,7 +16,7 @@ from drivers.strip.describe import load_strip
 from policies.experiments.standard import STANDARD
 from tests.lab.exam import through_images
 from tests.lab.exam.case import Case
-from tests.lab.exam.through_images import Open, exam_cell, make_runs, plant_of, sealed_result
+from tests.lab.exam.through_images import ExamTwin, exam_cell, make_runs, plant_of, sealed_result
 from tests.support.gap_strip_cases import denim
 
 FOUR = ["profile.parquet", "result.yaml", "run.yaml", "ticks.parquet"]
@@ -108,7 +108,7 @@ def test_an_exam_with_force_has_an_arm_that_reports_it() -> None:
 
 def test_a_touched_lens_leaves_the_camera_its_identity() -> None:
     settings = find_configs(None).cell()
-    opened = Open([through_images.cause_of("lens", {"k1": 0.1})], 1)
+    opened = ExamTwin([through_images.cause_of("lens", {"k1": 0.1})], 1)
     devices = opened(settings, denim(), DeviceSelection(), calibrating=False)
     assert devices.camera_identity == settings.twin.camera.identity
 

@@ -15,7 +15,7 @@ from tests.lab.exam.cases import DRAWN_FILE, KEYS_FOLDER, Sources, case_hash, lo
 from tests.lab.exam.ledger import Entry, Ledger
 from tests.lab.exam.page import markdown, write_report
 from tests.lab.exam.run import LEDGER
-from tests.lab.exam.run_case import Examined
+from tests.lab.exam.run_case import ExamPart
 from tests.lab.exam.score import Baselines, Oracle, score
 from tests.lab.exam.targets import targets
 from tests.support.exam_cases import case, named, verdict
@@ -122,7 +122,7 @@ def test_the_report_has_a_figure_for_each_tier(tmp_path: Path) -> None:
 def by_these_sources(monkeypatch: pytest.MonkeyPatch) -> None:
     """Entries were made by the sources of today, and whoever makes one again fails."""
     monkeypatch.setattr(Sources, "entry", lambda *_: "engine-case-scorer")
-    monkeypatch.setattr(Examined, "measure", lambda _: pytest.fail("judged again"))
+    monkeypatch.setattr(ExamPart, "measure", lambda _: pytest.fail("judged again"))
 
 
 @pytest.fixture

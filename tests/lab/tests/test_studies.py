@@ -14,7 +14,7 @@ from cell.gap.subject.strip.bias import ModelError
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from tests.lab.__main__ import app
-from tests.lab.studies.campaign import Asked, inputs, kept_outcomes
+from tests.lab.studies.campaign import StudyRequest, inputs, read_study
 from tests.lab.studies.catalogue import studies, study_of
 from tests.lab.studies.page import write_page
 from tests.lab.studies.study import Quantity, Statistic, figure
@@ -30,7 +30,7 @@ def test_a_study_is_drawn_from_its_seed_and_travels(name: str) -> None:
     assert study.cases(3, 2) == cases[:2]
     assert len({case.key for case in study.cases(3, min(study.usual, 30))}) == min(study.usual, 30)
     assert json.loads(json.dumps(cases[0].values, allow_nan=False)) == cases[0].values
-    part = Asked(study, 3, 5, Path("out")).parts()[0]
+    part = StudyRequest(study, 3, 5, Path("out")).parts()[0]
     assert pickle.loads(pickle.dumps(part)) == part  # noqa: S301  of our own
     assert set(study.by) <= set(cases[0].values)
     assert study.question.endswith("?")
@@ -84,9 +84,9 @@ def test_a_bar_is_a_most_or_a_least() -> None:
     assert figure(least, [[1.0], [1.0]]).held is True
 
 
-def filled(folder: Path, of: str | None = None, count: int = 4) -> Asked:
+def filled(folder: Path, of: str | None = None, count: int = 4) -> StudyRequest:
     """Some cases of `validity` with made up outcomes, one of them set aside."""
-    asked = Asked(study_of("validity"), 0, 6, folder)
+    asked = StudyRequest(study_of("validity"), 0, 6, folder)
     journal, made_of = Journal(asked.journal), of or inputs(asked.study)
     for case in asked.study.cases(0, count):
         facts = {"schema": 1, "key": case.key, "of": made_of}
@@ -99,7 +99,7 @@ def filled(folder: Path, of: str | None = None, count: int = 4) -> Asked:
 
 
 def test_the_table_says_how_many_of_how_many_and_what_was_set_aside(tmp_path: Path) -> None:
-    text = markdown(kept_outcomes(filled(tmp_path)))
+    text = markdown(read_study(filled(tmp_path)))
     assert "4 of 6 so far" in text
     assert "1 set aside" in text
     assert r"\|finer - d\|" in text
@@ -107,25 +107,25 @@ def test_the_table_says_how_many_of_how_many_and_what_was_set_aside(tmp_path: Pa
 
 def test_records_of_other_code_are_counted_apart(tmp_path: Path) -> None:
     filled(tmp_path, "other", count=4)
-    found = kept_outcomes(filled(tmp_path, count=2))
+    found = read_study(filled(tmp_path, count=2))
     assert found.present
     assert len(found.outcomes) == 2
     assert "5 records of other code left out" in markdown(found)
 
 
 def test_a_journal_of_other_code_alone_is_shown_and_says_so(tmp_path: Path) -> None:
-    found = kept_outcomes(filled(tmp_path, "other"))
+    found = read_study(filled(tmp_path, "other"))
     assert len(found.outcomes) == 4
     assert "which is other code than this" in markdown(found)
 
 
 def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> None:
-    asked = Asked(study_of("damping"), 0, 4, tmp_path)
+    asked = StudyRequest(study_of("damping"), 0, 4, tmp_path)
     for case, damping in zip(asked.study.cases(0, 4), (0.03, -0.04, 0.04, -0.03), strict=True):
         facts = {"schema": 1, "key": case.key, "of": inputs(asked.study), "state": "measured"}
         values = {"damping": damping, "length": 0.0}
         Journal(asked.journal).put(Record(**facts, outcome={"values": values}))
-    write_page(kept_outcomes(asked))
+    write_page(read_study(asked))
     found = load(tmp_path / "damping.yaml", ModelError)
     assert found.damping == pytest.approx(0.0354, abs=1e-4)
     assert found.source.startswith("root mean square over blanket, denim; 4 cases")
@@ -135,14 +135,12 @@ def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> N
 def test_rows_do_not_depend_on_the_order_in_which_cases_came(tmp_path: Path) -> None:
     asked = filled(tmp_path / "a")
     before = [
-        (row.group, row.count, [f.text() for f in row.figures])
-        for row in rows(kept_outcomes(asked))
+        (row.group, row.count, [f.text() for f in row.figures]) for row in rows(read_study(asked))
     ]
     for path in asked.journal.iterdir():
         path.rename(path.with_name("x" + path.name[::-1].removesuffix(".json") + ".json"))
     after = [
-        (row.group, row.count, [f.text() for f in row.figures])
-        for row in rows(kept_outcomes(asked))
+        (row.group, row.count, [f.text() for f in row.figures]) for row in rows(read_study(asked))
     ]
     assert after == before
 

@@ -23,8 +23,8 @@ from cell.gap.verdict.accept import accept
 from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
-from tests.lab.exam.case import Scattered
-from tests.lab.exam.through_images import Open
+from tests.lab.exam.case import ScatterLevel
+from tests.lab.exam.through_images import ExamTwin
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 SEEDS_BEFORE, SEEDS_STANDARD, SEEDS_AFTER = 0, 1000, 2000  # first seeds
@@ -34,7 +34,7 @@ HIDDEN_VALUES: Mapping[str, Mapping[str, Mapping[str, float]]] = {
     "tool longer than stated": {"tcp_offset": {"x": 0.0, "z": -0.008}},  # m
     "tool off both ways": {"tcp_offset": {"x": 0.008, "z": -0.006}},
 }
-SCATTER: tuple[Scattered, ...] = ("none", "full")
+SCATTER: tuple[ScatterLevel, ...] = ("none", "full")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Circle:
     strip: str
     plant: StripFile
     work: Path
-    scatter: Scattered = "none"
+    scatter: ScatterLevel = "none"
 
     @property
     def configs(self) -> Path:
@@ -76,7 +76,7 @@ class Circle:
             return
         for request in wanted:
             settings, strip, choice = request.settings, request.strip, request.choice
-            opened = Open([], choice.seed, self.scatter)
+            opened = ExamTwin([], choice.seed, self.scatter)
             devices = opened(settings, strip, choice, calibrating=False)
             yield fold_with(devices, make_policy(request.policy), request)
 

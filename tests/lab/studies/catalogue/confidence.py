@@ -23,7 +23,7 @@ from drivers.types import Array
 from tests.lab.exam.case import STRENGTHS, Case
 from tests.lab.exam.cases import Draw
 from tests.lab.exam.from_state import make_runs
-from tests.lab.exam.score import RIGHT_RESULTS, Checked, score
+from tests.lab.exam.score import RIGHT_RESULTS, Comparison, score
 from tests.lab.exam.targets import Rate, calibration_error, rate, rate_text, reliability
 from tests.lab.studies.study import Fit, Ledger, Outcome, Quantity, Statistic, Study, Values
 
@@ -241,7 +241,9 @@ def _rates(verdicts: Sequence[Values]) -> Iterator[Rate]:
     yield rate(v["result"] == "right_strict" and not v["without"] for v in verdicts)
     yield rate(v["result"] == "wrong_name" for v in verdicts)
     yield rate(bool(v["offered"]) for v in verdicts)
-    checked = [Checked.model_validate(c) for v in verdicts for c in (*v["base"], *v["parameters"])]
+    checked = [
+        Comparison.model_validate(c) for v in verdicts for c in (*v["base"], *v["parameters"])
+    ]
     yield rate(c.covered for c in checked if c.low is not None or c.high is not None)
 
 
