@@ -4,10 +4,7 @@ from io import BytesIO, FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
-import numpy as np
-
-from calibration.board import DICTIONARY, BoardSettings
+from calibration.board import BoardSettings
 from drivers.errors import ConfigurationError
 from drivers.files import new_file, write_all, writing
 
@@ -17,9 +14,7 @@ if TYPE_CHECKING:
 PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0), "A1": (841.0, 594.0)}
 QUIET_ZONE = 0.5  # squares of white around the pattern
 FOOT = 16.0  # mm under the pattern, for the ruler and the instructions
-MODULES = 7  # of a marker of 5 x 5 bits, its border included
-SCALE = 24  # px of a square in the image that shows the layout
-DARK = 128  # grey level under which a pixel is dark
+SQUARE_PX = 420  # px of a square, a multiple of the 7 modules of a marker: its edges stay sharp
 PLATE_MM, DISC_MM = 14.0, 5.0  # mm, radii of the pointer's dark plate and bright disc
 INCHES_PER_MM = 1 / 25.4  # inches
 
@@ -43,15 +38,13 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
     page, axes = _blank_page(width, height)
     square = 1e3 * settings.square
     left, top = (width - settings.columns * square) / 2, height - QUIET_ZONE * square
-    board = settings.board()
-    for x, y in _dark_squares(settings):
-        _fill_rectangle(axes, left + x * square, top - (y + 1) * square, square, square)
-    for number, place in enumerate(board.getObjPoints()):
-        corner = 1e3 * np.asarray(place)[0, :2]
-        _draw_marker(
-            axes, int(board.getIds()[number]), (left + corner[0], top - corner[1]), settings
-        )
-    _draw_ruler(axes, settings, left, top - settings.rows * square - 6.0, name)
+    pixels = (settings.columns * SQUARE_PX, settings.rows * SQUARE_PX)
+    pattern = settings.board().generateImage(pixels)
+    right, bottom = left + settings.columns * square, top - settings.rows * square
+    place = (left, right, bottom, top)
+    axes.imshow(pattern, cmap="gray", interpolation="none", extent=place, aspect="auto")
+    axes.set(xlim=(0, width), ylim=(0, height))
+    _draw_ruler(axes, settings, left, bottom - 6.0, name)
     return page, _pointer_page()
 
 
@@ -90,31 +83,6 @@ def _blank_page(width: float, height: float) -> tuple["Figure", Any]:
     axes.set_xlim(0, width)
     axes.set_ylim(0, height)
     return figure, axes
-
-
-def _dark_squares(settings: BoardSettings) -> list[tuple[int, int]]:
-    """Column and row of each dark square, as this version of OpenCV lays them out."""
-    drawn = settings.board().generateImage((settings.columns * SCALE, settings.rows * SCALE))
-    squares = [(x, y) for y in range(settings.rows) for x in range(settings.columns)]
-    return [(x, y) for x, y in squares if drawn[y * SCALE + 1, x * SCALE + 1] < DARK]
-
-
-def _draw_marker(
-    axes: Any, number: int, corner: tuple[float, float], settings: BoardSettings
-) -> None:
-    """Draw marker `number` with its upper left corner at `corner` [mm]."""
-    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
-    bits = cv2.aruco.generateImageMarker(dictionary, number, MODULES)
-    side = 1e3 * settings.marker / MODULES
-    for row, column in zip(*np.nonzero(bits < DARK), strict=True):
-        x, y = corner[0] + column * side, corner[1] - (row + 1) * side
-        _fill_rectangle(axes, x, y, side, side)
-
-
-def _fill_rectangle(axes: Any, x: float, y: float, width: float, height: float) -> None:
-    from matplotlib.patches import Rectangle
-
-    axes.add_patch(Rectangle((x, y), width, height, facecolor="black", linewidth=0))
 
 
 def _draw_ruler(axes: Any, settings: BoardSettings, left: float, y: float, name: str) -> None:
