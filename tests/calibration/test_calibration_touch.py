@@ -129,28 +129,23 @@ def test_pointer_that_slips_at_every_third_touch_is_refused() -> None:
     )
 
 
-def test_moving_pointer_is_not_sampled() -> None:
-    touched = TouchedPoints(true_lens(), TouchSettings(patience=4))
-    wanted = touched.ask()
-    assert wanted is not None
-    told = []
+@pytest.mark.parametrize(
+    ("pointer", "arm", "reason"),
+    [
+        (0.002, 0.0, "the pointer moved by 3."),
+        (0.0, 0.001, "the arm moved by 1.0 mm between two images; wait until it is still"),
+    ],
+)
+def test_what_moves_is_not_sampled(pointer: float, arm: float, reason: str) -> None:
+    points = TouchedPoints(true_lens(), TouchSettings(patience=4))
+    wanted, told = points.ask(), []
     for k in range(3):
-        seen = replace(wanted, x=wanted.x + 0.002 * k)
-        told.append(touched.tell(pointer_frame(_renderer(), seen, k), wanted))
+        seen = pointer_frame(_renderer(), replace(wanted, x=wanted.x + pointer * k), k)
+        told.append(points.tell(seen, replace(wanted, x=wanted.x + arm * k)))
     assert told[0].waits
     assert not any(answer.taken for answer in told)
-    assert all("the pointer moved by 3." in str(answer.refused) for answer in told[1:])
-    assert touched.ask() == wanted
-
-
-def test_moving_arm_is_not_sampled() -> None:
-    touched = TouchedPoints(true_lens(), TouchSettings())
-    wanted = touched.ask()
-    assert wanted is not None
-    frame = pointer_frame(_renderer(), wanted, 0)
-    touched.tell(frame, wanted)
-    told = touched.tell(frame, replace(wanted, x=wanted.x + 0.001))
-    assert told.refused == ("the arm moved by 1.0 mm between two images; wait until it is still")
+    assert all(reason in str(answer.refused) for answer in told[1:])
+    assert points.ask() == wanted
 
 
 def test_unseen_pointer_is_given_up_after_patience_and_too_few_points_refused() -> None:
@@ -191,8 +186,5 @@ def test_own_poses_are_touched_instead_of_the_grid() -> None:
     assert touched.ask() == plan[0]
     with pytest.raises(ConfigurationError, match="10 points with every 4th held out leave 8"):
         TouchedPoints(true_lens(), TouchSettings(), plan[:10])
-
-
-def test_plan_with_too_few_points_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="at least 12 are fitted"):
         TouchedPoints(true_lens(), TouchSettings(columns=4, rows=3))

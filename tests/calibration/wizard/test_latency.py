@@ -42,20 +42,20 @@ def test_latency_is_found_within_a_millisecond(latency: float) -> None:
     assert verdict.latency == pytest.approx(latency, abs=1e-3)
 
 
+STILL = np.column_stack([np.arange(0, 5, 0.01), np.full((500, 2), 0.2)])
+SEEN = np.column_stack([0.1 * np.arange(40), np.full(40, 400.0), np.full(40, 300.0)])
+
+
 def test_unsteady_stamps_are_refused() -> None:
-    verdict = _verdict(0.03, jitter=0.08)
-    assert not verdict.passed
+    assert not _verdict(0.03, jitter=0.08).passed
 
 
-def test_arm_that_does_not_move_says_nothing_of_time() -> None:
-    arm = np.column_stack([np.arange(0, 5, 0.01), np.full((500, 2), 0.2)])
-    seen = np.column_stack([0.1 * np.arange(40), np.full(40, 400.0), np.full(40, 300.0)])
-    verdict = latency_verdict(arm, seen, LENS, MAP, SETTINGS)
-    assert "0 images show the pointer under way, 10 are needed" in verdict.reasons[0]
-
-
-def test_step_that_nobody_saw_is_refused() -> None:
-    verdict = latency_verdict(
-        arm_steps(np.random.default_rng(0)), np.empty((0, 3)), LENS, MAP, SETTINGS
-    )
-    assert verdict.reasons == ("no step of the arm was seen; step again",)
+@pytest.mark.parametrize(
+    ("arm", "seen", "reason"),
+    [
+        (STILL, SEEN, "0 images show the pointer under way, 10 are needed"),
+        (STILL, SEEN[:0], "no step of the arm was seen; step again"),
+    ],
+)
+def test_steps_that_show_no_motion_are_refused(arm: Array, seen: Array, reason: str) -> None:
+    assert reason in latency_verdict(arm, seen, LENS, MAP, SETTINGS).reasons[0]

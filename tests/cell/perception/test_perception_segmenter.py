@@ -51,15 +51,6 @@ def _levels(colours: Array, behind: Image, seen: Image, visible: Image = SEEN) -
     return levels
 
 
-def test_woven_strip_of_one_colour_has_one_colour() -> None:
-    assert palette(_weave(RED, 2000)) == pytest.approx(RED[None], abs=3)
-
-
-def test_colours_come_most_frequent_first_whatever_their_order() -> None:
-    samples = np.vstack([_weave(BLUE, 600), _weave(RED, 1400)])
-    assert palette(samples) == pytest.approx(np.array([RED, BLUE]), abs=6)
-
-
 def test_blends_at_the_border_of_stripes_are_no_colour() -> None:
     between = _weave((RED + BLUE) / 2, 100)
     assert len(palette(np.vstack([_weave(RED, 1000), _weave(BLUE, 900), between]))) == 2
@@ -129,9 +120,6 @@ def test_noise_of_a_picture_is_learnt_past_its_scene(noise: float) -> None:
     assert sensor_noise(np.rint(seen).astype(np.uint8)) == pytest.approx(noise, rel=0.15)
 
 
-def test_same_picture_gives_the_same_bytes_and_nothing_where_nothing_changed() -> None:
+def test_nothing_is_strip_where_nothing_changed() -> None:
     image = _scene()
-    seen = image.copy()
-    seen[80:86] = RED
-    assert np.array_equal(_levels(RED[None], image, seen), _levels(RED[None], image, seen))
     assert (_levels(RED[None], image, image) == ZERO_LEVEL).all()
