@@ -131,41 +131,31 @@ def test_parquet_states_its_schema(finished):
         assert pq.read_schema(finished / name).metadata[b"schema"] == b"1"
 
 
-def test_contact_stands_in_the_row_nearest_to_its_stamp():
+@pytest.mark.parametrize(
+    ("stamps", "contacts", "rows"),
+    [((0.0149, 0.0349), (0.5, 0.4), {1: (0.5, 0.0149), 3: (0.4, 0.0349)}),
+     ((0.019, 0.0205, 0.024), (0.5, 0.4, 0.3), {2: (0.4, 0.0205)}),  # of several the nearest
+     ((-0.03, 0.25), (0.5, 0.4), {})],  # outside the rows
+)  # fmt: skip
+def test_contact_stands_in_the_row_nearest_to_its_stamp(stamps, contacts, rows):
     t = np.arange(0, 0.1, 0.01)
-    x, stamps = place_contacts(t, np.array([0.0149, 0.0349]), np.array([0.5, 0.4]))
-    assert np.flatnonzero(np.isfinite(x)).tolist() == [1, 3]
-    assert stamps[3] == 0.0349
+    x, stamp = place_contacts(t, np.array(stamps), np.array(contacts))
+    placed = np.flatnonzero(np.isfinite(x))
+    assert {int(k): (x[k], stamp[k]) for k in placed} == rows
 
 
-def test_of_two_contacts_at_one_row_the_nearer_stays():
-    t = np.arange(0, 0.1, 0.01)
-    x, _ = place_contacts(t, np.array([0.019, 0.0205, 0.024]), np.array([0.5, 0.4, 0.3]))
-    assert x[2] == 0.4
-    assert np.isfinite(x).sum() == 1
-
-
-def test_image_from_before_the_first_row_is_not_put_into_it():
-    t = np.arange(0, 0.1, 0.01)
-    x, _ = place_contacts(t, np.array([-0.03, 0.25]), np.array([0.5, 0.4]))
-    assert np.isnan(x).all()
-
-
-def test_rows_whose_stamp_stands_still_are_left_out(tmp_path):
+@pytest.mark.parametrize(
+    ("rows", "kept"),
+    [([(t, 0.6, 0.0) for t in (0.0, 0.01, 0.01, 0.01, 0.02, 0.015, 0.03)], [0, 0.01, 0.02, 0.03]),
+     ([(0.0, 0.6, 0.0), (0.01, np.nan, 0.0), (0.02, 0.6, np.nan), (0.03, 0.6, 0.0)], [0, 0.03])],
+    ids=["stamps that stand still", "an arm without finite numbers"],
+)  # fmt: skip
+def test_rows_that_hold_no_new_measurement_are_left_out(tmp_path, rows, kept):
     writer = RunWriter.create(tmp_path, HEADER, "none")
-    for t in (0.0, 0.01, 0.01, 0.01, 0.02, 0.015, 0.03):
-        writer.tick(Tick(t, 0.6, 0.0, 0.0, 0.6, 0.0, "FOLD"))
-    writer.finish({"outcome": "arm_stale"})
-    assert read_run(writer.folder).ticks.t.tolist() == [0.0, 0.01, 0.02, 0.03]
-
-
-def test_rows_of_an_arm_without_finite_numbers_are_left_out(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none")
-    nan = float("nan")
-    for t, x, pitch in ((0.0, 0.6, 0.0), (0.01, nan, 0.0), (0.02, 0.6, nan), (0.03, 0.6, 0.0)):
+    for t, x, pitch in rows:
         writer.tick(Tick(t, x, 0.0, pitch, 0.6, 0.0, "FOLD"))
-    writer.finish({"outcome": "arm_pose_not_finite"})
-    assert read_run(writer.folder).ticks.t.tolist() == [0.0, 0.03]
+    writer.finish({"outcome": "arm_stale"})
+    assert read_run(writer.folder).ticks.t.tolist() == kept
 
 
 def test_row_of_an_arm_state_carries_the_moment_of_its_reading():

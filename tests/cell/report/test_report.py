@@ -1,7 +1,9 @@
+"""The page of a run: verdict, figures, facts, predictions; and the page of a calibration."""
+
 import json
 import re
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 from html import unescape
 from html.parser import HTMLParser
 
@@ -11,14 +13,18 @@ import yaml
 from jinja2 import UndefinedError
 from typer.testing import CliRunner
 
+from calibration.calibration import save_calibration
 from cell.cli.app import app
+from cell.record.events import COLUMN_NAMES, Outlook, row_of
+from cell.record.files import EVENTS
 from cell.record.listing import read_row
-from cell.record.run import Run, read_broken_run, read_run
+from cell.record.run import Event, Run, read_broken_run, read_run
 from cell.record.stream import Tick
 from cell.record.writer import RunWriter
+from cell.report.calibration_page import calibration_report
 from cell.report.drawing import as_svg, canvas, page_svg
 from cell.report.facts import advice
-from cell.report.figures import strip_figure, timing_figure
+from cell.report.figures import outlook_figure, predictions, strip_figure, timing_figure
 from cell.report.kit import page as filled
 from cell.report.overlay import fold_tips, key_pictures, window_on
 from cell.report.page import report, write_report
@@ -27,9 +33,27 @@ from cell.report.verdict import verdict, verdict_of
 from cell.report.words import millimetres, outcome_title, seconds
 from drivers.errors import ConfigurationError
 from drivers.types import Frame
+from policies.prediction import Estimate, FoldPrediction
 from tests.cell.conftest import HEADER
+from tests.support.gap_strip_cases import STRIP
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
+PREDICTED = asdict(
+    FoldPrediction(
+        displacement=0.0004,
+        sigma=0.0009,
+        bending_length=Estimate(0.0167, 0.0165, 0.0169),
+        retardation_time=Estimate(0.027, 0.022, 0.034),
+        yield_curvature=Estimate(1.4, 0.4, 2.6),
+        blind=False,
+    )
+)
+UNLIKE = {
+    "like_model": False,
+    "residual": 0.0031,
+    "yield_curvature": 2.0,
+    "reason": "this strip does not behave like the model: find out with `cell gap plan`",
+}
 
 
 class Outline(HTMLParser):
@@ -334,3 +358,83 @@ def test_numbers_read_as_a_technician_writes_them():
     assert millimetres(None) == "—"
     assert seconds(float("nan")) == "—"
     assert outcome_title("camera_frozen") == "Stopped by a fault: camera frozen"
+
+
+@pytest.fixture
+def predicting(make_run, tmp_path):
+    folder = make_run(tmp_path, foretold=PREDICTED, agreement=UNLIKE)
+    with (folder / EVENTS).open("a") as events:
+        for k in range(60):
+            line = {"t": 2.0 + 0.05 * k, "kind": "foretold", **PREDICTED}
+            events.write(json.dumps(line) + "\n")
+    return folder
+
+
+def test_page_states_and_draws_what_was_predicted(predicting) -> None:
+    page = write_report(predicting).read_text()
+    text = re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", page)))
+    for claim in ("+0.4 mm ± 0.9 mm", "16.7 mm (16.5 to 16.9)", "27 ms (22 to 34)"):
+        assert claim in text, claim
+    assert "This strip does not behave like the model" in text
+    assert "do not agree, 3.1 mm apart" in text
+    assert "predicted 60 times" in text
+    assert "foretold" not in text
+    assert page.count("<svg") == 4
+
+
+def test_page_of_a_policy_that_predicts_nothing_has_no_such_part(finished) -> None:
+    run = read_run(finished)
+    assert predictions(run.result) == []
+    assert len(Outlook.of(run.events()).t) == 0
+
+
+def test_rows_hold_the_interval_of_each_value() -> None:
+    outlook = Outlook.of([Event(3.0, "foretold", PREDICTED), Event(2.0, "foretold", PREDICTED)])
+    assert outlook.t.tolist() == [2.0, 3.0]
+    assert outlook.column("displacement_high") == pytest.approx([0.0013, 0.0013])
+    assert outlook.column("retardation_time_low") == pytest.approx([0.022, 0.022])
+
+
+@pytest.mark.parametrize(
+    "spoilt", [{}, {"displacement": "far", "sigma": True, "bending_length": 3.0}]
+)
+def test_spoilt_prediction_is_drawn_as_nothing(finished, spoilt) -> None:
+    assert not np.isfinite(row_of(spoilt)).any()
+    assert len(row_of(spoilt)) == len(COLUMN_NAMES)
+    outlook = Outlook.of([Event(float(t), "foretold", spoilt) for t in range(3)])
+    assert "<svg" in outlook_figure(read_run(finished), outlook)
+
+
+def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
+    path = tmp_path / "calibration.yaml"
+    save_calibration(calibration, path)
+    done = CliRunner().invoke(app, ["report", str(path)])
+    assert done.exit_code == 0, done.output
+    page = tmp_path / "calibration.html"
+    assert done.stdout.strip() == str(page)
+    text = page.read_text()
+    assert outline(text).open == outline(text).crossed == []
+    assert f"{calibration.residual_mm:.2f} mm" in words(text)
+    near = calibration.to_image([[0.3, 0.1], [0.301, 0.1]])
+    scale = 1.0 / (near[1, 0] - near[0, 0])
+    shown = float(re.search(r"z 100 mm (\d\.\d) mm", words(text))[1])
+    assert shown == pytest.approx(scale, abs=0.05)
+    assert "verdict good" in text
+    assert text.count("<svg") == 1
+
+
+def test_refusals_of_the_wizard_are_shown(calibration):
+    taken = replace(calibration, accepted_anyway=("two halves differ by 2.1 mm",))
+    text = calibration_report(taken, "calibration.yaml")
+    assert "verdict bad" in text
+    assert "The wizard refused it: two halves differ by 2.1 mm" in words(text)
+
+
+def test_a_file_of_another_kind_is_one_line(tmp_path):
+    for text in (STRIP.read_text(), "a: 1\n"):
+        (tmp_path / "other.yaml").write_text(text)
+        done = CliRunner().invoke(app, ["report", str(tmp_path / "other.yaml")])
+        assert isinstance(done.exception, ConfigurationError)
+        said = str(done.exception)
+        assert "other.yaml: is no calibration file: it holds none of id, camera" in said
+        assert "\n" not in said
