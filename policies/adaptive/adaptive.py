@@ -11,7 +11,7 @@ from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.bias import Bias
-from policies.adaptive.critic import Critic, Judgement, median_judgement
+from policies.adaptive.critic import Critic, Prediction, median_prediction
 from policies.adaptive.features import REFERENCE_LENGTH, Features
 from policies.adaptive.steering import Steering
 from policies.path import Path, vertical_lift
@@ -20,10 +20,10 @@ from policies.prediction import FoldPrediction
 
 SMOOTHING_TIME = 0.08  # s, time constant with which the rise follows the predictions
 BLIND_TIME = 0.2  # s without a reliable image, after which predictions are not used
-RECENT_JUDGEMENTS = 5  # newest predictions, whose median is reported
+RECENT_PREDICTIONS = 5  # newest predictions, whose median is reported
 LENGTH_RANGE = (0.45, 0.75)  # m, of strips that the critic was trained on
 SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, of folds that the critic was trained on
-UNKNOWING = 0.07  # of the length, rise without any prediction: that of the policy `shifted`
+BLIND_RISE = 0.07  # of the length, rise without any prediction: that of the policy `shifted`
 
 
 class Fold(NamedTuple):
@@ -51,8 +51,8 @@ class Adaptive:
         self.critic = critic
         self.bias = bias or Bias()
         self._seen, self._unseen = 0.0, 0.0
-        self.judgement: Judgement | None = None
-        self._recent: deque[Judgement] = deque(maxlen=RECENT_JUDGEMENTS)
+        self.predicted: Prediction | None = None
+        self._recent: deque[Prediction] = deque(maxlen=RECENT_PREDICTIONS)
         self.blind: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._length = REFERENCE_LENGTH
         self._thickness: float | None = None
@@ -70,7 +70,7 @@ class Adaptive:
         Raises ConfigurationError for a length or speed that the critic was not trained for.
         """
         _check_range(strip.length, speed)
-        self._length, self.judgement = strip.length, None
+        self._length, self.predicted = strip.length, None
         self._recent.clear()
         self._thickness = None if "thickness" in strip.spread else strip.thickness
         self._steering = Steering(strip.length, speed, count)
@@ -90,43 +90,43 @@ class Adaptive:
         """Predicted displacement and strip of the batch's first fold; None before a decision."""
         if not self._recent:
             return None
-        judged = median_judgement(self._recent)
-        bias = self.bias.of(judged.belief, self._thickness)
+        predicted = median_prediction(self._recent)
+        bias = self.bias.of(predicted.belief, self._thickness)
         return FoldPrediction(
-            displacement=float(judged.displacement[0] - bias[0] + self._seen),
-            sigma=float(self.bias.sigma_of(judged.sigma, self._thickness)[0]),
-            **judged.belief.first(),
+            displacement=float(predicted.displacement[0] - bias[0] + self._seen),
+            sigma=float(self.bias.sigma_of(predicted.sigma, self._thickness)[0]),
+            **predicted.belief.first(),
             blind=bool(self.blind[0]),
         )
 
     def decide(self, observation: Observation) -> Decision:
         """Headings towards each strip's line, whose rise follows the prediction from images."""
-        fresh = self._features.tell(observation)
+        fresh = self._features.add(observation)
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
-        judgement = self._judge(inputs, fresh)
+        prediction = self._predict(inputs, fresh)
         self.blind = observation.time - self._features.newest > BLIND_TIME
         self._fold = self._fold._replace(
-            rise=self._smooth_rise(judgement, observation.time), time=observation.time
+            rise=self._smooth_rise(prediction, observation.time), time=observation.time
         )
         return self._steering.decide(observation.x, observation.z, self.rise)
 
-    def _judge(self, inputs: Array, fresh: NDArray[np.bool_]) -> Judgement:
+    def _predict(self, inputs: Array, fresh: NDArray[np.bool_]) -> Prediction:
         """Prediction from `inputs` (n, COUNT); those that are `fresh` (n,) enter the memory."""
         whitened = self.critic.whiten(inputs)
         memory = self._fold.memory + fresh[:, None] * self.critic.memorise(whitened)
         counted = self._fold.counted + fresh
         self._fold = self._fold._replace(memory=memory, counted=counted)
         mean_memory = memory / np.maximum(counted, 1)[:, None]
-        self.judgement = self.critic.judge(whitened, mean_memory)
-        self._recent.append(self.judgement)
-        return self.judgement
+        self.predicted = self.critic.predict(whitened, mean_memory)
+        self._recent.append(self.predicted)
+        return self.predicted
 
-    def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
+    def _smooth_rise(self, prediction: Prediction, time: Array) -> Array:
         """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is predicted."""
-        bias = self.bias.of(judgement.belief, self._thickness)
-        missing = bias - self._seen - self._unseen - judgement.displacement
-        target = self.rise + missing / judgement.slope
-        target = np.where(self.blind, UNKNOWING * self._length, target)
+        bias = self.bias.of(prediction.belief, self._thickness)
+        missing = bias - self._seen - self._unseen - prediction.displacement
+        target = self.rise + missing / prediction.slope
+        target = np.where(self.blind, BLIND_RISE * self._length, target)
         target = np.clip(target, 0.0, self._steering.highest)
         # the first decision, of no time before it, takes the target at once
         elapsed = np.clip(np.nan_to_num(time - self._fold.time, nan=math.inf), 0.0, None)
@@ -137,7 +137,7 @@ class Adaptive:
 def _initial_fold(length: float, count: int, memory: int) -> Fold:
     """State of `count` folds before the first decision."""
     return Fold(
-        rise=np.full(count, UNKNOWING * length),
+        rise=np.full(count, BLIND_RISE * length),
         memory=np.zeros((count, memory)),
         counted=np.zeros(count),
         time=np.full(count, np.nan),

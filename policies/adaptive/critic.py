@@ -50,7 +50,7 @@ def _exponential(logarithm: Array) -> Array:
     return np.asarray(np.exp(mean + np.array([0.0, -sigma, sigma])))
 
 
-class Judgement(NamedTuple):
+class Prediction(NamedTuple):
     """Prediction for n folds: `displacement` (n,) [m] if the rise is kept, its derivative `slope`
     (n,) by the rise, its standard deviation `sigma` (n,) [m], and the `belief` about the strips.
     """
@@ -61,19 +61,19 @@ class Judgement(NamedTuple):
     belief: Belief
 
 
-def median_judgement(judgements: Sequence[Judgement]) -> Judgement:
+def median_prediction(predictions: Sequence[Prediction]) -> Prediction:
     """Median, element by element, of at least one prediction of the same folds."""
-    *numbers, beliefs = zip(*judgements, strict=True)
+    *numbers, beliefs = zip(*predictions, strict=True)
     displacement, slope, sigma = (np.median(each, axis=0) for each in numbers)
     belief = Belief(*(np.median(each, axis=0) for each in zip(*beliefs, strict=True)))
-    return Judgement(displacement, slope, sigma, belief)
+    return Prediction(displacement, slope, sigma, belief)
 
 
 class Critic:
     """A network of two hidden layers over whitened inputs and the mean of its memory units.
 
     The layer `recall` turns inputs (n, k) into (n, memory) units, whose mean over a fold's images
-    is the fold's memory; `judge` reads both. `weights` are the arrays called ARRAY_NAMES.
+    is the fold's memory; `predict` reads both. `weights` are the arrays called ARRAY_NAMES.
     """
 
     def __init__(self, weights: dict[str, Array]) -> None:
@@ -94,7 +94,7 @@ class Critic:
         """Values (n, memory) of the memory units for `whitened` inputs (n, k) of one image."""
         return np.tanh(whitened @ self.weights["recall"] + self.weights["recall_bias"])
 
-    def judge(self, whitened: Array, memory: Array) -> Judgement:
+    def predict(self, whitened: Array, memory: Array) -> Prediction:
         """Prediction from `whitened` inputs (n, k) and the mean memory units (n, memory)."""
         w = self.weights
         known = np.concatenate([whitened, memory], axis=1)
@@ -103,7 +103,7 @@ class Critic:
         out = hidden @ w["last"] + w["last_bias"]
         sigma = np.exp(np.clip(out[:, LOG_SIGMAS], *LOG_SIGMA_RANGE)) * w["stretch"]
         strip = np.stack([out[:, STRIP_MEANS], sigma[:, 1:]], axis=2)
-        return Judgement(
+        return Prediction(
             displacement=UNIT * out[:, DISPLACEMENT],
             slope=np.clip(out[:, SLOPE], SMALLEST_SLOPE, LARGEST_SLOPE),
             sigma=UNIT * sigma[:, 0],

@@ -1,10 +1,11 @@
 """Inputs of the critic: gripper, its line, and line fits to the images of the last 0.12 s."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.types import Array
-from policies.adaptive.window import Window
 from policies.policy import Observation
 from policies.profile import POINTS
 
@@ -18,6 +19,71 @@ LARGEST_AGE = 0.5  # s, at which the age of the newest image is clipped
 REFERENCE_LENGTH = 0.6  # m, length of most strips
 COUNT = STATE_SIZE + 2 * CHANNELS
 CONFIDENT = 0.5  # confidence of a profile from which it is used
+WINDOW_TIME = 0.12  # s of images that count
+FRAME_COUNT = 12  # frames kept, enough for cameras up to 100 Hz
+# s^2, ridge on the slope: variance of the noise over that of the rates that occur
+RATE_NOISE = 1.6e-5
+OUTLIER_DEVIATION = 1.5e-3  # over the length: deviations from the line that begin to count less
+PASSES = 2  # of reweighting
+
+
+class Trend(NamedTuple):
+    """Trend of n strips and their channels: `value` and `rate` (n, channels) at the newest image,
+    and `spread` (n, channels), the rms deviation of the images from the line.
+    """
+
+    value: Array
+    rate: Array
+    spread: Array
+
+
+class Window:
+    """Measurements in n strips' newest images; an image not newer than the last is ignored."""
+
+    def __init__(self, count: int, channels: int) -> None:
+        """Keep measurements of `count` strips, `channels` values an image."""
+        self._stamps: Array = np.full((count, FRAME_COUNT), -np.inf)
+        self._values: Array = np.zeros((count, FRAME_COUNT, channels))
+
+    @property
+    def newest(self) -> Array:
+        """Stamps (n,) [s] of the newest images, -inf before the first."""
+        return self._stamps[:, 0]
+
+    def add(self, stamp: Array, values: Array, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Add `values` (n, channels) of `stamp` (n,) [s] where `good`; returns which are new."""
+        new = good & (stamp > self.newest)
+        if new.any():
+            self._stamps[new, 1:] = self._stamps[new, :-1]
+            self._values[new, 1:] = self._values[new, :-1]
+            self._stamps[new, 0], self._values[new, 0] = stamp[new], values[new]
+        return new
+
+    def trend(self) -> Trend:
+        """Lines fitted to the images of the last `WINDOW_TIME`, outliers weighted down (Cauchy)."""
+        with np.errstate(invalid="ignore"):
+            ago = self._stamps - self.newest[:, None]
+        inside = np.nan_to_num(ago, nan=-np.inf) >= -WINDOW_TIME
+        t = np.where(inside, ago, 0.0)[..., None]
+        inside = inside[..., None]
+        weight = np.broadcast_to(inside, self._values.shape).astype(np.float64)
+        for _ in range(PASSES):
+            value, rate = _fit_line(t, self._values, weight)
+            off = self._values - value[:, None] - rate[:, None] * t
+            weight = inside / (1.0 + (off / OUTLIER_DEVIATION) ** 2)
+        value, rate = _fit_line(t, self._values, weight)
+        off = np.where(inside, self._values - value[:, None] - rate[:, None] * t, 0.0)
+        spread = np.sqrt((off**2).sum(axis=1) / np.maximum(inside.sum(axis=1), 1))
+        return Trend(value, rate, spread)
+
+
+def _fit_line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
+    """Value at t = 0 and slope of weighted least-squares lines, with a ridge on the slope."""
+    s0 = weight.sum(axis=1) + 1e-12
+    s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + RATE_NOISE
+    y0, y1 = (weight * values).sum(axis=1), (weight * values * t).sum(axis=1)
+    rate = (s0 * y1 - s1 * y0) / (s0 * s2 - s1 * s1)
+    return (y0 - s1 * rate) / s0, rate
 
 
 class Features:
@@ -32,13 +98,13 @@ class Features:
         """Stamps (n,) [s] of the newest images of sufficient confidence, -inf before the first."""
         return self._window.newest
 
-    def tell(self, seen: Observation) -> NDArray[np.bool_]:
+    def add(self, seen: Observation) -> NDArray[np.bool_]:
         """Add an observation; returns for which strips (n,) its image is new and reliable."""
         count = len(seen.x)
         flat = seen.profile.reshape(count, -1)
         values = np.concatenate([seen.contact_x[:, None], seen.tip_x[:, None], flat], axis=1)
         good = np.isfinite(values).all(axis=1) & (seen.profile_confidence >= CONFIDENT)
-        return self._window.tell(seen.stamp, values / self._length, good)
+        return self._window.add(seen.stamp, values / self._length, good)
 
     def inputs(self, seen: Observation, rise: Array, descending: NDArray[np.bool_]) -> Array:
         """Inputs (n, COUNT) of the critic, from `seen`, `rise` (n,) [m] and `descending` (n,)."""

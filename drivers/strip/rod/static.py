@@ -19,8 +19,8 @@ from drivers.types import Array
 APPROACH_STEPS = 60  # steps from lying flat to where a strip hangs
 FINE_STEPS = 150  # likewise, after the solver failed to converge in APPROACH_STEPS
 APPROACH_HEIGHT = 0.7  # of the way in over what a slack strip allows
-PERIOD = 0.05  # s, Euler steps in which a strip comes to where it shall rest
-STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, those in which it comes to rest
+PERIOD = 0.05  # s, Euler steps of the way to the place of rest
+STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, steps in which it comes to rest there
 
 
 def lift_path(batch: Batch, start: Array) -> Array:

@@ -5,7 +5,7 @@ import numpy as np
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
-from policies.adaptive.critic import OUTPUTS, Critic, Judgement
+from policies.adaptive.critic import OUTPUTS, Critic, Prediction
 from policies.adaptive.features import COUNT
 from policies.policy import Decision, Observation
 
@@ -72,14 +72,14 @@ class Explorer(Adaptive):
         self._count += 1
         return decision
 
-    def _judge(self, inputs: Array, fresh: np.typing.NDArray[np.bool_]) -> Judgement:
+    def _predict(self, inputs: Array, fresh: np.typing.NDArray[np.bool_]) -> Prediction:
         if self._count % INPUT_STRIDE == 0:
             self.kept.append(inputs.astype(np.float32))
-        return super()._judge(inputs, fresh)
+        return super()._predict(inputs, fresh)
 
-    def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
+    def _smooth_rise(self, prediction: Prediction, time: Array) -> Array:
         """Rises (n,) [m]: the critic's before each fold's switch, the drawn ones after it."""
-        before = self.rise if self._random_rises else super()._smooth_rise(judgement, time)
+        before = self.rise if self._random_rises else super()._smooth_rise(prediction, time)
         switched = self._count / INPUT_STRIDE >= self.switch
         just_switched = np.isnan(self._rise_after) & switched
         if just_switched.any():

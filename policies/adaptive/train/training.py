@@ -15,7 +15,7 @@ from drivers.files import writing
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import load_critic, save_critic
-from policies.adaptive.critic import Critic, Judgement
+from policies.adaptive.critic import Critic, Prediction
 from policies.adaptive.train.piece import CriticSettings, Piece, concatenate, explore
 from policies.adaptive.train.regression import fit
 from policies.train.journal import Journal, Progress
@@ -163,19 +163,19 @@ def error_ratios(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
         whitened = critic.whiten(piece.inputs[:, k].astype(np.float64))
         memory += alive[:, None] * critic.memorise(whitened)
         counted += alive[:, None]
-        judged = critic.judge(whitened, memory / np.maximum(counted, 1))
+        predicted = critic.predict(whitened, memory / np.maximum(counted, 1))
         near = alive & (to_touch[:, k] <= last) & np.isfinite(piece.displacement)
-        for kept, ratio in zip(ratios, _ratios(judged, piece), strict=True):
+        for kept, ratio in zip(ratios, _ratios(predicted, piece), strict=True):
             kept.append(ratio[near])
     return [np.concatenate(kept) for kept in ratios]
 
 
-def _ratios(judged: Judgement, piece: Piece) -> list[Array]:
+def _ratios(predicted: Prediction, piece: Piece) -> list[Array]:
     """Ratios |error| / sigma (n,) of a prediction of n folds: displacement, then strip."""
-    displacement = np.abs(piece.displacement - judged.displacement) / judged.sigma
+    displacement = np.abs(piece.displacement - predicted.displacement) / predicted.sigma
     strip = [
         np.abs(true - estimate[:, 0]) / estimate[:, 1]
-        for true, estimate in zip(piece.strip.T, judged.belief, strict=True)
+        for true, estimate in zip(piece.strip.T, predicted.belief, strict=True)
     ]
     return [displacement, *strip]
 

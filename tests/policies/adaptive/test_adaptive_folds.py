@@ -8,7 +8,7 @@ import pytest
 from drivers.strip.describe import describe
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.adaptive.adaptive import UNKNOWING, Adaptive
+from policies.adaptive.adaptive import BLIND_RISE, Adaptive
 from policies.adaptive.checkpoint import load_critic
 from policies.adaptive.fabrics import friction, plain
 from policies.policy import Observation
@@ -77,7 +77,7 @@ def test_policy_that_sees_nothing_holds_its_line_and_then_takes_that_of_shifted(
         policy.decide(observed(k / 60, 0.4, nothing))
     assert policy.blind[0]
     assert policy.prediction().blind
-    assert policy.rise[0] == pytest.approx(UNKNOWING * strip.length, abs=1e-4)
+    assert policy.rise[0] == pytest.approx(BLIND_RISE * strip.length, abs=1e-4)
 
 
 def test_fold_of_a_batch_is_the_fold_of_one() -> None:

@@ -8,10 +8,9 @@ import pytest
 from drivers.errors import ConfigurationError
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import about, load_critic, save_critic
-from policies.adaptive.critic import Belief, Judgement, median_judgement
-from policies.adaptive.features import COUNT
+from policies.adaptive.critic import Belief, Prediction, median_prediction
+from policies.adaptive.features import COUNT, WINDOW_TIME, Window
 from policies.adaptive.steering import Steering
-from policies.adaptive.window import WINDOW_TIME, Window
 from policies.registry import make_policy
 
 SPEED, PERIOD = 0.1, 1 / 60
@@ -21,7 +20,7 @@ def filled(values: np.ndarray) -> Window:
     """A window told one image of two channels every 60th of a second."""
     window = Window(1, 2)
     for k, value in enumerate(values):
-        window.tell(np.array([k * PERIOD]), value[None], np.array([True]))
+        window.add(np.array([k * PERIOD]), value[None], np.array([True]))
     return window
 
 
@@ -44,21 +43,21 @@ def test_image_that_is_not_newer_or_not_believed_is_not_taken() -> None:
     window = filled(np.full((5, 2), 0.5))
     newest = window.newest.copy()
     other = np.full((1, 2), 0.9)
-    assert not window.tell(newest, other, np.array([True])).any()
-    assert not window.tell(newest + WINDOW_TIME, other, np.array([False])).any()
+    assert not window.add(newest, other, np.array([True])).any()
+    assert not window.add(newest + WINDOW_TIME, other, np.array([False])).any()
     np.testing.assert_array_equal(window.newest, newest)
 
 
-def judged(displacement: float, length: float) -> Judgement:
-    """A judgement on two folds, the second one 1 mm farther."""
+def predicted(displacement: float, length: float) -> Prediction:
+    """A prediction on two folds, the second one 1 mm farther."""
     each = np.array([displacement, displacement + 1e-3])
     told = np.tile((length, 0.1), (2, 1))
-    return Judgement(each, np.full(2, 0.9), np.full(2, 5e-4), Belief(told, told, told))
+    return Prediction(each, np.full(2, 0.9), np.full(2, 5e-4), Belief(told, told, told))
 
 
-def test_one_wild_judgement_of_five_is_not_predicted() -> None:
-    usual = [judged(1e-4 * k, -3.9 + 0.01 * k) for k in range(4)]
-    found = median_judgement([*usual, judged(-0.012, -2.0)])
+def test_one_wild_prediction_of_five_is_not_predicted() -> None:
+    usual = [predicted(1e-4 * k, -3.9 + 0.01 * k) for k in range(4)]
+    found = median_prediction([*usual, predicted(-0.012, -2.0)])
     assert found.displacement == pytest.approx([1e-4, 1.1e-3], abs=1e-4)
     assert found.belief.log_bending_length[:, 0] == pytest.approx([-3.88] * 2, abs=0.02)
     assert found.sigma == pytest.approx([5e-4] * 2)
@@ -97,7 +96,7 @@ def test_weights_come_back_as_they_were_saved(tmp_path: Path) -> None:
     whitened = critic.whiten(inputs)
     memory = critic.memorise(whitened)
     np.testing.assert_array_equal(
-        critic.judge(whitened, memory).displacement, again.judge(whitened, memory).displacement
+        critic.predict(whitened, memory).displacement, again.predict(whitened, memory).displacement
     )
     assert about(tmp_path / "again.npz")["note"] == "copy"
 

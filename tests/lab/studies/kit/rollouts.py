@@ -34,7 +34,7 @@ class Kept(Adaptive):
     def decide(self, observation: Observation) -> Decision:
         """Decide, and keep observation and prediction."""
         decision = super().decide(observation)
-        judged = self.judgement
+        judged = self.predicted
         if judged is None:
             return decision
         d, sigma, belief = judged.displacement[0], judged.sigma[0], judged.belief.first()
