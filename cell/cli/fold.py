@@ -1,7 +1,9 @@
 """The command `cell fold`: folds a strip and reports the result."""
 
 import json
+import math
 import sys
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -28,11 +30,16 @@ from cell.cli.options import (
 from drivers.errors import CellError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
+
+    from rich.status import Status
 
     from cell.folding.request import Request
     from cell.folding.result import FoldResult
+    from cell.orchestrator.run import Observer
+    from cell.orchestrator.snapshot import Snapshot
 
+TICKS_BETWEEN_LOOKS = 10  # ticks between two looks
 LARGEST_OFFSET = 0.1  # m, of edges that a fold can be asked to reach
 
 Film = Literal["libx264", "none"]
@@ -182,7 +189,6 @@ def _fold_all(
     from cell.arm.real_robot import await_strip
     from cell.devices.open import emulation
     from cell.folding.batch import Attendance, agreed, fold_all
-    from cell.folding.progress import progress
     from cell.folding.request import with_correction
     from cell.folding.result import FoldResult
 
@@ -192,7 +198,7 @@ def _fold_all(
         _print_remark(remark)
     attendance = Attendance(report=_print_remark, lay_again=lambda: await_strip(ask))
     if not as_json:
-        attendance = replace(attendance, observe=progress)
+        attendance = replace(attendance, observe=_progress)
     try:
         results = fold_all(requests, jobs, until, attendance)
         for request, made in zip(requests, results, strict=False):  # an interrupt ends the folds
@@ -252,3 +258,43 @@ def _predict(request: "Request", *, as_json: bool) -> None:
         prediction = predict(request)
     text = json.dumps(prediction.line(), allow_nan=False) if as_json else prediction.text()
     sys.stdout.write(text + "\n")
+
+
+class _ProgressLine:
+    """Observer that shows a run on one line of the terminal."""
+
+    def __init__(self, status: "Status", strip: str) -> None:
+        self._status = status
+        self._strip = strip
+        self._count = 0
+
+    def see(self, snapshot: "Snapshot") -> None:
+        """Show every TICKS_BETWEEN_LOOKS-th tick."""
+        self._count += 1
+        if self._count % TICKS_BETWEEN_LOOKS:
+            return
+        pose = snapshot.arm.pose
+        text = f"{self._strip}  {snapshot.state:<9} {snapshot.time:5.1f} s"
+        text += f"   gripper x {1e3 * pose.x:4.0f}  z {1e3 * pose.z:4.0f} mm"
+        seen = snapshot.view.measurement
+        if seen is not None and math.isfinite(seen.contact_x):
+            text += f"   desk contact {1e3 * seen.contact_x:4.0f} mm"
+        self._status.update(text)
+
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
+        """Print a fault on a line of its own, which stays; other events are not shown."""
+        if kind == "fault":
+            text = f"{time:.2f} s  {facts['name']}: {facts['reason']}"
+            self._status.console.print(text, markup=False, soft_wrap=True)
+
+
+@contextmanager
+def _progress(strip: str) -> "Iterator[tuple[Observer, ...]]":
+    """Observers that show the progress of a fold of `strip`; none without a terminal."""
+    if not sys.stderr.isatty():
+        yield ()
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("opening the cell") as status:
+        yield (_ProgressLine(status, strip),)

@@ -1,4 +1,4 @@
-"""The doctor's checks of devices: robot, its network and version, camera, locks, calibration."""
+"""The doctor's checks of devices: robot and its version, camera, locks, calibration."""
 
 from datetime import UTC, datetime
 from importlib.util import find_spec
@@ -8,13 +8,10 @@ from calibration.calibration import load_calibration
 from cell.calibrating.calibration_in_use import age_days, check_current
 from cell.config.cell import CellFile
 from cell.doctor.check import Check, State
-from cell.doctor.link import Link, measured_link
 from drivers.camera.camera import report
 from drivers.camera.device import Kernel
 from drivers.errors import CellError
 
-LOST_SHARE, TOO_MANY, IN_A_ROW = 0.01, 0.10, 20  # shares of states; the robot itself stops after 20
-LARGEST_DELAY_MS = 2.0  # ms between two states, 99.9 % of them
 EXPIRING = 0.8  # of the days that a calibration is believed
 
 
@@ -39,36 +36,6 @@ def robot(address: str) -> Check:
     found = f"{address} speaks version {spoken}, the library {LIBRARY_VERSION}"
     state = State.PASS if spoken == LIBRARY_VERSION else State.FAIL
     return Check("robot", state, found, why, "install the library that fits the robot's system")
-
-
-def network(address: str, seconds: float) -> Check:
-    """Check whether the robot's states arrive as they are sent, over `seconds`."""
-    why = "a robot that misses 20 commands in a row stops with a reflex"
-    try:
-        return judged_link(measured_link(address, seconds))
-    except CellError as error:
-        remedy = "close other programs that hold the robot; check cable and address"
-        return Check("network", State.FAIL, str(error), why, remedy)
-
-
-def judged_link(link: Link) -> Check:
-    """Check whether a measured network `link` loses few states, and none for long."""
-    why = "a robot that misses 20 commands in a row stops with a reflex"
-    remedy = (
-        "connect the robot to a network card of its own, without a switch; switch off power saving "
-        "of processor and card; close busy programs"
-    )
-    found = (
-        f"{link.states} states in {link.seconds:.0f} s, {100 * link.lost_share:.2f} % lost, at "
-        f"most {link.in_a_row} in a row; 99.9 % within {link.late_ms:.1f} ms, worst "
-        f"{link.worst_ms:.1f} ms"
-    )
-    state = State.PASS
-    if link.lost_share > LOST_SHARE or link.late_ms > LARGEST_DELAY_MS:
-        state = State.WARN
-    if link.lost_share > TOO_MANY or link.in_a_row >= IN_A_ROW:
-        state = State.FAIL
-    return Check("network", state, found, why, remedy)
 
 
 def camera(settings: CellFile) -> Check:

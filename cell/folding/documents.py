@@ -1,4 +1,4 @@
-"""Documents of a fold's record: what it was made with, and what came of it."""
+"""Documents of a fold's record: what it was made with, what came of it, a strip file learned."""
 
 import hashlib
 import json
@@ -13,10 +13,15 @@ from cell.calibrating.calibration_in_use import record_entry
 from cell.config.cell import CellFile
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome
+from drivers.files import write_file
 from drivers.readers import MEGABYTE, read_bytes
-from drivers.strip.file import StripFile
+from drivers.strip.file import Provenance, StripFile
+from drivers.yaml_text import dump_yaml
+from policies.prediction import FoldPrediction
 
 CHECKPOINT_BYTES = 50 * MEGABYTE
+LEARNED = "learned.yaml"
+NOTABLE_YIELD = 5.0  # 1/m of yield curvature, from which friction is worth a line
 PACKAGES = ("folding-cell", "mujoco", "opencv-python-headless", "numpy", "ruckig")
 
 
@@ -80,3 +85,43 @@ def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
         return {}
     digest = hashlib.sha256(read_bytes(checkpoint, CHECKPOINT_BYTES)).hexdigest()
     return {"checkpoint": {"file": str(checkpoint), "sha256": digest}}
+
+
+def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> StripFile:
+    """Copy of `strip` with the estimates of a fold, each with its interval and source."""
+    length, time = predicted.bending_length, predicted.retardation_time
+    friction = predicted.yield_curvature
+    source = f"fold {run}, as the policy judged it at the touch"
+    notes = {
+        "bending_length": length.text(1.0, 4) + " m",
+        "retardation_time": time.text(1.0, 3) + " s",
+    }
+    effects = dict(strip.effects)
+    if friction.value >= NOTABLE_YIELD:
+        effects["bending_hysteresis"] = {"yield_curvature": round(friction.value, 1)}
+        notes["effects.bending_hysteresis.yield_curvature"] = friction.text(1.0, 0) + " 1/m"
+    kept = [entry for entry in strip.provenance if entry.key not in notes]
+    new = [Provenance(key=key, source=source, note=f"68 %: {text}") for key, text in notes.items()]
+    intervals = {"bending_length": (length.low, length.high)}
+    intervals |= {"retardation_time": (time.low, time.high)}
+    return strip.model_copy(
+        update={
+            "bending_length": round(length.value, 5),
+            "retardation_time": round(time.value, 4),
+            "effects": effects,
+            "spread": strip.spread | intervals,
+            "provenance": (*kept, *new),
+        }
+    )
+
+
+def offer_strip(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:
+    """Write a strip file with the estimates of the run in `folder` about `strip`; returns its path.
+
+    Raises ConfigurationError where it cannot be written.
+    """
+    learned = learned_strip(strip, predicted, folder.name)
+    content = learned.model_dump(mode="json", by_alias=True)
+    path = folder / LEARNED
+    write_file(path, dump_yaml(content))
+    return path

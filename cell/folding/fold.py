@@ -15,10 +15,9 @@ from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
 from cell.devices.devices import Devices
 from cell.devices.open import open_cell
 from cell.devices.rig_correction import corrected_calibration
-from cell.folding.documents import CHECKPOINT_BYTES, result_content, run_header
+from cell.folding.documents import CHECKPOINT_BYTES, offer_strip, result_content, run_header
 from cell.folding.feasible import check_feasible
 from cell.folding.fold_trace import FoldTrace
-from cell.folding.learned import offer
 from cell.folding.request import Request, memory_of
 from cell.folding.result import FoldResult
 from cell.folding.steady import punctual
@@ -133,7 +132,7 @@ def _record_fold(
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     outcome = _complete_folder(request, outcome, folder, truth)
     if strip.name == UNKNOWN and outcome.touch is not None and outcome.predicted is not None:
-        offer(folder, strip, outcome.predicted)
+        offer_strip(folder, strip, outcome.predicted)
     return outcome, truth
 
 

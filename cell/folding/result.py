@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from cell.config.unknown import UNKNOWN_NAME as UNKNOWN
-from cell.folding.learned import LEARNED
+from cell.folding.documents import LEARNED
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome, StopReason
 from drivers.errors import CellError

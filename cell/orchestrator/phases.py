@@ -19,7 +19,7 @@ from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import (
     SETTLE,
     Phase,
-    Pictured,
+    StillPicture,
     close_hand,
     drive,
     move,
@@ -71,7 +71,7 @@ def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
 
 
 def _inspect(
-    sight: Reader, picture: Pictured
+    sight: Reader, picture: StillPicture
 ) -> "Generator[Command, Snapshot, tuple[PreflightCheck, ...]]":
     """Check the strip before the grasp, and wait for the checks."""
     sight.inspect(picture.frame, picture.time)

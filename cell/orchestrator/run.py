@@ -10,7 +10,6 @@ from types import FrameType
 from typing import Protocol
 
 from cell.devices.devices import Devices
-from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.context import Context
 from cell.orchestrator.monitors import Rules, check_all, slow_for_images
 from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
@@ -20,7 +19,7 @@ from cell.orchestrator.safe_stop import SafeStop, run_suppressed
 from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
-from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
+from cell.orchestrator.vision import MEASURED_STATES, RECORDED, ArmHistory, View, Vision
 from drivers.errors import Fault
 from drivers.types import ZERO_VELOCITY
 

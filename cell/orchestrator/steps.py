@@ -22,7 +22,7 @@ POSE_TOLERANCE = 0.002  # m, rad: how near a finished move must have come
 
 
 @dataclass(frozen=True, slots=True)
-class Pictured:
+class StillPicture:
     """An image taken at rest: its time [s], and the gripper's pose."""
 
     time: float
@@ -54,7 +54,7 @@ def move(pose: Pose) -> Motion:
     return snapshot
 
 
-def still_picture(*, settle: bool = True) -> "Generator[Command, Snapshot, Pictured]":
+def still_picture(*, settle: bool = True) -> "Generator[Command, Snapshot, StillPicture]":
     """Wait until arm, strip and image are at rest; returns the first image taken after that.
 
     Without `settle` they are assumed to be, and the next image is used.
@@ -64,7 +64,7 @@ def still_picture(*, settle: bool = True) -> "Generator[Command, Snapshot, Pictu
         snapshot = yield Hold()
         frame = snapshot.view.frame
         if snapshot.view.fresh and frame is not None and frame.stamp > still:
-            return Pictured(snapshot.time, frame, snapshot.arm.pose)
+            return StillPicture(snapshot.time, frame, snapshot.arm.pose)
 
 
 def open_hand() -> Motion:

@@ -1,21 +1,44 @@
 """Vision of a run: from camera frames to measurement, layer touch, and warnings."""
 
+from bisect import bisect_right
+from collections import deque
 from dataclasses import dataclass
 from math import nan
 
+import numpy as np
+
 from cell.config.settings import MonitorLimits
-from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.states import State
 from cell.perception.camera_watch import FrozenImages
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.sight import Reader
 from drivers.errors import Fault
 from drivers.protocols import Camera
-from drivers.types import Frame
+from drivers.types import ArmState, Frame, Pose
 
 MEASURED_STATES = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
 RECORDED = MEASURED_STATES | {State.LAY, State.RELEASE}
+STATES_KEPT = 64  # of the arm, for the gripper's pose at an image's stamp
 IDLE_IMAGE_PERIOD = 0.1  # s between images where nothing is measured in them
+
+
+class ArmHistory:
+    """The last `STATES_KEPT` arm states, oldest first."""
+
+    def __init__(self) -> None:
+        self._states: deque[ArmState] = deque(maxlen=STATES_KEPT)
+
+    def add(self, state: ArmState) -> None:
+        """Append the newest measured state."""
+        self._states.append(state)
+
+    def pose_at(self, stamp: float) -> Pose:
+        """Gripper pose at `stamp` [s], interpolated between the stamps of the arm's states."""
+        states, last = self._states, len(self._states) - 1
+        after = bisect_right(states, stamp, 1, max(last, 1), key=lambda state: state.stamp)
+        pair = states[after - 1], states[min(after, last)]
+        times, poses = [s.stamp for s in pair], np.array([s.pose.as_array() for s in pair])
+        return Pose(*(float(np.interp(stamp, times, poses[:, axis])) for axis in range(3)))
 
 
 @dataclass(frozen=True, slots=True)

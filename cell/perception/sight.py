@@ -158,7 +158,7 @@ class Inspect:
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class Measure:
     """Request to measure the strip in the shared image; `frame` is without its image."""
 
     frame: Frame
@@ -188,7 +188,7 @@ class ProcessReader:
         self.since: float | None = None
         self.dead = ""
         self._image = SharedImage()
-        self._child = Child(measure, subject, maker, self._shape, self._image)
+        self._child = Child(read_images, subject, maker, self._shape, self._image)
         try:
             reason = "" if self._child.receive(START_TIMEOUT) else "it does not answer"
         except ChildDied as died:
@@ -223,7 +223,7 @@ class ProcessReader:
         Raises Fault `image_size` for an image of another size than the calibrated ones.
         """
         self._hand_over(frame, now)
-        self._child.send(Look(replace(frame, image=NO_IMAGE), gripper, touches))
+        self._child.send(Measure(replace(frame, image=NO_IMAGE), gripper, touches))
 
     def result(self) -> ImageResult | None:
         """Results from the image handed over last, returned once; None until they are ready."""
@@ -259,7 +259,7 @@ class ProcessReader:
         return answer
 
 
-def measure(
+def read_images(
     pipe: Connection, subject: Subject, maker: Maker, shape: tuple[int, ...], image: SharedImage
 ) -> None:
     """Run in the process: answer each request until the other end closes `pipe`."""
@@ -269,7 +269,7 @@ def measure(
     gc.freeze()
     pipe.send(Ready())
     while True:
-        asked: Inspect | Look = pipe.recv()
+        asked: Inspect | Measure = pipe.recv()
         frame = replace(asked.frame, image=image.read(shape))
         if isinstance(asked, Inspect):
             pipe.send(Checks(sight.inspect(frame)))

@@ -15,7 +15,7 @@ from cell.devices.devices import DeviceSelection
 from cell.doctor import devices, machine
 from cell.doctor.check import Check, State
 from cell.doctor.doctor import checks, refuse_red
-from cell.doctor.link import link_of, measured_link
+from cell.doctor.network import Link, judge_link, link_of, measure_link
 from drivers.errors import CellError, PreflightRefused
 from drivers.fci_server.server import RobotServer
 from tests.cell.calibrating.test_calibration_kept import made
@@ -29,7 +29,7 @@ def kept(folder: Path, **facts: str) -> Path:
     return folder / "calibration.yaml"
 
 
-def arrivals(lost: range = range(0), late: float = 0.0) -> devices.Link:
+def arrivals(lost: range = range(0), late: float = 0.0) -> Link:
     """Two seconds of states, those in `lost` missing, every tenth one `late` [ms]."""
     times = np.array([t for t in range(2000) if t not in lost])
     return link_of(times, 1e-3 * times + 1e-3 * late * (times % 10 == 0))
@@ -45,8 +45,8 @@ def arrivals(lost: range = range(0), late: float = 0.0) -> devices.Link:
         (arrivals(lost=range(400, 2000, 8)), State.FAIL),
     ],
 )
-def test_link_is_judged_by_what_the_robot_asks(link: devices.Link, state: State) -> None:
-    check = devices.judged_link(link)
+def test_link_is_judged_by_what_the_robot_asks(link: Link, state: State) -> None:
+    check = judge_link(link)
     assert check.state is state
     assert check.remedy
 
@@ -54,7 +54,7 @@ def test_link_is_judged_by_what_the_robot_asks(link: devices.Link, state: State)
 def test_states_of_the_served_robot_arrive_over_loopback() -> None:
     pytest.importorskip("pylibfranka")
     with RobotServer() as server:
-        link = measured_link(server.address, 1.0)
+        link = measure_link(server.address, 1.0)
     assert link.states > 100
     assert link.seconds == pytest.approx(1.0, abs=0.3)
 
@@ -62,7 +62,7 @@ def test_states_of_the_served_robot_arrive_over_loopback() -> None:
 def test_robot_that_is_not_there_is_one_line() -> None:
     pytest.importorskip("pylibfranka")
     with pytest.raises(CellError) as refused:
-        measured_link("127.0.0.99", 1.0)
+        measure_link("127.0.0.99", 1.0)
     assert "\n" not in str(refused.value)
     check = devices.robot("127.0.0.99")
     assert (check.state, "no robot answers" in check.found) == (State.FAIL, True)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cell.config.places import CHECKOUT_CONFIGS, Configs
-from cell.folding.learned import LEARNED, learned_strip, offer
+from cell.folding.documents import LEARNED, learned_strip, offer_strip
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
@@ -42,7 +42,7 @@ def test_what_is_no_length_of_a_strip_is_refused(length: str) -> None:
 
 def test_offered_file_is_a_strip_file_that_says_where_its_numbers_are_from(tmp_path: Path) -> None:
     strip = without_file("0.6")
-    path = offer(tmp_path, strip, PREDICTED)
+    path = offer_strip(tmp_path, strip, PREDICTED)
     assert path == tmp_path / LEARNED
     learned = load_strip(path)
     assert learned.bending_length == pytest.approx(0.0219)

@@ -9,7 +9,7 @@ from cell.orchestrator import phases
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.states import Event
-from cell.orchestrator.steps import Pictured
+from cell.orchestrator.steps import StillPicture
 from cell.perception.camera_watch import CAMERA_WATCHED, UNWATCHED
 from cell.perception.preflight import PreflightCheck
 from drivers.types import Frame
@@ -45,7 +45,7 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
     found = PreflightCheck(name, True, "1 place, 2 are needed", "put something there")
     monkeypatch.setattr(phases, "_camera_checks", at_once(()))
     monkeypatch.setattr(phases, "move", at_once(GOOD))
-    monkeypatch.setattr(phases, "still_picture", at_once(Pictured(1.0, FRAME, POSE)))
+    monkeypatch.setattr(phases, "still_picture", at_once(StillPicture(1.0, FRAME, POSE)))
     monkeypatch.setattr(phases, "_inspect", at_once((found,)))
     policy = make_policy("triangular")
     context = FoldContext(CONFIGS.cell().controller, CONFIGS.strip("denim"), policy, None, None)

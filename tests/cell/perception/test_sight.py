@@ -11,9 +11,8 @@ import pytest
 
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.config.settings import MonitorLimits
-from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.states import State
-from cell.orchestrator.vision import View, Vision
+from cell.orchestrator.vision import ArmHistory, View, Vision
 from cell.perception.settings import PerceptionSettings
 from cell.perception.sight import ProcessReader, Subject
 from drivers.errors import Fault
