@@ -18,14 +18,14 @@ from cell.doctor.doctor import checks, refuse_red
 from cell.doctor.network import Link, judge_link, link_of, measure_link
 from drivers.errors import CellError, PreflightRefused
 from drivers.fci_server.server import RobotServer
-from tests.cell.calibrating.test_calibration_kept import made
+from tests.cell.conftest import straight_camera
 
 CELL = Configs(CHECKOUT_CONFIGS).cell()
 
 
 def kept(folder: Path, **facts: str) -> Path:
     """A calibration's file in `folder`."""
-    save_calibration(made(**facts), folder / "calibration.yaml")
+    save_calibration(straight_camera(**facts), folder / "calibration.yaml")
     return folder / "calibration.yaml"
 
 
