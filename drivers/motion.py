@@ -13,7 +13,7 @@ EXPIRY = 0.1  # s for which a velocity target holds
 BORDER_ROUNDING = 1e-9  # m or rad, rounding at the border of the workspace
 SETTLE = 0.3  # s, of a correction near the goal
 CORRECTION_TIME = 0.05  # s, of a correction near the velocity asked for
-LOSS = 0.01  # s that a robot may go on by itself at a time
+LONGEST_GAP = 0.01  # s that a robot may go on by itself at a time
 ACCELERATION_FLOOR = 0.01  # of the acceleration, at least, in such a correction
 ARRIVED = 2e-5  # m or rad from the goal, from which nothing is corrected any more
 SMALLEST_CHANGE = 1e-6  # m or rad, or the same per second: a change too small to have a direction
@@ -42,12 +42,12 @@ class MotionProfile:
         self._expiry = round(EXPIRY / period)
         self._age = 0
         self._ruckig = ruckig.Ruckig(3, period)
-        self._order = _blank_order(limits, ruckig.Synchronization.Phase)
-        self._brake = _blank_order(limits, ruckig.Synchronization.No)
+        self._request = _new_request(limits, ruckig.Synchronization.Phase)
+        self._brake = _new_request(limits, ruckig.Synchronization.No)
         self._plan = ruckig.Trajectory(3)
         self._stopping = ruckig.Trajectory(3)
         self._elapsed = 0
-        self._wish: Numbers | None = None
+        self._target: Numbers | None = None
         self._blocked: frozenset[int] = frozenset()
         self._next_move: Numbers | None = None
         self._position: Numbers = [start.x, start.z, start.pitch]
@@ -84,9 +84,9 @@ class MotionProfile:
         """Follow `velocity`; refused above the limits with Fault `velocity_refused`."""
         self._limits.check(velocity)
         self._begin()
-        wish = [velocity.vx, velocity.vz, velocity.pitch_rate]
-        if wish != self._wish or self._blocked:
-            self._follow(wish)
+        target = [velocity.vx, velocity.vz, velocity.pitch_rate]
+        if target != self._target or self._blocked:
+            self._follow(target)
 
     def move_to(self, pose: Pose) -> None:
         """Move to rest at `pose`: on a straight line from rest, time-optimally from motion.
@@ -112,9 +112,9 @@ class MotionProfile:
         self._position = [pose.x, pose.z, pose.pitch]
         self._velocity = [velocity.vx, velocity.vz, velocity.pitch_rate]
         self._acceleration = [acceleration.vx, acceleration.vz, acceleration.pitch_rate]
-        goal = list(self._order.target_position)
-        if self._wish is not None:
-            self._follow(self._wish, self._blocked, gently=True)
+        goal = list(self._request.target_position)
+        if self._target is not None:
+            self._follow(self._target, self._blocked, gently=True)
         elif self._is_at(goal):
             self._follow(_STILL, gently=True)
         elif not self._move(goal, gently=True):
@@ -125,7 +125,7 @@ class MotionProfile:
         """Whether the setpoint is within ARRIVED of `goal` and its remaining motion as small."""
         distances = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
         remainders = (
-            abs(rate) * SETTLE + abs(change) * LOSS**2
+            abs(rate) * SETTLE + abs(change) * LONGEST_GAP**2
             for rate, change in zip(self._velocity, self._acceleration, strict=True)
         )
         return max(distances) < ARRIVED and max(remainders) < ARRIVED
@@ -133,12 +133,12 @@ class MotionProfile:
     def tick(self) -> Numbers:
         """Advance by one period; returns the commanded x, z [m], pitch [rad] at its end."""
         self._age += 1
-        if self._age > self._expiry and self._wish is not None and any(self._wish):
+        if self._age > self._expiry and self._target is not None and any(self._target):
             self.expired = True
             self._follow(_STILL)
         self._elapsed += 1
         state = self._plan.at_time(self._elapsed * self.period)
-        if self._wish is not None and any(state[1]):
+        if self._target is not None and any(state[1]):
             state = self._keep_inside(state)
         self._position, self._velocity, self._acceleration = state
         if not self._pending:
@@ -155,57 +155,57 @@ class MotionProfile:
         self._next_move = None
 
     def _arrive(self) -> None:
-        self._velocity, self._acceleration = self._order.target_velocity, _STILL
-        if self._wish is None:
-            self._position = self._order.target_position
+        self._velocity, self._acceleration = self._request.target_velocity, _STILL
+        if self._target is None:
+            self._position = self._request.target_position
         if self._next_move is not None:
             goal, self._next_move = self._next_move, None
             self._move(goal)
 
     def _follow(
-        self, wish: Numbers, blocked: frozenset[int] = frozenset(), *, gently: bool = False
+        self, target: Numbers, blocked: frozenset[int] = frozenset(), *, gently: bool = False
     ) -> None:
-        """Plan towards velocity `wish`, softly near it if `gently`; `blocked` axes brake hard."""
-        order, synchronization = self._order, ruckig.Synchronization
-        order.control_interface = ruckig.ControlInterface.Velocity
-        order.target_velocity = [0.0 if i in blocked else rate for i, rate in enumerate(wish)]
-        order.per_dof_synchronization = [
+        """Plan towards velocity `target`, softly near it if `gently`; `blocked` axes brake hard."""
+        request, synchronization = self._request, ruckig.Synchronization
+        request.control_interface = ruckig.ControlInterface.Velocity
+        request.target_velocity = [0.0 if i in blocked else rate for i, rate in enumerate(target)]
+        request.per_dof_synchronization = [
             synchronization.No if i in blocked else synchronization.Phase for i in range(3)
         ]
-        self._wish, self._blocked = wish, blocked
-        straight = any(wish) and not blocked and not any(self._acceleration)
-        change = [w - v for w, v in zip(wish, self._velocity, strict=True)]
-        _limit(order, self._limits, change if straight else _STILL)
+        self._target, self._blocked = target, blocked
+        straight = any(target) and not blocked and not any(self._acceleration)
+        change = [w - v for w, v in zip(target, self._velocity, strict=True)]
+        _limit(request, self._limits, change if straight else _STILL)
         if gently:
-            order.max_acceleration = [
+            request.max_acceleration = [
                 most
                 if i in blocked
                 else min(most, max(abs(change[i]) / CORRECTION_TIME, ACCELERATION_FLOOR * most))
-                for i, most in enumerate(order.max_acceleration)
+                for i, most in enumerate(request.max_acceleration)
             ]
-        self._calculate(order, self._plan, self._state)
+        self._calculate(request, self._plan, self._state)
         self._elapsed = 0
 
     def _move(self, goal: Numbers, *, gently: bool = False) -> bool:
         """Plan a move to `goal`, softly near it if `gently`; False if it leaves the workspace."""
-        order = self._order
-        order.control_interface = ruckig.ControlInterface.Position
-        order.per_dof_synchronization = None
-        order.target_position, order.target_velocity = goal, _STILL
-        self._wish = None
+        request = self._request
+        request.control_interface = ruckig.ControlInterface.Position
+        request.per_dof_synchronization = None
+        request.target_position, request.target_velocity = goal, _STILL
+        self._target = None
         straight = not any(self._velocity) and not any(self._acceleration)
         change = [g - p for g, p in zip(goal, self._position, strict=True)] if straight else _STILL
-        _limit(order, self._limits, change)
-        order.max_velocity = _share(order.max_velocity, change)
+        _limit(request, self._limits, change)
+        request.max_velocity = _share(request.max_velocity, change)
         if gently:
             far = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
-            order.max_acceleration = [
+            request.max_acceleration = [
                 settling(distance, abs(rate), most)
                 for distance, rate, most in zip(
-                    far, self._velocity, order.max_acceleration, strict=True
+                    far, self._velocity, request.max_acceleration, strict=True
                 )
             ]
-        self._calculate(order, self._plan, self._state)
+        self._calculate(request, self._plan, self._state)
         self._elapsed = 0
         return not self._leaving(self._plan)
 
@@ -214,9 +214,9 @@ class MotionProfile:
         for _ in range(3):  # each round blocks one of the three axes or more
             self._calculate(self._brake, self._stopping, state)
             leaving = self._leaving(self._stopping) - self._blocked
-            if self._wish is None or not leaving:
+            if self._target is None or not leaving:
                 break
-            self._follow(self._wish, self._blocked | leaving)
+            self._follow(self._target, self._blocked | leaving)
             self._elapsed = 1
             state = self._plan.at_time(self.period)
         return state
@@ -236,11 +236,11 @@ class MotionProfile:
         return self._position, self._velocity, self._acceleration
 
     def _calculate(
-        self, order: ruckig.InputParameter, plan: ruckig.Trajectory, state: State
+        self, request: ruckig.InputParameter, plan: ruckig.Trajectory, state: State
     ) -> None:
-        order.current_position, order.current_velocity, order.current_acceleration = state
+        request.current_position, request.current_velocity, request.current_acceleration = state
         try:
-            self._ruckig.calculate(order, plan)
+            self._ruckig.calculate(request, plan)
         except ruckig.RuckigError as error:
             raise Fault("motion_refused", " ".join(str(error).split())) from None
 
@@ -258,22 +258,22 @@ def settling(distance: float, speed: float, most: float) -> float:
     return min(most, max(needed, ACCELERATION_FLOOR * most))
 
 
-def _blank_order(limits: MotionLimits, synchronization: ruckig.Synchronization) -> Any:
-    order = ruckig.InputParameter(3)
-    order.control_interface = ruckig.ControlInterface.Velocity
-    order.synchronization = synchronization
-    _limit(order, limits, _STILL)
-    return order
+def _new_request(limits: MotionLimits, synchronization: ruckig.Synchronization) -> Any:
+    request = ruckig.InputParameter(3)
+    request.control_interface = ruckig.ControlInterface.Velocity
+    request.synchronization = synchronization
+    _limit(request, limits, _STILL)
+    return request
 
 
-def _limit(order: Any, limits: MotionLimits, change: Numbers) -> None:
-    """Set the limits of `order`, in proportion to a `change` of pose or velocity that is not zero.
+def _limit(request: Any, limits: MotionLimits, change: Numbers) -> None:
+    """Set the limits of `request`, in proportion to a nonzero `change` of pose or velocity.
 
     Ruckig leaves the straight line where one axis alone would allow a shorter profile.
     """
-    order.max_velocity = [axis.velocity for axis in limits.axes]
-    order.max_acceleration = _share([axis.acceleration for axis in limits.axes], change)
-    order.max_jerk = _share([axis.jerk for axis in limits.axes], change)
+    request.max_velocity = [axis.velocity for axis in limits.axes]
+    request.max_acceleration = _share([axis.acceleration for axis in limits.axes], change)
+    request.max_jerk = _share([axis.jerk for axis in limits.axes], change)
 
 
 def _share(limits: Numbers, change: Numbers) -> Numbers:

@@ -27,7 +27,7 @@ MOST_NODES = 10_000  # once every alias is written out
 MOST_DIGITS = 64  # of a number
 FLOAT_TAG = "tag:yaml.org,2002:float"
 NUMBER_TAGS = ("tag:yaml.org,2002:int", FLOAT_TAG)
-WORDLESS = ("tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:binary")  # no key in JSON either
+KEYLESS_TAGS = ("tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:binary")  # JSON has no such key
 # Numbers of YAML 1.2 that are text in YAML 1.1, which PyYAML speaks. Without dot and sign few
 # digits are taken: an identifier of 12 digits, one of them an e, is text.
 EXPONENTS = re.compile(
@@ -135,7 +135,7 @@ class BoundedLoader(_Loader):
         """Mapping of `node`; MarkedYAMLError for a key that is no word or is given twice."""
         seen: set[Hashable] = set()
         for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode) or key.tag in WORDLESS:
+            if not isinstance(key, yaml.ScalarNode) or key.tag in KEYLESS_TAGS:
                 problem = "a key must be a word"
                 raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
             if key.value in seen:

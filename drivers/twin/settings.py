@@ -100,9 +100,9 @@ class WrenchSettings(Settings):
     """Noise and bias [N, one sigma] and lag [s] of the force that the twin's arm reports.
 
     Each reading has the `noise`, each session the `bias`, which is what the tare left; it is
-    averaged over `lag`. Source: assumed. Of a Franka at rest a user shows readings some 10 mN apart
-    and 1 to 2 N off, by how much depends on the posture (franka_ros#404): an arm's own wrench
-    needs a tare near where the strip is folded, and more than this model is wrong with it.
+    averaged over `lag`. Source: assumed. A user's Franka at rest reports forces that scatter by
+    10 mN and are 1 to 2 N off, depending on its posture (franka_ros#404): it needs a tare near
+    where the strip is folded, and real sensors have errors beyond this model.
     """
 
     noise: float = Field(0.01, gt=0, le=5.0)

@@ -16,7 +16,7 @@ from drivers.twin.renderer.stage import BACKDROP_DISTANCE
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Image
 
-TABLE_RANGE = (-0.2, 1.2)  # m of x that the table covers, as shares of nothing but generosity
+TABLE_RANGE = (-0.2, 1.2)  # m of x that the table of the shadow covers: more than any strip
 BINS = 1400
 IMAGE_MARGIN = 50  # px beside the image, up to which desk counts for the rows of the shadow
 FADE_HEIGHT = 0.03  # m of height over which the shadow fades
