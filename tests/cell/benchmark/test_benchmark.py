@@ -36,7 +36,7 @@ from tests.support.campaign_parts import Deadly, Fine, Impossible, Noted, Plain
 pytestmark = pytest.mark.slow
 
 CONFIGS = find_configs(Path(__file__).parents[3] / "configs")
-TITLES = ("Displacement of the strips", "Repeatability", "CriticalPart points", "Force that")
+TITLES = ("Displacement of the strips", "Repeatability", "Critical points", "Force that")
 TITLES += ("Adaptation", "The folded strip", "State, action", "maps", "level motion")
 POLICIES = ("triangular", "circular", "shifted", "planned", "feedback")
 STRIPS = ("blanket", "denim", "rib-knit")

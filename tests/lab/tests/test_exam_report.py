@@ -199,20 +199,3 @@ def test_steps_that_exclude_each_other_are_refused(tmp_path: Path) -> None:
     asked = ["exam", "--out", str(tmp_path), "--only-make", "--only-judge"]
     done = CliRunner().invoke(app, asked)
     assert isinstance(done.exception, ConfigurationError)
-
-
-def test_two_exams_share_a_page(
-    kept: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    by_these_sources(monkeypatch)
-    other = tmp_path_factory.mktemp("other")
-    last = entries()[-1]
-    Ledger(other / LEDGER).put(last)
-    asked = ["exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
-    for place in (other, other / LEDGER):
-        done = CliRunner().invoke(app, [*asked, "--beside", str(place)])
-        assert done.exit_code == 0, done.output
-        assert last.case.name in (kept / "exam.md").read_text(encoding="utf-8")
-        (kept / "exam.md").unlink()
-    refused = CliRunner().invoke(app, [*asked, "--beside", str(kept / KEYS_FOLDER)])
-    assert isinstance(refused.exception, ConfigurationError)

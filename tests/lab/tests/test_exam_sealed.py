@@ -151,7 +151,6 @@ def test_an_exam_is_carried_out_and_goes_on(
     [
         (["--out", "file"], "--out: file is a file; name a folder"),
         (["--report", "runs"], "--report: runs is a folder; name a file"),
-        (["--beside", "gone"], "--beside: gone holds no ledger.jsonl"),
         (["--only-judge", "--out", "runs"], "--only-judge: runs holds no runs of an"),
     ],
 )
