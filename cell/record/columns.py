@@ -1,5 +1,6 @@
 """Columns of a run's tables as checked arrays."""
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Self
@@ -17,7 +18,15 @@ LONGEST_TIME = 1e5  # s, longer than a day
 LARGEST_VALUE = 1e9  # nothing of a cell is as large in any unit
 MUST = ("t", "x", "z")
 MOTION_COLUMNS = ("pitch", "x_cmd", "z_cmd")  # finite where there are such columns
-MAY = (*MOTION_COLUMNS, "contact_x", "contact_t", "f_x", "f_z", "image_age")
+Limit = tuple[float, str]  # largest absolute value, and its unit
+TIME, PLACE, ANY = (LONGEST_TIME, "s"), (FARTHEST_HAND, "m"), (LARGEST_VALUE, "SI units")
+TICK_LIMITS: dict[str, Limit] = {
+    "t": TIME, "x": PLACE, "z": PLACE, "pitch": (FULL_TURN, "rad"), "x_cmd": PLACE, "z_cmd": PLACE,
+    "contact_x": PLACE, "contact_t": ANY, "f_x": ANY, "f_z": ANY, "image_age": ANY,
+}  # fmt: skip
+PROFILE_LIMITS: dict[str, Limit] = {
+    "t": TIME, "i": (np.inf, ""), "x": (FARTHEST_POINT, "m"), "z": (FARTHEST_POINT, "m"),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,25 +52,15 @@ class Ticks:
     @classmethod
     def of(cls, table: pa.Table, origin: str) -> Self:
         """Check `table`, return its ticks; ConfigurationError names `origin` and the column."""
-        values = {name: _numbers(table, name, origin) for name in MUST}
-        values |= {name: _optional(table, name, origin) for name in MAY}
-        for name in (*MUST, *MAY):
-            if name in MUST or (name in MOTION_COLUMNS and name in table.column_names):
-                _check_finite(values[name], name, origin)
+        values = _read(table, TICK_LIMITS, origin, must=MUST, finite=(*MUST, *MOTION_COLUMNS))
         _check_order(values["t"], origin, strictly=True)
-        _check_range(values["t"], "t", origin, LONGEST_TIME, "s")
-        for name in ("x", "z", "x_cmd", "z_cmd", "contact_x"):
-            _check_range(values[name], name, origin, FARTHEST_HAND, "m")
-        _check_range(values["pitch"], "pitch", origin, FULL_TURN, "rad")
-        for name in ("contact_t", "f_x", "f_z", "image_age"):
-            _check_range(values[name], name, origin, LARGEST_VALUE, "SI units")
         state = table["state"].to_pylist() if table.column_names.count("state") == 1 else []
         return cls(**values, state=tuple(str(name) for name in state))
 
     @classmethod
     def none(cls) -> Self:
         """Ticks of no time: empty columns."""
-        return cls(**{name: frozen([]) for name in (*MUST, *MAY)}, state=())
+        return cls(**{name: frozen([]) for name in TICK_LIMITS}, state=())
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +75,10 @@ class Profile:
     @classmethod
     def of(cls, table: pa.Table, origin: str) -> Self:
         """Check `table`, return its profile; ConfigurationError names `origin` and the column."""
-        values = {name: _numbers(table, name, origin) for name in ("t", "i", "x", "z")}
-        for name, column in values.items():
-            _check_finite(column, name, origin)
-        _check_order(values["t"], origin, strictly=False)
-        _check_range(values["t"], "t", origin, LONGEST_TIME, "s")
         for name in ("x", "z"):
-            _check_median(values[name], name, origin)
-            _check_range(values[name], name, origin, FARTHEST_POINT, "m")
+            _check_median(_numbers(table, name, origin), name, origin)
+        values = _read(table, PROFILE_LIMITS, origin, must=PROFILE_LIMITS, finite=PROFILE_LIMITS)
+        _check_order(values["t"], origin, strictly=False)
         return cls(**values)
 
     @classmethod
@@ -119,17 +114,34 @@ class Sights:
     @classmethod
     def of(cls, table: pa.Table, origin: str) -> Self:
         """Check `table`, return its sights; ConfigurationError names `origin` and the column."""
-        values = {name: _numbers(table, name, origin) for name in cls.__slots__}
-        for name in ("stamp", "sequence"):
-            _check_finite(values[name], name, origin)
-        for name in cls.__slots__:
-            _check_range(values[name], name, origin, LARGEST_VALUE, "SI units")
+        limits, finite = dict.fromkeys(cls.__slots__, ANY), ("stamp", "sequence")
+        values = _read(table, limits, origin, must=limits, finite=finite)
         return cls(**values)
 
     @classmethod
     def none(cls) -> Self:
         """Measurements of no images: empty columns."""
         return cls(*[frozen([]) for _ in cls.__slots__])
+
+
+def _read(
+    table: pa.Table,
+    limits: Mapping[str, Limit],
+    origin: str,
+    must: Collection[str],
+    finite: Collection[str],
+) -> dict[str, Array]:
+    """Columns (n,) by name, within their `limits`; NaN for one that is not there nor in `must`."""
+    values = {}
+    for name, (limit, unit) in limits.items():
+        if name not in must and name not in table.column_names:
+            values[name] = frozen(np.full(table.num_rows, np.nan))
+            continue
+        values[name] = _numbers(table, name, origin)
+        if name in finite:
+            _check_finite(values[name], name, origin)
+        _check_range(values[name], name, origin, limit, unit)
+    return values
 
 
 def _numbers(table: pa.Table, name: str, origin: str) -> Array:
@@ -144,12 +156,6 @@ def _numbers(table: pa.Table, name: str, origin: str) -> Array:
         return frozen(column.cast(pa.float64(), safe=False).to_numpy())
     except pa.ArrowException as error:
         raise ConfigurationError(f"{origin}: {name}: cannot be read: {error}") from None
-
-
-def _optional(table: pa.Table, name: str, origin: str) -> Array:
-    if name in table.column_names:
-        return _numbers(table, name, origin)
-    return frozen(np.full(table.num_rows, np.nan))
 
 
 def _check_finite(values: Array, name: str, origin: str) -> None:

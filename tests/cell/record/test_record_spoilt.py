@@ -27,7 +27,7 @@ from cell.record.frames import INDEX, digest, read_index
 from cell.record.header import is_outcome
 from cell.record.listing import list_runs, remove, to_prune
 from cell.record.run import read_broken_run, read_run
-from cell.record.stream import SIGHT_ROWS, read_stream
+from cell.record.stream import SIGHT_ROWS, StreamFile, read_stream
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
@@ -354,3 +354,22 @@ def test_every_fault_in_the_sources_is_an_outcome() -> None:
     assert len(names) > 20
     assert [name for name in sorted(names) if not is_outcome(name)] == []
     assert not is_outcome("banana")
+
+
+@pytest.mark.parametrize("z", [[0.0], None, [0.0, 0.1, 0.2]])
+def test_profiles_of_unequal_coordinates_are_refused_in_one_line(tmp_path, z) -> None:
+    write_document(tmp_path / "run.yaml", {"schema": 1, **HEADER, "config": {}})
+    row = dict.fromkeys(SIGHT_ROWS.names, 0) | {"profile_x": [0.1, 0.2], "profile_z": z}
+    with StreamFile(tmp_path / SIGHT_STREAM, SIGHT_ROWS) as stream:
+        stream.append(row)
+    with pytest.raises(ConfigurationError, match="a profile has no or unequal coordinates"):
+        read_run(tmp_path)
+
+
+def test_defect_of_the_program_is_not_taken_for_a_changed_record(killed, monkeypatch) -> None:
+    def defect(*_: object) -> None:
+        raise TypeError
+
+    monkeypatch.setattr("cell.record.tables.place_contacts", defect)
+    with pytest.raises(TypeError):
+        read_run(killed)
