@@ -104,7 +104,7 @@ class BoardView:
 
 
 @dataclass(frozen=True, slots=True)
-class BoardLook:
+class BoardDetection:
     """Detection of the board in an image: `view` or None, number of `markers`, mean `side` [px]."""
 
     view: BoardView | None
@@ -119,20 +119,20 @@ class BoardLook:
 
 def find_board(
     image: Image, detector: cv2.aruco.CharucoDetector, board: cv2.aruco.CharucoBoard
-) -> BoardLook:
+) -> BoardDetection:
     """Detect `board` in `image` (h, w, 3): its corners, if any, and number and size of markers."""
     corners, ids, outlines, marks = detector.detectBoard(image)
     markers = 0 if marks is None else len(marks)
     side = _mean_side(outlines) if markers else 0.0
     if ids is None or len(ids) == 0:
-        return BoardLook(None, markers, side)
+        return BoardDetection(None, markers, side)
     on_board, in_image = board.matchImagePoints(corners, ids)
     view = BoardView(
         np.ravel(ids).astype(np.float64),
         np.asarray(on_board, dtype=np.float64).reshape(-1, 3),
         np.asarray(in_image, dtype=np.float64).reshape(-1, 2),
     )
-    return BoardLook(view, markers, side)
+    return BoardDetection(view, markers, side)
 
 
 def _mean_side(outlines: object) -> float:

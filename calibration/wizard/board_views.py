@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 
-from calibration.board import BoardLook, BoardSettings, BoardView, find_board
+from calibration.board import BoardDetection, BoardSettings, BoardView, find_board
 from calibration.lens import MINIMUM_VIEWS, Lens
 from calibration.wizard.coverage import (
     Gate,
@@ -154,7 +154,7 @@ class BoardViews:
             seen_outline(seen, outline) if seen is not None and enough else None,
         )
 
-    def _refuse(self, frame: Frame, look: BoardLook) -> str | None:
+    def _refuse(self, frame: Frame, look: BoardDetection) -> str | None:
         """Reason why this image shows no usable view, or None."""
         size = (frame.image.shape[1], frame.image.shape[0])
         if self._size is not None and size != self._size:
@@ -174,7 +174,7 @@ class BoardViews:
             return f"a view that differs by only {apart:.0f} px was taken before; move the board"
         return None
 
-    def _why_undetected(self, look: BoardLook, size: tuple[int, int]) -> str:
+    def _why_undetected(self, look: BoardDetection, size: tuple[int, int]) -> str:
         """Reason why too few corners are detected: too close, too far, or no board."""
         settings = self._settings
         need = f"{look.corners} corners of the board are seen, {settings.corners} are needed"

@@ -12,8 +12,8 @@ from calibration.lens import Lens
 from calibration.wizard.latency import LatencyVerdict
 from calibration.wizard.picture import ENLARGED
 from calibration.wizard.touches import (
-    Rejected,
-    Touched,
+    RejectedTouch,
+    Touch,
     TouchFit,
     TouchSettings,
     camera_move,
@@ -53,8 +53,8 @@ class TouchVerdict(Verdict):
     used: int = 0
     held_out: int = 0
     errors_mm: dict[int, float] = field(default_factory=dict)
-    rejected: tuple[Rejected, ...] = ()
-    wild: tuple[Rejected, ...] = ()
+    rejected: tuple[RejectedTouch, ...] = ()
+    wild: tuple[RejectedTouch, ...] = ()
     clean: bool = False  # no point is left out, and there is nothing to improve
 
     def lines(self) -> list[Line]:
@@ -106,7 +106,7 @@ class CheckVerdict(Verdict):
         return (*lines, self.last_line("this calibration still holds", "it no longer holds"))
 
 
-def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> TouchVerdict:
+def touch_verdict(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> TouchVerdict:
     """The verdict on the map from `touches` through `lens`; independent of their order."""
     try:
         solved = solve(touches, lens, settings)
@@ -119,7 +119,7 @@ def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSetting
 
 
 def check_verdict(
-    touches: Sequence[Touched], calibration: Calibration, settings: TouchSettings
+    touches: Sequence[Touch], calibration: Calibration, settings: TouchSettings
 ) -> CheckVerdict:
     """The verdict on `calibration` from new `touches`, to which it was not fitted."""
     off = [calibration.to_plane(touched.pixel[None])[0] - touched.place for touched in touches]
@@ -168,9 +168,7 @@ def _common_shift(off: Array, settings: TouchSettings) -> Iterator[str]:
         )
 
 
-def _causes(
-    touches: Sequence[Touched], solved: TouchFit, settings: TouchSettings
-) -> tuple[str, ...]:
+def _causes(touches: Sequence[Touch], solved: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
     """Reasons for refusal that explain all others: a mirrored plane, or a camera that moved."""
     middle = np.mean([touched.place for touched in touches], axis=0)
     triangle = middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
@@ -215,7 +213,7 @@ def _compose(solved: TouchFit, settings: TouchSettings) -> TouchVerdict:
     return replace(verdict, reasons=found)
 
 
-def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -> float:
+def _halves_mm(points: Sequence[Touch], lens: Lens, settings: TouchSettings) -> float:
     """Difference [mm] over the work area between maps from two random halves of the points."""
     ordered = sorted(points, key=lambda p: (p.place[0], p.place[1], p.number))
     order = np.random.default_rng(0).permutation(len(ordered))

@@ -10,7 +10,7 @@ from calibration.pointer import find_pointer
 from calibration.wizard.news import Mark, MarkKind, News, PlannedPoint, Result, Row
 from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict
 from calibration.wizard.touches import (
-    Touched,
+    Touch,
     TouchSettings,
     held_out,
     require_enough,
@@ -58,14 +58,14 @@ class TouchedPoints:
         self.fitted = fitted
         if fitted:
             require_enough(self.plan, settings)
-        self._touches: list[Touched] = []
+        self._touches: list[Touch] = []
         self._queue = list(range(len(self.plan)))
         self._second = False
         self._tries = 0
         self._last: tuple[Array, Array] | None = None
 
     @property
-    def touches(self) -> tuple[Touched, ...]:
+    def touches(self) -> tuple[Touch, ...]:
         """All accepted points, in the order in which they were touched."""
         return tuple(self._touches)
 
@@ -107,7 +107,7 @@ class TouchedPoints:
 
         Raises ConfigurationError for a row without a pose.
         """
-        found: dict[tuple[int, bool], Touched] = {}
+        found: dict[tuple[int, bool], Touch] = {}
         for row, image in rows:
             centre = find_pointer(image)
             if centre is None:
@@ -180,7 +180,7 @@ class TouchedPoints:
             for p in self._touches
         )
 
-    def _error(self, point: Touched, verdict: TouchVerdict) -> Array | None:
+    def _error(self, point: Touch, verdict: TouchVerdict) -> Array | None:
         """Error (2,) [px] of a point in the image by the verdict's map; None without a map."""
         if verdict.homography is None:
             return None
@@ -230,19 +230,19 @@ class TouchedPoints:
             again=taken and self._second,
         )
 
-    def _touched(self, row: Row, centre: Array) -> Touched:
+    def _touched(self, row: Row, centre: Array) -> Touch:
         """The point of `row`, whose image shows the pointer at `centre` (2,) [px]."""
         if row.pose is None:
             raise ConfigurationError(f"told.jsonl: point {row.number} has no pose; leave it out")
         held = held_out(row.number, self._settings)
-        return Touched(row.number, np.array(row.pose[:2]), centre, held, again=row.again)
+        return Touch(row.number, np.array(row.pose[:2]), centre, held, again=row.again)
 
 
-def _kind(point: Touched) -> MarkKind:
+def _kind(point: Touch) -> MarkKind:
     return MarkKind.HELD_OUT if point.held_out else MarkKind.FITTED
 
 
-def _state(point: Touched | None) -> str:
+def _state(point: Touch | None) -> str:
     """Character of a planned pose for the terminal: its touch, or that it is to come."""
     if point is None:
         return "."

@@ -81,7 +81,7 @@ def held_out(number: int, settings: TouchSettings) -> bool:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Touched:
+class Touch:
     """One touched point: `number` of the pose, the arm's `place` (2,) x, z [m], the disc's `pixel`
     (2,) u, v in the raw image; `again` marks a second touch of the same pose.
     """
@@ -94,7 +94,7 @@ class Touched:
 
 
 @dataclass(frozen=True, slots=True)
-class Rejected:
+class RejectedTouch:
     """A touched point rejected by the fit: number, place [m], and residual `error` [px]."""
 
     number: int
@@ -115,30 +115,30 @@ class TouchFit:
     """
 
     homography: Homography
-    used: tuple[Touched, ...]
-    decide: tuple[Touched, ...]
-    off: tuple[Touched, ...]
-    stubborn: tuple[Touched, ...]
-    wild: tuple[Touched, ...]
+    used: tuple[Touch, ...]
+    decide: tuple[Touch, ...]
+    off: tuple[Touch, ...]
+    stubborn: tuple[Touch, ...]
+    wild: tuple[Touch, ...]
     lens: Lens
 
-    def error(self, touched: Touched) -> Array:
+    def error(self, touched: Touch) -> Array:
         """Residual (2,) x, z [m] of a point: its place by the map minus the arm's."""
         seen = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
         return np.asarray(seen - touched.place)
 
-    def rejections(self, points: Sequence[Touched]) -> tuple[Rejected, ...]:
+    def rejections(self, points: Sequence[Touch]) -> tuple[RejectedTouch, ...]:
         """Descriptions of rejected `points`, by number."""
         return tuple(map(self._rejection, sorted(points, key=lambda p: p.number)))
 
-    def _rejection(self, touched: Touched) -> Rejected:
+    def _rejection(self, touched: Touch) -> RejectedTouch:
         mapped = self.homography.to_image(touched.place)[0]
         residual = float(np.hypot(*(mapped - self.lens.undistort(touched.pixel)[0])))
         x, z = map(float, touched.place)
-        return Rejected(touched.number, x, z, residual)
+        return RejectedTouch(touched.number, x, z, residual)
 
 
-def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> TouchFit:
+def solve(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> TouchFit:
     """The map fitted robustly to the newest touch of each pose that is not held out.
 
     Independent of the order of `touches`. Raises ConfigurationError where they give no map.
@@ -162,14 +162,14 @@ def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> To
     return replace(solved, decide=decide, off=tuple(off), stubborn=stubborn, wild=wild)
 
 
-def _newest_touches(touches: Sequence[Touched]) -> list[Touched]:
+def _newest_touches(touches: Sequence[Touch]) -> list[Touch]:
     """Touches of distinct poses, the second touch where there is one, ordered by place."""
     by_number = {p.number: p for p in sorted(touches, key=lambda p: (p.number, p.again))}
     return sorted(by_number.values(), key=lambda p: (p.place[0], p.place[1], p.number))
 
 
 def _repeats_error(
-    again: Touched, firsts: dict[int, Touched], solved: TouchFit, settings: TouchSettings
+    again: Touch, firsts: dict[int, Touch], solved: TouchFit, settings: TouchSettings
 ) -> bool:
     """Whether a second touch repeats the first one's error, which shows that the map is wrong."""
     first = firsts.get(again.number)
@@ -178,7 +178,7 @@ def _repeats_error(
     return 1e3 * float(np.hypot(*(solved.error(again) - solved.error(first)))) < settings.worst_mm
 
 
-def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> tuple[int, ...]:
+def suspects(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> tuple[int, ...]:
     """Numbers of the outliers of the fitted map, which are to be touched again."""
     try:
         solved = solve(touches, lens, settings)
@@ -204,7 +204,7 @@ class Move:
 
 
 def camera_move(
-    touches: Sequence[Touched], lens: Lens, homography: Homography, least_mm: float
+    touches: Sequence[Touch], lens: Lens, homography: Homography, least_mm: float
 ) -> Move | None:
     """The move of the camera by at least `least_mm` that explains `touches` best; None for none.
 

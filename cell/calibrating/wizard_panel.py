@@ -178,7 +178,7 @@ def print_verdict(lines: Iterable[Line]) -> None:
 
 
 @dataclass(slots=True)
-class Sitting:
+class TerminalSession:
     """Session of a wizard at a terminal: its `panel`, what else watches, and Ctrl-C.
 
     `record` adds a verdict's lines to the recording.
@@ -195,23 +195,23 @@ class Sitting:
 
 
 @contextmanager
-def terminal() -> Iterator[Sitting]:
+def terminal_session() -> Iterator[TerminalSession]:
     """Open a session at the terminal, with panel, single keys and Ctrl-C."""
     panel = WizardPanel(Console(stderr=True))
     with Interrupt() as interrupted, single_keys(sys.stdin), panel:
-        yield Sitting(panel, panel, interrupted)
+        yield TerminalSession(panel, panel, interrupted)
 
 
 @contextmanager
-def sitting(folder: Path, kind: str, viz: str) -> Iterator[Sitting]:
+def wizard_session(folder: Path, kind: str, viz: str) -> Iterator[TerminalSession]:
     """Open a wizard's session; unless `viz` is off, all is drawn into wizard.rrd too.
 
     Raises Interrupted that says what `folder` keeps, after one Ctrl-C as after two.
     """
     try:
-        with terminal() as at:
+        with terminal_session() as session:
             if viz == "off":
-                yield at
+                yield session
                 return
             from cell.report.viz.wizard import wizard_screen  # Rerun takes a second to import
 
@@ -219,12 +219,14 @@ def sitting(folder: Path, kind: str, viz: str) -> Iterator[Sitting]:
             with wizard_screen(folder, live=viz == "live") as screen:
 
                 def both(news: News) -> None:
-                    at.panel(news)
+                    session.panel(news)
                     screen(news)
 
-                at.watch = both
-                at.record = lambda lines: screen.verdict("\n".join(line.text for line in lines))
-                yield at
+                session.watch = both
+                session.record = lambda lines: screen.verdict(
+                    "\n".join(line.text for line in lines)
+                )
+                yield session
     except (Interrupted, KeyboardInterrupt):
         raise Interrupted(_resume_hint(folder, kind)) from None
 

@@ -101,7 +101,7 @@ def calibrate_camera(
 ) -> None:
     """Find the lens from views of a ChArUco board; says which view is wanted next, and why."""
     from cell.calibrating.wizard import calibrate_lens, lens_again
-    from cell.calibrating.wizard_panel import print_verdict, sitting
+    from cell.calibrating.wizard_panel import print_verdict, wizard_session
     from cell.report.calibration_page import write_session_page
 
     settings = _settings(configs)
@@ -116,12 +116,12 @@ def calibrate_camera(
         if measured is None and devices.aids is None and resume is None:
             words = f"length of {settings.boards.columns} squares by a ruler [mm]"
             measured = typer.prompt(words, value_proc=_ask_length)
-        with sitting(folder, "camera", viz) as at:
-            operator = at.operator(devices, interactive=interactive)
+        with wizard_session(folder, "camera", viz) as session:
+            operator = session.operator(devices, interactive=interactive)
             found = calibrate_lens(
-                settings, devices, folder, operator, at.watch, measured, at.interrupted
+                settings, devices, folder, operator, session.watch, measured, session.interrupted
             )
-            at.record(found.lines)
+            session.record(found.lines)
     page = None if found.folder is None else write_session_page(found.folder)
     if as_json:
         print_json(found.facts() | {"folder": str(folder)})
@@ -159,7 +159,7 @@ def calibrate_homography(
 ) -> None:
     """Find the map to the plane and the latency from touches of the gripper's tip."""
     from cell.calibrating import wizard
-    from cell.calibrating.wizard_panel import print_verdict, sitting
+    from cell.calibrating.wizard_panel import print_verdict, wizard_session
     from cell.report.calibration_page import write_session_page
 
     settings = _settings(configs)
@@ -173,19 +173,19 @@ def calibrate_homography(
         settings, devices = _open_devices(settings, arm, camera, full_speed=full_speed)
         seen_through = _find_lens(lens, resume, devices.camera_identity)
         plan = None if poses is None else wizard.read_poses(poses)
-        with sitting(folder, "homography", viz) as at:
+        with wizard_session(folder, "homography", viz) as session:
             found = wizard.calibrate_homography(
                 settings,
                 devices,
                 seen_through,
                 folder,
-                at.operator(devices, interactive=interactive),
-                at.watch,
+                session.operator(devices, interactive=interactive),
+                session.watch,
                 plan=plan,
                 accept_anyway=accept_anyway,
-                interrupted=at.interrupted,
+                interrupted=session.interrupted,
             )
-            at.record(found.lines)
+            session.record(found.lines)
     page = None if found.folder is None else write_session_page(found.folder)
     in_use = _use_calibration(configs, found, again) if use else None
     if as_json:
@@ -213,14 +213,16 @@ def calibrate_check(
     from calibration.calibration import load_calibration
     from cell.calibrating.calibrate import calibration_of
     from cell.calibrating.wizard import check_calibration
-    from cell.calibrating.wizard_panel import print_verdict, terminal
+    from cell.calibrating.wizard_panel import print_verdict, terminal_session
 
     settings, devices = _open_devices(_settings(configs), arm, camera, full_speed=full_speed)
-    with terminal() as at:
-        calibration = load_calibration(file) if file else calibration_of(settings, at.panel.ask)
-        operator = at.operator(devices, interactive=interactive)
+    with terminal_session() as session:
+        calibration = (
+            load_calibration(file) if file else calibration_of(settings, session.panel.ask)
+        )
+        operator = session.operator(devices, interactive=interactive)
         verdict = check_calibration(
-            settings, devices, calibration, operator, at.watch, at.interrupted
+            settings, devices, calibration, operator, session.watch, session.interrupted
         )
     if as_json:
         errors = {str(number): error for number, error in verdict.errors_mm.items()}

@@ -12,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 from calibration.calibration import Calibration, load_calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.perception.held_end import PROFILE_CONFIDENCE, Held, HeldEnd
+from cell.perception.held_end import PROFILE_CONFIDENCE, HeldEnd, HeldMeasurement
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch
 from cell.perception.preflight import inspect
@@ -128,9 +128,9 @@ def _read(
     calibration: Calibration,
     overlay: FilmWriter,
     progress: Progress,
-) -> tuple[list[Held], SeenTouch | None]:
+) -> tuple[list[HeldMeasurement], SeenTouch | None]:
     """Measure the images up to the layer touch; returns the measurements, and the touch or None."""
-    read: list[Held] = []
+    read: list[HeldMeasurement] = []
     touch: SeenTouch | None = None
     for frame in frames:
         image = frame.image
@@ -145,7 +145,7 @@ def _read(
     return read, touch
 
 
-def _draw_measurement(image: Image, held: Held, calibration: Calibration) -> Image:
+def _draw_measurement(image: Image, held: HeldMeasurement, calibration: Calibration) -> Image:
     """Copy of `image` (h, w, 3) with its measurement drawn, and a cross at the held end."""
     seen = held.measurement
     curve = seen.profile if _is_confident(held) else np.empty((0, 2))
@@ -157,11 +157,11 @@ def _draw_measurement(image: Image, held: Held, calibration: Calibration) -> Ima
     return drawn
 
 
-def _is_confident(held: Held) -> bool:
+def _is_confident(held: HeldMeasurement) -> bool:
     return held.end is not None and held.measurement.confidence >= PROFILE_CONFIDENCE
 
 
-def _check_enough(read: Sequence[Held], film: Path) -> None:
+def _check_enough(read: Sequence[HeldMeasurement], film: Path) -> None:
     found = sum(map(_is_confident, read))
     if found < FEWEST_IMAGES:
         raise ConfigurationError(
@@ -173,7 +173,7 @@ def _check_enough(read: Sequence[Held], film: Path) -> None:
 
 def _write(
     folder: Path,
-    read: Sequence[Held],
+    read: Sequence[HeldMeasurement],
     strip: StripFile,
     calibration: Calibration,
     touch: SeenTouch | None,
@@ -206,7 +206,7 @@ def _header(cell: CellFile, strip: StripFile, calibration: Calibration) -> dict[
     }
 
 
-def _held_path(read: Sequence[Held], strip: StripFile) -> tuple[Array, Array, Array]:
+def _held_path(read: Sequence[HeldMeasurement], strip: StripFile) -> tuple[Array, Array, Array]:
     """Interpolated path of the held end: times (n,) [s], x and z (n,) [m], from lying flat on."""
     ends = [(held.measurement.stamp, held.end) for held in read if _is_confident(held)]
     lifted = ends[0][0]

@@ -25,7 +25,7 @@ SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about where it should be, when 
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class HeldMeasurement:
     """Measurement of one image, and the pose of the held `end`, None where it was not found."""
 
     measurement: StripMeasurement
@@ -51,7 +51,7 @@ class HeldEnd:
         self._length, self._little = strip.length, settings.little
         self._past: list[tuple[float, Pose]] = []
 
-    def look(self, frame: Frame) -> Held:
+    def look(self, frame: Frame) -> HeldMeasurement:
         """Measure the strip and its held end in `frame`; frames must come in their order."""
         first, *others = self._guesses(frame.stamp)
         best = self._settle(frame, first)
@@ -89,18 +89,18 @@ class HeldEnd:
         ahead = last.as_array() + steps * (last.as_array() - start.as_array())
         return Pose(float(ahead[0]), max(float(ahead[1]), 0.0), last.pitch)
 
-    def _settle(self, frame: Frame, guess: Pose) -> Held:
+    def _settle(self, frame: Frame, guess: Pose) -> HeldMeasurement:
         """Measure strip and end by fixed-point iteration from `guess`; end None if it diverges."""
         for _ in range(ROUNDS):
             measurement = self._perception.look(frame, guess)
             end = self._end(measurement)
             if end is None:
-                return Held(measurement, None)
+                return HeldMeasurement(measurement, None)
             moved = float(np.hypot(end.x - guess.x, end.z - guess.z))
             guess = end
             if moved < CLOSE:
-                return Held(replace(measurement, gripper=(end.x, end.z)), end)
-        return Held(measurement, None)
+                return HeldMeasurement(replace(measurement, gripper=(end.x, end.z)), end)
+        return HeldMeasurement(measurement, None)
 
     def _end(self, measurement: StripMeasurement) -> Pose | None:
         """Pose at the strip's full length along the extrapolated profile; None without profile."""

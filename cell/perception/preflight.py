@@ -53,7 +53,7 @@ class PreflightCheck:
     remedy: str
 
 
-def size(image: Image, calibration: Calibration) -> PreflightCheck:
+def _check_size(image: Image, calibration: Calibration) -> PreflightCheck:
     """Check whether the image (h, w, 3) has the calibration's size."""
     lens = calibration.lens
     return PreflightCheck(
@@ -65,7 +65,7 @@ def size(image: Image, calibration: Calibration) -> PreflightCheck:
     )
 
 
-def thin_enough(strip: StripFile) -> PreflightCheck:
+def _check_thickness(strip: StripFile) -> PreflightCheck:
     """Check whether the strip is thin enough for perception."""
     return PreflightCheck(
         "thickness",
@@ -76,7 +76,7 @@ def thin_enough(strip: StripFile) -> PreflightCheck:
     )
 
 
-def desk_contrast(scene: Segmenter, desk: Array, settings: PerceptionSettings) -> PreflightCheck:
+def _check_desk(scene: Segmenter, desk: Array, settings: PerceptionSettings) -> PreflightCheck:
     """Check whether each of the strip's colours differs from the desk (3,), lit or in shadow."""
     apart = min(float(np.linalg.norm(colour - desk)) for colour in scene.colours)
     shade = np.array([DESK_SHADE], dtype=np.float32)
@@ -92,7 +92,9 @@ def desk_contrast(scene: Segmenter, desk: Array, settings: PerceptionSettings) -
     )
 
 
-def solid(levels: Image, calibration: Calibration, strip: StripFile, rise: float) -> PreflightCheck:
+def _check_solid(
+    levels: Image, calibration: Calibration, strip: StripFile, rise: float
+) -> PreflightCheck:
     """Check whether every part of the strip stands out from the desk in `levels` (h, w).
 
     These are the smoothed matte; the strip's midline rests at a height `rise` [m].
@@ -107,7 +109,7 @@ def solid(levels: Image, calibration: Calibration, strip: StripFile, rise: float
     )
 
 
-def background_contrast(
+def _check_background(
     scene: Segmenter, calibration: Calibration, strip: StripFile
 ) -> PreflightCheck:
     """Check whether the background along the strip's motion differs from the strip's colours."""
@@ -134,7 +136,7 @@ def background_contrast(
     )
 
 
-def check_exposure(seen: Samples) -> PreflightCheck:
+def _check_exposure(seen: Samples) -> PreflightCheck:
     """Check whether strip, desk and backdrop are neither over- nor underexposed."""
     pixels = np.vstack([seen.strip, seen.desk, seen.backdrop])
     white = (pixels > WHITE_LEVEL).any(axis=1).mean()
@@ -148,7 +150,7 @@ def check_exposure(seen: Samples) -> PreflightCheck:
     )
 
 
-def lies_there(seen: Underside, strip: StripFile, *, clear: bool) -> PreflightCheck:
+def _check_place(seen: Underside, strip: StripFile, *, clear: bool) -> PreflightCheck:
     """Check whether the strip is seen along its expected place; `clear` where it can be."""
     there = float(seen.present[seen.x < strip.length - END_LENGTH].mean())
     return PreflightCheck(
@@ -159,7 +161,7 @@ def lies_there(seen: Underside, strip: StripFile, *, clear: bool) -> PreflightCh
     )
 
 
-def rests_well(
+def _check_rest(
     seen: Underside, appearance: Appearance, settings: PerceptionSettings, strip: StripFile
 ) -> tuple[PreflightCheck, ...]:
     """Check whether the strip lies flat, in the calibrated plane, with the stated length."""
@@ -236,7 +238,9 @@ def inspect(
     """
     image = frame.image
     refused = [
-        check for check in (size(image, calibration), thin_enough(strip)) if not check.passed
+        check
+        for check in (_check_size(image, calibration), _check_thickness(strip))
+        if not check.passed
     ]
     if refused:
         return Preflight(tuple(refused), None)
@@ -250,16 +254,18 @@ def inspect(
         rise = float(np.median(lying.z[lying.present])) if lying.present.any() else rise
     seen = samples(image, calibration, strip)
     distinct = (
-        check_exposure(seen),
-        desk_contrast(scene, seen.desk_colour, settings),
-        background_contrast(scene, calibration, strip),
-        solid(levels, calibration, strip, max(rise, 0.0)),
+        _check_exposure(seen),
+        _check_desk(scene, seen.desk_colour, settings),
+        _check_background(scene, calibration, strip),
+        _check_solid(levels, calibration, strip, max(rise, 0.0)),
     )
-    lies = lies_there(lying, strip, clear=all(check.passed for check in distinct))
+    lies = _check_place(lying, strip, clear=all(check.passed for check in distinct))
     if not lies.passed:
         return Preflight((*distinct, lies), None)
     appearance = Appearance(scene, frozen(resting_line(lying)))
-    return Preflight((*distinct, lies, *rests_well(lying, appearance, settings, strip)), appearance)
+    return Preflight(
+        (*distinct, lies, *_check_rest(lying, appearance, settings, strip)), appearance
+    )
 
 
 def _levels(scene: Segmenter, image: Image) -> Image:

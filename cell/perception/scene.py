@@ -138,7 +138,7 @@ class Background:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class RestingPlace:
     """Rectangle [m] in the plane of the near edge in which the resting strip appears.
 
     From x = 0 to `length`, between the heights `low` and `high`, its blur and shadow included; its
@@ -152,7 +152,7 @@ class Place:
 
 
 def learn_background(
-    image: Image, calibration: Calibration, place: Place, about: int
+    image: Image, calibration: Calibration, place: RestingPlace, about: int
 ) -> Background:
     """Background of `image` (height, width, 3), with the strip at `place` interpolated over."""
     x = np.linspace(0.0, place.length + END_MARGIN, 60)
@@ -260,7 +260,7 @@ def learn(
     samples: Array,
     calibration: Calibration,
     strip: StripFile,
-    place: Place,
+    place: RestingPlace,
 ) -> Segmenter:
     """Learn the segmentation model from `image` (h, w, 3) with the strip at `place`.
 
@@ -274,11 +274,13 @@ def learn(
     return Segmenter(colours, behind, sensor, smooth, _share_noise(colours, scene, smooth) * sensor)
 
 
-def resting_place(calibration: Calibration, strip: StripFile, rise: float, margin: float) -> Place:
+def resting_place(
+    calibration: Calibration, strip: StripFile, rise: float, margin: float
+) -> RestingPlace:
     """Place where `strip` rests, its midline `rise` [m] over the desk's, with a `margin` [m]."""
     half = strip.thickness / 2
     top = half + face_height(calibration, strip)
-    return Place(strip.length, rise, rise - half - margin, rise + top + margin)
+    return RestingPlace(strip.length, rise, rise - half - margin, rise + top + margin)
 
 
 def sensor_noise(image: Image) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.lens import Lens
-from calibration.wizard.touches import Touched, TouchSettings, held_out, suspects, touch_plan
+from calibration.wizard.touches import Touch, TouchSettings, held_out, suspects, touch_plan
 from drivers.types import Array, frozen
 
 SETTINGS = TouchSettings()
@@ -59,11 +59,11 @@ def touched(
     after: int = LAST,
     mirrored: bool = False,
     wild: float = 0.0,
-) -> Sequence[Touched]:
+) -> Sequence[Touch]:
     """All touches of a session with second ones; `nudge` of the camera once `after` touches are
     made, places of an arm whose x runs the other way where `mirrored`, a share `wild` loose.
     """
-    made: list[Touched] = []
+    made: list[Touch] = []
 
     def touch(number: int, *, again: bool) -> None:
         pose = touch_plan(SETTINGS)[number]
@@ -74,7 +74,7 @@ def touched(
         pixel = camera.pixels((place + off)[None], moved)[0] + DISC * rng.standard_normal(2)
         said = place + ARM * rng.standard_normal(2)
         said = said * (-1, 1) + (0.62, 0) if mirrored else said
-        made.append(Touched(number, said, pixel, held_out(number, SETTINGS), again=again))
+        made.append(Touch(number, said, pixel, held_out(number, SETTINGS), again=again))
 
     for number in range(len(touch_plan(SETTINGS))):
         touch(number, again=False)

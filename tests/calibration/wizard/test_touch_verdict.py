@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.wizard.touch_verdict import touch_verdict
-from calibration.wizard.touches import Touched, TouchSettings, held_out, suspects, touch_plan
+from calibration.wizard.touches import Touch, TouchSettings, held_out, suspects, touch_plan
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
 from tests.support.board_sessions import LENS
@@ -16,21 +16,19 @@ CAMERA = CameraSettings(principal=(5.5, -4.5))
 OPTICS = Optics.of(CAMERA)
 
 
-def _points(
-    noise: float = 0.05, seed: int = 0, settings: TouchSettings = SETTINGS
-) -> list[Touched]:
+def _points(noise: float = 0.05, seed: int = 0, settings: TouchSettings = SETTINGS) -> list[Touch]:
     """The grid, as the twin's optics show it, with noise [px]."""
     rng = np.random.default_rng(seed)
     places = [np.array([pose.x, pose.z]) for pose in touch_plan(settings)]
     return [
-        Touched(k, at, OPTICS.plane(at) + noise * rng.standard_normal(2), held_out(k, settings))
+        Touch(k, at, OPTICS.plane(at) + noise * rng.standard_normal(2), held_out(k, settings))
         for k, at in enumerate(places)
     ]
 
 
 def test_order_of_touches_has_no_influence() -> None:
     points = _points()
-    points[4] = Touched(4, points[4].place + 0.02, points[4].pixel, points[4].held_out)
+    points[4] = Touch(4, points[4].place + 0.02, points[4].pixel, points[4].held_out)
     order = np.random.default_rng(3).permutation(len(points))
     one = touch_verdict(points, LENS, SETTINGS)
     other = touch_verdict([points[i] for i in order], LENS, SETTINGS)
@@ -79,7 +77,7 @@ def test_wrong_lens_shows_in_the_held_out_points() -> None:
     straight = type(LENS)(LENS.width, LENS.height, LENS.matrix, np.zeros(5))
     bent = CAMERA.model_copy(update={"distortion": (-0.6, 0.3)})
     points = [
-        Touched(p.number, p.place, Optics.of(bent).plane(p.place), p.held_out) for p in _points()
+        Touch(p.number, p.place, Optics.of(bent).plane(p.place), p.held_out) for p in _points()
     ]
     verdict = touch_verdict(points, straight, SETTINGS)
     assert not verdict.passed
@@ -87,7 +85,7 @@ def test_wrong_lens_shows_in_the_held_out_points() -> None:
 
 def test_effect_on_the_displacement_is_twice_the_error_along_the_strip() -> None:
     points, off = _points(noise=0.0), np.array([4e-4, 0.0])
-    moved = [Touched(p.number, p.place + off * p.held_out, p.pixel, p.held_out) for p in points]
+    moved = [Touch(p.number, p.place + off * p.held_out, p.pixel, p.held_out) for p in points]
     verdict = touch_verdict(moved, LENS, SETTINGS)
     assert verdict.residual_mm == pytest.approx(0.4, abs=0.05)
     assert verdict.displacement_mm == pytest.approx(0.8, abs=0.1)
@@ -98,6 +96,6 @@ def test_effect_on_the_displacement_is_twice_the_error_along_the_strip() -> None
 def test_points_that_disagree_are_worth_a_second_touch() -> None:
     points = _points()
     for k in (2, 9):
-        points[k] = Touched(k, points[k].place - 0.01, points[k].pixel, points[k].held_out)
+        points[k] = Touch(k, points[k].place - 0.01, points[k].pixel, points[k].held_out)
     assert suspects(points, LENS, SETTINGS) == (2, 9)
     assert suspects(points[:5], LENS, SETTINGS) == ()

@@ -10,7 +10,7 @@ from calibration.wizard.coverage import Gate, Sketch
 from calibration.wizard.latency import NOT_MEASURED, LatencyVerdict
 from calibration.wizard.news import News, PlannedPoint, Result, Row
 from calibration.wizard.touch_verdict import map_lines, touch_verdict
-from calibration.wizard.touches import Touched, TouchSettings, held_out, touch_plan
+from calibration.wizard.touches import Touch, TouchSettings, held_out, touch_plan
 from calibration.wizard.verdict import Level
 from cell.calibrating.keyboard import KEY_HELP
 from cell.calibrating.wizard_panel import SKETCH, WizardPanel, sketch_text, verdict_text
@@ -40,11 +40,11 @@ def _views(why: str) -> News:
     return News("the lens, from a board", WANTED, why, coverage=GATES)
 
 
-def _touches(count: int) -> tuple[Touched, ...]:
+def _touches(count: int) -> tuple[Touch, ...]:
     optics = Optics.of(CameraSettings(principal=(5.5, -4.5)))
     places = [np.array([pose.x, pose.z]) for pose in PLAN[:count]]
     return tuple(
-        Touched(k, at, optics.plane(at), held_out(k, SETTINGS)) for k, at in enumerate(places)
+        Touch(k, at, optics.plane(at), held_out(k, SETTINGS)) for k, at in enumerate(places)
     )
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.calibrating.wizard_panel import sitting
+from cell.calibrating.wizard_panel import wizard_session
 from cell.orchestrator.interrupt import Interrupted
 
 
@@ -14,7 +14,7 @@ def test_stopped_wizard_names_the_folder_that_keeps_its_images(stop, tmp_path: P
     (tmp_path / "told.jsonl").write_text("\n".join(rows) + "\n")
     with (
         pytest.raises(Interrupted, match="1 image kept in") as ended,
-        sitting(tmp_path, "camera", "off"),
+        wizard_session(tmp_path, "camera", "off"),
     ):
         raise stop
     assert f"`cell calibrate camera --from {tmp_path}` solves them" in str(ended.value)
@@ -25,6 +25,6 @@ def test_stopped_wizard_names_the_folder_that_keeps_its_images(stop, tmp_path: P
 def test_wizard_stopped_before_its_first_image_says_that_nothing_was_taken(tmp_path: Path) -> None:
     with (
         pytest.raises(Interrupted, match="nothing was taken yet"),
-        sitting(tmp_path, "homography", "off"),
+        wizard_session(tmp_path, "homography", "off"),
     ):
         raise KeyboardInterrupt
