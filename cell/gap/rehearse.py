@@ -25,7 +25,7 @@ from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.reml import spreads
 from cell.gap.fitting.starts import refit_base
 from cell.gap.strength import Ruler, drawn_path, twins
-from cell.gap.subject.run_folders import RunFolder, find_runs
+from cell.gap.subject.run_folders import RunFolder, counted_once, find_runs
 from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.strip.subject import Strip
@@ -81,7 +81,7 @@ def plan(
     `empty` copies with nothing hidden. Raises ConfigurationError for what is no strip, and where
     the folder holds another plan.
     """
-    folders, stored = find_runs(paths), folder / PLAN
+    (folders, _), stored = counted_once(find_runs(paths)), folder / PLAN
     inputs = f"{inputs_digest(file, folders)}-{excess:g}-{empty}"
     if stored.is_file():
         held = parse(read_json(stored), Plan, str(stored))

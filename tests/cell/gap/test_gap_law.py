@@ -144,10 +144,6 @@ def test_a_law_reaches_as_far_as_what_laboratories_report(name: str, effect: str
     assert max(group[0][0] for group in law.probes) >= max(sizes)
 
 
-def test_a_strip_without_a_law_is_written_as_ever() -> None:
-    assert "law" not in denim().model_dump(mode="json", by_alias=True)
-
-
 @pytest.fixture
 def fitted(tmp_path: Path) -> tuple[Path, Path]:
     """The folder of a fit that offers a law, and the strip file."""

@@ -13,7 +13,7 @@ from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.selection.posterior import Posterior, posterior
 from cell.gap.selection.prior import Beliefs, beliefs, filling_floor
 from cell.gap.selection.screening import probe
-from cell.gap.verdict.confidence import Calibration, Features, Weight, calibration
+from cell.gap.verdict.confidence import Features, calibration
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import (
     Curves,
@@ -120,21 +120,6 @@ def test_a_verdict_states_what_its_signs_are_worth() -> None:
     assert effect.confidence == calibration().probability(found)
     assert found.left == pytest.approx(1.0, abs=0.2)
     assert abs(found.correlation) < 0.3
-
-
-def test_nothing_is_stated_beyond_what_was_calibrated() -> None:
-    weights = {
-        "log_odds": Weight(weight=2.0, low=0.0, high=99.0, by_order=True),
-        "left": Weight(weight=-1.0, low=1.0, high=3.0),
-    }
-    by = Calibration(most_left=1.0, intercept=-1.0, weights=weights, source="by hand")
-    stated = [by.probability(Features(n, 1.0, 0.0, 2.0, 1.0)) for n in (-3.0, 9.0, 99.0, 900.0)]
-    assert stated[0] == pytest.approx(1.0 / (1.0 + np.e))
-    assert stated[1] == pytest.approx(0.5)
-    assert stated[2] == stated[3] == pytest.approx(1.0 / (1.0 + np.exp(-1.0)))
-    assert by.probability(Features(99.0, 2.0, 0.0, 2.0, 1.0)) == pytest.approx(
-        1.0 / (1.0 + np.exp(-0.5))
-    )
 
 
 def test_the_base_is_believed_where_nothing_is_hidden() -> None:

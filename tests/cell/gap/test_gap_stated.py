@@ -15,7 +15,6 @@ from cell.gap.subject.subject import Parameter
 from cell.gap.verdict.accept import BASE_PATCH, PATCH, accept, undo
 from cell.gap.verdict.compose import deviations
 from cell.gap.verdict.schema import Interval, Verdict
-from drivers.errors import ConfigurationError
 from drivers.strip.describe import load_strip
 from tests.cell.gap.test_gap_accept_checked import Fitted
 from tests.support.gap_strip_cases import STRIP, denim, folds, written
@@ -52,11 +51,6 @@ def test_a_value_whose_interval_leaves_what_is_tolerated_deviates() -> None:
 )
 def test_a_value_that_may_lie_within_the_tolerance_does_not_deviate(interval) -> None:
     assert not deviations([LENGTH, TIME], found(*interval))
-
-
-def test_a_value_below_what_is_tolerated_deviates_too() -> None:
-    assert deviations([LENGTH], found(0.0120, 0.0121, 0.0122))
-    assert not deviations([LENGTH], found(0.0120, 0.0121, None))
 
 
 def test_without_a_stated_range_two_standard_deviations_are_tolerated() -> None:
@@ -120,12 +114,6 @@ def test_values_are_accepted_and_come_back(refitted) -> None:
     assert load_strip(refitted.file).bending_length == 0.0289
     assert undo(refitted.out, refitted.file, refitted.cell).effects == ("b",)
     assert refitted.file.read_bytes() == before
-
-
-def test_values_are_not_accepted_into_a_file_that_has_changed(refitted) -> None:
-    refitted.file.write_text(refitted.file.read_text() + "\n")
-    with pytest.raises(ConfigurationError, match="has changed"):
-        accept(refitted.out, refitted.file, refitted.cell)
 
 
 @pytest.mark.long

@@ -9,9 +9,6 @@ import pytest
 
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import subject
-from cell.gap.subject.strip.layout import GRIP_TRAVEL, SNAP, Floors
-from cell.gap.subject.strip.prepare import Fold
-from cell.gap.subject.strip.scope import PLACE_ERROR, UNTRUE, scope
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.strip.synthetic import reported_path, rod_folds
 from cell.gap.subject.subject import Request, Run
@@ -110,10 +107,6 @@ def test_every_effect_that_folds_can_show_shows(plain: Strip) -> None:
     assert silent == SILENT
 
 
-def test_every_effect_of_the_registry_is_a_candidate(plain: Strip) -> None:
-    assert [c.name for c in plain.scope.candidates] == list(registry())
-
-
 def test_a_law_bends_by_numbers_that_come_last(plain: Strip) -> None:
     seam = next(c for c in plain.scope.candidates if c.name == "seam")
     bent = seam.with_shape()
@@ -124,26 +117,6 @@ def test_a_law_bends_by_numbers_that_come_last(plain: Strip) -> None:
     same, changed = (whitened(plain, residuals(plain, {"seam": v})) for v in (stated, soft))
     np.testing.assert_array_equal(same, straight)
     assert np.nanmax(np.abs(changed - straight)) > 1.0
-
-
-def test_numbers_that_bend_an_accepted_law_are_refitted_with_the_base() -> None:
-    laws = {"nonlinear_bending": {"cubic": 1e-4, "fifth": 0.5}, "air_drag": {"coefficient": 1.0}}
-    strip = denim().model_copy(update={"effects": laws})
-    base = {p.name: p for p in scope(strip, Floors()).base}
-    assert base["nonlinear_bending.fifth"].start == 0.5
-    assert base["nonlinear_bending.fifth"].spread > 0.2
-    assert "air_drag.slow" not in base
-
-
-def test_only_laws_of_cloth_may_be_far_from_true(plain: Strip) -> None:
-    model_error = {c.name: c.model_error for c in plain.scope.candidates}
-    assert model_error["bending_hysteresis"] == model_error["air_drag"] == UNTRUE
-    assert (
-        model_error["tcp_offset"]
-        == model_error["homography_scale"]
-        == model_error["length_error"]
-        == PLACE_ERROR
-    )
 
 
 def test_every_term_shows_and_vanishes_with_its_amount(plain: Strip) -> None:
@@ -176,34 +149,11 @@ def test_a_prediction_does_not_depend_on_company_threads_or_portions(
         np.testing.assert_array_equal(a.mean, c.mean)
 
 
-def test_a_strip_that_swings_longer_than_stated_is_trusted_less_where_grains_differ(
-    plain: Strip,
-) -> None:
-    base = {p.name: p.start for p in plain.scope.base}
-    lively = np.array(list((base | {"retardation_time": 0.2 * base["retardation_time"]}).values()))
-    runs = plain.refine([Request(run, lively, {}, np.zeros(len(run.local))) for run in plain.runs])
-    rises = [
-        new.samples.floor / run.samples.floor for new, run in zip(runs, plain.runs, strict=True)
-    ]
-    assert all((rise >= 1.0).all() for rise in rises)
-    shaken = next(i for i, run in enumerate(runs) if "early-shake" in run.name)
-    assert rises[shaken].max() > 2.0
-
-
 def test_slack_of_a_run_is_like_so_much_more_strip(plain: Strip) -> None:
     stated = whitened(plain, residuals(plain))
     slack = whitened(plain, residuals(plain, slack=-2 * SLACK)) - stated
     longer = whitened(plain, residuals(plain, {"length_error": np.array([-2 * SLACK])})) - stated
     assert np.linalg.norm(slack - longer) < 0.2 * np.linalg.norm(longer)
-
-
-def test_the_lift_off_and_the_snap_are_not_compared(plain: Strip) -> None:
-    for run in plain.runs:
-        assert isinstance(run.content, Fold)
-        measured = run.content.comparison.run
-        t = run.samples.t[run.samples.channel != "layer_touch"]
-        assert np.interp(t.min(), measured.t, measured.travel) >= GRIP_TRAVEL
-        assert t.max() <= measured.end - (SNAP if measured.touch else 0.0)
 
 
 def test_phases_and_zones_name_the_stages_of_a_fold(plain: Strip) -> None:
@@ -260,14 +210,6 @@ def test_strip_with_hysteresis_is_simulated_without_the_buckle_of_a_push(tmp_pat
     assert in_profile(strip, pushed, rubbed) > 4 * in_profile(strip, strip.runs, rubbed)
 
 
-def test_standard_runs_never_buckle_and_are_simulated_as_they_were_made(plain: Strip) -> None:
-    for run in plain.runs:
-        assert run.content.lifted_path is run.content.path, run.name
-    for seam in ({}, {"seam": np.array([4.7, 0.52, 0.09])}):
-        slack = {"length_error": np.array([5e-5])}
-        assert in_profile(plain, plain.runs, [seam, seam | slack]) < 1e-4
-
-
 def test_what_sits_at_the_end_of_a_strip_that_turns_out_shorter_is_tried_there(
     plain: Strip,
 ) -> None:
@@ -276,13 +218,3 @@ def test_what_sits_at_the_end_of_a_strip_that_turns_out_shorter_is_tried_there(
     beyond = residuals(plain, shorter | {"crease": np.array([0.3, 0.6])})
     for a, b in zip(at_end, beyond, strict=True):
         np.testing.assert_array_equal(a.mean, b.mean)
-
-
-@pytest.mark.parametrize(
-    "name", ["length_error", "tcp_offset", "gripper_tilt", "desk_height", "desk_tilt", "crease"]
-)
-def test_what_acts_unlike_on_its_two_sides_is_tried_on_both(plain: Strip, name: str) -> None:
-    (tried,) = (c for c in plain.scope.candidates if c.name == name)
-    for i in (i for i, p in enumerate(tried.parameters) if not p.shape):
-        sides = {np.sign(v[i]) for group in tried.probes for v in group}
-        assert {-1.0, 1.0} <= sides

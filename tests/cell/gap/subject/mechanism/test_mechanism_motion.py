@@ -7,10 +7,9 @@ import pytest
 import yaml
 
 from cell.gap.fit import fit
-from cell.gap.subject.mechanism import prescribed
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.importer import write_run
-from cell.gap.subject.mechanism.prescribed import cutoff_of, motion_of
+from cell.gap.subject.mechanism.prescribed import motion_of
 from cell.gap.subject.mechanism.runs import Recording, average
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
@@ -82,25 +81,6 @@ def test_vibrations_of_a_long_chain_leave_its_torques_as_they_are(tmp_path, monk
     file = synthetic.make_runs(tmp_path, "payload", 7, 1.0, 323542158)
     mechanism = open_mechanism(file, find_runs([tmp_path / "runs"]))
     assert left(mechanism, "payload", synthetic.amounts("payload", 7, 1.0)) < 0.9
-
-
-def test_friction_passes_the_filter_of_the_torques_that_it_is_part_of(tmp_path, monkeypatch):
-    monkeypatch.setattr(prescribed, "WIDER", 4.0)  # which leaves its jumps as sharp as they are
-    monkeypatch.setattr(synthetic, "RUNS", 2)
-    monkeypatch.setattr(synthetic, "SPAN", 2.0)
-    file = synthetic.make_runs(tmp_path, "dry_friction", 2, 1.0, 3)
-    mechanism = open_mechanism(file, find_runs([tmp_path / "runs"]))
-    truth = synthetic.amounts("dry_friction", 2, 1.0)
-    alike = left(mechanism, "dry_friction", truth)
-    monkeypatch.setattr(prescribed, "_low_pass", lambda x, _dt, _cutoff: x)
-    assert alike < 0.9 * left(mechanism, "dry_friction", truth)
-
-
-def test_one_cutoff_serves_all_runs_whatever_one_of_them_holds():
-    quick = np.sin(T) + 0.2 * np.sin(40.0 * T)
-    runs = [recording(j=np.sin(1.1 * T)), recording(j=np.sin(T)), recording(j=quick)]
-    alone, among = (cutoff_of(some, ["j"], 3.0) for some in (runs[2:], runs))
-    assert among == cutoff_of(runs[:2], ["j"], 3.0) < alone
 
 
 def left(mechanism: MechanismSubject, hidden: str, truth: Mapping[str, float]) -> float:
