@@ -112,37 +112,21 @@ def folds(runs: Sequence[Run], most: int = CROSS_VALIDATION.most) -> list[list[i
     return [[i for i, c in enumerate(label) if c % count == f] for f in range(count)]
 
 
-@dataclass(frozen=True, slots=True)
-class _FoldPrediction:
-    """Runs of one fold, predicted from the fit to all others.
-
-    Per run: whitened `residuals` (n,), `uncertain` responses (n, k), and the `penalty` (runs,)
-    [nats].
-    """
-
-    fold: Sequence[int]
-    residuals: Sequence[Array]
-    uncertain: Sequence[Array]
-    penalty: Array
+Prediction = tuple[Array, Array, float]
+"""Of a run left out: whitened residuals (n,), uncertain responses (n, k), and a penalty [nats]."""
 
 
 def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
     """Predict every run of `estimate` from the fit to the other folds; yields simulations."""
     dealt = folds(estimate.evidence.runs)
     parts = yield from side_by_side([_predict_fold(estimate, fold) for fold in dealt])
-    left_out: dict[int, Array] = {}
-    uncertain: dict[int, Array] = {}
-    charged = np.zeros(len(estimate.evidence.runs))
-    for part in parts:
-        left_out.update(zip(part.fold, part.residuals, strict=True))
-        uncertain.update(zip(part.fold, part.uncertain, strict=True))
-        charged[part.fold] = part.penalty
-    order = range(len(charged))
-    predicted, responses = tuple(left_out[i] for i in order), tuple(uncertain[i] for i in order)
-    return CrossValidatedFit(estimate, predicted, responses, charged)
+    by_run = {i: run for fold, part in zip(dealt, parts, strict=True)
+              for i, run in zip(fold, part, strict=True)}  # fmt: skip
+    left_out, uncertain, charged = zip(*(by_run[i] for i in sorted(by_run)), strict=True)
+    return CrossValidatedFit(estimate, left_out, uncertain, np.array(charged))
 
 
-def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[_FoldPrediction]:
+def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[Prediction]]:
     """Prediction of the runs of `fold` under the fit to all others; yields simulations.
 
     Penalised by the number of shared values that only the fold determines, at its first run, and by
@@ -157,7 +141,7 @@ def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[_FoldPredicti
     penalty[0] += undetermined.sum()
     deviations = _deviations(estimate.on(keep), shared, undetermined)
     uncertain = [_settled_response(estimate, i) @ deviations for i in fold]
-    return _FoldPrediction(fold, residuals(raw, unseen), uncertain, penalty)
+    return list(zip(residuals(raw, unseen), uncertain, map(float, penalty), strict=True))
 
 
 def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, normal_equations.Mask]:
