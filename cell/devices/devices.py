@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from calibration.wizard.coverage import WantedView
 from cell.config.drivers import Driver, arms, cameras
 from cell.config.settings import CellSettings
+from drivers.installation import MotionLimits
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, frozen
@@ -95,6 +96,12 @@ class DeviceSelection:
     def arm_driver(self, settings: CellSettings) -> Driver:
         """Driver of the selected arm, or else of that in the cell file."""
         return arms()[self.arm or settings.drivers.arm]
+
+    def motion_limits(self, settings: CellSettings) -> MotionLimits:
+        """Limits of the selected arm's motion: the cell's, for a robot lowered to its own."""
+        installation = settings.installation
+        is_robot = self.arm_driver(settings).real
+        return (settings.fci.limit(installation) if is_robot else installation).limits
 
     def camera_driver(self, settings: CellSettings) -> Driver:
         """Driver of the selected camera, or else of that in the cell file."""

@@ -8,11 +8,14 @@ from cell.config.settings import FoldSettings
 from drivers.geometry import arc_lengths
 from drivers.installation import MotionLimits
 from drivers.types import Array
-from policies.path import lift_pitch
+from policies.path import Path, lift_pitch
 
 LAID_HEIGHT = 0.001  # m of the gripper once the edge lies on the desk
 NEAR_EDGE = 0.05  # m beside and above the other edge, where a plain fold ends
 LEG_POINTS = 30  # points of either leg of a plain fold
+CORNER = 0.05  # m of a path over which an arm may round a corner: 9 mm inside a right angle
+TURNING = 2.4  # rad/s at which a fold turns the hand at most, a little below what an arm allows
+LEAST_NEED = 1e-9  # of a derivative of the path, so that no limit is divided by 0
 
 
 def whole_path(
@@ -55,6 +58,29 @@ def triangle(length: float) -> Array:
     shares = np.linspace(0.0, 1.0, LEG_POINTS)[:, None]
     up, down = (start + shares * (stop - start) for start, stop in pairwise(corners))
     return np.concatenate([up, down[1:]])
+
+
+def largest_speed(points: Array, limits: MotionLimits) -> float:
+    """Largest speed [m/s] at which an arm within `limits` follows the path `points` (n, 2) [m].
+
+    At a constant speed v, the first, second and third derivative of the path by its length, times
+    v, v^2 and v^3, are the velocity, acceleration and jerk that it asks of each axis; here as
+    differences over steps of CORNER. Of the pitch only the velocity counts, where an arm does not
+    allow TURNING.
+    """
+    path, turning = Path.through(points), limits.pitch.velocity
+    poses = path.poses(np.arange(0.0, path.length, CORNER))
+    allowed = [
+        [limits.x.velocity, limits.z.velocity, turning if turning < TURNING else np.inf],
+        [axis.acceleration for axis in limits.axes[:2]],
+        [axis.jerk for axis in limits.axes[:2]],
+    ]
+    speeds = []
+    for order, most in enumerate(allowed, 1):
+        needed = np.abs(np.diff(poses, order, axis=0)).max(axis=0, initial=0.0) / CORNER**order
+        shares = np.array(most) / np.maximum(needed[: len(most)], LEAST_NEED)
+        speeds.append(float(shares.min()) ** (1.0 / order))
+    return float(min(speeds))
 
 
 def _with_pitch(points: list[tuple[float, float]], pitch: float) -> Array:

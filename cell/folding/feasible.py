@@ -6,10 +6,10 @@ import numpy as np
 
 from calibration.calibration import Calibration
 from cell.config.settings import CellSettings
-from cell.devices.fold_path import whole_path
+from cell.devices.fold_path import largest_speed, whole_path
 from drivers.arm.obstacles import require_clear
 from drivers.errors import CellError, Fault, PreflightRefused
-from drivers.installation import Installation
+from drivers.installation import Installation, MotionLimits
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
@@ -42,30 +42,59 @@ def check_feasible(
     strip: StripFile,
     policy: Policy,
     calibration: Calibration,
+    limits: MotionLimits,
     desk: float = 0.0,
 ) -> None:
     """Raise PreflightRefused for a strip that this cell cannot see, reach or fold.
 
-    Also where the hand would meet a desk that ends at `desk` [m], 0 for an arm without a hand's
-    body. The gripper's path is that of `policy` in the model; it is reset.
+    Its arm moves within `limits`. Also where the hand would meet a desk that ends at `desk` [m], 0
+    for an arm without a hand's body. The gripper's path is that of `policy` in the model; it is
+    reset.
     """
     path = gripper_path(settings, strip, policy)
+    carry = path[APPROACH_POINTS - 1 : -RETREAT_POINTS]  # from the grasp on
     problems = [
         *outside_scope(strip),
         *_height_problems(settings, strip, policy),
-        *_workspace_problems(path, settings.installation),
+        *path_problems(path, carry, settings, limits),
         *_reach_problems(path, settings.installation),
         *_view_problems(path, strip, calibration),
-        *(_desk_collisions(path, settings, strip, desk) if desk else ()),
+        *(_desk_collisions(carry, settings, strip, desk) if desk else ()),
     ]
     if problems:
         raise PreflightRefused("\n".join(problems))
 
 
-def _desk_collisions(
-    path: Array, settings: CellSettings, strip: StripFile, desk: float
+def path_problems(
+    places: Array, carry: Array, settings: CellSettings, limits: MotionLimits
 ) -> Iterator[str]:
-    carry = path[APPROACH_POINTS - 1 : -RETREAT_POINTS]  # from the grasp on
+    """Reasons why an arm within `limits` cannot follow a fold, a line each; none where it can.
+
+    The gripper comes to `places` (n, 2) [m], and carries the strip along `carry` (k, 2) [m].
+    """
+    yield from _workspace_problems(places, settings.installation)
+    fits = largest_speed(carry, limits)
+    if settings.fold.speed > fits:
+        yield (
+            f"speed: the path at {settings.fold.speed:g} m/s is over the arm's limits of velocity, "
+            f"acceleration or jerk, allowed at most {_rounded_down(fits):g} m/s; lower fold.speed, "
+            "or raise installation.limits in cell.yaml"
+        )
+    slowest = min(limits.x.velocity, limits.z.velocity)
+    if settings.fold.lay_speed > slowest:
+        yield (
+            f"lay_speed: {settings.fold.lay_speed:g} m/s is over the arm's limits, allowed at most "
+            f"{slowest:g} m/s; lower fold.lay_speed, or raise installation.limits in cell.yaml"
+        )
+
+
+def _rounded_down(speed: float) -> float:
+    return float(np.floor(1e4 * speed) / 1e4)
+
+
+def _desk_collisions(
+    carry: Array, settings: CellSettings, strip: StripFile, desk: float
+) -> Iterator[str]:
     home, limits = settings.fold.clear_height, settings.installation.limits
     whole, _ = whole_path(strip.length, home, settings.fold, limits, carry)
     try:

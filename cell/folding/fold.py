@@ -79,7 +79,8 @@ def fold_with(
     calibration = corrected_calibration(calibration, settings, strip)
     has_hand = request.choice.arm_driver(settings).real
     desk = desk_end(settings.installation, strip.length) if has_hand else 0.0
-    check_feasible(settings, strip, policy, calibration, desk)
+    limits = request.choice.motion_limits(settings)
+    check_feasible(settings, strip, policy, calibration, limits, desk)
     begun = time.perf_counter()
     header = run_header(request, settings, calibration, devices.camera.rate)
     header |= {} if correction is None else {"learning": correction.facts()}

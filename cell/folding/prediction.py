@@ -14,9 +14,10 @@ from cell.arm.arm_prediction import ArmPrediction, predict_arm
 from cell.calibrating.calibration_in_use import check_current
 from cell.config.cell import CellFile
 from cell.devices.open import real_camera
+from cell.folding.feasible import path_problems
 from cell.folding.request import Request
 from drivers.errors import ConfigurationError
-from drivers.installation import Workspace
+from drivers.installation import MotionLimits
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
@@ -73,7 +74,7 @@ def predict(request: Request) -> Prediction:
     _check_calibration(settings, request)
     folds = simulate_policy(request, settings, [strip, *_corner_strips(strip)])
     reach = _reach(folds)
-    _check(reach, settings.installation.workspace)
+    _check_path(folds, settings, strip, request.choice.motion_limits(settings))
     nominal, spread = folds.displacement[0], folds.displacement[folds.touched]
     return Prediction(
         strip=strip.name,
@@ -145,12 +146,9 @@ def _reach(folds: Folds) -> tuple[float, float, float, float]:
     return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
 
-def _check(reach: tuple[float, float, float, float], workspace: Workspace) -> None:
-    x_min, x_max, z_min, z_max = reach
-    (x_low, x_high), (z_low, z_high) = workspace.x, workspace.z
-    if not (x_low <= x_min <= x_max <= x_high and z_low <= z_min <= z_max <= z_high):
-        raise ConfigurationError(
-            f"path: x {x_min:.3f} to {x_max:.3f}, z {z_min:.3f} to {z_max:.3f} m leaves the "
-            f"workspace, allowed x {x_low:.2f} to {x_high:.2f}, z {z_low:.2f} to {z_high:.2f} m; "
-            "use another policy or widen installation.workspace in cell.yaml"
-        )
+def _check_path(folds: Folds, settings: CellFile, strip: StripFile, limits: MotionLimits) -> None:
+    """Raise ConfigurationError where an arm within `limits` cannot follow all of `folds`."""
+    carry = np.vstack([(strip.length, 0.0), folds.trace[:, 0]])
+    problems = list(path_problems(folds.trace.reshape(-1, 2), carry, settings, limits))
+    if problems:
+        raise ConfigurationError("\n".join(problems))

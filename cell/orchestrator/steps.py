@@ -8,6 +8,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from math import cos, sin
 
+from cell.devices.fold_path import TURNING
 from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event
 from drivers.types import Frame, Pose, Velocity
@@ -17,7 +18,6 @@ Phase = Generator[Command, Snapshot, Event]
 Motion = Generator[Command, Snapshot, Snapshot]
 
 SETTLE = 0.3  # s for strip and image to come to rest
-TURNING = 2.4  # rad/s at most, a little below what any arm allows
 POSE_TOLERANCE = 0.002  # m, rad: how near a finished move must have come
 
 

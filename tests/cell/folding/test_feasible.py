@@ -10,7 +10,8 @@ from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.feasible import check_feasible
 from cell.folding.fold import fold_with
-from drivers.errors import PreflightRefused
+from cell.folding.prediction import predict
+from drivers.errors import ConfigurationError, PreflightRefused
 from policies.registry import make_policy
 from tests.support.requests import request_for
 from tests.support.twin_calibration import twin_calibration
@@ -28,7 +29,9 @@ def refusal(seen_by: Calibration, policy: str = "triangular", desk: float = 0.0,
     made = make_policy(policy)
     made.reset(strip, settings.fold.speed, 1)
     try:
-        check_feasible(settings.controller, strip, made, seen_by, desk)
+        check_feasible(
+            settings.controller, strip, made, seen_by, settings.installation.limits, desk
+        )
     except PreflightRefused as refused:
         return str(refused)
     return ""
@@ -53,6 +56,36 @@ def test_ordinary_strips_are_folded(seen_by, policy) -> None:
 )
 def test_what_the_cell_cannot_do_is_refused_with_its_reason(seen_by, changes, says) -> None:
     assert says in refusal(seen_by, **changes)
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"velocity": 0.05}, "speed: the path at 0.1 m/s is over the arm's limits"),
+        ({"velocity": 0.05}, "allowed at most 0.06"),
+        ({"velocity": 0.05}, "lay_speed: 0.1 m/s is over the arm's limits, allowed at most 0.05"),
+        ({"acceleration": 0.01}, "allowed at most 0.0"),
+        ({"jerk": 0.01}, "allowed at most 0.0"),
+    ],
+)
+def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
+    seen_by, tmp_path, changed, says
+) -> None:
+    configs = find_configs(None)
+    settings, strip = configs.cell(), configs.strip("denim")
+    slow = settings.installation.limits.x.model_copy(update=changed)
+    limits = settings.installation.limits.model_copy(update={"x": slow, "z": slow})
+    installation = settings.installation.model_copy(update={"limits": limits})
+    cell = settings.model_copy(update={"installation": installation})
+    policy = make_policy("triangular")
+    policy.reset(strip, settings.fold.speed, 1)
+    with pytest.raises(PreflightRefused) as refused:
+        check_feasible(cell.controller, strip, policy, seen_by, limits)
+    assert says in str(refused.value)
+    request = replace(request_for("denim", "triangular", tmp_path), cell=cell)
+    with pytest.raises(ConfigurationError) as dry_run:
+        predict(request)
+    assert says in str(dry_run.value)
 
 
 @pytest.mark.parametrize(("desk", "says"), [(0.0, ""), (0.6, ""), (0.85, "mm into the desk at x ")])

@@ -5,7 +5,7 @@ import pytest
 
 from drivers.arm.orders import Kind
 from drivers.arm.plane import StripPlane
-from drivers.arm.reach import ReachGuard, Soon
+from drivers.arm.reach import ReachGuard, Soon, plan_reach
 from drivers.franka import limits
 from drivers.types import Pose, Velocity
 from tests.drivers.arm.rig import INSTALLATION, JOINTS, PLANE, START, LossyRobot, begun_losing
@@ -55,6 +55,14 @@ def test_guard_objects_to_joints_that_turn_too_fast_here(monkeypatch) -> None:
     monkeypatch.setattr(limits, "velocity_bounds", lambda _: (-few, few))
     guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
     assert "could not follow" in guard.objection(slow)
+
+
+def test_path_through_a_singular_posture_is_refused_before_the_motion() -> None:
+    z = np.arange(0.67, 0.69, 0.0005)
+    path = np.column_stack([np.full(len(z), 0.3), z, np.full(len(z), np.pi / 2)])
+    reach = plan_reach(INSTALLATION, path, np.full(len(z), 1e-4), (0.0,))
+    assert "stretched or folded" in reach.problems[0].reason
+    assert 0.68 < reach.problems[0].z < 0.69
 
 
 def test_guard_objects_beyond_the_arm_s_reach() -> None:

@@ -98,6 +98,18 @@ def test_strip_that_slips_out_is_seen(felt: float) -> None:
             clock.wait_until(clock.now() + 0.005)
 
 
+def test_hand_that_itself_says_that_it_lost_its_grasp_holds_nothing() -> None:
+    with driven(0.0009, DENIM) as (server, hand, _):
+        hand.grasp()
+        assert rested(hand).grasped
+        server.hand.is_grasped = False  # with its fingers as far apart as before
+        clock = WallClock()
+        while (state := hand.state()).grasped:
+            assert clock.now() < 30.0
+            clock.wait_until(clock.now() + 0.005)
+        assert state.width == pytest.approx(0.0009)
+
+
 def test_stop_that_is_not_heard_is_repeated() -> None:
     with driven(None, SLOW, deaf=1) as (server, hand, heard):
         hand.grasp()

@@ -247,6 +247,9 @@ def test_share_of_the_speed_bounds_every_joint_on_the_way_home() -> None:
     ("command", "name"),
     [
         (lambda arm: arm.set_velocity(Velocity(5.0, 0.0, 0.0)), "velocity_refused"),
+        (lambda arm: arm.set_velocity(Velocity(-5.0, 0.0, 0.0)), "velocity_refused"),
+        (lambda arm: arm.set_velocity(Velocity(0.0, -5.0, 0.0)), "velocity_refused"),
+        (lambda arm: arm.set_velocity(Velocity(0.0, 0.0, -9.0)), "velocity_refused"),
         (lambda arm: arm.set_velocity(Velocity(0.0, 0.0, float("nan"))), "velocity_refused"),
         (lambda arm: arm.move_to(Pose(3.0, 0.1, 0.0)), "outside_workspace"),
     ],
