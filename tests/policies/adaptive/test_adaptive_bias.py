@@ -1,4 +1,4 @@
-"""The transfer of the critic to folds through images: its fit, and its place in the checkpoint."""
+"""Bias of the critic in folds through images: its terms, its fit, and the checkpoint."""
 
 import json
 from dataclasses import replace
@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigurationError
-from policies.adaptive.bias import REFERENCE_THICKNESS, Bias, bias_terms, untrained_spread
+from policies.adaptive.bias import (
+    REFERENCE_LOG_LENGTH,
+    REFERENCE_THICKNESS,
+    Bias,
+    bias_terms,
+    untrained_spread,
+)
 from policies.adaptive.checkpoint import (
     COMMITTED,
     THROUGH_IMAGES,
@@ -17,6 +23,7 @@ from policies.adaptive.checkpoint import (
     load_critic,
     save_critic,
 )
+from policies.adaptive.critic import Belief
 from policies.adaptive.train.transfer import PRIOR, FoldedBatch, fit_transfer
 
 BIAS = np.array([0.7e-3, -1.0e-3, 0.5])
@@ -33,6 +40,37 @@ def folds(count: int, noise: float, wild: int = 0) -> FoldedBatch:
     predicted[:wild] += 0.02
     sigma = np.full(count, 5e-4)
     return FoldedBatch(displacement, predicted, sigma, length, thickness)
+
+
+def belief(length: float = 0.0) -> Belief:
+    means = (REFERENCE_LOG_LENGTH + length, -3.0, 1.0)
+    return Belief(*(np.array([[mean, 0.1]]) for mean in means))
+
+
+def test_nothing_is_wrong_in_the_rod() -> None:
+    assert Bias().of(belief(0.3), 0.002) == pytest.approx([0.0])
+    assert Bias().sigma_of(np.array([5e-4]), None) == pytest.approx([5e-4])
+
+
+def test_bias_is_linear_in_the_logarithm_of_the_length_and_in_thickness() -> None:
+    bias = Bias(always=1e-3, of_length=-2e-3, of_thickness=0.5)
+    assert bias.of(belief(), 0.001) == pytest.approx([1e-3])
+    assert bias.of(belief(0.4), 0.001) == pytest.approx([0.2e-3])
+    assert bias.of(belief(), 0.002) == pytest.approx([1.5e-3])
+
+
+def test_thickness_that_nobody_measured_widens_sigma() -> None:
+    sigma, bias = np.array([5e-4]), Bias(of_thickness=0.5, sigma=1.2, unmeasured=6e-4)
+    assert bias.sigma_of(sigma, 0.001) == pytest.approx([6e-4])
+    assert bias.sigma_of(sigma, None) == pytest.approx([np.hypot(6e-4, 6e-4)])
+    assert bias.of(belief(0.5), None) == bias.of(belief(0.5), 0.001)
+
+
+def test_what_no_training_held_widens_sigma_through_images_but_not_in_the_rod() -> None:
+    bias = Bias(sigma=0.8, unmeasured=3e-4, untrained=4e-4)
+    assert bias.sigma_of(np.array([5e-4]), 0.001) == pytest.approx([np.hypot(4e-4, 4e-4)])
+    assert load_bias().untrained == untrained_spread().added > 0.0
+    assert Bias().untrained == 0.0
 
 
 @pytest.mark.parametrize("wild", [0, 3])
