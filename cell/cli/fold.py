@@ -129,13 +129,21 @@ def fold(
     if not (dry_run or rehearse):
         check_recordable(runs)
     from cell.devices.devices import DeviceSelection
-    from cell.folding import request as asked
+    from cell.folding.request import (
+        Learning,
+        Recording,
+        Request,
+        check_request,
+        doubts_about,
+        repetitions,
+        with_correction,
+    )
     from drivers.strip.describe import load_plant
 
     found = find_configs(configs)
     settings = found.cell()
     kept = film or settings.record.film
-    base = asked.Request(
+    base = Request(
         settings,
         found.strip(known_strip),
         policy,
@@ -143,13 +151,13 @@ def fold(
         DeviceSelection(arm, camera, seed=seed),
         checkpoint,
         full_speed=full_speed,
-        record=asked.Recording(frames, None if kept == "none" else kept, not no_truth, viz),
-        learning=asked.Learning(specimen),
+        record=Recording(frames, None if kept == "none" else kept, not no_truth, viz),
+        learning=Learning(specimen),
     )
-    base = asked.with_correction(base, learning or (None if close is None else "on"))
-    requests = asked.repetitions(base, [load_plant(path) for path in plant or []], repeat)
-    asked.check_request(base)
-    for doubt in asked.doubts_about(requests):
+    base = with_correction(base, learning or (None if close is None else "on"))
+    requests = repetitions(base, [load_plant(path) for path in plant or []], repeat)
+    check_request(base)
+    for doubt in doubts_about(requests):
         _print_remark(doubt)
     if dry_run:
         _predict(base, as_json=as_json)

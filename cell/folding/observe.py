@@ -42,7 +42,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Observed:
+class FilmMeasurement:
     """Result of reading a film: number of images up to the `touch`, and of those well `read`."""
 
     folder: Path
@@ -58,7 +58,7 @@ def observe(
     folder: Path,
     configs: Path | None = None,
     progress: Progress = lambda _time: None,
-) -> Observed:
+) -> FilmMeasurement:
     """Read the film at `film` into the new run `folder`, with an overlay film to look at.
 
     The film begins with the strip lying flat and still. `progress` is called with the time [s] of
@@ -83,7 +83,7 @@ def observe(
         _check_enough(read, film)
         _write(made, read, strip, calibration, touch)
         write_document(made / RUN, _header(cell, strip, calibration))
-    return Observed(folder, len(read), sum(map(_is_confident, read)), touch)
+    return FilmMeasurement(folder, len(read), sum(map(_is_confident, read)), touch)
 
 
 def _frames(film: Path, calibration: Calibration) -> Iterator[Frame]:

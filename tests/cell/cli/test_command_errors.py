@@ -161,7 +161,6 @@ except SystemExit as end:
     ("words", "script", "code", "heavy"),
     [
         ("--help", RUN, 0, HEAVY | {"cv2", "pyarrow", "numpy"}),
-        ("fold --strip denm", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
         ("fold --strip denim --runs /proc/nope", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
         ("fold --strip denim --until 3mx", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
         ("fold --strip denim --plant gone.yaml", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
