@@ -11,7 +11,7 @@ from cell.cli.options import Cluster, Json, engine, print_json, resumable
 
 if TYPE_CHECKING:
     from tests.lab.exam.ledger import Entry
-    from tests.lab.exam.run_case import Steps
+    from tests.lab.exam.run import Steps
 
 CASE_TIMEOUT = 7200.0  # s of a case, runs through images included
 OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."

@@ -22,7 +22,7 @@ import numpy as np
 from cell.config.places import find_configs
 from cell.record.files import RUN
 from drivers.readers import read_yaml
-from tests.lab.exam.run_case import MADE, RUNS_FOLDER
+from tests.lab.exam.run import MADE, RUNS_FOLDER
 
 
 class Cost(NamedTuple):

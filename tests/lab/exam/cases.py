@@ -33,7 +33,7 @@ Progress = Callable[[int, int, str], None]
 
 
 KEYS_FOLDER = "keys"
-SCORER = ("tests/lab/exam/score.py", "tests/lab/exam/run_case.py")
+SCORER = ("tests/lab/exam/score.py", "tests/lab/exam/run.py")
 
 
 def quiet(done: int, total: int, text: str) -> None:

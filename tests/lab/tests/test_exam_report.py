@@ -14,8 +14,7 @@ from tests.lab.exam.case import Case
 from tests.lab.exam.cases import DRAWN_FILE, KEYS_FOLDER, Sources, case_hash, load_or_draw
 from tests.lab.exam.ledger import Entry, Ledger
 from tests.lab.exam.page import markdown, write_report
-from tests.lab.exam.run import LEDGER
-from tests.lab.exam.run_case import ExamPart
+from tests.lab.exam.run import LEDGER, ExamPart
 from tests.lab.exam.score import Baselines, Oracle, score
 from tests.lab.exam.targets import targets
 from tests.support.exam_cases import case, named, verdict

@@ -12,7 +12,7 @@ from cell.gap.subject.run_folders import RunFolder, find_runs
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.case import Case
 from tests.lab.exam.ledger import Entry, Ledger
-from tests.lab.exam.run_case import baselines
+from tests.lab.exam.run import baselines
 from tests.lab.exam.score import Outcome, oracle, result, same, score
 from tests.lab.exam.targets import (
     Rate,

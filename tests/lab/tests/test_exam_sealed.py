@@ -16,8 +16,15 @@ from tests.lab.exam.case import Case, Kind
 from tests.lab.exam.cases import Sources
 from tests.lab.exam.diagnosis import FILES, NoVerdict, diagnose, stage
 from tests.lab.exam.ledger import Entry, Ledger
-from tests.lab.exam.run import JOURNAL, LEDGER, run_exam, spread, summarise
-from tests.lab.exam.run_case import VERDICTS_FOLDER, keep_runs
+from tests.lab.exam.run import (
+    JOURNAL,
+    LEDGER,
+    VERDICTS_FOLDER,
+    keep_runs,
+    run_exam,
+    spread,
+    summarise,
+)
 from tests.support.exam_cases import case, few_runs
 from tests.support.gap_strip_cases import STRIP
 
