@@ -14,7 +14,8 @@ from drivers.twin.settings import WrenchSettings
 from drivers.types import Array
 from policies.experiments.standard import STANDARD
 from policies.path import lift_pitch
-from tests.drivers.twin.test_twin_arm import DENIM, grasp, lift, twin_with, wait
+from tests.drivers.twin.test_twin_arm import DENIM, twin_with
+from tests.support.twin_moves import grasp, lift, wait
 
 ENGINES = {"rod": Rod(120), "chain": Chain(80)}
 SOFT = DENIM.model_copy(update={"bending_length": 0.006, "retardation_time": 0.1})

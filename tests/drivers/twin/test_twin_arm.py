@@ -12,6 +12,7 @@ from drivers.strip.describe import load_strip
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
 from drivers.types import Pose, Velocity
+from tests.support.twin_moves import drive, grasp, lift, move, wait
 
 DENIM = load_strip(Path(__file__).parents[3] / "configs" / "strips" / "denim.yaml")
 L = DENIM.length
@@ -30,37 +31,6 @@ def twin_with(
     twin = open_twin(settings, DENIM, None, seed, installation=installation)
     twin.arm.connect()
     return twin
-
-
-def wait(twin: Twin, seconds: float) -> None:
-    twin.clock.wait_until(twin.clock.now() + seconds)
-
-
-def move(twin: Twin, pose: Pose) -> None:
-    twin.arm.move_to(pose)
-    while twin.arm.state().moving:
-        wait(twin, 0.01)
-
-
-def grasp(twin: Twin) -> None:
-    move(twin, EDGE)
-    twin.hand.grasp()
-    while twin.hand.state().moving:
-        wait(twin, 0.01)
-    assert twin.hand.state().grasped
-
-
-def drive(twin: Twin, velocity: Velocity, seconds: float) -> None:
-    for _ in range(round(seconds / 0.01)):
-        twin.arm.set_velocity(velocity)
-        wait(twin, 0.01)
-
-
-def lift(twin: Twin) -> None:
-    """The first 0.10 m of the triangle at 0.1 m/s, and the climb after it."""
-    v = 0.1 / np.sqrt(2)
-    drive(twin, Velocity(-v, v, np.pi / 2), 1.0)
-    drive(twin, Velocity(-v, v, 0.0), 1.0)
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from drivers.twin.scene import Truth
 from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
 from drivers.types import Array, Pose, Velocity
 from tests.support.effect_cases import LENGTH, denim
+from tests.support.twin_moves import grasp, move, wait
 
 QUIET = TwinSettings(
     arm=ArmSettings(noise=0.0, pitch_noise=0.0),
@@ -29,18 +30,19 @@ OFFSETS = {
 }
 
 
-def lift(
-    effects: Effects, strip: StripFile | None = None, grasp: bool = True
-) -> tuple[Twin, Array]:
-    """A twin whose arm lifted and carried; what it reported: times, x, z, pitch (k, 4)."""
+def at_edge(effects: Effects, strip: StripFile | None = None) -> Twin:
+    """A twin whose open hand reports to be at the strip's edge."""
     twin = open_twin(QUIET, strip or denim(), effects, seed=0)
     twin.arm.connect()
-    twin.arm.move_to(EDGE)
-    wait_at_rest(twin)
-    if grasp:
-        twin.hand.grasp()
-        while twin.hand.state().moving:
-            wait(twin, 0.01)
+    move(twin, EDGE)
+    return twin
+
+
+def lift(effects: Effects, strip: StripFile | None = None, held: bool = True) -> tuple[Twin, Array]:
+    """A twin whose arm lifted and carried; what it reported: times, x, z, pitch (k, 4)."""
+    twin = at_edge(effects, strip)
+    if held:
+        grasp(twin)
     reports = []
     for _ in range(200):
         twin.arm.set_velocity(Velocity(-0.07, 0.07, 0.6))
@@ -50,16 +52,6 @@ def lift(
     twin.arm.stop()
     wait(twin, 0.3)
     return twin, np.array(reports)
-
-
-def wait(twin: Twin, seconds: float) -> None:
-    twin.clock.wait_until(twin.clock.now() + seconds)
-
-
-def wait_at_rest(twin: Twin) -> None:
-    wait(twin, 0.05)
-    while twin.arm.state().moving:
-        wait(twin, 0.01)
 
 
 def edge_at(truth: Truth, t: Array) -> Array:
@@ -88,18 +80,13 @@ def test_gripper_was_at_the_reported_place_a_delay_before(time: float) -> None:
 
 
 def test_arm_comes_to_rest_only_when_it_reports_so() -> None:
-    settled = []
-    for effects in ({}, {"control_delay": {"time": 0.1}}):
-        twin = open_twin(QUIET, denim(), effects, seed=0)
-        twin.arm.connect()
-        twin.arm.move_to(EDGE)
-        wait_at_rest(twin)
-        settled.append(twin.clock.now())
+    cases: list[Effects] = [{}, {"control_delay": {"time": 0.1}}]
+    settled = [at_edge(effects).clock.now() for effects in cases]
     assert settled[1] - settled[0] == pytest.approx(0.1, abs=0.011)
 
 
 def test_offsets_wait_for_the_grasp() -> None:
-    twin, reports = lift({"tcp_offset": OFFSETS["tcp_offset"]}, grasp=False)
+    twin, reports = lift({"tcp_offset": OFFSETS["tcp_offset"]}, held=False)
     last = twin.world.scene(float(reports[-1, 0])).gripper.as_array()
     np.testing.assert_allclose(last, reports[-1, 1:], atol=1e-9)
 
@@ -119,10 +106,7 @@ def test_strip_lies_at_its_own_length_and_is_taken_at_the_stated_one(error: floa
 
 @pytest.mark.parametrize(("error", "held"), [(-0.003, True), (-0.008, False), (0.02, True)])
 def test_fingers_hold_the_strip_where_there_is_one(error: float, held: bool) -> None:
-    twin = open_twin(QUIET, denim(effects={"length_error": {"error": error}}), {}, seed=0)
-    twin.arm.connect()
-    twin.arm.move_to(EDGE)
-    wait_at_rest(twin)
+    twin = at_edge({}, denim(effects={"length_error": {"error": error}}))
     twin.hand.grasp()
     wait(twin, 1.0)
     assert twin.hand.state().grasped == held

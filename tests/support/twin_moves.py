@@ -1,0 +1,41 @@
+"""Motions of a twin that several tests make."""
+
+import numpy as np
+
+from drivers.twin.open import Twin
+from drivers.types import Pose, Velocity
+
+
+def wait(twin: Twin, seconds: float) -> None:
+    """Let `seconds` pass."""
+    twin.clock.wait_until(twin.clock.now() + seconds)
+
+
+def move(twin: Twin, pose: Pose) -> None:
+    """Move to rest at `pose`, until the arm reports so."""
+    twin.arm.move_to(pose)
+    while twin.arm.state().moving:
+        wait(twin, 0.01)
+
+
+def grasp(twin: Twin) -> None:
+    """Grasp the strip at its stated edge."""
+    move(twin, Pose(twin.model.stated_length, 0.0, 0.0))
+    twin.hand.grasp()
+    while twin.hand.state().moving:
+        wait(twin, 0.01)
+    assert twin.hand.state().grasped
+
+
+def drive(twin: Twin, velocity: Velocity, seconds: float) -> None:
+    """Follow `velocity` for `seconds`."""
+    for _ in range(round(seconds / 0.01)):
+        twin.arm.set_velocity(velocity)
+        wait(twin, 0.01)
+
+
+def lift(twin: Twin) -> None:
+    """The first 0.10 m of the triangle at 0.1 m/s, and the climb after it."""
+    v = 0.1 / np.sqrt(2)
+    drive(twin, Velocity(-v, v, np.pi / 2), 1.0)
+    drive(twin, Velocity(-v, v, 0.0), 1.0)
