@@ -1,11 +1,13 @@
 """HTML pages from Jinja2 templates, with escaping and with all styles and scripts inlined."""
 
 import base64
+import os
 import re
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Literal
+from urllib.parse import quote
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -58,7 +60,7 @@ def _environment() -> "Environment":
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {"keep_units": _keep_units, "with_code": _with_code}
+    made.filters |= {"keep_units": _keep_units, "with_code": _with_code, "urlencode": _address}
     made.globals["file"] = _file
     return made
 
@@ -68,6 +70,11 @@ def _file(name: str) -> "Markup":
     from markupsafe import Markup
 
     return Markup(files("cell.report").joinpath(name).read_text(encoding="utf-8"))  # noqa: S704 ours
+
+
+def _address(path: str) -> str:
+    """Address of the file at `path`, whose name may hold any bytes."""
+    return quote(os.fsencode(path))
 
 
 def _keep_units(text: str) -> "Markup":

@@ -172,21 +172,22 @@ def test_run_that_changed_since_it_was_chosen_is_not_deleted(thirty):
 
 
 def test_one_bad_run_does_not_spoil_the_list(thirty):
-    (thirty / "20261121T000000Z-a").mkdir()
-    names = os.fsencode(thirty) + b"/20261121T000001Z-\xff"
-    os.mkdir(names)  # noqa: PTH102
-    for folder, text in ((b"/20261121T000000Z-a", b"9" * 20), (b"/20261121T000001Z-\xff", b"1")):
-        Path(os.fsdecode(os.fsencode(thirty) + folder + b"/run.yaml")).write_bytes(
-            b"schema: 1\nstrip: felt\nseed: " + text
-        )
-    last = sorted(thirty.iterdir())[0]
-    (last / "run.yaml").write_text("strip: " + "[" * 100_000)
-    (last / "result.yaml").write_text("- " * 90_000)
+    digits, no_text = (Path(os.fsdecode(os.fsencode(thirty) + name)) for name in (b"/a", b"/\xff&"))
+    for folder, seed in ((digits, "9" * 20), (no_text, "1")):
+        folder.mkdir()
+        (folder / "run.yaml").write_text(f"schema: 1\nstrip: felt\nseed: {seed}\n")
+    (no_text / "report.html").touch()
+    first = min(thirty.glob("2*"))
+    (first / "run.yaml").write_text("strip: " + "[" * 100_000)
+    (first / "result.yaml").write_text("- " * 90_000)
     for options in ((), ("--csv",), ("--json",), ("--where", "seed > 3", "--sort", "seed")):
         done = CliRunner().invoke(app, ["runs", "--runs", str(thirty), *options])
         assert done.exit_code == 0, done.exception
         assert "felt" in done.stdout
     assert list_runs(thirty)[0].outcome == "broken"
+    page = thirty / "runs.html"
+    CliRunner().invoke(app, ["runs", "--runs", str(thirty), "--html", str(page)])
+    assert 'href="%FF%26/report.html"' in page.read_text()
 
 
 def test_listing_needs_none_of_the_heavy_libraries():
