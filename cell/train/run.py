@@ -71,8 +71,8 @@ def train_feedback(
         search = Search(settings, folder)
         with _run(search, workers, console) as (executor, meter):
             rollout, seed = replace(settings.rollout, substeps=SUBSTEPS), (settings.seed, 3)
-            judge = meter.show_evaluation
-            found = evaluate(search.policy, rollout, seed, side, executor, judge)
+            watch = meter.show_evaluation
+            found = evaluate(search.policy, rollout, seed, side, executor, watch)
         return keep(Trained(search.checkpoint, settings, found), folder)
 
 
@@ -92,11 +92,11 @@ def train_adaptive(
     with alone_in(folder):
         training = CriticTraining(settings, folder)
         with _run(training, workers, console) as (executor, meter):
-            policy, judge = training.policy, meter.show_evaluation
+            policy, watch = training.policy, meter.show_evaluation
             rollout = Rollout(speed=settings.speed, sensing=IMAGE_SENSING)
             finer = replace(rollout, substeps=SUBSTEPS)
-            found = evaluate(policy, finer, (settings.seed,), side, executor, judge)
-            errors = evaluate_effects(policy, rollout, settings.segments, executor, judge)
+            found = evaluate(policy, finer, (settings.seed,), side, executor, watch)
+            errors = evaluate_effects(policy, rollout, settings.segments, executor, watch)
         trained = Trained(training.checkpoint, settings, found, training.trial, errors)
         return keep(trained, folder)
 

@@ -31,13 +31,13 @@ def kernel(function: F) -> F:
     """Compile `function` for use in other kernels: no bounds checks, IEEE arithmetic, no GIL."""
     compiled: F = numba.njit(
         error_model=ERRORS, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
-    )(_distinct(function))
+    )(_with_unique_name(function))
     return compiled
 
 
 def entry(function: F) -> F:
     """Compile `function` for calls from Python; its machine code is kept for other processes."""
-    compiled = numba.njit(error_model=ERRORS, nogil=True)(_distinct(function))
+    compiled = numba.njit(error_model=ERRORS, nogil=True)(_with_unique_name(function))
     compiled._cache = _Cache(function)
     found: F = compiled
     return found
@@ -48,7 +48,9 @@ def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def compile_for_c(function: Callable[..., Any]) -> Any:
         form = normalize_signature(signature)
-        compiled: Any = CFunc(_distinct(function), form, locals={}, options={"error_model": ERRORS})
+        compiled: Any = CFunc(
+            _with_unique_name(function), form, locals={}, options={"error_model": ERRORS}
+        )
         compiled._cache = _Cache(function)
         compiled.compile()
         return compiled
@@ -85,7 +87,7 @@ class _Cache(NullCache):  # type: ignore[misc]
         target_context.refresh()
         try:
             kept = self._files._load_data(self._file_name(sig, target_context.codegen()))
-        except OSError:
+        except (OSError, EOFError):  # EOFError: a power cut left an empty file
             return None
         return CompileResult._rebuild(target_context, *kept)
 
@@ -100,7 +102,7 @@ class _Cache(NullCache):  # type: ignore[misc]
         return f"{self._name}-{_digest(self._origin, f'{sig} {codegen.magic_tuple()}')}.nbc"
 
 
-def _distinct(function: F) -> F:
+def _with_unique_name(function: F) -> F:
     """`function`, renamed after what it closes over: numba names machine code by name and types."""
     if function.__closure__:
         function.__qualname__ += f"_{_digest(_origin(function))}"
@@ -131,10 +133,13 @@ def _reached(file: Path, root: Path) -> set[Path]:
 @cache
 def _imported(file: Path, root: Path) -> tuple[Path, ...]:
     """Files under `root` that `file` imports from by `from module import ...`."""
-    return tuple(path for path in _named(ast.parse(_content(file)), root) if path.is_file())
+    return tuple(
+        path for path in _possible_files(ast.parse(_content(file)), root) if path.is_file()
+    )
 
 
-def _named(tree: ast.AST, root: Path) -> Iterator[Path]:
+def _possible_files(tree: ast.AST, root: Path) -> Iterator[Path]:
+    """Files that `tree` may import from: a module, or a module of a package."""
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module:
             module = root.joinpath(*node.module.split("."))

@@ -11,7 +11,7 @@ from drivers.strip.rod.terms import air, settling_turn, update_stuck
 
 ITERATIONS = 10
 TURN_TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments, unless asked
-LARGEST_TURN = 1.0  # rad^2, square of a turn in one correction that no step of ours needs
+LARGEST_TURN = 1.0  # rad^2, square of a turn in one correction, more than a step of a fold needs
 SINK = 2e-5  # m over which the desk takes up the weight
 
 
