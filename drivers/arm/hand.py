@@ -1,14 +1,27 @@
-"""Franka Hand driver with non-blocking commands and states."""
+"""Franka Hand driver with non-blocking commands and states.
+
+The library's client blocks its whole process while the fingers move and cannot be interrupted, so
+the cell speaks the hand's protocol itself.
+"""
 
 import socket
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from struct import Struct
 
-from drivers.arm import hand_wire as wire
 from drivers.arm.failure import one_line
 from drivers.arm.settings import HandLimits
 from drivers.errors import Fault
-from drivers.franka.hand_protocol import PORT, PROTOCOL_VERSION, HandCommand, HandStatus
+from drivers.franka.hand_protocol import (
+    HEADER,
+    PAYLOAD,
+    PORT,
+    PROTOCOL_VERSION,
+    STATE_PACKET,
+    HandCommand,
+    HandStatus,
+)
 from drivers.protocols import Clock
 from drivers.types import HandState
 
@@ -18,7 +31,30 @@ MOST_DATAGRAMS = 64  # datagrams read at most in one call
 UNSTOPPED = 0.25  # s after which a stop that changed nothing is sent again
 MOST_STOPS = 3  # stops without effect, after which the hand is given up
 
-Motion = Callable[[int], bytes]  # builds a request from its number
+NUMBER = Struct("<H")  # a status or a version
+LONGEST_REPLY = 64  # bytes; version 3 sends at most 14
+
+Motion = tuple[HandCommand, tuple[float, ...]]  # a command with its numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """Reply at the end of command `number`; `version` only in the reply to a connection."""
+
+    command: int
+    number: int
+    status: int
+    version: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Fingers:
+    """State of the hand: `width` between the fingers [m] and whether they hold something."""
+
+    number: int
+    width: float
+    widest: float
+    grasped: bool
 
 
 class FciHand:
@@ -55,15 +91,15 @@ class FciHand:
         self._homed = True  # until the hand says otherwise
         self._closed = False  # whether the last motion was a grasp, and came to its end
         self._flagged = False  # whether the hand itself has then reported a grasp
-        self._fingers = wire.Fingers(-1, settings.opening, settings.opening, grasped=False)
+        self._fingers = Fingers(-1, settings.opening, settings.opening, grasped=False)
         self._stamp = 0.0
 
     def open(self) -> None:
         """Start to open the fingers; a hand that does not know its width is homed first."""
         self._receive()
         limits = self._settings
-        homing: list[Motion] = [] if self._homed else [wire.homing]
-        self._queue_motions(*homing, lambda n: wire.move(n, limits.opening, limits.speed))
+        homing: list[Motion] = [] if self._homed else [(HandCommand.HOMING, ())]
+        self._queue_motions(*homing, (HandCommand.MOVE, (limits.opening, limits.speed)))
 
     def grasp(self) -> None:
         """Start to close the fingers on the strip's edge; does nothing while they hold one.
@@ -77,11 +113,10 @@ class FciHand:
             )
         if not self._holds:
             limits = self._settings
-            self._queue_motions(
-                lambda n: wire.grasp(
-                    n, limits.thinnest, limits.thickest, limits.speed, limits.force
-                )
-            )
+            width = (limits.thinnest + limits.thickest) / 2
+            slack = (limits.thickest - limits.thinnest) / 2
+            numbers = width, slack, slack, limits.speed, limits.force
+            self._queue_motions((HandCommand.GRASP, numbers))
 
     def state(self) -> HandState:
         """The newest measured state of the fingers."""
@@ -135,7 +170,7 @@ class FciHand:
     def _interrupt(self) -> None:
         """Stop the motion under way, unless a stop is already on its way."""
         if self._motion is not None and self._stop_sent is None:
-            self._send(lambda n: wire.request(HandCommand.STOP, n))
+            self._send((HandCommand.STOP, ()))
             self._stop_sent, self._stops = self._clock.now(), self._stops + 1
 
     def _repeat_stop(self) -> None:
@@ -153,11 +188,11 @@ class FciHand:
         self._interrupt()
 
     def _send(self, motion: Motion) -> int:
-        """Send the request that `motion` builds, and return its number."""
+        """Send the request for `motion`, and return its number."""
         tcp, _ = self._open_links()
         self._number += 1
         try:
-            tcp.sendall(motion(self._number))
+            tcp.sendall(_request(self._number, *motion))
         except OSError as error:
             raise _hand_lost(self._address, error) from error
         return self._number
@@ -170,19 +205,19 @@ class FciHand:
             packet = _next_datagram(udp)
             if packet is None:
                 break
-            self._keep_state(wire.state(packet))
+            self._keep_state(_parse_state(packet))
         for reply in self._read_replies(tcp):
             self._finish_motion(reply)
         self._repeat_stop()
 
-    def _keep_state(self, fingers: wire.Fingers | None) -> None:
+    def _keep_state(self, fingers: Fingers | None) -> None:
         """Keep a state of the fingers, unless it repeats the one before."""
         if fingers is not None and fingers.number != self._fingers.number:
             self._fingers, self._stamp = fingers, self._clock.now()
             self._homed = fingers.widest > 0
             self._flagged |= self._closed and fingers.grasped
 
-    def _finish_motion(self, reply: wire.Reply) -> None:
+    def _finish_motion(self, reply: Reply) -> None:
         """Note the end of the motion under way and start the next; Fault where it failed."""
         if reply.number != self._motion:
             return
@@ -199,11 +234,11 @@ class FciHand:
         if self._next:
             self._start_next()
 
-    def _read_replies(self, tcp: socket.socket) -> list[wire.Reply]:
+    def _read_replies(self, tcp: socket.socket) -> list[Reply]:
         """Replies that are complete by now; Fault for a lost connection or a malformed reply."""
         try:
             self._received += _recv(tcp)
-            return wire.replies(self._received)
+            return _take_replies(self._received)
         except BlockingIOError:
             return []
         except OSError as error:
@@ -220,7 +255,7 @@ class FciHand:
         return self._tcp, self._udp
 
 
-def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
+def _connect(address: str) -> tuple[socket.socket, socket.socket, Fingers]:
     """Connections (TCP and UDP) to the hand at `address`, and its first state."""
     with ExitStack() as opened:  # which closes both if anything fails
         udp = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
@@ -228,7 +263,7 @@ def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
         with suppress(OSError):
             tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         udp.bind((tcp.getsockname()[0], 0))
-        tcp.sendall(wire.connect(0, udp.getsockname()[1]))
+        tcp.sendall(_request(0, HandCommand.CONNECT, (PROTOCOL_VERSION, udp.getsockname()[1])))
         answer = _first_reply(tcp)
         if answer.status != HandStatus.SUCCESS:
             raise Fault(
@@ -237,7 +272,7 @@ def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
                 f"the cell speaks {PROTOCOL_VERSION}; update the robot's system image or the cell",
             )
         udp.settimeout(CONNECT_TIMEOUT)
-        while (first := wire.state(udp.recv(256))) is None:
+        while (first := _parse_state(udp.recv(256))) is None:
             continue
         tcp.setblocking(False)
         udp.setblocking(False)
@@ -245,9 +280,9 @@ def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
         return tcp, udp, first
 
 
-def _first_reply(tcp: socket.socket) -> wire.Reply:
+def _first_reply(tcp: socket.socket) -> Reply:
     received = bytearray()
-    while not (answers := wire.replies(received)):
+    while not (answers := _take_replies(received)):
         received += _recv(tcp)
     return answers[0]
 
@@ -271,3 +306,38 @@ def _hand_lost(address: str, error: OSError) -> Fault:
     return Fault(
         "hand_lost", f"the hand at {address} does not answer ({one_line(error)}); check it in Desk"
     )
+
+
+def _request(number: int, command: HandCommand, values: tuple[float, ...]) -> bytes:
+    """Bytes of a request of the hand's protocol, with its `values`."""
+    payload = PAYLOAD[command].pack(*values)
+    return HEADER.pack(command, number, HEADER.size + len(payload)) + payload
+
+
+def _take_replies(received: bytearray) -> list[Reply]:
+    """Remove the complete replies from the front of `received` and return them.
+
+    Raises ConnectionError for a reply of a size that none has, after which no other can be read.
+    """
+    found: list[Reply] = []
+    version_at = HEADER.size + NUMBER.size  # behind the status
+    while len(received) >= version_at:
+        command, number, size = HEADER.unpack_from(received)
+        if not version_at <= size <= LONGEST_REPLY:
+            raise ConnectionError(f"it sent a reply of {size} bytes")
+        if len(received) < size:
+            break
+        (status,) = NUMBER.unpack_from(received, HEADER.size)
+        has_version = size >= version_at + NUMBER.size
+        version = NUMBER.unpack_from(received, version_at)[0] if has_version else None
+        found.append(Reply(command, number, status, version))
+        del received[:size]
+    return found
+
+
+def _parse_state(packet: bytes) -> Fingers | None:
+    """State of the hand from a datagram; None where the datagram holds none."""
+    if len(packet) != STATE_PACKET.size:
+        return None
+    number, width, widest, grasped, _ = STATE_PACKET.unpack(packet)
+    return Fingers(number, width, widest, bool(grasped))
