@@ -52,7 +52,6 @@ class BoardViews:
         self._patience = None if patient else settings.patience
         self._tries = 0
         self._count = 0
-        self._length: float | None = None
         self._last: BoardView | None = None  # the previous image's, if it was not refused
         self._seen: BoardView | None = None  # the newest image's
         self._views: dict[int, BoardView] = {}
@@ -105,10 +104,6 @@ class BoardViews:
         self._wanted = [*self._met.pop(newest), *self._wanted]
         return Row(number=newest, dropped=True)
 
-    def set_length(self, length: float) -> None:
-        """Set the ruler's `length` [m] of the board's squares across all columns."""
-        self._length = length
-
     @property
     def views(self) -> tuple[BoardView, ...]:
         """All accepted views of the board."""
@@ -140,9 +135,12 @@ class BoardViews:
             sketch=self._sketch(wanted),
         )
 
-    def verdict(self) -> LensVerdict:
-        """The verdict on the lens from the views so far."""
-        return lens_verdict(self._views, self._size, self._length, self._settings)
+    def verdict(self, length: float | None) -> LensVerdict:
+        """The verdict on the lens from the views so far.
+
+        `length` [m] is the ruler's length of the board's squares across all columns.
+        """
+        return lens_verdict(self._views, self._size, length, self._settings)
 
     def _sketch(self, wanted: WantedView | None) -> Sketch:
         """Outlines in the image of the `wanted` view and of the newest one."""

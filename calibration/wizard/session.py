@@ -156,7 +156,7 @@ def read_rows(folder: Path) -> Iterator[Row]:
         yield parse(content, Row, f"{path}: line {number}")
 
 
-def taken_images(
+def _taken_images(
     folder: Path, session: Session, without: Collection[int]
 ) -> Iterator[tuple[Row, Image]]:
     """Accepted rows with their images (height, width, 3), `without` the rows of these numbers.
@@ -218,7 +218,7 @@ def restore(task: Task, folder: Path, session: Session, without: Collection[int]
 
     Raises ConfigurationError for a broken file or an image that shows nothing.
     """
-    missing = task.restore(taken_images(folder, session, without))
+    missing = task.restore(_taken_images(folder, session, without))
     if missing is not None:
         raise ConfigurationError(
             f"{folder / str(missing.image)}: shows no {task.subject}; leave number "

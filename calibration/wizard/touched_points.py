@@ -95,12 +95,18 @@ class TouchedPoints:
         refused = self._refuse(centre, np.array([pose.x, pose.z]))
         taken = refused is None and self._last is not None
         self._last = None if centre is None else (centre, np.array([pose.x, pose.z]))
-        result = Result(self._row(number, centre, pose, refused, taken=taken), taken)
+        row = Row(
+            number=number,
+            refused=refused,
+            centre=None if centre is None else (float(centre[0]), float(centre[1])),
+            pose=(pose.x, pose.z, pose.pitch),
+            again=taken and self._second,
+        )
         if centre is not None and taken:
-            self._touches.append(self._touched(result.row, centre))
+            self._touches.append(self._touched(row, centre))
         if taken or self._tries >= self._settings.patience:
             self.skip()
-        return result
+        return Result(row, taken)
 
     def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
         """Accept the points in a session's images (h, w, 3); returns a row without one, or None.
@@ -218,17 +224,6 @@ class TouchedPoints:
             reason = f"the pointer moved by {moved:.1f} px between two images"
             return f"{reason}; wait until it is still"
         return None
-
-    def _row(
-        self, number: int, centre: Array | None, pose: Pose, refused: str | None, *, taken: bool
-    ) -> Row:
-        return Row(
-            number=number,
-            refused=refused,
-            centre=None if centre is None else (float(centre[0]), float(centre[1])),
-            pose=(pose.x, pose.z, pose.pitch),
-            again=taken and self._second,
-        )
 
     def _touched(self, row: Row, centre: Array) -> Touch:
         """The point of `row`, whose image shows the pointer at `centre` (2,) [px]."""

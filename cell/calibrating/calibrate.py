@@ -119,8 +119,7 @@ def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
     """Fit the lens to as many board views as it takes; raises CellError for a poor result."""
     views = BoardViews(settings.boards)
     show_board(views, aids.show_board, Unattended(), nobody)
-    views.set_length(aids.measure_board())
-    verdict = views.verdict()
+    verdict = views.verdict(aids.measure_board())
     if verdict.fit is None or not verdict.passed:
         raise CellError("lens calibration failed: " + "; ".join(verdict.reasons))
     return verdict.fit.lens

@@ -197,9 +197,7 @@ def calibrate_lens(
         show_board(views, source, operator, keep, interrupted)
     finally:
         devices.camera.close()
-    if session.length is not None:
-        views.set_length(session.length)
-    result = LensSession(folder, views.verdict())
+    result = LensSession(folder, views.verdict(session.length))
     result.keep(folder, devices.camera_identity)
     drawn = draw_picture((keep.newest or first).image, views.marks, result.verdict.title)
     write_image(folder / PICTURE_FILE, drawn)
@@ -215,9 +213,7 @@ def lens_again(folder: Path, without: Collection[int], out: Path | None) -> Lens
     session = read_session(folder, "camera")
     views = BoardViews(session.boards, size=session.image)
     restore(views, folder, session, without)
-    if session.length is not None:
-        views.set_length(session.length)
-    result = LensSession(out, views.verdict())
+    result = LensSession(out, views.verdict(session.length))
     if out is not None:
         with writing(f"--out: {out}"):
             out.mkdir(parents=True, exist_ok=True)

@@ -66,16 +66,20 @@ def test_shaken_board_gives_no_view() -> None:
     assert "hold it still" in str(answers[1].refused)
 
 
-def test_view_shown_before_is_refused() -> None:
+@pytest.mark.parametrize(
+    ("before", "shown", "remedy"),
+    [
+        (Placement(0.5, 0.5, 0.4), Placement(0.505, 0.5, 0.4), "taken before; move the board"),
+        (None, Placement(0.5, 0.5, 0.125), "come nearer"),
+        (None, Placement(0.5, 0.5, 1.6), "too close"),
+    ],
+)
+def test_view_that_is_no_use_is_refused_with_a_remedy(
+    before: Placement | None, shown: Placement, remedy: str
+) -> None:
     views = BoardViews(SETTINGS)
-    assert _shown(views, Placement(0.5, 0.5, 0.4)) is None
-    assert "was taken before; move the board" in str(_shown(views, Placement(0.505, 0.5, 0.4)))
-
-
-@pytest.mark.parametrize(("size", "remedy"), [(0.125, "come nearer"), (1.6, "too close")])
-def test_board_too_far_or_too_close_is_reported_with_a_remedy(size: float, remedy: str) -> None:
-    views = BoardViews(SETTINGS)
-    assert remedy in str(_shown(views, Placement(0.5, 0.5, size)))
+    assert before is None or _shown(views, before) is None
+    assert remedy in str(_shown(views, shown))
 
 
 def test_image_without_board_is_refused_and_given_up_after_patience() -> None:
@@ -136,7 +140,7 @@ def test_newest_view_can_be_taken_back() -> None:
     assert views.take_back() == Row(number=1, dropped=True)
     assert views.ask() == wanted
     assert views.take_back() is None
-    assert views.verdict().views == 0
+    assert views.verdict(None).views == 0
 
 
 def test_board_with_even_rows_is_refused() -> None:

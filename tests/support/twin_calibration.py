@@ -54,8 +54,7 @@ def show_boards(camera: CameraSettings, settings: BoardSettings) -> LensVerdict:
         pose = board_pose(camera, settings.board(), placement)
         views.tell(board_frame(camera, settings.board(), pose, seed=1, sequence=sequence))
         sequence += 1
-    views.set_length(settings.width)
-    return views.verdict()
+    return views.verdict(settings.width)
 
 
 def pointer_frame(renderer: Renderer, pose: Pose, sequence: int) -> Frame:

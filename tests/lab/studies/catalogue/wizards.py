@@ -97,8 +97,7 @@ def _wizard_lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[
         pose = board_pose(camera, board, placement)
         views.tell(board_frame(camera, board, pose, seed, sequence=sequence))
         sequence += 1
-    views.set_length(BOARD.width)
-    verdict = views.verdict()
+    verdict = views.verdict(BOARD.width)
     return (verdict.fit.lens if verdict.fit is not None else None), verdict.reasons
 
 
