@@ -19,13 +19,17 @@ from cell.folding.result import FoldResult
 from cell.orchestrator.interrupt import Interrupt, Interrupted
 from cell.orchestrator.run import Observer
 from drivers.child import ChildDied
-from drivers.errors import CellError, Fault, Unexpected
+from drivers.errors import CellError, Fault, PreflightRefused, Unexpected
 
 POLL_INTERVAL = 0.1  # s between looks at the keyboard
 
 
 def _no_observers(_strip: str) -> AbstractContextManager[tuple[Observer, ...]]:
     return nullcontext(())
+
+
+def _nobody_lays() -> None:
+    raise PreflightRefused("nobody lays the strip again for the next fold of a real robot")
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +43,7 @@ class Attendance:
 
     interrupt: Callable[[], AbstractContextManager[Callable[[], bool]]] = Interrupt
     report: Callable[[str], None] = lambda _: None
-    lay_again: Callable[[], None] = lambda: None
+    lay_again: Callable[[], None] = _nobody_lays
     observe: Callable[[str], AbstractContextManager[tuple[Observer, ...]]] = _no_observers
 
 
@@ -60,7 +64,7 @@ def fold_all(
         yield from _until(requests, until, attendance)
     elif jobs > 1 and len(requests) > 1 and not requests[0].choice.agreed:
         with attendance.interrupt() as interrupted:
-            crew = Crew(requests, jobs, attendance.report)
+            crew = FoldCrew(requests, jobs, attendance.report)
             try:
                 yield from map(_unless_interrupted, crew.results(interrupted))
             finally:
@@ -118,7 +122,7 @@ def _unless_interrupted(result: FoldResult | CellError) -> FoldResult | CellErro
     return result
 
 
-class Crew:
+class FoldCrew:
     """Worker processes that share a list of folds."""
 
     def __init__(

@@ -24,8 +24,10 @@ UNCORRECTED = Correction(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What is kept of a fold: its `frames`, where None is the cell's own choice, a film by an
-    encoder, the twin's truth, a recording for Rerun, and a page.
+    """What is kept of a fold beside its tables.
+
+    Its `frames`, where None is the cell's own choice, a film by an encoder, the twin's truth, a
+    recording for Rerun, and a page.
     """
 
     frames: Keep | None = None
