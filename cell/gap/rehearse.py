@@ -24,7 +24,7 @@ from cell.gap.fit import fit
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.reml import spreads
 from cell.gap.fitting.starts import refit_base
-from cell.gap.strength import Ruler, drawn_path, twins
+from cell.gap.strength import Ruler, draw_strengths, twins
 from cell.gap.subject.run_folders import RunFolder, counted_once, find_runs
 from cell.gap.subject.strip.runs import FoldMeasurement, MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
@@ -144,12 +144,12 @@ def sizes(
     for number, (name, effect) in enumerate(sorted(registry().items())):
         if name in plant.effects:
             continue
-        path = drawn_path(effect, plant, np.random.default_rng([number]))
-        share = ruler.share(path, excess)
+        strengths = draw_strengths(effect, plant, np.random.default_rng([number]))
+        share = ruler.share(strengths, excess)
         if share is None:
             unseen.append(name)
         else:
-            copies.append(Hidden(key=name, effect=name, values=path.at(share), seed=number))
+            copies.append(Hidden(key=name, effect=name, values=strengths.at(share), seed=number))
     return copies, unseen
 
 

@@ -35,7 +35,7 @@ Hidden = dict[str, dict[str, float]]
 
 
 @dataclass(frozen=True, slots=True)
-class Path:
+class Strengths:
     """Strengths of an effect: its first parameter from null to `largest`, the `others` fixed."""
 
     effect: Effect
@@ -44,7 +44,7 @@ class Path:
 
     @classmethod
     def of(cls, effect: Effect, strip: StripFile, others: dict[str, float], *, up: bool) -> Self:
-        """Path to the largest believable value on `strip`; `up` is the sign where both exist."""
+        """Strengths up to the largest believable on `strip`; `up` is the sign where both exist."""
         p, known = effect.parameters[0], effect.sizes(strip)
         if p.null is None:
             return cls(effect, others, max(p.low, min(known) / BELIEVABLE))
@@ -65,8 +65,8 @@ class Path:
         return {p.name: float(np.clip(value, p.low, p.high)), **self.others}
 
 
-def drawn_path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
-    """Draw the shape parameters of an effect and the sign of its growth, as a path of strengths."""
+def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Strengths:
+    """Draw the shape parameters of an effect and the sign of its growth."""
     others: dict[str, float] = {}
     for p in effect.parameters[1:]:
         if p.role == "place":
@@ -79,7 +79,7 @@ def drawn_path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Pa
             others[p.name] = float(rng.uniform(*RATIOS))
         elif p.null is not None:
             others[p.name] = p.null
-    return Path.of(effect, strip, others, up=bool(rng.uniform() < 0.5))
+    return Strengths.of(effect, strip, others, up=bool(rng.uniform() < 0.5))
 
 
 def twins(name: str) -> frozenset[str]:
@@ -153,17 +153,17 @@ class Ruler:
         ]
         return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
 
-    def share(self, path: Path, target: float, most: float = np.inf) -> float | None:
-        """Smallest share of `path` found at which the gap is `target` or more.
+    def share(self, strengths: Strengths, target: float, most: float = np.inf) -> float | None:
+        """Smallest share of `strengths` found at which the gap is `target` or more.
 
         None where no share does, or where the gap jumps past `most`, as that of a slip may.
         """
         shares = LADDER
         try:
-            if self._excess_along(path, LADDER[-1:]).max() < target:
+            if self._excess_along(strengths, LADDER[-1:]).max() < target:
                 return None
             for _ in range(ROUNDS):
-                excess = self._excess_along(path, shares)
+                excess = self._excess_along(strengths, shares)
                 k = min(np.flatnonzero(excess >= target), default=len(shares) - 1)
                 found, gap = float(shares[k]), float(excess[k])
                 shares = np.geomspace(shares[max(k - 1, 0)], found, STEPS)
@@ -171,8 +171,8 @@ class Ruler:
             return None
         return found if gap <= most else None
 
-    def _excess_along(self, path: Path, shares: Array) -> Array:
-        return self.excess([{path.effect.name: path.at(s)} for s in shares])
+    def _excess_along(self, strengths: Strengths, shares: Array) -> Array:
+        return self.excess([{strengths.effect.name: strengths.at(s)} for s in shares])
 
 
 def engine_values(name: str, values: dict[str, float]) -> Array:

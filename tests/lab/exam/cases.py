@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from cell.campaign import versions
 from cell.config.places import find_configs
-from cell.gap.strength import Ruler, drawn_path
+from cell.gap.strength import Ruler, draw_strengths
 from cell.gap.subject.strip.synthetic import reported_path
 from cell.parallel import workers
 from cell.record.header import Sigma
@@ -198,11 +198,11 @@ def _visible_effect(
     others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
     for strip in [case.strip, *others]:
         for _ in range(PLACE_DRAWS):
-            path = drawn_path(effect, find_configs(None).strip(strip), rng)
+            strengths = draw_strengths(effect, find_configs(None).strip(strip), rng)
             ruler = ruler_of(case.model_copy(update={"strip": strip}))
-            share = ruler.share(path, target, JUMP * target)
+            share = ruler.share(strengths, target, JUMP * target)
             if share is not None:
-                return strip, path.at(share)
+                return strip, strengths.at(share)
     return None
 
 
@@ -246,11 +246,11 @@ def draw_effects(
     effects: dict[str, Values] = {}
     for _ in range(TRIES):
         effect = registry()[str(rng.choice(sorted(registry())))]
-        path = drawn_path(effect, strip, rng)
+        strengths = draw_strengths(effect, strip, rng)
         is_new = effect.name not in effects
-        share = ruler.share(path, target, JUMP * target) if is_new else None
+        share = ruler.share(strengths, target, JUMP * target) if is_new else None
         if share is not None:
-            effects[effect.name] = path.at(share)
+            effects[effect.name] = strengths.at(share)
         if len(effects) == count:
             return dict(sorted(effects.items()))
     raise Fault("exam", f"{case.name}: no effect of {case.strip} is {level}")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.gap.strength import Ruler, drawn_path
+from cell.gap.strength import Ruler, draw_strengths
 from cell.record.header import Sigma
 from drivers.strip.effects import registry
 from tests.lab.exam import cases as drawing
@@ -36,12 +36,14 @@ def test_different_effects_keep_their_gaps(ruler: Ruler) -> None:
 
 def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(ruler: Ruler) -> None:
     effect = registry()["grip_slip"]
-    path = drawn_path(effect, denim(), np.random.default_rng(0))
-    found = {s: ruler.share(path, target, drawing.JUMP * target) for s, target in STRENGTHS.items()}
+    strengths = draw_strengths(effect, denim(), np.random.default_rng(0))
+    found = {
+        s: ruler.share(strengths, target, drawing.JUMP * target) for s, target in STRENGTHS.items()
+    }
     drawn = {s: share for s, share in found.items() if share is not None}
     assert 1 <= len(drawn) < len(found)
     for strength, share in drawn.items():
-        excess = ruler.excess([{"grip_slip": path.at(share)}])[0]
+        excess = ruler.excess([{"grip_slip": strengths.at(share)}])[0]
         assert 1.0 <= excess / STRENGTHS[strength] <= drawing.JUMP
 
 
