@@ -8,9 +8,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import chi2, norm, t
 
-from cell.strips.cantilever_fit import Fit, fit
+from cell.strips.cantilever_fit import STRAIGHT, Fit, RestCurvature, RestCurvaturePrior, fit
 from cell.strips.photograph import Photograph
-from cell.strips.problem import STRAIGHT, RestCurvature, RestCurvaturePrior
 from drivers.types import Array
 
 CONFIDENCE = 0.95

@@ -1,27 +1,29 @@
-"""Bending length from one photograph: fit of the heavy elastica to the midline."""
+"""Bending length from one photograph: fit of the heavy elastica to the midline.
+
+A least-squares problem: residuals, Jacobian and cost of the unknowns. The rest curvature of the
+strip has a prior of its own: none, constant, varying.
+"""
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 
 from cell.strips.photograph import Photograph
-from cell.strips.problem import (
-    FIRST_FIELD,
-    LEDGE,
-    LN_LENGTH,
-    ROLL,
-    STRAIGHT,
-    TIP,
-    Problem,
-    RestCurvaturePrior,
-    Trial,
-    X,
-    Z,
-    rotation,
-)
-from drivers.strip.cantilever import HangingStrip, NoRest
+from drivers.strip.cantilever import HangingStrip, NoRest, hang, hinges
 from drivers.types import Array
 
+# place of each unknown, and of the first coefficient of the rest curvature's fields
+LN_LENGTH, LEDGE, ROLL, CLAMP, X, Z, FIRST_FIELD = range(7)
+TYPICAL = 0.02  # m, bending length
+LN_SPREAD = 1.5  # of ln(bending length) around the typical one
+LEDGE_WIDTHS, LEDGE_SPREAD = 0.7, 0.002  # widths, or m, between picture's border and ledge
+ROLL_SPREAD = 0.02  # rad
+CLAMP_SPREAD = 0.02  # rad
+TIP = 0.3  # widths, one sigma of where the midline ends
+ROBUST = 2.5  # sigmas from which a miss counts less
+KNOT_SPACING = 2.0  # widths: over less no strip changes its set
+MOST_KNOTS = 60
 RULER = 0.001  # m, one sigma of a measured overhang
 FIRST_SIGMA = 12.0  # times sigma for the first fit, which has to find its way
 START_LENGTHS = (0.5, 1.0, 2.5)  # typical bending lengths from which it sets out
@@ -29,6 +31,163 @@ ITERATIONS = 80
 LARGEST_LOG_STEP = 0.3  # of ln(bending length)
 COST_TOLERANCE = 1e-5  # of the cost
 LM_DAMPING, FACTOR, LARGEST_DAMPING = 1e-3, 8.0, 1e10
+
+
+class RestCurvature(StrEnum):
+    """Kinds of rest curvature: none, constant (a curl), varying along the strip (a set)."""
+
+    STRAIGHT = "straight"
+    CURLED = "curled"
+    SET = "set"
+
+
+@dataclass(frozen=True, slots=True)
+class RestCurvaturePrior:
+    """A kind of rest curvature, and its standard deviation `spread` [1/m] along the strip."""
+
+    kind: RestCurvature
+    spread: float = 0.0
+
+    def fields(self, overhang: float, width: float) -> Array:
+        """Basis fields (hinges, m) [1/m] of the rest curvature, with standard normal coefficients.
+
+        A curl is one constant field. A set adds one at each knot, independent of the others.
+        """
+        arc = hinges(overhang)
+        if self.kind is RestCurvature.STRAIGHT:
+            return np.zeros((len(arc), 0))
+        even = np.full((len(arc), 1), self.spread)
+        if self.kind is RestCurvature.CURLED:
+            return even
+        count = int(np.clip(overhang / (KNOT_SPACING * width), 4, MOST_KNOTS)) + 1
+        knots = np.linspace(0.0, overhang, count)
+        tents = np.stack([np.interp(arc, knots, row) for row in np.eye(count)], axis=1)
+        return np.concatenate([even, self.spread * tents], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """Residuals of the strip with one set of `values` (p,), their slopes, and the cost.
+
+    `misses` (2 n,) from the midline, across and then along it, in sigmas, `slopes` (2 n, p) their
+    negative derivatives by the values, `cost` twice the negative log posterior.
+    """
+
+    values: Array
+    hanging: HangingStrip
+    misses: Array
+    slopes: Array
+    cost: float
+
+
+class Problem:
+    """Least-squares problem of one photograph with one prior of the rest curvature.
+
+    The unknowns are ln(bending length / typical), the ledge's arc length behind the picture's
+    border, the camera's roll, the angle at which the strip leaves the ledge, the ledge's place, and
+    the deviates of the rest curvature. All but the place have a normal prior.
+    """
+
+    def __init__(self, photograph: Photograph, prior: RestCurvaturePrior) -> None:
+        self.photograph = photograph
+        self.prior = prior
+        self._fields = prior.fields(photograph.overhang, photograph.width)
+        self.size = FIRST_FIELD + self._fields.shape[1]
+        spreads = np.ones(self.size)
+        spreads[LN_LENGTH] = LN_SPREAD
+        spreads[LEDGE] = max(LEDGE_WIDTHS * photograph.width, LEDGE_SPREAD)
+        spreads[[ROLL, CLAMP]] = ROLL_SPREAD, CLAMP_SPREAD
+        spreads[[X, Z]] = np.inf
+        self._weights = 1 / spreads  # of the normal priors
+        self._local_frames = _local_frames(photograph)
+
+    def trial(self, values: Array) -> Trial:
+        """Solve the strip with `values` (p,) and compare it with the midline. Raises NoRest."""
+        seen = self.photograph
+        hanging = hang(
+            seen.overhang,
+            TYPICAL * float(np.exp(values[LN_LENGTH])),
+            rest_curvature=self._fields @ values[FIRST_FIELD:],
+            clamp_angle=float(values[CLAMP]),
+        )
+        scale = 1 - values[LEDGE] / seen.overhang
+        along = _Along(hanging, (seen.arc - values[LEDGE]) / scale, float(values[CLAMP]))
+        turn = rotation(values[ROLL])
+        curve = scale * along.points @ turn.T
+        motions = np.empty((len(curve), 2, self.size))  # of the strip's points, per unknown
+        motions[..., LN_LENGTH] = scale * along.at(hanging.moved_by_bending_length())
+        slid = (seen.arc / seen.overhang - 1) / scale  # arc length per metre of the ledge
+        motions[..., LEDGE] = slid[:, None] * along.tangents - along.points / seen.overhang
+        motions[..., CLAMP] = scale * along.moved_by_clamp_angle()
+        motions[..., FIRST_FIELD:] = scale * along.at(hanging.moved_by_rest_curvature(self._fields))
+        motions = np.einsum("ab,nbp->nap", turn, motions)
+        motions[..., ROLL] = curve[:, ::-1] * (-1, 1)
+        motions[..., [X, Z]] = np.eye(2)
+        misses = self._project_motion(seen.points - values[[X, Z]] - curve)
+        return Trial(
+            values, hanging, misses, self._project_motion(motions), self._cost(values, misses)
+        )
+
+    def normal_equations(self, trial: Trial) -> tuple[Array, Array]:
+        """Half the second derivative (p, p) of the cost, and the downhill direction (p,)."""
+        weight = np.minimum(1.0, ROBUST / np.maximum(np.abs(trial.misses), 1e-12))
+        matrix = trial.slopes.T @ (weight[:, None] * trial.slopes) + np.diag(self._weights**2)
+        return matrix, trial.slopes.T @ (weight * trial.misses) - self._weights**2 * trial.values
+
+    def _project_motion(self, motion: Array) -> Array:
+        """Components (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
+        parts = np.einsum("knc,nc...->kn...", self._local_frames, motion)
+        return np.asarray(parts.reshape(-1, *motion.shape[2:]))
+
+    def _cost(self, values: Array, misses: Array) -> float:
+        z = np.abs(misses)
+        data = np.where(z < ROBUST, z**2, 2 * ROBUST * z - ROBUST**2).sum()
+        return float(data + ((values * self._weights) ** 2).sum())
+
+
+class _Along:
+    """Samples of a hanging strip at arc lengths `arc` (n,) [m]; it is straight before the ledge."""
+
+    def __init__(self, hanging: HangingStrip, arc: Array, clamp_angle: float) -> None:
+        spans = np.diff(hanging.arc)
+        self._hanging = hanging
+        self._index = np.clip(np.searchsorted(hanging.arc, arc) - 1, 0, len(spans) - 1)
+        self._share = np.clip((arc - hanging.arc[self._index]) / spans[self._index], 0.0, 1.0)
+        self._before = np.minimum(arc, 0.0)[:, None]
+        angles = np.where(arc < 0, clamp_angle, hanging.angles[self._index])
+        straight = (np.cos(clamp_angle), np.sin(clamp_angle))
+        self.tangents = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        self.points = self.at(hanging.points) + self._before * straight
+        self._swing = self._before * (-straight[1], straight[0])
+
+    def at(self, nodes: Array) -> Array:
+        """Interpolate values at the nodes (nodes, ...) to the arc lengths: (n, ...)."""
+        share = self._share.reshape(-1, *[1] * (nodes.ndim - 1))
+        return np.asarray((1 - share) * nodes[self._index] + share * nodes[self._index + 1])
+
+    def moved_by_clamp_angle(self) -> Array:
+        """Motion (n, 2) [m] per radian of the clamp angle, before the ledge too."""
+        return np.asarray(self.at(self._hanging.moved_by_clamp_angle()) + self._swing)
+
+
+def _local_frames(photograph: Photograph) -> Array:
+    """Normals and tangents (2, n, 2) of the midline, each divided by its sigma.
+
+    Along the midline all points shift together, by the uncertainty of its tip.
+    """
+    tangents = np.gradient(photograph.points, axis=0)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+    slip = TIP * photograph.width * np.sqrt(len(tangents))
+    return np.stack([normals / photograph.sigma[:, None], tangents / slip])
+
+
+def rotation(angle: float) -> Array:
+    """Rotation matrix (2, 2) by `angle` [rad]."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+STRAIGHT = RestCurvaturePrior(RestCurvature.STRAIGHT)
 
 
 @dataclass(frozen=True, slots=True)

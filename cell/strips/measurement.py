@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from cell.strips.bending import Bending, Pooled, measure_bending
-from cell.strips.cantilever_fit import Fit
+from cell.strips.cantilever_fit import Fit, RestCurvature
 from cell.strips.photograph import Photograph
-from cell.strips.problem import RestCurvature
 from drivers.errors import ConfigurationError
 
 VISIBLE = 0.1  # widths by which a straight-born strip misses the midline

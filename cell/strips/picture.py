@@ -6,8 +6,7 @@ from typing import Any
 import cv2
 
 from cell.report.drawing import BLUE, MUTED, ORANGE, canvas
-from cell.strips.cantilever_fit import Fit
-from cell.strips.problem import RestCurvature
+from cell.strips.cantilever_fit import Fit, RestCurvature
 from drivers.strip.cantilever import hinges
 
 PICTURE_HEIGHT = 1600  # px of the photograph in the picture

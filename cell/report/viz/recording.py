@@ -1,4 +1,7 @@
-"""Rerun recording of a run: to a file, to a viewer, or rebuilt from the record."""
+"""Rerun recording of a run: to a file, to a viewer, or rebuilt from the record.
+
+A strip simulated by its model, driven by the measured gripper, is drawn beside the measured one.
+"""
 
 import math
 import os
@@ -21,13 +24,14 @@ from cell.record.files import FILM, REBUILT, RECORDING, RESULT, RUN, is_under_wa
 from cell.record.frames import read_index
 from cell.record.run import read_broken_run
 from cell.report.verdict import LINE_BREAK, verdict_of
-from cell.report.viz.model_view import NO_SHAPE, Shadow
 from cell.report.viz.playback import LogLine, TickView, moments_of
 from cell.report.viz.saving import saving, send_blueprint
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, Fault, Unsupported
 from drivers.files import replacing
 from drivers.settings import parse
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
 from drivers.types import Array, Image
 
 BATCH_TICKS = 20  # ticks that are sent together
@@ -66,6 +70,12 @@ OUTLOOK = {
     "retardation_time": "retardation time [ms]",
     "yield_curvature": "yarn friction [1/m]",
 }
+STEP = 0.005  # s
+TIME_ROUNDING = 1e-9  # s
+SEGMENTS = 60
+LONGEST_START, LONGEST_GAP = 10.0, 1.0  # s without a measured gripper, where the model ends
+LIFTED_HEIGHT = 0.02  # m, above which a strip's first pose is one that hangs
+NO_SHAPE = np.empty((0, 2))
 
 
 def viz_from_run(folder: Path) -> Path:
@@ -364,3 +374,42 @@ def _outlook() -> Any:
 def _plot(group: str, name: str, corner: rrb.Corner2D) -> Any:
     legend = rrb.PlotLegend(corner=corner)
     return rrb.TimeSeriesView(origin=f"/signals/{group}", name=name, plot_legend=legend)
+
+
+class Shadow:
+    """Rod simulated beside the real strip, from t = 0, where both lie flat or hang still."""
+
+    def __init__(self, strip: StripFile) -> None:
+        self._rod, self._model = Rod(SEGMENTS), describe(strip)
+        self._steps = 0
+        self._last: tuple[float, Array] | None = None
+        try:
+            self._rod.reset([self._model])
+            self._lost = False
+        except Unsupported:
+            self._lost = True
+
+    def follow(self, t: float, pose: Array) -> Array:
+        """Midline (nodes, 2) [m] at the increasing time `t` [s], with the gripper at `pose` (3,).
+
+        Empty once the model has diverged or the gripper was not measured for too long; the rest of
+        the view goes on without it.
+        """
+        longest = LONGEST_START if self._last is None else LONGEST_GAP
+        self._lost = self._lost or t > self._steps * STEP + longest
+        if self._lost:
+            return NO_SHAPE
+        try:
+            if self._last is None and pose[1] > LIFTED_HEIGHT:
+                self._rod.reset([self._model], pose[None])
+            last_t, last_pose = self._last or (t, pose)
+            self._last = (t, pose)
+            while (self._steps + 1) * STEP <= t + TIME_ROUNDING:
+                self._steps += 1
+                share = (self._steps * STEP - last_t) / max(t - last_t, STEP)
+                between = last_pose + np.clip(share, 0.0, 1.0) * (pose - last_pose)
+                self._rod.step(between[None], STEP)
+        except Fault:
+            self._lost = True
+            return NO_SHAPE
+        return np.asarray(self._rod.shapes()[0])

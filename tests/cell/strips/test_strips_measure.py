@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cell.strips.bending import pool
+from cell.strips.cantilever_fit import RestCurvature
 from cell.strips.measurement import Measurement, measure
 from cell.strips.photograph import read_photograph, read_photographs
-from cell.strips.problem import RestCurvature
 from tests.support.hanging_photographs import Scene, photograph
 
 YARN = Path(__file__).parents[4] / "shared" / "data" / "yarn"

@@ -19,8 +19,7 @@ from cell.orchestrator.vision import View
 from cell.perception.measurement import StripMeasurement
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
-from cell.report.viz.model_view import Shadow
-from cell.report.viz.recording import Screen, viz_from_run
+from cell.report.viz.recording import Screen, Shadow, viz_from_run
 from cell.report.viz.watch import WAITING, Viz, watching
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
