@@ -1,6 +1,7 @@
 """Effects of bending: the law of the moment, its change along the strip, and rest curvature."""
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from drivers.types import frozen
 
 HALF_WIDTH = 0.005  # m to each side over which a crease turns
 GRASP_BEND = 1.2  # bending lengths from the grip to where its first turn bends a lying strip
+law_effect = partial(Effect, of="strip", stage=Stage.LAW)
 
 
 def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
@@ -44,11 +46,9 @@ def _age(model: StripModel, values: Mapping[str, float]) -> StripModel:
     return with_field(model, "mechanics", model.mechanics.scale_rigidity(np.full(CELLS, factor)))
 
 
-AGEING = Effect(
+AGEING = law_effect(
     name="ageing",
     sentence="the strip grows softer from run to run",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(Parameter("rate", "1", low=-0.5, high=0.5),),
     apply=_age,
     typical=lambda _: (0.003, 0.03),
@@ -62,11 +62,9 @@ _set_friction = sets(
     gradual="mechanics.law.gradual",
 )
 
-BENDING_HYSTERESIS = Effect(
+BENDING_HYSTERESIS = law_effect(
     name="bending_hysteresis",
     sentence="the strip resists bending like dry friction",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(
         Parameter("yield_curvature", "1/m", low=0.0, high=100.0),
         Parameter(
@@ -84,11 +82,9 @@ BENDING_HYSTERESIS = Effect(
     revealed_by="a slow fold there and back: the shapes on the two ways differ at the same place",
 )
 
-CREASE = Effect(
+CREASE = law_effect(
     name="crease",
     sentence="the strip has a crease",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(
         Parameter("angle", "rad", low=-2.0, high=2.0),
         Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
@@ -99,11 +95,9 @@ CREASE = Effect(
     revealed_by="slow folds of other heights: a bend stays at one place of the strip",
 )
 
-NONLINEAR_BENDING = Effect(
+NONLINEAR_BENDING = law_effect(
     name="nonlinear_bending",
     sentence="the strip grows stiffer (or softer) the more sharply it is bent",
-    of="strip",
-    stage=Stage.LAW,
     # Below -5e-6 the moment would fall again at curvatures that a fold reaches (258 1/m).
     parameters=(
         Parameter("cubic", "m^2", low=-5e-6, high=1e-3),
@@ -121,11 +115,9 @@ def _curl(model: StripModel, values: Mapping[str, float]) -> StripModel:
     return with_field(model, "mechanics.rest_curvature", curved)
 
 
-PRE_CURL = Effect(
+PRE_CURL = law_effect(
     name="pre_curl",
     sentence="the strip curls by itself",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(Parameter("curvature", "1/m", low=-60.0, high=60.0),),
     apply=_curl,
     typical=lambda _: (0.5, 5.0),
@@ -133,11 +125,9 @@ PRE_CURL = Effect(
     revealed_by="a strip that hangs free; while both edges are clamped it shows little",
 )
 
-QUADRATIC_DAMPING = Effect(
+QUADRATIC_DAMPING = law_effect(
     name="quadratic_damping",
     sentence="the strip resists quick bending more than in proportion",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(Parameter("coefficient", "m s^2", low=0.0, high=0.02),),
     apply=sets(coefficient="mechanics.law.quadratic_damping"),
     typical=lambda _: (1e-4, 1e-3),
@@ -147,11 +137,9 @@ QUADRATIC_DAMPING = Effect(
 
 _set_relaxation = sets(ratio="mechanics.law.relaxing", time="mechanics.law.relaxation_time")
 
-RELAXATION = Effect(
+RELAXATION = law_effect(
     name="relaxation",
     sentence="the strip slowly gives way while it is held bent",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(
         Parameter("ratio", "1", low=0.0, high=0.9),
         Parameter("time", "s", low=0.01, high=100.0, null=None, role="time"),
@@ -173,11 +161,9 @@ def _stiffen_seam(model: StripModel, values: Mapping[str, float]) -> StripModel:
     )
 
 
-SEAM = Effect(
+SEAM = law_effect(
     name="seam",
     sentence="the strip has a seam, a piece of other stiffness",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(
         Parameter("factor", "1", low=0.1, high=50.0, null=1.0),
         Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
@@ -200,11 +186,9 @@ def _stiffen_towards_one_end(model: StripModel, values: Mapping[str, float]) -> 
     )
 
 
-STIFFNESS_GRADIENT = Effect(
+STIFFNESS_GRADIENT = law_effect(
     name="stiffness_gradient",
     sentence="the strip is stiffer towards one of its ends",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(
         Parameter("slope", "1", low=-1.8, high=1.8),
         shape("central", "1", high=1.0, guess=0.3),

@@ -2,17 +2,17 @@
 
 import math
 from collections.abc import Mapping
+from functools import partial
 
 from drivers.strip.effects.effect import Effect, Parameter, Stage, sets
 from drivers.strip.model import StripModel, with_field
 
 SHARP_CURVATURE = 50.0  # 1/m, a sharp bend of a fold
+rig_effect = partial(Effect, of="cell", stage=Stage.BOUNDARY)
 
-CONTROL_DELAY = Effect(
+CONTROL_DELAY = rig_effect(
     name="control_delay",
     sentence="the arm reports its positions late",
-    of="cell",
-    stage=Stage.BOUNDARY,
     parameters=(Parameter("time", "s", low=-0.2, high=0.2),),
     apply=sets(time="rig.delay"),
     typical=lambda _: (0.003, 0.015),
@@ -20,11 +20,9 @@ CONTROL_DELAY = Effect(
     revealed_by="an empty-hand run under a second clock; a still image",
 )
 
-DESK_HEIGHT = Effect(
+DESK_HEIGHT = rig_effect(
     name="desk_height",
     sentence="the desk is not at the height that the arm assumes",
-    of="cell",
-    stage=Stage.BOUNDARY,
     parameters=(Parameter("height", "m", low=-0.02, high=0.02),),
     apply=sets(height="rig.desk_height"),
     typical=lambda _: (0.0005, -0.002, 0.003),
@@ -39,66 +37,54 @@ def _tilt_desk(model: StripModel, values: Mapping[str, float]) -> StripModel:
     return with_field(model, "boundary.gravity", pull)
 
 
-DESK_TILT = Effect(
+DESK_TILT = rig_effect(
     name="desk_tilt",
     sentence="the desk leans, so that weight pulls along the strip",
-    of="cell",
-    stage=Stage.BOUNDARY,
     parameters=(Parameter("angle", "rad", low=-0.2, high=0.2),),
     apply=_tilt_desk,
     typical=lambda _: (0.003, -0.01, 0.02),
     revealed_by="a spirit level; the strip turned by 180 degrees",
 )
 
-END_SLIP = Effect(
+END_SLIP = rig_effect(
     name="end_slip",
     sentence="the fixed edge slides on the desk",
-    of="cell",
-    stage=Stage.BOUNDARY,
     parameters=(Parameter("friction", "1", low=0.05, high=10.0, null=None),),
     apply=sets(friction="boundary.edge_friction"),
     typical=lambda _: (10.0, 3.0, 1.5, 0.8),
     revealed_by="a taut lift, and a picture of the fixed edge before and after",
 )
 
-GRIP_SLIP = Effect(
+GRIP_SLIP = rig_effect(
     name="grip_slip",
     sentence="the strip slides in the grip",
-    of="cell",
-    stage=Stage.BOUNDARY,
     parameters=(Parameter("force", "N", low=0.02, high=100.0, null=None),),
     apply=sets(force="boundary.grip_force"),
     typical=lambda strip: tuple(strip.weight * n for n in (4.0, 2.4, 1.6, 1.2, 1.0, 0.8)),
     revealed_by="a taut lift, there and back: afterwards the strip is longer than before",
 )
 
-GRIPPER_COMPLIANCE = Effect(
+GRIPPER_COMPLIANCE = rig_effect(
     name="gripper_compliance",
     sentence="the grip turns under the moment of the strip",
-    of="cell",
-    stage=Stage.BOUNDARY,
     parameters=(Parameter("compliance", "rad/(N m)", low=0.0, high=1e4),),
     apply=sets(compliance="boundary.grip_compliance"),
     typical=lambda strip: tuple(turn / (strip.rigidity * SHARP_CURVATURE) for turn in (0.01, 0.1)),
     revealed_by="a stiff strip folded beside a soft one",
 )
 
-GRIPPER_TILT = Effect(
+GRIPPER_TILT = rig_effect(
     name="gripper_tilt",
     sentence="the gripper is tilted against what the arm reports",
-    of="cell",
-    stage=Stage.BOUNDARY,
     parameters=(Parameter("angle", "rad", low=-0.5, high=0.5),),
     apply=sets(angle="rig.grip_tilt"),
     typical=lambda _: (0.01, -0.03, 0.05),
     revealed_by="a picture of the gripper; folds with a short hanging part",
 )
 
-TCP_OFFSET = Effect(
+TCP_OFFSET = rig_effect(
     name="tcp_offset",
     sentence="the strip is held beside the point that the arm reports",
-    of="cell",
-    stage=Stage.BOUNDARY,
     parameters=(
         Parameter("x", "m", low=-0.03, high=0.03),
         Parameter("z", "m", low=-0.03, high=0.03),

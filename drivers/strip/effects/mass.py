@@ -1,20 +1,22 @@
 """Effects of the strip's length, mass, stretch and surface."""
 
 from collections.abc import Mapping
+from functools import partial
 
 from drivers.strip.effects.effect import Effect, Parameter, Span, Stage, sets, shape
 from drivers.strip.model import Drag, StripModel, with_field
 from drivers.types import frozen
+
+law_effect = partial(Effect, of="strip", stage=Stage.LAW)
 
 
 def _change_length(model: StripModel, values: Mapping[str, float]) -> StripModel:
     return with_field(model, "mechanics.length", model.stated_length + values["error"])
 
 
-LENGTH_ERROR = Effect(
+LENGTH_ERROR = law_effect(
     name="length_error",
     sentence="the strip is not as long as stated",
-    of="strip",
     stage=Stage.SIZE,
     parameters=(Parameter("error", "m", low=-0.02, high=0.02),),
     apply=_change_length,
@@ -31,11 +33,9 @@ def _add_mass(model: StripModel, values: Mapping[str, float]) -> StripModel:
     return with_field(model, "mechanics.linear_density", frozen(mechanics.linear_density + added))
 
 
-HEM_MASS = Effect(
+HEM_MASS = law_effect(
     name="hem_mass",
     sentence="a piece of the strip, such as a hem, is heavier than the rest",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(
         Parameter("mass", "kg", low=0.0, high=0.1),
         Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
@@ -51,11 +51,9 @@ HEM_MASS = Effect(
     revealed_by="the strip on scales; slow folds of other heights",
 )
 
-STRETCH = Effect(
+STRETCH = law_effect(
     name="stretch",
     sentence="the strip stretches under its own weight and the pull of the gripper",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(Parameter("stiffness", "N", low=0.5, high=1e6, null=None),),
     apply=sets(stiffness="mechanics.stretch_stiffness"),
     typical=lambda strip: tuple(strip.weight / strain for strain in (0.002, 0.006, 0.02)),
@@ -63,11 +61,9 @@ STRETCH = Effect(
     revealed_by="a taut lift and a high carry: the hanging part grows longer",
 )
 
-AIR_DRAG = Effect(
+AIR_DRAG = law_effect(
     name="air_drag",
     sentence="the air slows the strip down where it moves broadside",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(
         Parameter("coefficient", "1", low=0.0, high=10.0),
         shape("slow", "m/s", high=1.0, guess=0.03),
@@ -80,11 +76,9 @@ AIR_DRAG = Effect(
     revealed_by="a fast fold against a slow one: the falling fold arrives late",
 )
 
-LAYER_ADHESION = Effect(
+LAYER_ADHESION = law_effect(
     name="layer_adhesion",
     sentence="the layers cling to each other where they touch",
-    of="strip",
-    stage=Stage.LAW,
     parameters=(Parameter("force", "N/m", low=0.0, high=50.0),),
     apply=sets(force="mechanics.adhesion"),
     revealed_by="a run that goes on or comes back after the layers have touched",

@@ -1,12 +1,14 @@
 """Effects of measuring: what the calibrated camera shows wrongly."""
 
+from functools import partial
+
 from drivers.strip.effects.effect import Effect, Parameter, Stage, sets
 
-CAMERA_LATENCY = Effect(
+camera_effect = partial(Effect, of="cell", stage=Stage.OBSERVATION)
+
+CAMERA_LATENCY = camera_effect(
     name="camera_latency",
     sentence="the camera shows the world later than its time stamps say",
-    of="cell",
-    stage=Stage.OBSERVATION,
     parameters=(Parameter("time", "s", low=-0.2, high=0.2),),
     apply=sets(time="observation.camera_latency"),
     typical=lambda _: (0.003, 0.015),
@@ -14,11 +16,9 @@ CAMERA_LATENCY = Effect(
     revealed_by="a fast fold against a slow one: the shift grows with speed",
 )
 
-CONTACT_BIAS = Effect(
+CONTACT_BIAS = camera_effect(
     name="contact_bias",
     sentence="the camera sees the place where the strip leaves the desk too far out or in",
-    of="cell",
-    stage=Stage.OBSERVATION,
     parameters=(Parameter("bias", "m", low=-0.05, high=0.05),),
     apply=sets(bias="observation.contact_bias"),
     typical=lambda _: (0.001, 0.005),
@@ -26,22 +26,18 @@ CONTACT_BIAS = Effect(
     revealed_by="a strip lifted by hand to a known place",
 )
 
-HOMOGRAPHY_SCALE = Effect(
+HOMOGRAPHY_SCALE = camera_effect(
     name="homography_scale",
     sentence="the camera shows lengths too long or too short",
-    of="cell",
-    stage=Stage.OBSERVATION,
     parameters=(Parameter("scale", "1", low=-0.1, high=0.1),),
     apply=sets(scale="observation.scale"),
     typical=lambda _: (0.0005, 0.005),
     revealed_by="the picture of a board or of two marks a known length apart",
 )
 
-HOMOGRAPHY_SHIFT = Effect(
+HOMOGRAPHY_SHIFT = camera_effect(
     name="homography_shift",
     sentence="the camera shows every place off by the same shift",
-    of="cell",
-    stage=Stage.OBSERVATION,
     parameters=(
         Parameter("x", "m", low=-0.05, high=0.05),
         Parameter("z", "m", low=-0.05, high=0.05),
