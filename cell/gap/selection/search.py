@@ -37,7 +37,6 @@ class Budget:
     finish_share: float = 0.1  # of the best model's gain, under which a fit is not finished
     shape_start: float = 1 / 3  # of its prior spread, where a shape parameter begins too
     shape_gain: float = 0.5  # of the gain asked of an effect, asked of shape parameters
-    near: float = 20.0  # nats behind the best model, within which the other sign is tried
     substitutes: int = 2  # models in which another effect replaces one that is accepted
 
 
@@ -272,21 +271,17 @@ def other_signs(
     """Fit to the end those of `models` whose effects have a place, with the other sign of each too.
 
     A stiff seam here resembles a soft one next to it, on another base or beside another effect.
-    Models that are far behind the best are fitted to the end alone: no sign brings them near.
     """
     tasks: list[Task[Estimate]] = []
-    by = fits.scale
-    best_value = min(objective_of(m.estimate, by.scale) for m in fits.models)
     for fit in (m.estimate for m in models):
         placed = [
             e for e in fit.model.effects if e.two_sided and any(p.shape for p in e.parameters)
         ]
-        beside = [(e, other) for e in placed if (other := fits.of(fit.model.names - {e.name}))]
-        behind = (objective_of(fit, by.scale) - best_value) / by.inefficiency
-        if beside:
+        beside = [(e, fits.of(fit.model.names - {e.name})) for e in placed]
+        signs = [_with_other_sign(fit, e, other.estimate) for e, other in beside if other]
+        if signs:
             same = refit(fit.model, fit.evidence, fit.point, fit.jacobians)
-            signs = [_with_other_sign(fit, e, other.estimate) for e, other in beside]
-            tasks.append(_best_of([same, *(signs if behind < BUDGET.near else ())]))
+            tasks.append(_best_of([same, *signs]))
     return run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
 
 
