@@ -21,8 +21,7 @@ from calibration.wizard.board_views import BoardViews
 from calibration.wizard.coverage import WantedView
 from calibration.wizard.latency import NOT_MEASURED, LatencyVerdict, latency_verdict
 from calibration.wizard.lens_verdict import LensVerdict
-from calibration.wizard.news import Watcher
-from calibration.wizard.picture import draw_picture
+from calibration.wizard.news import Watcher, draw_picture
 from calibration.wizard.session import (
     PICTURE_FILE,
     SESSION_FILE,
