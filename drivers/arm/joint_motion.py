@@ -178,19 +178,19 @@ def follow_joints(
     joints: Numbers,
     share: float,
     guard: ForceGuard,
-    left: Callable[[], bool],
-    enough: Callable[[Any], bool] = lambda _: False,
+    interrupted: Callable[[], bool],
+    until: Callable[[Any], bool] = lambda _: False,
 ) -> Numbers:
     """Bring `robot` to `joints` (7,) [rad] and return the joints (7,) at which it comes to rest.
 
-    It brakes earlier once `left` or, for its state, `enough` is true. Raises ArmFault for an
+    It brakes earlier once `interrupted` or, for its state, `until` is true. Raises ArmFault for an
     objection of the `guard`, once the robot stands.
     """
     motion = robot.start_joints()
     state = robot.read(motion)
     setpoints, objection = JointMotion(state, joints, share), ""
     while not (setpoints.arrived and _is_still(state)):
-        if not objection and (left() or enough(state)):
+        if not objection and (interrupted() or until(state)):
             setpoints.brake()
         robot.write_joints(motion, setpoints.tick())
         state = robot.read(motion)

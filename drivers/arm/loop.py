@@ -11,7 +11,7 @@ from drivers.arm.joint_log import JointLog
 from drivers.arm.joint_motion import CartesianMotion, largest_difference
 from drivers.arm.orders import Kind, Latest, Order, Report
 from drivers.arm.plane import LEANING, OUT_OF_PLANE, FadingOffset, StripPlane
-from drivers.arm.reach import REACTION, ReachGuard, Soon
+from drivers.arm.reach import REACTION, PredictedMotion, ReachGuard
 from drivers.arm.settings import FciSettings
 from drivers.errors import Fault
 from drivers.franka.kinematics import HOME
@@ -196,7 +196,7 @@ class Loop:
         self._new = False
         if not self._profile.moving:
             return
-        reason = self._guard.objection(Soon(*self._profile.soon(REACTION)))
+        reason = self._guard.objection(PredictedMotion(*self._profile.soon(REACTION)))
         if reason:
             pose = self._profile.pose
             self._brake_for_good(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
@@ -273,7 +273,7 @@ def rehearse(installation: Installation) -> None:
     for _ in range(TICKS_BETWEEN_LOOKS):
         x, z, pitch = profile.tick()
         plane.command(x, z, pitch, FadingOffset().tick())
-        guard.objection(Soon(*profile.soon(REACTION)))
+        guard.objection(PredictedMotion(*profile.soon(REACTION)))
         profile.resume(profile.pose, profile.velocity, profile.acceleration, 1)
 
 

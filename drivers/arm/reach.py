@@ -82,26 +82,28 @@ def plan_reach(
     furthest. The driver's guard must not brake on it, or not before the lay, whose way depends on
     where the layers touch.
     """
-    ways = [
-        way
+    candidates = [
+        candidate
         for turned in (False, True)
-        for way in _postures(installation, path, speeds, turned, elbows)
+        for candidate in _postures(installation, path, speeds, turned, elbows)
     ]
-    if not ways:
+    if not candidates:
         x, z, pitch = path[0].tolist()
         first = Problem(x, z, pitch, "no posture of the arm brings the hand there")
         return Reach(False, HOME, 0.0, 1, 0, (first,))
-    ways.sort(key=lambda way: (way.allowed, way.followed, way.margin), reverse=True)
+    candidates.sort(key=lambda found: (found.allowed, found.followed, found.margin), reverse=True)
     braked = list[Reach]()
-    for way in ways:
-        if not way.allowed:
-            break  # the ways with problems come last
-        stop = _first_braking(installation, path, speeds, way)
+    for candidate in candidates:
+        if not candidate.allowed:
+            break  # the candidates with problems come last
+        stop = _first_braking(installation, path, speeds, candidate)
         if stop is None:
-            return way
+            return candidate
         after_lift = stop.pitch > HANGING
-        braked.append(way if after_lift else replace(way, problems=(stop,)))
-    return max(braked, key=_progress) if braked else ways[0]
+        braked.append(candidate if after_lift else replace(candidate, problems=(stop,)))
+    if not braked:
+        return candidates[0]
+    return max(braked, key=lambda found: (found.allowed, found.margin))
 
 
 def _postures(
@@ -145,22 +147,18 @@ def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) ->
 
 
 def _first_braking(
-    installation: Installation, path: Array, speeds: Array, way: Reach
+    installation: Installation, path: Array, speeds: Array, reach: Reach
 ) -> Problem | None:
-    """The first pose on a `way`, from the lift on, at which the arm's driver would brake."""
-    plane = StripPlane(installation.mounting.transform(), turned=way.turned)
-    guard = ReachGuard(plane, installation.limits, way.start.tolist())
+    """The first pose along `path`, from the lift on, at which the arm's driver would brake."""
+    plane = StripPlane(installation.mounting.transform(), turned=reach.turned)
+    guard = ReachGuard(plane, installation.limits, reach.start.tolist())
     poses, times = dense(path, speeds)
     rates = np.diff(poses, axis=0) / times[1:, None]
     for (x, z, pitch), rate in zip(poses.tolist(), rates.tolist(), strict=False):
-        reason = guard.objection(Soon(Pose(x, z, pitch), Velocity(*rate), ZERO_VELOCITY))
+        reason = guard.objection(PredictedMotion(Pose(x, z, pitch), Velocity(*rate), ZERO_VELOCITY))
         if reason and pitch > 0.0:
             return Problem(x, z, pitch, reason)
     return None
-
-
-def _progress(way: Reach) -> tuple[bool, float]:
-    return way.allowed, way.margin
 
 
 def _step_objection(joints: Array, there: Array, time: float) -> str:
@@ -197,7 +195,7 @@ def dense(path: Array, speeds: Array) -> tuple[Array, Array]:
     return np.concatenate(poses), np.concatenate(times)
 
 
-class Soon(NamedTuple):
+class PredictedMotion(NamedTuple):
     """Pose, velocity and acceleration [m/s^2, rad/s^2] commanded for REACTION [s] from now."""
 
     pose: Pose
@@ -226,7 +224,7 @@ class ReachGuard:
         self._most = np.array([axis.acceleration for axis in motion.axes])
         self._jerk = np.array([axis.jerk for axis in motion.axes])
 
-    def objection(self, soon: Soon) -> str:
+    def objection(self, soon: PredictedMotion) -> str:
         """Reason to end a motion that will be at `soon`; empty while the motion may go on."""
         speed, change = (
             np.array([rate.vx, rate.vz, rate.pitch_rate])

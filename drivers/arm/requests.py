@@ -93,18 +93,18 @@ def _go(robot: Any, task: Task, request: GoTo, pipe: Connection) -> list[float]:
     robot.require_tool()
     termination, solids = TerminationFlag(), solids_of(task.installation)
 
-    def left() -> bool:
+    def interrupted() -> bool:
         return termination.is_set or pipe.poll()
 
     if request.recover:
-        retreat(robot, task.settings, left, solids)
+        retreat(robot, task.settings, interrupted, solids)
     robot.configure(task.settings.collision)
     guard, reached = robot.guard(), list(robot.state().q)
     way = clear_way(np.array(reached), np.array(request.joints), solids)
     for joints in way:
-        if not left():
+        if not interrupted():
             guard = robot.guard() if _rests(robot.state()) else guard
-            reached = follow_joints(robot, joints.tolist(), request.share, guard, left)
+            reached = follow_joints(robot, joints.tolist(), request.share, guard, interrupted)
     termination.check()
     return reached
 

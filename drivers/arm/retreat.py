@@ -27,7 +27,9 @@ LOOSENING = 2  # factor on the thresholds of the reflexes
 FORCE_CAP, MOMENT_CAP, TORQUE_CAP = 100.0, 100.0, 87.0  # N, N m, N m: most that settings allow
 
 
-def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids: Solids) -> None:
+def retreat(
+    robot: Any, settings: FciSettings, interrupted: Callable[[], bool], solids: Solids
+) -> None:
     """Move a `robot` at rest along the force on its gripper, if that is more than allowed.
 
     The reflexes are loosened for it, as they would stop it at once, and set again by the caller.
@@ -50,7 +52,7 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool], solids:
     def free(now: Any) -> bool:
         return float(np.linalg.norm(now.O_F_ext_hat_K[:3])) < FREE * settings.rest
 
-    follow_joints(robot, way[-1].tolist(), SPEED_SHARE, guard, left, free)
+    follow_joints(robot, way[-1].tolist(), SPEED_SHARE, guard, interrupted, free)
     after = float(np.linalg.norm(robot.state().O_F_ext_hat_K[:3]))
     if not after <= settings.rest:
         words = (

@@ -81,7 +81,7 @@ class Dynamics:
         return np.asarray(self._plant.payload * jacobian.T @ pull)
 
 
-class Trailing:
+class LaggingArm:
     """Posture of an arm that follows the commanded one with a `delay` [s] and a `lag` [s].
 
     Its links deflect by a `sag` (7,) [rad] behind its motors, where there is one.

@@ -11,7 +11,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from drivers.fci_server.configuration import SETTERS, Configuration, configure
-from drivers.fci_server.dynamics import Dynamics, Trailing
+from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.generators import extrapolate, follow, readable
 from drivers.fci_server.limits import BodyCheck, Box, Violation
 from drivers.fci_server.posture import Posture
@@ -111,7 +111,7 @@ class Robot:
     box: Box = field(default_factory=Box)
     surroundings: Surroundings | None = None
     body: BodyCheck = field(default_factory=BodyCheck)
-    trailing: Trailing | None = None
+    trailing: LaggingArm | None = None
     dynamics: Dynamics | None = None
     configuration: Configuration = field(default_factory=Configuration)
     mode: Mode = Mode.IDLE

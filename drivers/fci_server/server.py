@@ -13,7 +13,7 @@ from typing import Annotated, Self, TypeVar
 from pydantic import AfterValidator, Field
 
 from drivers.errors import ConfigurationError
-from drivers.fci_server.dynamics import Dynamics, Trailing
+from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.faults import Disturbance, DropFault, Fault, FreezeFault, VersionFault
 from drivers.fci_server.hand import Between, Hand
 from drivers.fci_server.limits import BodyCheck, Box
@@ -383,4 +383,4 @@ def _give_mechanics(robot: Robot, settings: ServerSettings) -> None:
         delay += plant.delay
         sag = robot.dynamics.sag if robot.dynamics.bends else None
     tool = robot.configuration.tool
-    robot.trailing = Trailing.of(robot.posture, tool, delay, settings.lag, sag)
+    robot.trailing = LaggingArm.of(robot.posture, tool, delay, settings.lag, sag)

@@ -19,7 +19,7 @@ from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from drivers.arm.loop import plane_of
-from drivers.arm.reach import REACTION, ReachGuard, Soon, dense
+from drivers.arm.reach import REACTION, PredictedMotion, ReachGuard, dense
 from drivers.arm.settings import REACHABLE
 from drivers.franka.inverse import solve
 from drivers.franka.kinematics import forward
@@ -98,7 +98,7 @@ def test_commands_late_at_its_end_do_not_take_the_arm_out_of_reach(begin: int) -
 
     def judge(profile: MotionProfile) -> None:
         if profile.moving:
-            objections.append(guard.objection(Soon(*profile.soon(REACTION))))
+            objections.append(guard.objection(PredictedMotion(*profile.soon(REACTION))))
 
     lifted(REACHABLE, late=range(begin, begin + 9), watch=judge)
     assert len(objections) > 200
@@ -115,7 +115,7 @@ def test_short_strips_begin_where_the_guard_lets_the_lift_pass(length: float) ->
     poses, times = dense(*whole_path(length, 0.25, settings, REACHABLE, triangle(length)))
     objections = set[str]()
     for here, there, time in zip(poses[:-1], poses[1:], times[1:], strict=True):
-        soon = Soon(Pose(*here), Velocity(*((there - here) / time)), ZERO_VELOCITY)
+        soon = PredictedMotion(Pose(*here), Velocity(*((there - here) / time)), ZERO_VELOCITY)
         if here[2] < np.pi / 2:  # the guard follows the way there, too
             objections |= {guard.objection(soon)} if here[2] > 0.0 else {guard.objection(soon)[:0]}
     assert objections == {""}

@@ -5,7 +5,7 @@ import pytest
 
 from drivers.arm.orders import Kind
 from drivers.arm.plane import StripPlane
-from drivers.arm.reach import ReachGuard, Soon, plan_reach
+from drivers.arm.reach import PredictedMotion, ReachGuard, plan_reach
 from drivers.franka import limits
 from drivers.types import Pose, Velocity
 from tests.drivers.arm.rig import INSTALLATION, JOINTS, PLANE, START, LossyRobot, begun_losing
@@ -39,7 +39,7 @@ def test_full_speed_reversals_at_any_place_stay_within_the_joints_limits(seed: i
 
 def test_guard_objects_to_what_braking_could_not_stop() -> None:
     guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
-    calm = Soon(Pose(*START), STILL, STILL)
+    calm = PredictedMotion(Pose(*START), STILL, STILL)
     assert guard.objection(calm) == ""
     fast = calm._replace(velocity=Velocity(0.0, 0.0, 20.0))
     assert "could not follow" in guard.objection(fast) or "end" in guard.objection(fast)
@@ -49,7 +49,7 @@ def test_guard_objects_to_what_braking_could_not_stop() -> None:
 
 
 def test_guard_objects_to_joints_that_turn_too_fast_here(monkeypatch) -> None:
-    slow = Soon(Pose(*START), Velocity(0.02, 0.0, 0.0), STILL)
+    slow = PredictedMotion(Pose(*START), Velocity(0.02, 0.0, 0.0), STILL)
     assert ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS).objection(slow) == ""
     few = np.full(7, 1e-3)
     monkeypatch.setattr(limits, "velocity_bounds", lambda _: (-few, few))
@@ -69,7 +69,8 @@ def test_guard_objects_beyond_the_arm_s_reach() -> None:
     guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
     x, z, pitch = START
     objections = [
-        guard.objection(Soon(Pose(x + 0.01 * step, z, pitch), STILL, STILL)) for step in range(60)
+        guard.objection(PredictedMotion(Pose(x + 0.01 * step, z, pitch), STILL, STILL))
+        for step in range(60)
     ]
     assert objections[0] == ""
     assert any(objections)

@@ -21,7 +21,7 @@ from drivers.arm.hand import FciHand
 from drivers.arm.joint_motion import follow_joints
 from drivers.arm.orders import Kind
 from drivers.arm.plane import StripPlane
-from drivers.arm.reach import ReachGuard, Soon
+from drivers.arm.reach import PredictedMotion, ReachGuard
 from drivers.arm.requests import go_to
 from drivers.arm.robot import Robot
 from drivers.arm.settings import FciSettings, HandLimits
@@ -133,9 +133,12 @@ def test_guard_looks_where_a_braking_arm_comes_to_rest(speed: float, found: str)
     guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
     x, z, pitch = START
     while z > -0.155:  # 15 mm above where joint 2 is at its end; braking takes 25 mm
-        assert guard.objection(Soon(Pose(x, z, pitch), STILL, STILL)) == ""
+        assert guard.objection(PredictedMotion(Pose(x, z, pitch), STILL, STILL)) == ""
         z -= 0.005
-    assert guard.objection(Soon(Pose(x, z, pitch), Velocity(0.0, speed, 0.0), STILL)) == found
+    assert (
+        guard.objection(PredictedMotion(Pose(x, z, pitch), Velocity(0.0, speed, 0.0), STILL))
+        == found
+    )
 
 
 @pytest.mark.parametrize(("realtime", "restored"), [("ignore", 1), ("priority", 1), ("enforce", 0)])

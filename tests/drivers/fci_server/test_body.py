@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.fci_server.dynamics import Trailing
+from drivers.fci_server.dynamics import LaggingArm
 from drivers.fci_server.limits import BodyCheck, Violation
 from drivers.fci_server.posture import Posture
 from drivers.fci_server.robot import resting_robot
@@ -92,7 +92,7 @@ def test_nothing_is_passed_through_between_two_looks() -> None:
 
 def test_arm_trails_its_setpoint_by_delay_and_lag() -> None:
     posture = Posture.resting(np.array(HOME), FLANGE_TO_TIP)
-    trailing = Trailing.of(posture, FLANGE_TO_TIP, 0.005, 0.01)
+    trailing = LaggingArm.of(posture, FLANGE_TO_TIP, 0.005, 0.01)
     assert trailing is not None
     goal = HOME + 0.01
     found = []
@@ -103,12 +103,12 @@ def test_arm_trails_its_setpoint_by_delay_and_lag() -> None:
     assert found[5 + 10 - 1] == pytest.approx(0.01 * (1 - np.exp(-1)), rel=0.1)
     assert found[-1] == pytest.approx(0.01, abs=1e-5)
     assert trailing.posture.joints.velocity[0] == pytest.approx(0.0, abs=1e-3)
-    assert Trailing.of(posture, FLANGE_TO_TIP, 0.0, 0.0) is None
+    assert LaggingArm.of(posture, FLANGE_TO_TIP, 0.0, 0.0) is None
 
 
 def test_state_of_a_trailing_arm_is_behind_its_setpoint() -> None:
     robot, publisher = resting_robot(), Publisher()
-    robot.trailing = Trailing.of(robot.posture, FLANGE_TO_TIP, 0.0, 0.02)
+    robot.trailing = LaggingArm.of(robot.posture, FLANGE_TO_TIP, 0.0, 0.02)
     moved = robot.posture.q + 0.01
     robot.posture = Posture.resting(moved, FLANGE_TO_TIP)
     robot.trail()

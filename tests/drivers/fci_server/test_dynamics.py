@@ -7,7 +7,7 @@ import pytest
 
 from drivers.arm import joint_log
 from drivers.arm.joint_log import JointLog, joint_rows
-from drivers.fci_server.dynamics import Dynamics, Trailing
+from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.posture import Course, Posture
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.franka.model import HAND_CENTRE, HAND_MASS, ArmPlant, holding_torques
@@ -75,7 +75,7 @@ def test_sensors_read_alike_at_one_tick_and_with_bias_and_scale():
 
 def test_links_stand_behind_their_motors_by_compliance_times_torque():
     dynamics = Dynamics(ArmPlant(compliance=(1e-4,) * 7))
-    trailing = Trailing.of(at(), FLANGE_TO_TIP, 0.0, 0.0, dynamics.sag)
+    trailing = LaggingArm.of(at(), FLANGE_TO_TIP, 0.0, 0.0, dynamics.sag)
     sag = 1e-4 * Dynamics(ArmPlant()).torque(at())
     assert trailing.posture.q == pytest.approx(Q - sag, abs=1e-12)
     assert np.abs(sag).max() > 5e-4

@@ -29,7 +29,7 @@ from cell.gap.subject.run_folders import read_table
 from cell.record.files import JOINTS, RUN
 from cell.record.tables import joint_table, write_parquet
 from drivers.arm.reach import dense
-from drivers.fci_server.dynamics import Dynamics, Trailing
+from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.posture import Posture
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.franka.kinematics import FLANGE_TO_TIP
@@ -100,7 +100,7 @@ def drive_again(run: Path, plant: ArmPlant) -> Array:
     dynamics = Dynamics(plant)
     begun = Posture.resting(smooth[0], FLANGE_TO_TIP)
     sag = dynamics.sag if dynamics.bends else None
-    arm, rows = Trailing(begun, FLANGE_TO_TIP, plant.delay, 0.0, sag), []
+    arm, rows = LaggingArm(begun, FLANGE_TO_TIP, plant.delay, 0.0, sag), []
     for k, q_d in enumerate(smooth):
         arm.tick(q_d)
         here = arm.posture

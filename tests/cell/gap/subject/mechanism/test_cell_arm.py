@@ -17,7 +17,7 @@ from cell.gap.subject.subject import Request
 from cell.gap.verdict.accept import accept, sha256, undo
 from cell.record.tables import joint_table, write_parquet
 from drivers.errors import ConfigurationError
-from drivers.fci_server.dynamics import Dynamics, Trailing
+from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.posture import Course, Posture
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.franka.model import ArmPlant, arm_mjcf
@@ -40,7 +40,7 @@ def record(folder: Path, plant: ArmPlant, phase: float) -> RunFolder:
     commanded = HOME + swing * (begin**3 * (10.0 - 15.0 * begin + 6.0 * begin**2))[:, None]
     course = Course(np.zeros(7), np.zeros(7))
     begun = Posture.of(commanded[0], FLANGE_TO_TIP, course)
-    arm = Trailing(begun, FLANGE_TO_TIP, plant.delay, 0.0, sag)
+    arm = LaggingArm(begun, FLANGE_TO_TIP, plant.delay, 0.0, sag)
     rows = []
     for k, q_d in enumerate(commanded):
         arm.tick(q_d)
