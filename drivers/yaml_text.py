@@ -164,7 +164,7 @@ _Dumper.add_implicit_resolver(FLOAT_TAG, EXPONENTS, list("-+.0123456789"))
 
 def _place(error: yaml.YAMLError) -> str:
     mark = getattr(error, "problem_mark", None)
-    problem = getattr(error, "problem", None) or "cannot be parsed"
+    problem = getattr(error, "problem", None) or getattr(error, "reason", "cannot be parsed")
     return f"line {mark.line + 1}: {problem}" if mark is not None else str(problem)
 
 
