@@ -156,8 +156,8 @@ class Child:
     def receive(self, timeout: float | None = None) -> Any:
         """Next message of the child; None where none comes within `timeout` [s].
 
-        Raises ChildDied once the child has ended and all its messages were received, and from then
-        on.
+        Raises ChildDied once the child has failed or ended and its messages were received, and from
+        then on. One that failed may take a moment to end, for which `close` waits.
         """
         try:
             if not self.pipe.poll(timeout):
@@ -167,7 +167,8 @@ class Child:
             message = None
         if message is None or isinstance(message, Failure):
             self._failure = self._failure or message
-            self.close()
+            if self._failure is None:
+                self.close()
             raise ChildDied(self._process.returncode, self._failure)
         return message
 

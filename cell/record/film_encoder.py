@@ -132,6 +132,7 @@ class FilmProcess:
         try:
             answer = self._child.receive(ENCODER_TIMEOUT)
         except ChildDied as died:
+            self._child.close()
             known = died.failure
             reason = "its process has ended" if known is None else known.text or known.error
             raise OSError(reason) from None

@@ -96,6 +96,7 @@ def test_child_that_raises_says_what(child) -> None:
     for _ in range(2):
         with pytest.raises(ChildDied, match="ZeroDivisionError: nobody foresaw this"):
             child.receive(PATIENCE)
+    child.close()
     assert is_gone(child.pid)
 
 
