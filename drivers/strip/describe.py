@@ -1,5 +1,6 @@
 """Construction of a strip's physical model from its file, and validation of such files."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -58,11 +59,7 @@ def _build_model(inputs: _Inputs) -> StripModel:
 
 def load_strip(path: Path) -> StripFile:
     """Load the strip file at `path`; raises ConfigurationError where it or an effect is wrong."""
-    strip = load(path, StripFile)
-    check_effects(strip.effects, origin=str(path), of="strip")
-    check_law(strip.law, origin=str(path))
-    check_described(strip, origin=str(path))
-    return strip
+    return _load(path, of_cell=frozenset())
 
 
 def load_plant(path: Path) -> StripFile:
@@ -70,15 +67,17 @@ def load_plant(path: Path) -> StripFile:
 
     Raises ConfigurationError where it or its effects are wrong.
     """
-    plant = load(path, StripFile)
-    known = {name for name, effect in registry().items() if effect.of == "cell"}
-    of_cell = {name: values for name, values in plant.effects.items() if name in known}
-    of_strip = {name: values for name, values in plant.effects.items() if name not in known}
-    check_effects(of_strip, origin=str(path), of="strip")
-    check_effects(of_cell, origin=str(path), of="cell")
-    check_law(plant.law, origin=str(path))
-    check_described(plant, origin=str(path))
-    return plant
+    return _load(path, of_cell={name for name, e in registry().items() if e.of == "cell"})
+
+
+def _load(path: Path, of_cell: Collection[str]) -> StripFile:
+    """Load the strip file at `path`, whose effects are of strips or among those `of_cell`."""
+    strip = load(path, StripFile)
+    for name, values in strip.effects.items():
+        check_effects({name: values}, str(path), "cell" if name in of_cell else "strip")
+    check_law(strip.law, origin=str(path))
+    check_described(strip, origin=str(path))
+    return strip
 
 
 def check_described(strip: StripFile, origin: str) -> None:

@@ -1,7 +1,11 @@
 """Commands in the environment of README's first command, which holds no optional library."""
 
+import ast
+import re
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -64,3 +68,25 @@ def test_learned_policies_decide_without_the_libraries_of_their_training(tmp_pat
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == ["feedback", "adaptive"]
+
+
+# by numba, mcap-protobuf-support, jinja2, pydantic, distributed
+BROUGHT_BY_OTHERS = {"llvmlite", "protobuf", "markupsafe", "pydantic_core", "tornado"}
+
+
+def test_every_library_that_the_product_imports_is_stated() -> None:
+    root = Path(__file__).parents[3]
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    groups = [project["dependencies"], *project["optional-dependencies"].values()]
+    stated = {re.split(r"[^\w.-]", line)[0].lower() for group in groups for line in group}
+    found, ours = set(), {"cell", "drivers", "calibration", "policies"}
+    for module in (path for room in ours for path in (root / room).rglob("*.py")):
+        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                found.add(node.module.partition(".")[0])
+            elif isinstance(node, ast.Import):
+                found |= {name.name.partition(".")[0] for name in node.names}
+    owners = packages_distributions()
+    foreign = found - ours - set(sys.stdlib_module_names) - {"_typeshed"}
+    needed = {name: {owner.lower() for owner in owners.get(name, [name])} for name in foreign}
+    assert not {name for name, by in needed.items() if not by & (stated | BROUGHT_BY_OTHERS)}
