@@ -130,7 +130,7 @@ def _agree_to_motion(
 
     The doctor checks the robot first, except to `recover`, which must always be possible.
     """
-    from cell.arm.real_robot import agree
+    from cell.arm.run_settings import agree
     from cell.devices.devices import DeviceSelection
     from cell.doctor.doctor import check_motion
 
@@ -141,7 +141,7 @@ def _agree_to_motion(
 
 
 def _speed_share(*, full_speed: bool) -> float:
-    from cell.arm.real_robot import FIRST_RUN_SPEED
+    from cell.arm.run_settings import FIRST_RUN_SPEED
 
     return 1.0 if full_speed else FIRST_RUN_SPEED
 

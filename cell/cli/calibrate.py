@@ -277,7 +277,7 @@ def _open_devices(
 
     The doctor looks at a real robot first, and the operator has to agree to its motion.
     """
-    from cell.arm.real_robot import agree
+    from cell.arm.run_settings import agree
     from cell.calibrating.calibrate import NO_STRIP
     from cell.devices.devices import DeviceSelection
     from cell.devices.open import open_cell

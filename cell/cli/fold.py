@@ -194,7 +194,7 @@ def _fold_all(
     That is the largest of the folds', or with `until` [m] that of the last one, 1 where no edges
     lie as close.
     """
-    from cell.arm.real_robot import await_strip
+    from cell.arm.run_settings import await_strip
     from cell.devices.open import emulation
     from cell.folding.batch import Attendance, agreed, fold_all
     from cell.folding.request import with_correction

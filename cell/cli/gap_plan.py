@@ -75,7 +75,7 @@ def plan(
 
 def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
     """Make the runs and report each; returns the largest exit code of those that went wrong."""
-    from cell.arm.real_robot import await_strip
+    from cell.arm.run_settings import await_strip
     from cell.folding.batch import Attendance, agreed, fold_all
     from cell.folding.standard_runs import went_as_planned
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from multiprocessing.connection import wait
 
 from calibration.calibration import Calibration
-from cell.arm.real_robot import confirm
+from cell.arm.run_settings import confirm
 from cell.calibrating.calibrate import calibration_of
 from cell.campaign.worker import StopSignal, Worker
 from cell.devices.open import is_physical, is_real

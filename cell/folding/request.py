@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
-from cell.arm.arm_settings import settings_of_run
+from cell.arm.run_settings import settings_of_run
 from cell.config.cell import CellFile
 from cell.config.length import metres
 from cell.devices.devices import DeviceSelection

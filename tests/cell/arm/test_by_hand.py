@@ -4,7 +4,7 @@ import pytest
 
 from calibration.wizard.touched_points import TouchedPoints
 from cell.arm.by_hand import by_hand, jog
-from cell.arm.real_robot import slow_down
+from cell.arm.run_settings import slow_down
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.orchestrator.calibrating import calibrate

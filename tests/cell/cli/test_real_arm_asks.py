@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 import cell
-from cell.arm.real_robot import await_strip
+from cell.arm.run_settings import await_strip
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_drivers, open_cell

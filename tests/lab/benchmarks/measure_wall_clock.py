@@ -38,7 +38,7 @@ import numpy as np
 
 import cell.folding.fold
 from calibration.calibration import Calibration
-from cell.arm.arm_settings import suit_to_arm
+from cell.arm.run_settings import suit_to_arm
 from cell.calibrating.calibrate import calibration_of
 from cell.config.cell import CellFile
 from cell.config.places import find_configs

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.arm.arm_settings import at_speed
+from cell.arm.run_settings import at_speed
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold

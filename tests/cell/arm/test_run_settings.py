@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.arm.real_robot import confirm, is_real, slow_down
+from cell.arm.run_settings import confirm, is_real, slow_down
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from drivers.errors import PreflightRefused
