@@ -23,9 +23,9 @@ from cell.orchestrator.operator import Unattended
 from drivers.errors import CellError, ConfigurationError
 from drivers.files import check_writable
 from drivers.strip.file import StripFile
-from drivers.twin.board import drawing_digest
 
 SHIPPED = (PACKAGED if PACKAGED.exists() else CHECKOUT_CONFIGS) / "calibration"
+RENDERING = 1  # raised with a renderer by which calibrations come out otherwise; a test says when
 NO_STRIP = StripFile(
     schema=1,
     name="none",
@@ -88,9 +88,9 @@ def _file_lock(path: Path) -> Iterator[None]:
 
 
 def kept_calibration(settings: CellFile) -> Path:
-    """Path at which the twin's calibration is kept, unique to its settings and how it is drawn."""
+    """Path at which the twin's calibration is kept, unique to its settings and its renderer."""
     facts = settings.model_dump_json(include={"twin", "touches", "boards", "latency"})
-    identity = hashlib.sha256(f"{facts}{drawing_digest()}".encode()).hexdigest()[:12]
+    identity = hashlib.sha256(f"{facts}{RENDERING}".encode()).hexdigest()[:12]
     return cache_folder() / "calibration" / f"twin-{identity}.yaml"
 
 

@@ -1,22 +1,17 @@
 """Rendered ChArUco boards in front of the twin's camera."""
 
-import hashlib
 from dataclasses import dataclass
-from functools import cache
 
 import cv2
 import numpy as np
 
 from drivers.errors import ConfigurationError
 from drivers.geometry import Matrix
-from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics, Pixels
-from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.renderer.sensor import blur, noisy
 from drivers.twin.renderer.stage import bgr, light
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Frame, Image, Pose, frozen
+from drivers.types import Array, Frame, Image
 
 SOURCE = "twin board"
 QUIET_ZONE = 0.5  # squares of white paper around the pattern
@@ -26,16 +21,6 @@ PRINT_SCALE = 2.5  # pixels of the print per pixel of the image
 SMALLEST_SQUARE = 24.0  # px of the print
 PAPER_LEVEL, INK_LEVEL = 232.0, 26.0  # grey levels of the print
 DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-PIN = Scene(
-    stamp=0.0,
-    points=frozen(np.array([(0.0, 0.0), (0.6, 0.0)])),
-    arc=frozen(np.array([0.0, 0.6])),
-    gripper=Pose(0.3, 0.1, np.pi / 2),
-    finger_width=0.0,
-    holds_strip=False,
-    pointer=True,
-    strip=False,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,17 +38,6 @@ class Placement:
     tilt: float = 0.0
     turn: float = 0.0
     roll: float = 0.0
-
-
-@cache
-def drawing_digest() -> str:
-    """Digest of small pictures of a board and of the pin: it changes when their drawing does."""
-    settings = CameraSettings(width=426, height=240)
-    board = cv2.aruco.CharucoBoard((7, 5), 0.03, 0.02, DICTIONARY)
-    pose = board_pose(settings, board, Placement(0.55, 0.45, 0.5, 0.3, -0.2, 0.1))
-    shown = board_frame(settings, board, pose, seed=1).image
-    pin = Renderer(settings, StripLook((40, 60, 110), 0.001, 0.05), 1).render([PIN], 1)
-    return hashlib.sha256(shown.tobytes() + pin.tobytes()).hexdigest()[:16]
 
 
 def board_pose(
