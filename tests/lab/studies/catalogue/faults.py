@@ -124,7 +124,8 @@ TOUCHED and STOPPING). *Stopped*: by a named fault. *Harmless*: the fold went th
 displacement was measured within 3 mm of the truth, or it said that it did not fold. Worst of the
 stopped cases: seconds from the fault to the stop command and to rest, millimetres on the way. A
 policy that hangs costs time of the machine only: the simulated clock stands; on the wall clock a
-turn ends after 1 s.
+turn ends after 1 s. The study allows a state 20 s and a turn 15 s; a cell has 60 s and 300 s unless
+`monitors:` in `cell.yaml` says otherwise.
 """
 
 STUDY = Study(
