@@ -101,9 +101,9 @@ def pages(folder: Path) -> Digests:
     first = _folded(folder, *FOLD, "--policy", "triangular", "--frames", "none")
     second = _folded(folder, *FOLD, "--policy", "circular", "--frames", "none")
     for name, arguments in {
-        "runs": ("runs", str(folder / "runs")),
-        "runs csv": ("runs", str(folder / "runs"), "--csv"),
-        "runs far off": ("runs", str(folder / "runs"), "--where", "abs(displacement) > 0.01"),
+        "runs": ("runs", "--runs", str(folder / "runs")),
+        "runs csv": ("runs", "--runs", str(folder / "runs"), "--csv"),
+        "runs far off": ("runs", "--runs", str(folder / "runs"), "--where", "abs(displacement) > 0.01"),
         "strips": ("strips",),
     }.items():
         yield name, _text(_cell(folder, *arguments), folder)
