@@ -103,7 +103,13 @@ def pages(folder: Path) -> Digests:
     for name, arguments in {
         "runs": ("runs", "--runs", str(folder / "runs")),
         "runs csv": ("runs", "--runs", str(folder / "runs"), "--csv"),
-        "runs far off": ("runs", "--runs", str(folder / "runs"), "--where", "abs(displacement) > 0.01"),
+        "runs far off": (
+            "runs",
+            "--runs",
+            str(folder / "runs"),
+            "--where",
+            "abs(displacement) > 0.01",
+        ),
         "strips": ("strips",),
     }.items():
         yield name, _text(_cell(folder, *arguments), folder)

@@ -76,7 +76,7 @@ class TwinOperator:
         self._person = person
 
     def answer(self, question: Question) -> Answer | None:
-        """Answer of the person, after the pointer was mounted or removed on the twin."""
+        """Ask the person; an answer on the pointer mounts it on the twin, or removes it."""
         answer = self._person.answer(question)
         if answer is not None and question.ask in {Ask.POINTER_IN, Ask.POINTER_OUT}:
             self._aids.hold_pointer(question.ask is Ask.POINTER_IN)

@@ -88,7 +88,7 @@ class LensSession:
 
     @property
     def lines(self) -> tuple[Line, ...]:
-        """Lines for the operator."""
+        """Lines of the verdict on the lens, for the operator."""
         return self.verdict.lines()
 
     def facts(self) -> dict[str, Any]:
@@ -137,7 +137,7 @@ class TouchSession:
 
     @property
     def lines(self) -> tuple[Line, ...]:
-        """Lines for the operator."""
+        """Lines of the verdict on map and latency, for the operator."""
         return map_lines(self.touches, self.latency, self.speed)
 
     def facts(self) -> dict[str, Any]:

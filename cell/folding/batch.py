@@ -105,9 +105,9 @@ def _in_turn(
             attendance.lay_again()
         observe = attendance.observe(request.strip.name)
         with attendance.interrupt() as interrupted, observe as observers:
-            calibration = calibration_of(request.cell, attendance.report, interrupted)
             result: FoldResult | CellError
             try:
+                calibration = calibration_of(request.cell, attendance.report, interrupted)
                 result = fold(request, observers, interrupted, calibration)
             except CellError as error:
                 result = error
@@ -148,7 +148,7 @@ class FoldCrew:
                     if interrupted() and not self._stops:
                         self._stop()
                     self._begin(interrupted)
-                    if not self._busy:
+                    if not self._busy and number not in self._done:
                         return
                     self._collect()
                 except KeyboardInterrupt:
@@ -166,9 +166,18 @@ class FoldCrew:
             worker.join()
 
     def _begin(self, interrupted: Callable[[], bool]) -> None:
+        """Start waiting folds on idle workers; one without a calibration is done with its error.
+
+        A fold leaves the queue after its calibration, so that Ctrl-C meanwhile does not lose it.
+        """
         while self._idle and self._waiting:
             number, request = self._waiting[0]
-            calibration = calibration_of(request.cell, self._report, interrupted)
+            try:
+                calibration = calibration_of(request.cell, self._report, interrupted)
+            except CellError as error:
+                self._waiting.popleft()
+                self._done[number] = error
+                continue
             self._waiting.popleft()
             worker = self._idle.pop(0)
             self._busy[worker] = number

@@ -36,7 +36,9 @@ Progress = Callable[[str, float], None]
 def revised_base(
     simulate: Simulate, fits: Fits, scatter: Sequence[Spread], whole: Evidence
 ) -> tuple[Estimate, tuple[Spread, ...]] | None:
-    """Base and spreads in runs `whole` by leading models; None where neither clearly changes.
+    """Refit the base model and its scatter from run to run, starting from the models that lead it.
+
+    `whole` are the runs with all unknowns. Returns None where neither clearly changes.
 
     A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it,
     and may have stopped in a local minimum.

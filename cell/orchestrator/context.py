@@ -37,7 +37,7 @@ class Context(ABC):
 
     @property
     def desk(self) -> float:
-        """Position x [m] at which the desk ends for the hand, 0 for an arm without a hand."""
+        """Position x [m] at which the desk ends: as configured, or the end of the workspace."""
         return desk_end(self.settings.installation)
 
     @abstractmethod
@@ -70,7 +70,7 @@ class FoldContext(Context):
     warning: str = ""
 
     def completion(self) -> StopReason:
-        """Whether the layers touched, and whether the laid fold is one."""
+        """Outcome and exit code: 0 where the layers touched and the strip lies folded, else 1."""
         if self.seen_touch is None:
             return StopReason("path_done", "the path ended and no touch was seen", 1)
         complaint = None if self.laid is None else self.laid.complaint()

@@ -284,7 +284,10 @@ def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
 
 
 def _check_command(snapshot: Snapshot, command: Command, rules: Rules) -> None:
-    """Refuse a command that leaves the workspace, meets the desk or is too fast."""
+    """Refuse a pose outside the workspace or in the desk, and a velocity that is too fast.
+
+    The pitch rate and the path of a velocity are limited by the arm side and by the monitors.
+    """
     if isinstance(command, MoveTo):
         rules.workspace.check(command.pose)
         require_clear([snapshot.arm.commanded, command.pose], rules.desk)

@@ -54,7 +54,7 @@ class TwinCamera:
         self._world = world
         self._clock = clock
         self._settings = settings
-        optics = optics_now(settings, observation, desk_height)
+        optics = displaced_optics(settings, observation, desk_height)
         bias = observation.contact_bias
         self._renderer = Renderer(settings, look, seed, optics, bias, surround)
         self._latency = observation.camera_latency
@@ -124,8 +124,14 @@ class TwinCamera:
         return [self._world.scene(max(float(moment), 0.0)) for moment in moments]
 
 
-def optics_now(settings: CameraSettings, observation: Observation, desk_height: float) -> Optics:
-    """Optics at the present pose: measured = (1 + scale) (true + desk height) + shift."""
+def displaced_optics(
+    settings: CameraSettings, observation: Observation, desk_height: float
+) -> Optics:
+    """Optics displaced by the rig's errors.
+
+    A point p (2,) x, z [m] of the strip's plane is seen at (1 + scale) (p + (0, desk_height)) +
+    shift.
+    """
     shift = observation.shift_x, observation.shift_z
     moved = Optics.of(settings).displace(observation.scale, shift)
     return moved.displace(0.0, (0.0, desk_height))

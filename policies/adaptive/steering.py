@@ -26,7 +26,7 @@ class Steering:
 
     @property
     def highest(self) -> float:
-        """Largest allowed rise [m]."""
+        """Largest height [m] by which the line of descent may be raised."""
         return HIGHEST * self._length
 
     def decide(self, x: Array, z: Array, rise: Array) -> Decision:

@@ -68,7 +68,7 @@ class Search:
 
     @property
     def total(self) -> int:
-        """Steps of the whole training: generations."""
+        """Number of generations of the whole training."""
         return self.settings.generations
 
     @property

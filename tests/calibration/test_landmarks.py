@@ -18,7 +18,7 @@ from calibration.landmarks import (
 from cell.perception.preflight import camera_check
 from drivers.errors import ConfigurationError
 from drivers.strip.model import Observation
-from drivers.twin.camera import optics_now
+from drivers.twin.camera import displaced_optics
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
@@ -41,7 +41,7 @@ def _homography() -> Homography:
 
 def _frame(shift: tuple[float, float] = (0.0, 0.0), seed: int = 0) -> Frame:
     """The empty hand where it is remembered, the camera nudged by `shift` [m] in x, z."""
-    moved = optics_now(CAMERA, Observation(shift_x=shift[0], shift_z=shift[1]), 0.0)
+    moved = displaced_optics(CAMERA, Observation(shift_x=shift[0], shift_z=shift[1]), 0.0)
     renderer = Renderer(CAMERA, NO_STRIP, seed, moved)
     arc = np.linspace(0, 0.6, 7)
     points = np.column_stack([arc, 0 * arc])

@@ -74,7 +74,7 @@ def _prior_width(p: Parameter) -> float:
 
 
 def weak_directions(estimate: Estimate) -> list[str]:
-    """Words for the directions of shared parameters that the runs determine less than the priors.
+    """Descriptions of the parameter combinations that the runs determine less than their priors do.
 
     The weakest first: those with singular values below one of the whitened Jacobian, runs' own
     unknowns projected out, each parameter in units of its prior width (Brun, Reichert, Kuensch

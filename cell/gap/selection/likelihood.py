@@ -57,10 +57,13 @@ def margin(model: CrossValidatedFit, other: CrossValidatedFit, by: LikelihoodSca
     return Margin((other.losses(by.scale) - model.losses(by.scale)) / by.inefficiency)
 
 
-def likelihood_ratio(
+def likelihood_ratio_p(
     model: CrossValidatedFit, part: CrossValidatedFit, by: LikelihoodScale
 ) -> float:
-    """p-value of `model` against a `part` of it (Wilks 1938); conservative for a fixed sign."""
+    """p-value of the likelihood-ratio test of `model` against `part`, nested in it (Wilks 1938).
+
+    It is conservative where the sign of a parameter is fixed.
+    """
     loss = sum(float(robust.loss(r / by.scale).sum()) for r in model.estimate.residuals)
     nested = sum(float(robust.loss(r / by.scale).sum()) for r in part.estimate.residuals)
     freedom = len(model.model.parameters) - len(part.model.parameters)

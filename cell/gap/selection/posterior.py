@@ -166,10 +166,13 @@ def _in_units_of(base: Estimate, fit: Estimate) -> tuple[Array, Array]:
 
 
 def _with_proper_priors(limits: normal_equations.Bounds, own: slice) -> normal_equations.Bounds:
-    """Copy of `limits` in which unknowns of `own` without a prior get a quarter of their range."""
+    """Copy of `limits` in which effect parameters, the slice `own`, all have a normal prior.
+
+    Those without one get a standard deviation of a quarter of their range.
+    """
     precision = limits.precision.copy()
-    wide = 0.25 * (limits.high[own] - limits.low[own])
-    precision[own] = np.where(precision[own] > 0.0, precision[own], wide**-2)
+    deviation = 0.25 * (limits.high[own] - limits.low[own])
+    precision[own] = np.where(precision[own] > 0.0, precision[own], deviation**-2)
     return replace(limits, precision=precision)
 
 

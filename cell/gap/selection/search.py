@@ -13,7 +13,13 @@ from cell.gap.fitting.starts import best, objective_of
 from cell.gap.fitting.tasks import Simulate, Task, run_all, side_by_side
 from cell.gap.selection.choice import is_exhausted
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, LikelihoodScale, likelihood_ratio, margin
+from cell.gap.selection.likelihood import (
+    ALPHA,
+    MIN_GAIN,
+    LikelihoodScale,
+    likelihood_ratio_p,
+    margin,
+)
 from cell.gap.selection.screening import ProbeResponses, Score, Start, probe, ranking, starts, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
@@ -348,4 +354,4 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
 def _better(new: CrossValidatedFit, plain: CrossValidatedFit, by: LikelihoodScale) -> bool:
     """Whether free shape parameters gain enough over `plain`; less is asked than of an effect."""
     ahead = margin(new, plain, by).gain > BUDGET.shape_gain * MIN_GAIN
-    return ahead and likelihood_ratio(new, plain, by) < ALPHA
+    return ahead and likelihood_ratio_p(new, plain, by) < ALPHA

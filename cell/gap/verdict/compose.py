@@ -11,7 +11,7 @@ from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
-from cell.gap.selection.likelihood import family_wise, likelihood_ratio, margin
+from cell.gap.selection.likelihood import family_wise, likelihood_ratio_p, margin
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.confidence import confidence
 from cell.gap.verdict.decide import BARS, describe_rest, kind, unseen_gap
@@ -181,7 +181,7 @@ def _family(
     found: Findings, base: CrossValidatedFit, singles: list[CrossValidatedFit]
 ) -> dict[str, float]:
     """Family-wise p-values of single candidates over the whole library."""
-    raw = {m.model.name: likelihood_ratio(m, base, found.by) for m in singles}
+    raw = {m.model.name: likelihood_ratio_p(m, base, found.by) for m in singles}
     return family_wise(raw, [c.name for c in found.subject.scope.candidates])
 
 
@@ -192,7 +192,7 @@ def _compare_with_base(
     ahead = margin(model, base, by)
     values = intervals(model.estimate, by.inefficiency, found.judged.scatter)
     several = len(model.model.effects) > 1
-    p = family[model.model.name] if not several else likelihood_ratio(model, base, by)
+    p = family[model.model.name] if not several else likelihood_ratio_p(model, base, by)
     parameters = {}
     for e in model.model.effects:
         for name, value in _values_by_parameter(e, values[e.name]).items():

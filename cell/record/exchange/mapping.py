@@ -154,7 +154,7 @@ class Folder:
 
     @property
     def documents(self) -> Mapping[str, bytes]:
-        """The mapping beside the folder, as `cell export` writes it."""
+        """Content of the mapping file that `cell export` writes beside the folder, if there."""
         path = self.path.resolve().parent / MAPPING
         return {MAPPING: read_bytes(path, MEGABYTE)} if path.is_file() else {}
 

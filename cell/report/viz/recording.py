@@ -118,16 +118,20 @@ def open_recording(
     `live` serves it too, and `viewer` opens a viewer on the served address. Raises OSError,
     RuntimeError or ValueError when the file cannot be written.
     """
-    with watched_recording("cell", folder / name, live=live, viewer=viewer) as recording:
+    with bare_recording("cell", folder / name, live=live, viewer=viewer) as recording:
         send_blueprint(recording, blueprint())
         yield recording
 
 
 @contextmanager
-def watched_recording(
+def bare_recording(
     application: str, path: Path, *, live: bool, viewer: Callable[[str], None] | None
 ) -> Iterator[rr.RecordingStream]:
-    """Open a recording of `application` into the file at `path`; see `open_recording`."""
+    """Open a recording of `application` in the file at `path`, without a layout.
+
+    `live` also serves it on loopback and starts `viewer`, by default Rerun's own, there; without a
+    viewer the file is still written. Raises OSError where the file cannot be written.
+    """
     recording = rr.RecordingStream(application, recording_id=ascii(path.parent.name).strip("'"))
     servers = (
         [rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=SERVER_MEMORY)]

@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from calibration.wizard.news import MarkKind, News
-from cell.report.viz.recording import jpeg, watched_recording
+from cell.report.viz.recording import bare_recording, jpeg
 from cell.report.viz.saving import send_blueprint
 
 WIZARD_RECORDING = "wizard.rrd"
@@ -31,7 +31,7 @@ def wizard_screen(
     `live` serves it on loopback too, and `viewer` opens a viewer there.
     """
     path = folder / WIZARD_RECORDING
-    with watched_recording("cell-wizard", path, live=live, viewer=viewer) as recording:
+    with bare_recording("cell-wizard", path, live=live, viewer=viewer) as recording:
         send_blueprint(recording, _blueprint())
         yield WizardScreen(recording)
 

@@ -159,7 +159,7 @@ class Cloud:
 def faces(
     curve: Curve, picture: Projection, optics: Optics, look: StripLook, material: Weave
 ) -> Cloud:
-    """Material points of the strip's visible side, from the near edge to the far one."""
+    """Samples of the strip's visible side in the image, from the near edge to the far one."""
     across = optics.plane(curve.points, look.width) - picture.near
     area, length = _area(picture.along, across), np.hypot(*picture.along.T)
     rows = np.ceil(area / length / DEPTH_PITCH).astype(np.int64)

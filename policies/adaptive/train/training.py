@@ -55,7 +55,7 @@ class CriticTraining:
 
     @property
     def trial(self) -> "Trial":
-        """The trial of a completed training."""
+        """Results of the trial folds; RuntimeError before the training has ended."""
         if self._trial is None:
             raise RuntimeError("the training has not run to its end")
         return self._trial

@@ -65,6 +65,28 @@ def test_an_error_is_the_same_in_another_process(error: CellError) -> None:
     assert again.exit_code == error.exit_code
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_fold_without_a_calibration_yields_its_error_and_the_others_go_on(
+    tmp_path, monkeypatch, jobs: int
+) -> None:
+    calls = iter([ConfigurationError("calibration: refused"), None, None])
+
+    def calibrate(*_) -> None:
+        if (error := next(calls)) is not None:
+            raise error
+
+    monkeypatch.setattr(batch, "calibration_of", calibrate)
+    monkeypatch.setattr(batch, "fold", lambda *_: DONE)
+    monkeypatch.setattr(batch, "_fold_in_worker", done)
+    first, *others = fold_all(repeated(tmp_path, 3), jobs=jobs)
+    assert str(first) == "calibration: refused"
+    assert others == [DONE, DONE]
+
+
+def done(*_) -> FoldResult:
+    return DONE
+
+
 def test_an_error_of_a_process_is_that_fold_s_alone_and_a_process_that_dies_is_a_fault(
     tmp_path, monkeypatch
 ) -> None:

@@ -13,7 +13,7 @@ from cell.devices.rig_correction import correct_calibration
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.model import Observation, Rig, StripModel
 from drivers.strip.observation import seen_contact, seen_points, true_points
-from drivers.twin.camera import optics_now
+from drivers.twin.camera import displaced_optics
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
@@ -50,7 +50,7 @@ class AffectedCamera(FoldCamera):
     """The camera as it stands since something happened to it."""
 
     def __init__(self, model: StripModel) -> None:
-        optics = optics_now(CAMERA, model.observation, model.rig.desk_height)
+        optics = displaced_optics(CAMERA, model.observation, model.rig.desk_height)
         super().__init__(DENIM, CAMERA)
         self.renderer = Renderer(
             CAMERA, StripLook.of(DENIM), 0, optics, model.observation.contact_bias

@@ -8,7 +8,7 @@ from drivers.strip.file import StripFile
 from drivers.strip.grip_path import true_path
 from drivers.strip.model import Effects, Observation
 from drivers.strip.observation import seen_points
-from drivers.twin.camera import optics_now
+from drivers.twin.camera import displaced_optics
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.scene import Truth
@@ -125,7 +125,7 @@ def test_camera_moved_since_its_calibration_shows_places_scaled_and_shifted() ->
 
 def test_camera_sees_a_higher_desk_higher() -> None:
     settings, place = CameraSettings(), np.array([[0.3, 0.1]])
-    now = optics_now(settings, Observation(scale=-0.01, shift_x=0.01), 0.006)
+    now = displaced_optics(settings, Observation(scale=-0.01, shift_x=0.01), 0.006)
     raised = np.array([[0.3, 0.106]])
     seen = 0.99 * raised + (0.01, 0.0)
     np.testing.assert_allclose(now.plane(place), Optics.of(settings).plane(seen), atol=1e-9)

@@ -284,7 +284,10 @@ class SplitModel:
         return found
 
     def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
-        """Write stiffness, play and values of compiled torques to the split joints of `found`."""
+        """Set the gears of the split model `found`: stiffness [N m/rad], play [rad] and damping.
+
+        `edited` is the same case without flexible joints.
+        """
         inertia = self._mechanism.inertia
         dof = self._model.jnt_dofadr[self._flex]
         elastic, gap = case.readings.elastic, case.readings.gap
@@ -301,9 +304,12 @@ class SplitModel:
             found.jnt_limited[self._flex] = has_play
         found.jnt_stiffness[self._flex] = stiffness
         found.dof_damping[dof] = 2.0 * DAMPED * np.sqrt(np.maximum(stiffness, 1.0) * motor_inertia)
+        self._set_law_parameters(found, edited)
+
+    def _set_law_parameters(self, found: Any, edited: Any) -> None:
+        """Copy the parameters of compiled torques to the split joints, as `passive.HEAD` says."""
         found.jnt_user[:] = 0.0
         found.jnt_user[self._joint] = edited.jnt_user
-        # what `passive.HEAD` describes, for the split joints
         found.jnt_user[:, 0] = found.njnt
         found.jnt_user[:, 1], found.jnt_user[:, 2] = found.jnt_qposadr, found.jnt_dofadr
         found.jnt_user[:, 3] = float(np.mean(edited.jnt_user[:, 3]))
