@@ -123,7 +123,7 @@ class Child:
         paths = os.pathsep.join(path for path in sys.path if path)
         with theirs:
             self._process = subprocess.Popen(  # noqa: S603  this very interpreter
-                [sys.executable, "-c", BOOT, str(theirs.fileno()), name],
+                [sys.executable, "-P", "-c", BOOT, str(theirs.fileno()), name],
                 pass_fds=[theirs.fileno(), *shared],
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,

@@ -74,7 +74,7 @@ def scratch_folder(parent: Path) -> Iterator[Path]:
 
     So is a `parent` that was made for it and in which nothing is left.
     """
-    parent_is_new = not parent.exists()
+    parent_is_new = not os.path.lexists(parent)
     with writing(parent):
         parent.mkdir(parents=True, exist_ok=True)
         scratch = parent / f".{os.urandom(6).hex()}.part"

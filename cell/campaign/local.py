@@ -72,7 +72,7 @@ class Crew:
                     if deaths[part.key] < TRIES:
                         waiting.append(part)
                         continue
-                    found = f"its process died {TRIES} times, code {found.code}"
+                    found = f"its process died {TRIES} times: {found}"
                 if isinstance(found, str):
                     found = set_aside(part, found, folder, versions)
                 if found is not None:

@@ -122,6 +122,7 @@ def fold(
     from cell.config.places import check_recordable, find_configs
 
     close = None if until is None else metres("--until", until, LARGEST_OFFSET)
+    _check_until(close, learning, rehearse=rehearse)
     for path in plant or []:
         check_readable(path)
     if checkpoint is not None:
@@ -161,10 +162,20 @@ def fold(
         _print_remark(doubt)
     if dry_run:
         _predict(base, as_json=as_json)
-    elif rehearse and close is None:
+    elif rehearse:
         sys.exit(_rehearse(base, as_json=as_json))
     else:
         sys.exit(_fold_all(requests, jobs, close, as_json=as_json))
+
+
+def _check_until(close: float | None, learning: object, *, rehearse: bool) -> None:
+    """Refuse options that say the contrary of `--until`, which folds and learns."""
+    from drivers.errors import ConfigurationError
+
+    if close is not None and rehearse:
+        raise ConfigurationError("--until: folds on the desk; leave it or --rehearse out")
+    if close is not None and learning not in {None, "on", "auto"}:
+        raise ConfigurationError("--until: corrects each fold by those before; use --learning on")
 
 
 def _strip_name(strip: str, length: float | None, thickness: float | None) -> str:

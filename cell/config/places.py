@@ -96,7 +96,7 @@ def find_configs(given: Path | None) -> Configs:
 
 def check_recordable(runs: Path) -> None:
     """Raise ConfigurationError where the folder `runs` cannot be written or made."""
-    place = next(path for path in (runs, *runs.absolute().parents) if path.exists())
+    place = next(path for path in (runs, *runs.absolute().parents) if os.access(path, os.F_OK))
     try:
         with TemporaryFile(dir=place):
             pass

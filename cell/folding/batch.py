@@ -193,8 +193,7 @@ class FoldCrew:
                 self._idle.append(worker)
             except ChildDied as died:
                 worker.kill()
-                words = f"the process of a fold ended by itself, code {died.code}"
-                self._done[number] = Fault("process_died", words)
+                self._done[number] = Fault("process_died", f"the process of a fold: {died}")
                 self._idle.append(Worker())
 
     def _stop(self) -> None:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -71,32 +71,36 @@ def fold_with(
 
     The devices are closed at the end. Raises CellError for errors before the run.
     """
-    settings, strip = request.settings, request.strip
-    correction = request.learning.correction.apply(policy)
-    policy.reset(strip, settings.fold.speed, 1)
-    calibration = calibration or calibration_of(settings)
-    check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
-    calibration = corrected_calibration(calibration, settings, strip)
-    has_hand = request.choice.arm_driver(settings).real
-    desk = desk_end(settings.installation, strip.length) if has_hand else 0.0
-    limits = request.choice.motion_limits(settings)
-    check_feasible(settings, strip, policy, calibration, limits, desk)
-    begun = time.perf_counter()
-    header = run_header(request, settings, calibration, devices.camera.rate)
-    header |= {} if correction is None else {"learning": correction.facts()}
-    keep, film = request.record.frames or settings.record.frames, request.record.film
-    patient = devices.plant is not None
-    writer = RunWriter.create(request.runs, header, keep, patient=patient, film=film)
-    subject = Subject(calibration, settings.perception, strip)
-    with writer.under_way(), _reader(subject, real_time=devices.real_time) as reader:
-        context = FoldContext(settings.controller, strip, policy, calibration, reader, desk=desk)
-        context.place = 0.0 if correction is None else correction.place
-        outcome, truth = _record_fold(request, context, devices, writer, observers, interrupted)
-    if correction is not None and request.learning.learns:
-        _learn(request, outcome, writer.folder)
-    wall = time.perf_counter() - begun
-    warning = _warning(outcome, context.warning)
-    return FoldResult.of(request, outcome, writer.folder, calibration.id, truth, wall, warning)
+    with ExitStack() as opened:
+        opened.callback(run_suppressed, devices.close)
+        settings, strip = request.settings, request.strip
+        correction = request.learning.correction.apply(policy)
+        policy.reset(strip, settings.fold.speed, 1)
+        calibration = calibration or calibration_of(settings)
+        check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
+        calibration = corrected_calibration(calibration, settings, strip)
+        has_hand = request.choice.arm_driver(settings).real
+        desk = desk_end(settings.installation, strip.length) if has_hand else 0.0
+        limits = request.choice.motion_limits(settings)
+        check_feasible(settings, strip, policy, calibration, limits, desk)
+        begun = time.perf_counter()
+        header = run_header(request, settings, calibration, devices.camera.rate)
+        header |= {} if correction is None else {"learning": correction.facts()}
+        keep, film = request.record.frames or settings.record.frames, request.record.film
+        patient = devices.plant is not None
+        writer = RunWriter.create(request.runs, header, keep, patient=patient, film=film)
+        subject = Subject(calibration, settings.perception, strip)
+        with writer.under_way(), _reader(subject, real_time=devices.real_time) as reader:
+            context = FoldContext(
+                settings.controller, strip, policy, calibration, reader, desk=desk
+            )
+            context.place = 0.0 if correction is None else correction.place
+            outcome, truth = _record_fold(request, context, devices, writer, observers, interrupted)
+        if correction is not None and request.learning.learns:
+            _learn(request, outcome, writer.folder)
+        wall = time.perf_counter() - begun
+        warning = _warning(outcome, context.warning)
+        return FoldResult.of(request, outcome, writer.folder, calibration.id, truth, wall, warning)
 
 
 @contextmanager

@@ -104,7 +104,11 @@ class FilmProcess:
         """
         self._image = SharedImage()
         self._child = Child(encode, path, encoder, self._image)
-        self._await_answer()
+        try:
+            self._await_answer()
+        except OSError:
+            self._close()
+            raise
 
     def add(self, stamp: float, image: Image) -> None:
         """Add an `image` (h, w, 3) of even sides, taken at `stamp` [s], later than the last one.
@@ -119,14 +123,21 @@ class FilmProcess:
         """Return this writer."""
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """Wait until the film is complete; raises OSError with the reason where it is not."""
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        """Wait until the film is complete; raises OSError with the reason where it is not.
+
+        After an `error` in the block the film has broken off, and that is its reason.
+        """
         try:
-            self._child.send(End())
-            self._await_answer()
+            if error is None:
+                self._child.send(End())
+                self._await_answer()
         finally:
-            self._child.close(ENCODER_TIMEOUT)
-            self._image.close()
+            self._close()
+
+    def _close(self) -> None:
+        self._child.close(ENCODER_TIMEOUT)
+        self._image.close()
 
     def _await_answer(self) -> None:
         try:

@@ -62,8 +62,7 @@ def receive(child: Child, patience: float) -> Any:
     try:
         answer = child.receive(patience)
     except ChildDied as died:
-        words = f"the process of the arm ended by itself, code {died.code}"
-        raise ArmFault(Cause.LOST, words) from None
+        raise ArmFault(Cause.LOST, f"the process of the arm: {died}") from None
     if answer is None:
         raise ArmFault(Cause.SILENT, f"the robot did not answer within {patience:.1f} s")
     if isinstance(answer, ArmFault):

@@ -71,9 +71,9 @@ def _ask(task: Task, request: GoTo | None) -> list[float]:
 
 def carry_out(pipe: Connection, task: Task, request: GoTo | None) -> None:
     """Connect to the robot and send its pose (16,), or its joints (7,) [rad] after `request`."""
-    from drivers.arm.robot import Robot
-
     with fault_sent(pipe):
+        from drivers.arm.robot import Robot
+
         robot = Robot(task.address, task.settings)
         schedule(task.settings.realtime)
         if request is None:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, TypeVar
 
 import llvmlite
@@ -87,7 +88,7 @@ class _Cache(NullCache):  # type: ignore[misc]
         target_context.refresh()
         try:
             kept = self._files._load_data(self._file_name(sig, target_context.codegen()))
-        except (OSError, EOFError):  # EOFError: a power cut left an empty file
+        except (OSError, EOFError, UnpicklingError):  # a power cut left a part of a file
             return None
         return CompileResult._rebuild(target_context, *kept)
 

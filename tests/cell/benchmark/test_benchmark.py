@@ -160,7 +160,9 @@ def test_one_impossible_and_one_deadly_part_leave_the_others_measured(tmp_path: 
     found = dict(measure_parts(parts, tmp_path, Local(2), Noted()))
     assert found.keys() == set("abcd")
     assert found["b"] == MissingPart(part="b", reason="this strip cannot be folded")
-    assert found["c"] == MissingPart(part="c", reason="its process died 2 times, code 3")
+    assert found["c"] == MissingPart(
+        part="c", reason="its process died 2 times: it ended by itself, code 3"
+    )
     assert all(isinstance(found[key], Laid) for key in "ad")
 
 

@@ -39,7 +39,7 @@ def test_parts_that_fail_die_or_never_end_leave_the_others_measured(tmp_path: Pa
         "f": "measured",
     }  # fmt: skip
     assert found["b"].reason == "this strip cannot be folded"
-    assert found["c"].reason == "its process died 2 times, code 3"
+    assert found["c"].reason == "its process died 2 times: it ended by itself, code 3"
     assert "ZeroDivisionError" in found["d"].reason
     assert found["e"].reason == "no outcome after 6 s; its process was ended"
 

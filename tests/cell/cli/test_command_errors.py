@@ -163,6 +163,8 @@ except SystemExit as end:
         ("--help", RUN, 0, HEAVY | {"cv2", "pyarrow", "numpy"}),
         ("fold --strip denim --runs /proc/nope", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
         ("fold --strip denim --until 3mx", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        ("fold --strip denim --until 3mm --rehearse", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        ("fold --strip denim --until 3mm --learning off", RUN, 2, HEAVY | {"cv2", "numpy"}),
         ("fold --strip denim --plant gone.yaml", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
         ("gap plan --strip denim --runs /proc/nope", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
         ("fold --strip denim --learning nope", RUN, 2, HEAVY),

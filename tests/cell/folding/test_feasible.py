@@ -102,7 +102,7 @@ def test_fold_asks_for_the_hand_of_its_arm(seen_by, tmp_path, monkeypatch, arm, 
     request = request_for("denim", "triangular", tmp_path, choice=DeviceSelection(arm=arm))
     request = replace(request, cell=cell.model_copy(update={"installation": place}))
     monkeypatch.setattr("cell.folding.fold.check_usable", lambda *_: None)
-    devices = SimpleNamespace(camera=SimpleNamespace(rate="opened"))
+    devices = SimpleNamespace(camera=SimpleNamespace(rate="opened"), close=lambda: None)
     monkeypatch.setattr("cell.folding.fold.run_header", lambda *_: pytest.fail("got through"))
     with pytest.raises(PreflightRefused if refused else pytest.fail.Exception) as ended:
         fold_with(devices, make_policy("triangular"), request, calibration=seen_by)

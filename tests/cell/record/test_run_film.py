@@ -157,11 +157,14 @@ def test_other_process_says_why_its_film_breaks_off(tmp_path):
 
 
 def test_film_whose_process_stands_still_breaks_off_in_time(tmp_path, monkeypatch):
-    film = FilmProcess(tmp_path / FILM, "libx264")
-    monkeypatch.setattr("cell.record.film_encoder.ENCODER_TIMEOUT", 0.2)
-    os.kill(*children("film"), signal.SIGSTOP)
+    def filmed_by_a_stopped_process() -> None:
+        with FilmProcess(tmp_path / FILM, "libx264") as film:
+            monkeypatch.setattr("cell.record.film_encoder.ENCODER_TIMEOUT", 0.2)
+            os.kill(*children("film"), signal.SIGSTOP)
+            film.add(0.0, image(0))
+
     with pytest.raises(OSError, match="hangs"):
-        film.add(0.0, image(0))
+        filmed_by_a_stopped_process()
 
 
 def test_film_whose_process_is_killed_breaks_off_and_not_the_run(tmp_path):

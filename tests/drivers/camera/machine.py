@@ -27,7 +27,7 @@ WANTED = ("virtio_pci", "9pnet_virtio", "9p", "vivid")
 FOLDER = "CELL_KERNEL"
 SETUP_SECTORS, PAYLOAD_OFFSET, PAYLOAD_LENGTH = 0x1F1, 0x248, 0x24C
 SECTOR = 512
-DIRECTORY, SCRIPT, DEVICE, MODULE = 0o040755, 0o100755, 0o020600, 0o100644
+DIRECTORY, PROGRAM, DEVICE, MODULE = 0o040755, 0o100755, 0o020600, 0o100644
 CHECKOUT = Path(__file__).parents[3]
 BEGIN, END = "the machine begins", "the machine ends with"
 VIVID = "n_devs=1 node_types=0x1 num_inputs=2 input_types=0xc"
@@ -113,8 +113,8 @@ def initial_file_system(busybox: Path, modules: list[Path], script: str) -> byte
     """A cpio archive with busybox, the modules as /m/NN.ko in order, and `script` as /init."""
     entries = [(name, DIRECTORY, b"", 0) for name in ("bin", "m", "dev", "root")]
     entries.append(("dev/console", DEVICE, b"", 5 << 8 | 1))
-    entries.append(("bin/busybox", SCRIPT, busybox.read_bytes(), 0))
-    entries.append(("init", SCRIPT, script.encode(), 0))
+    entries.append(("bin/busybox", PROGRAM, busybox.read_bytes(), 0))
+    entries.append(("init", PROGRAM, script.encode(), 0))
     for number, path in enumerate(modules):
         entries.append((f"m/{number:02}.ko", MODULE, read_module(path), 0))
     entries.append(("TRAILER!!!", 0, b"", 0))

@@ -73,7 +73,7 @@ def test_a_run_says_nothing_of_its_plant(folded: Path) -> None:
 def test_a_finished_run_is_not_made_again(folded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     result = folded / "00-normal" / "result.yaml"
     before = result.stat().st_mtime_ns
-    monkeypatch.setattr(through_images, "fold", lambda *_, **__: pytest.fail("folded again"))
+    monkeypatch.setattr(through_images, "_fold", lambda *_, **__: pytest.fail("folded again"))
     make_runs(case(), folded, 1)
     assert result.stat().st_mtime_ns == before
 
