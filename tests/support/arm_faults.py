@@ -140,14 +140,16 @@ class Striker:
 
 @dataclass
 class Resting:
-    """Closes a server once its arm rests, and remembers whether it did."""
+    """Closes a server once its arm rests, and remembers whether it did; twice is allowed."""
 
     server: RobotServer
     before: Callable[[], None]
     after: Callable[[], None]
-    rested: bool = False
+    rested: bool | None = None
 
     def close(self) -> None:
+        if self.rested is not None:
+            return
         self.before()
         self.after()
         self.rested = rests(self.server)
@@ -181,7 +183,7 @@ def struck(fault: str, phase: str, runs: Path) -> Came:
     result = fold_with(devices, make_policy("triangular"), request, (striker,))
     outcome = ", then ".join(filter(None, [result.outcome, *again]))
     whole = read_run(Path(result.run)).result.outcome == result.outcome
-    return Came(fault, phase, outcome, expected, ends[0].rested, whole, striker.hang)
+    return Came(fault, phase, outcome, expected, bool(ends[0].rested), whole, striker.hang)
 
 
 def _next_time(fault: str, server: RobotServer) -> str:
