@@ -43,7 +43,6 @@ def fold(folder: Path) -> Digests:
     yield from _run(run)
     yield "report.html", _page(run / "report.html", folder)
     yield "dry run", _text(_cell(folder, *FOLD, "--dry-run"), folder)
-    _cell(folder, "replay", str(run))
     yield "replayed", _text(_cell(folder, "replay", str(run), "--json"), folder)
 
 

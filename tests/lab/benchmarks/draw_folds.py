@@ -43,7 +43,7 @@ class Play:
         begin = next(note.stamp for note in run.frame_index() if note.film == 0)
         window = window_on(run.ticks, calibration)
         frames = [f for f in Film(run.folder / FILM).frames() if f.stamp + begin >= 0]
-        d = None if run.result is None else run.result.displacement
+        d = run.result and run.result.displacement
         text = "" if d is None else f"layers misaligned by {abs(1e3 * d):.1f} mm"
         small = tuple(_small(window.of(frame.image)) for frame in frames)
         return cls(np.array([f.stamp + begin for f in frames]), small, name, text)
@@ -76,7 +76,6 @@ def main(
     shown = [np.hstack([play.at(t) for play in plays]) for t in times]
     pictures = [Picture.fromarray(np.ascontiguousarray(image[..., ::-1])) for image in shown]
     stays = [round(1e3 * PERIOD)] * (len(pictures) - 1) + [round(1e3 * LAST)]
-    pictures[0].save(
-        out, save_all=True, append_images=pictures[1:], duration=stays, loop=0, quality=QUALITY
-    )
+    more = {"append_images": pictures[1:], "duration": stays, "loop": 0, "quality": QUALITY}
+    pictures[0].save(out, save_all=True, **more)
     print(f"{out}: {len(pictures)} pictures, {out.stat().st_size / 1e6:.2f} MB")
