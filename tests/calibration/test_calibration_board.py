@@ -7,10 +7,7 @@ import pytest
 
 from calibration.board import BoardSettings
 from calibration.wizard.board_views import BoardViews
-from calibration.wizard.coverage import WantedView
 from calibration.wizard.lens_verdict import LensVerdict
-from calibration.wizard.news import Row
-from drivers.errors import ConfigurationError
 from drivers.twin.board import Placement, board_frame, board_pose
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
@@ -101,53 +98,3 @@ def test_person_is_waited_for_until_he_skips() -> None:
     assert views.ask() == first
     views.skip()
     assert views.ask() != first
-
-
-def test_view_that_nobody_asked_for_counts() -> None:
-    views = BoardViews(SETTINGS)
-    first = views.ask()
-    assert _shown(views, Placement(0.16, 0.73, 0.31, -0.28, 0.28)) is None
-    assert views.ask() == first
-    assert {gate.name: gate.have for gate in views.gates()}["views"] == 1
-    views.skip()
-    views.skip()
-    views.skip()
-    assert views.ask() == WantedView(0.84, 0.27, 0.31, SETTINGS.lean / 2, -SETTINGS.lean / 2)
-
-
-def test_wanted_view_is_described_in_words() -> None:
-    assert str(WantedView(0.5, 0.5, 0.4)) == (
-        "the middle, 40 % of the image wide, facing the camera"
-    )
-    assert str(WantedView(0.2, 0.7, 0.3, 0.5, -0.5)) == (
-        "low and left, 30 % of the image wide, top away by 29 deg, right edge nearer by 29 deg"
-    )
-
-
-def test_image_of_another_size_is_refused() -> None:
-    views = BoardViews(SETTINGS)
-    assert _shown(views, Placement(0.5, 0.5, 0.4)) is None
-    turned = np.ascontiguousarray(np.swapaxes(_image(Placement(0.5, 0.5, 0.4)), 0, 1))
-    answer = views.tell(Frame(0.0, 0.0, "test", 1, turned)).refused
-    assert answer == "the image is 720 x 1280 px, the others are 1280 x 720 px; set the camera back"
-
-
-def test_newest_view_can_be_taken_back() -> None:
-    views = BoardViews(SETTINGS)
-    wanted = views.ask()
-    assert _shown(views, Placement(0.5, 0.5, 0.4)) is None
-    assert views.ask() != wanted
-    assert views.take_back() == Row(number=1, dropped=True)
-    assert views.ask() == wanted
-    assert views.take_back() is None
-    assert views.verdict(None).views == 0
-
-
-def test_board_with_even_rows_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="rows: is 8, must be odd"):
-        BoardViews(BoardSettings(rows=8))
-
-
-def test_marker_as_large_as_its_square_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="marker: must be smaller than square"):
-        BoardViews(BoardSettings(marker=0.03))

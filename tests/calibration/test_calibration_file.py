@@ -35,11 +35,6 @@ def test_saved_calibration_loads_equal(calibration: Calibration, tmp_path: Path)
     assert [p.name for p in path.parent.iterdir()] == ["calibration.yaml"]
 
 
-def test_plane_and_image_are_inverse_through_the_lens(calibration: Calibration) -> None:
-    points = np.array([[0.0, 0.0], [0.6, 0.3], [0.3, 0.1]])
-    assert np.abs(calibration.to_plane(calibration.to_image(points)) - points).max() < 1e-9
-
-
 def test_id_is_of_the_content_but_not_of_the_date(calibration: Calibration) -> None:
     assert change_calibration(calibration, date="2031-01-01").id == calibration.id
     assert change_calibration(calibration, latency=0.03).id != calibration.id
@@ -68,11 +63,3 @@ def test_changed_file_is_refused_in_one_line(
     with pytest.raises(ConfigurationError, match=message) as caught:
         load_calibration(path)
     assert "\n" not in str(caught.value)
-
-
-def test_unwritable_place_is_a_configuration_error(
-    calibration: Calibration, tmp_path: Path
-) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigurationError, match="cannot be written"):
-        save_calibration(calibration, tmp_path / "file" / "calibration.yaml")

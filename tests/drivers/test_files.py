@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.readers import read_bytes, read_text, read_yaml
+from drivers.readers import read_bytes, read_yaml
 from drivers.settings import Settings, load
 
 BOMB = "a: &a [x, x]\n" + "".join(
@@ -41,13 +41,6 @@ def test_yaml_that_would_hang_is_refused_at_its_line(tmp_path, name) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_aliases_of_ordinary_size_are_read(tmp_path) -> None:
-    path = tmp_path / "a.yaml"
-    path.write_text("a: &x {b: 1}\nc: {<<: *x, d: 2}\ne: [*x, *x]\n")
-    content = read_yaml(path)
-    assert content == {"a": {"b": 1}, "c": {"b": 1, "d": 2}, "e": [{"b": 1}, {"b": 1}]}
-
-
 def _pipe(path: Path) -> None:
     os.mkfifo(path)
 
@@ -77,12 +70,6 @@ def test_what_is_no_file_of_ordinary_size_is_never_waited_for(
     make(path)
     with pytest.raises(ConfigurationError, match=says):
         read_bytes(path, 100)
-
-
-def test_text_that_is_not_utf8_is_refused(tmp_path) -> None:
-    (tmp_path / "a").write_bytes(b"\xff\xfe")
-    with pytest.raises(ConfigurationError, match="is not UTF-8 text"):
-        read_text(tmp_path / "a")
 
 
 class Dated(Settings):

@@ -7,16 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from calibration.board import BoardSettings
-from calibration.wizard.board_print import print_board
-from cell.record.files import RECORDING
-from cell.report.viz.recording import open_recording
 from drivers.errors import ConfigurationError
 from drivers.files import (
     append_line,
     change_file,
     check_writable,
-    new_file,
     new_folder,
     replace_file,
     replacing,
@@ -88,13 +83,6 @@ def test_a_line_is_not_added_along_a_link_nor_to_a_pipe(tmp_path: Path, outside:
     assert outside.read_text() == "mine"
 
 
-def test_new_file_is_refused_where_a_link_leads_nowhere(tmp_path: Path) -> None:
-    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
-    with pytest.raises(FileExistsError):
-        new_file(tmp_path / "link")
-    assert not (tmp_path / "nowhere").exists()
-
-
 def test_what_fails_on_the_way_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
     place = tmp_path / "file"
     place.write_text("old")
@@ -123,36 +111,8 @@ def test_folder_that_ends_early_leaves_nothing_and_blocks_nothing(tmp_path: Path
         pytest.fail("was made")
 
 
-def test_folder_that_another_one_made_meanwhile_stays(tmp_path: Path) -> None:
-    place = tmp_path / "made"
-    theirs = tmp_path / "elsewhere"
-    theirs.mkdir()
-    (theirs / "theirs").touch()
-    with pytest.raises(ConfigurationError, match="is there already"), new_folder(place):
-        theirs.rename(place)
-    assert [path.name for path in place.iterdir()] == ["theirs"]
-    assert list(tmp_path.iterdir()) == [place]
-
-
 def test_changes_of_one_file_at_once_are_all_kept(tmp_path: Path) -> None:
     place = tmp_path / "file"
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(lambda n: change_file(place, lambda old: f"{old}{n}"), range(8)))
     assert sorted(place.read_text()) == list("01234567")
-
-
-def test_printing_the_board_overwrites_nothing(tmp_path: Path, outside: Path) -> None:
-    with pytest.raises(ConfigurationError, match="nothing is overwritten"):
-        print_board(BoardSettings(), outside)
-    (tmp_path / "board.pdf").symlink_to(tmp_path / "nowhere")
-    with pytest.raises(ConfigurationError, match="nothing is overwritten"):
-        print_board(BoardSettings(), tmp_path / "board.pdf")
-    assert outside.read_text() == "mine"
-    assert print_board(BoardSettings(), tmp_path / "new.pdf")
-
-
-def test_recording_is_not_written_along_a_link(tmp_path: Path, outside: Path) -> None:
-    (tmp_path / RECORDING).symlink_to(outside)
-    with pytest.raises(OSError, match="symbolic"), open_recording(tmp_path):
-        pass
-    assert outside.read_text() == "mine"

@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS
-from drivers.yaml_text import dump_yaml, edit_yaml, parse_yaml
+from drivers.yaml_text import edit_yaml
 
 COMMENTED = """\
 # The strip of the second shelf.
@@ -68,23 +68,3 @@ def test_cell_file_keeps_its_comments_beside_a_new_effect() -> None:
 @pytest.mark.parametrize("text", ["", "[1, 2]\n", "a: !!python/name:os.system x\n", "a: [1\n"])
 def test_what_cannot_be_edited_is_written_anew(text: str) -> None:
     assert yaml.safe_load(edit_yaml(text, {"a": 2})) == {"a": 2}
-
-
-@pytest.mark.parametrize(
-    "text", ["1e3", "1E3", "+1e+3", "1.e3", "1.0e3", "1.0e+3", "1000.", ".1e4"]
-)
-def test_every_notation_of_a_number_is_one(text: str) -> None:
-    assert parse_yaml(f"a: {text}", "") == {"a": 1000.0}
-
-
-def test_a_number_with_an_exponent_stays_as_it_is_written() -> None:
-    assert edit_yaml("a: 1e3  # by eye\n", {"a": 1e3, "b": 2}) == "a: 1e3  # by eye\nb: 2\n"
-
-
-@pytest.mark.parametrize("text", ["12e345678901", "1234567e8901", "1e3", "0x1f", "12", "e3", "1e"])
-def test_text_is_read_as_it_was_dumped(text: str) -> None:
-    assert parse_yaml(dump_yaml({"id": text}), "") == {"id": text}
-
-
-def test_an_identifier_of_digits_and_an_e_is_text() -> None:
-    assert parse_yaml("id: 12e345678901", "") == {"id": "12e345678901"}

@@ -1,6 +1,5 @@
 """Folds of the whole cell, through images, on the twin: made once, read by many claims."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,8 +13,6 @@ from cell.folding.request import Request
 from cell.folding.result import FoldResult
 from cell.record.run import Run, read_run
 from drivers.twin.scene import Truth
-
-CHANGE = Callable[[Devices], Devices]
 
 
 @dataclass(frozen=True)

@@ -58,15 +58,6 @@ def recorder(tmp_path: Path) -> Recorder:
     return recorder
 
 
-def test_a_run_that_ended_is_recorded(recorder: Recorder) -> None:
-    devices = Devices()
-    assert conduct(running(DONE), devices, recorder) == DONE
-    assert devices.closed == 1
-    run = read_run(recorder.folder)
-    assert run.result.outcome == "path_done"
-    assert run.result.duration == 9.0
-
-
 def test_devices_that_refuse_are_an_outcome(recorder: Recorder) -> None:
     devices = Devices("connect")
     outcome = conduct(running(DONE), devices, recorder)
@@ -74,11 +65,6 @@ def test_devices_that_refuse_are_an_outcome(recorder: Recorder) -> None:
     assert (outcome.exit_code, outcome.duration) == (4, 3.5)
     assert devices.closed == 1
     assert read_run(recorder.folder).result.outcome == "arm_refused"
-
-
-def test_devices_that_cannot_be_let_go_do_not_hide_how_the_run_ended(recorder: Recorder) -> None:
-    assert conduct(running(DONE), Devices("close"), recorder) == DONE
-    assert read_run(recorder.folder).result.outcome == "path_done"
 
 
 def test_the_second_ctrl_c_is_recorded(recorder: Recorder) -> None:

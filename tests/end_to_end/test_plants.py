@@ -22,11 +22,6 @@ def loaded(path: Path) -> tuple[StripFile, StripFile]:
     return plant, CONFIGS.strip(plant.name)
 
 
-def test_denim_and_two_more_have_plants() -> None:
-    assert "denim" in {path.stem for path in PLANTS}
-    assert len(PLANTS) >= 3
-
-
 @pytest.mark.parametrize("path", PLANTS, ids=lambda path: path.stem)
 def test_a_plant_differs_from_its_strip_by_effects_unknown_to_the_file(path: Path) -> None:
     plant, strip = loaded(path)
@@ -35,14 +30,6 @@ def test_a_plant_differs_from_its_strip_by_effects_unknown_to_the_file(path: Pat
     assert plant.effects
     same = plant.model_copy(update={"effects": {}, "provenance": strip.provenance})
     assert same == strip
-
-
-@pytest.mark.parametrize("path", PLANTS, ids=lambda path: path.stem)
-def test_every_effect_of_a_plant_says_where_it_comes_from(path: Path) -> None:
-    plant, _ = loaded(path)
-    keys = {entry.key for entry in plant.provenance}
-    for effect, values in plant.effects.items():
-        assert {f"effects.{effect}.{name}" for name in values} <= keys
 
 
 @pytest.mark.parametrize("path", PLANTS, ids=lambda path: path.stem)

@@ -1,7 +1,6 @@
 """The feedback policy: the paper's network, its checkpoint, and what it may never do."""
 
 import json
-import math
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,8 @@ from drivers.errors import ConfigurationError
 from drivers.strip.file import paper_strip
 from drivers.types import Array
 from policies.checkpoint import Checkpoint, Training, load_checkpoint, save_checkpoint
-from policies.feedback import COMMITTED, Feedback, load_feedback
-from policies.network import INPUT_CENTRE, INPUT_SPREAD, WEIGHT_COUNT, HeadingNetwork
+from policies.feedback import Feedback
+from policies.network import WEIGHT_COUNT
 from policies.policy import Observation
 from policies.registry import make_policy
 
@@ -29,18 +28,6 @@ def checkpoint(weights: Array) -> Checkpoint:
     return Checkpoint(schema=1, policy="feedback", weights=tuple(weights), training=training)
 
 
-def test_network_is_one_hidden_layer_of_twenty_tanh_units() -> None:
-    rng = np.random.default_rng(0)
-    weights = rng.normal(size=WEIGHT_COUNT)
-    state = rng.uniform(size=(5, 3))
-    inward, bias, outward, last = np.split(weights, [60, 80, 100])
-    seen = np.linalg.solve(np.array(INPUT_SPREAD), (state - INPUT_CENTRE).T).T
-    hidden = np.tanh(seen @ inward.reshape(20, 3).T + bias)
-    expected = math.pi * (1 + 0.5 * (hidden @ outward + last))
-    found = HeadingNetwork(weights)(state[None])[0]
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
-
-
 def test_candidates_side_by_side_decide_like_each_alone() -> None:
     rng = np.random.default_rng(1)
     weights = rng.normal(size=(3, WEIGHT_COUNT))
@@ -54,29 +41,6 @@ def test_candidates_side_by_side_decide_like_each_alone() -> None:
         part = slice(2 * j, 2 * j + 2)
         expected = alone.decide(observation(x[part], z[part], contact[part])).direction
         np.testing.assert_allclose(found[j], expected, rtol=1e-12)
-
-
-def test_direction_always_has_a_part_toward_the_fixed_edge() -> None:
-    rng = np.random.default_rng(2)
-    policy = Feedback(rng.normal(size=WEIGHT_COUNT) * 5)
-    policy.reset(STRIP, 0.1, 500)
-    x, z, contact = rng.uniform([[-0.2], [0.0], [0.0]], [[0.6], [0.6], [0.6]], size=(3, 500))
-    direction = policy.decide(observation(x, z, contact)).direction
-    assert np.all(np.cos(direction) < 1e-9)
-    assert np.all(np.sin(direction)[z < 0.03] >= -1e-9)
-    assert np.all(np.sin(direction)[z > 0.45] <= 1e-9)
-
-
-def test_unseen_contact_is_replaced_by_the_last_one_seen() -> None:
-    policy = Feedback(np.random.default_rng(3).normal(size=WEIGHT_COUNT))
-    policy.reset(STRIP, 0.1, 1)
-    x, z, gone = np.array([0.3]), np.array([0.2]), np.array([np.nan])
-    blind = policy.decide(observation(x, z, gone)).direction
-    assert blind == pytest.approx(0.75 * math.pi)
-    seen = policy.decide(observation(x, z, np.array([0.25]))).direction
-    assert policy.decide(observation(x, z, gone)).direction == seen
-    policy.reset(STRIP, 0.1, 1)
-    assert policy.decide(observation(x, z, gone)).direction == blind
 
 
 def test_fold_ends_once_the_gripper_has_gone_by_the_fixed_edge() -> None:
@@ -112,23 +76,3 @@ def test_corrupt_checkpoint_is_refused_by_name(tmp_path: Path, content: bytes) -
     path.write_bytes(content)
     with pytest.raises(ConfigurationError, match=r"broken\.json: "):
         make_policy("feedback", path)
-
-
-def test_checkpoint_with_numbers_that_are_none_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "w.json"
-    save_checkpoint(path, checkpoint(np.zeros(WEIGHT_COUNT)))
-    path.write_text(path.read_text().replace("0.0", "NaN", 1))
-    with pytest.raises(ConfigurationError, match=r"weights\.0"):
-        load_feedback(path)
-
-
-def test_missing_checkpoint_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="cannot be read") as caught:
-        load_feedback(tmp_path / "nowhere.json")
-    assert "\n" not in str(caught.value)
-
-
-def test_committed_checkpoint_is_loaded() -> None:
-    policy = make_policy("feedback")
-    assert policy.name == "feedback"
-    assert load_checkpoint(COMMITTED).training.folds > 0

@@ -1,7 +1,6 @@
 """What the policies reach in the rod: the paper's signs and numbers, and the committed weights."""
 
 import json
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from policies.domain import grid
 from policies.feedback import COMMITTED
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
-from policies.train.objective import TrainingSettings, evaluate, evaluate_piece, validate
+from policies.train.objective import TrainingSettings
 from policies.train.search import first_weights
 
 pytestmark = pytest.mark.slow
@@ -74,36 +73,6 @@ def test_committed_feedback_beats_every_open_loop_over_the_papers_range() -> Non
 def test_feedback_trained_in_the_rod_folds_every_fabric_on_the_chain() -> None:
     folds = fold("feedback", STRIPS, engine=Chain())
     assert np.abs(folds.displacement).max() < 0.014
-
-
-def test_feedback_is_gentler_than_the_circle() -> None:
-    strips = grid(4)
-    assert (
-        fold("feedback", strips).holding_force.mean()
-        < 0.3 * fold("circular", strips).holding_force.mean()
-    )
-
-
-def test_costs_do_not_depend_on_how_many_workers_there_are() -> None:
-    asked = candidates(SMALL.population)
-    with ThreadPoolExecutor(1) as one, ThreadPoolExecutor(2) as two:
-        alone = evaluate(SMALL, asked, 3, one)
-        together = evaluate(SMALL, asked, 3, two)
-    np.testing.assert_array_equal(alone, together)
-    assert len(set(alone.cost)) == SMALL.population
-    assert np.all(alone.miss < alone.cost)
-
-
-def test_generations_meet_other_strips_but_a_generation_always_the_same() -> None:
-    asked = candidates(2)
-    first = evaluate_piece(SMALL, asked, 0)
-    np.testing.assert_array_equal(first, evaluate_piece(SMALL, asked, 0))
-    assert np.all(first.cost != evaluate_piece(SMALL, asked, 1).cost)
-
-
-def test_validation_strips_are_the_same_for_every_generation() -> None:
-    weights = candidates(1)[0]
-    assert validate(SMALL, weights) == validate(SMALL, weights)
 
 
 def test_committed_weights_come_with_the_journal_of_their_training() -> None:

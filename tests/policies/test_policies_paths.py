@@ -1,7 +1,5 @@
 """Path policies: followed within a millimetre, by one gripper and by many."""
 
-from pathlib import Path as FilePath
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile, paper_strip
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.path import Path, circular, lift_pitch, triangular, vertical_lift
+from policies.path import Path, triangular, vertical_lift
 from policies.policy import Observation, Policy
 from policies.registry import make_policy, policy_names
 
@@ -74,14 +72,6 @@ def test_gripper_stays_within_a_millimetre_of_the_path_but_at_the_apex(name: str
     assert np.linalg.norm(trace[-1, 0] - path.points[-1]) < 2e-3
 
 
-def test_gripper_off_the_path_comes_back_to_it() -> None:
-    policy = make_policy("triangular")
-    policy.reset(STRIP, SPEED, 1)
-    path = policy.lift()
-    trace, _ = follow(policy, takeover(path) + np.array([0.003, 0.003]))
-    assert distance_to(path, trace[60:100, 0]).max() < 1e-3
-
-
 def test_batch_of_grippers_moves_like_each_alone() -> None:
     starts = takeover(triangular(0.6)) + np.array([[0.0, 0.0], [0.002, 0.0], [-0.02, 0.02]])
     together, _ = follow(make_policy("triangular"), starts)
@@ -89,38 +79,6 @@ def test_batch_of_grippers_moves_like_each_alone() -> None:
         alone, _ = follow(make_policy("triangular"), start[None])
         steps = min(len(alone), len(together))
         np.testing.assert_array_equal(alone[:steps, 0], together[:steps, j])
-
-
-def test_policy_forgets_at_reset() -> None:
-    policy = make_policy("triangular")
-    first, _ = follow(policy, takeover(triangular(0.6)))
-    second, _ = follow(policy, takeover(triangular(0.6)))
-    np.testing.assert_array_equal(first, second)
-
-
-def test_shifted_is_the_triangle_moved_up() -> None:
-    policy = make_policy("shifted")
-    policy.reset(STRIP, SPEED, 1)
-    points = policy.lift().points
-    assert points[0] == pytest.approx([0.6, 0.0])
-    assert points[1] == pytest.approx([0.3, 0.342])
-    assert points[2] == pytest.approx([0.0, 0.042])
-
-
-def test_lift_turns_the_edge_down_over_the_first_tenth_of_a_metre() -> None:
-    poses = circular(0.6).poses(np.array([0.0, 0.05, 0.1, 0.5]))
-    assert poses[:, 2] == pytest.approx(np.pi / 2 * np.array([0, 0.5, 1, 1]))
-    assert lift_pitch(0.05) == pytest.approx(np.pi / 4)
-
-
-def test_lift_that_does_not_push_goes_up_first_and_45_degrees_at_the_take_over() -> None:
-    path = vertical_lift(0.6)
-    steps = np.diff(path.at(np.array([0.0, 0.002, 0.112, 0.114])), axis=0)
-    begin, end = steps[0], steps[2]
-    assert path.points[0] == pytest.approx([0.6, 0.0])
-    assert np.degrees(np.arctan2(begin[1], -begin[0])) > 85
-    assert path.at(0.1148)[1] == pytest.approx(0.1, abs=1e-3)
-    assert np.degrees(np.arctan2(end[1], -end[0])) == pytest.approx(45, abs=2)
 
 
 @pytest.mark.parametrize("bending_length", [0.0135, 0.02, 0.033])
@@ -144,8 +102,3 @@ def test_unknown_policy_names_the_known_ones() -> None:
     assert {"triangular", "circular", "shifted", "feedback"} <= set(policy_names())
     with pytest.raises(ConfigurationError, match=", ".join(policy_names())):
         make_policy("square")
-
-
-def test_checkpoint_for_a_path_policy_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="triangular has no weights"):
-        make_policy("triangular", checkpoint=FilePath("x.json"))

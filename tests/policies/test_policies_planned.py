@@ -10,9 +10,7 @@ from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.domain import grid, strip_at
-from policies.path import triangular
 from policies.planned import Planned, plan
-from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
 
 pytestmark = pytest.mark.slow
@@ -47,23 +45,6 @@ def test_plan_consumes_the_effects_of_the_strip() -> None:
     engine = Rod(100)
     assert abs(displacements(ignorant, [real], engine)[0]) > 0.005
     assert abs(displacements(knowing, [real], engine)[0]) < 0.001
-
-
-def test_damped_strip_needs_a_higher_path_and_a_slow_fold_a_lower_one() -> None:
-    light, heavy = plan([strip_at(0.5, 0.0), strip_at(0.5, 1.0)], 0.1)
-    assert 0.025 < light < heavy < 0.065
-    assert plan([strip_at(0.5, 1.0)], 0.05)[0] < heavy
-
-
-def test_lift_is_the_triangles_own_and_the_rest_is_raised() -> None:
-    policy = make_policy("planned")
-    policy.reset(strip_at(0.5, 0.5), 0.1, 3)
-    path, triangle = policy.lift(), triangular(0.6)
-    climb = np.linspace(0.0, 0.15, 20)
-    assert path.at(climb) == pytest.approx(triangle.at(climb))
-    assert path.points[-2:] - triangle.points[-2:] == pytest.approx(
-        np.array([[0.0, policy.rises[0]]] * 2)
-    )
 
 
 def test_strip_too_stiff_for_any_raised_triangle_is_refused_by_name() -> None:

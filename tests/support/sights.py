@@ -1,26 +1,14 @@
 """Sights that a process beside the loop can be given."""
 
-import os
 import time
 
 import numpy as np
 
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.preflight import PreflightCheck
-from cell.perception.sight import ImageResult, StripSight
+from cell.perception.sight import ImageResult
 
 HANGS, FAILS = 250, 251
-
-
-class CostlySight(StripSight):
-    """A sight whose looks cost `IMAGE_COST` seconds of this process's processor time."""
-
-    def look(self, frame, gripper, *, touches: bool) -> ImageResult:
-        end = time.thread_time() + float(os.environ["IMAGE_COST"])
-        found = super().look(frame, gripper, touches=touches)
-        while time.thread_time() < end:
-            pass
-        return found
 
 
 class PlainSight:

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from calibration.board import BoardSettings, find_board
 from calibration.pointer import find_pointer
 from calibration.wizard.board_print import board_figures, paper, print_board
-from drivers.errors import ConfigurationError
 from drivers.types import Image
 
 SETTINGS = BoardSettings()
@@ -56,14 +55,3 @@ def test_printed_pointer_is_found_as_the_pointer() -> None:
     cut[mask == 0] = 90
     centre = find_pointer(cut)
     assert centre == pytest.approx((299.5, 299.5), abs=0.6)
-
-
-def test_small_board_fits_on_small_paper_and_a_huge_one_on_none() -> None:
-    assert paper(BoardSettings(square=0.02, marker=0.015))[0] == "A4"
-    with pytest.raises(ConfigurationError, match="fit on no sheet up to A1"):
-        paper(BoardSettings(square=0.15, marker=0.1))
-
-
-def test_unwritable_place_is_one_clear_line(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="cannot be written"):
-        print_board(SETTINGS, tmp_path / "none" / "board.pdf")

@@ -1,12 +1,9 @@
 """Three touched points, and the mounting that they give."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from cell.arm.register import mounting_from, write_mounting
-from cell.config.places import CHECKOUT_CONFIGS, Configs
+from cell.arm.register import mounting_from
 from drivers.errors import CellError
 from drivers.installation import Mounting
 
@@ -36,15 +33,3 @@ def test_touched_points_give_the_mounting_back() -> None:
 def test_points_that_cannot_be_right_are_refused(points, word) -> None:
     with pytest.raises(CellError, match=word):
         mounting_from(points, 0.6)
-
-
-def test_new_mounting_stands_in_the_file_and_the_old_one_beside_it(tmp_path: Path) -> None:
-    text = (CHECKOUT_CONFIGS / "cell.yaml").read_text()
-    (tmp_path / "cell.yaml").write_text(text)
-    old = Configs(tmp_path).cell().installation.mounting
-    path = write_mounting(Configs(tmp_path), TRUE)
-    assert Configs(tmp_path).cell().installation.mounting == TRUE
-    lines = path.read_text().splitlines()
-    (kept,) = [line for line in lines if "# until" in line]
-    assert f"x: {old.x}" in kept
-    assert len(lines) == len(text.splitlines()) + 1

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 from pathlib import Path
 from xml.etree import ElementTree as Xml
 
@@ -10,11 +9,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import policies
 from cell.benchmark import run
-from cell.benchmark.page import lines, page_of, verdict_of, write_main_picture
+from cell.benchmark.page import page_of, verdict_of
 from cell.benchmark.results import (
-    QUICK,
     Adaptation,
     BenchmarkSpec,
     CriticalPoints,
@@ -25,7 +22,7 @@ from cell.benchmark.results import (
     RangeFolds,
     Results,
 )
-from cell.benchmark.run import measure_parts, order
+from cell.benchmark.run import measure_parts
 from cell.benchmark.summary import claims
 from cell.campaign.local import Local
 from cell.cli.app import app
@@ -122,39 +119,6 @@ def test_unknown_names_are_refused_with_those_that_exist() -> None:
         asked(strips=("felt",))
 
 
-def test_nothing_named_is_every_policy_on_every_strip_through_images_and_over_the_range() -> None:
-    everything = asked(quick=False)
-    parts = [part.key for part in order(everything, CONFIGS, Path("runs"))]
-    assert len(parts) == len(set(parts))
-    assert len(everything.strips) == 10
-    assert everything.extent.grid == 12
-    for policy in everything.policies:
-        folds = [key for key in parts if key.startswith("fold") and f"by {policy}," in key]
-        assert len(folds) == 10 + 4
-        assert any(key.startswith(f"{policy} over 12 x 12 on the rod") for key in parts)
-
-
-def test_quick_is_a_small_part_of_the_same() -> None:
-    parts = order(asked(), CONFIGS, Path("runs"))
-    everything = order(asked(quick=False), CONFIGS, Path("runs"))
-    assert sum(part.cost for part in parts) < 0.35 * sum(part.cost for part in everything)
-
-
-def test_other_weights_of_one_policy_are_other_parts_of_that_policy_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    spec, configs = asked("feedback", "adaptive", "shifted"), find_configs(None)
-    before = {part.key: part.of for part in order(spec, configs, tmp_path)}
-    weights = Path(policies.__file__).parent / "weights"
-    shutil.copytree(weights, tmp_path / "weights")
-    (tmp_path / "weights/adaptive.npz").write_bytes(b"other")
-    monkeypatch.setattr(policies, "__file__", str(tmp_path / "__init__.py"))
-    after = {part.key: part.of for part in order(spec, configs, tmp_path)}
-    changed = {key for key in before if before[key] != after[key]}
-    assert changed
-    assert changed == {key for key in before if "adaptive" in key}
-
-
 def test_one_impossible_and_one_deadly_part_leave_the_others_measured(tmp_path: Path) -> None:
     parts = [Plain(Fine("a")), Plain(Impossible("b")), Plain(Deadly("c")), Plain(Fine("d"))]
     found = dict(measure_parts(parts, tmp_path, Local(2), Noted()))
@@ -201,15 +165,6 @@ def test_claims_are_those_of_the_text_and_can_fail() -> None:
     assert [claim.held for claim in worse] == [False, True, True, False, True, False]
 
 
-def test_lines_are_plain_json_without_nan() -> None:
-    told = lines(measured(blanket=None, denim=None, **{"rib-knit": None}))
-    text = json.dumps(told, allow_nan=False)
-    feedback = next(line for line in told if line.get("policy") == "feedback")
-    assert feedback["strips"]["worst"] is None
-    assert feedback["rod"]["untouched"] == 1
-    assert "under 20 mm" in text
-
-
 def test_page_needs_nothing_else_and_says_what_is_not_the_papers() -> None:
     page = page_of(measured())
     assert not re.search(r'(src|href)="(?!data:|#)', page)
@@ -222,26 +177,3 @@ def test_page_needs_nothing_else_and_says_what_is_not_the_papers() -> None:
         Xml.fromstring(figure)  # noqa: S314
     for number in ("36.8", "+62.7", "under 20", "within 1 mm"):
         assert any(number in figure for figure in figures)
-
-
-def test_page_of_a_benchmark_that_measured_nothing_still_explains() -> None:
-    nothing = measured().model_copy(
-        update={"results": (MissingPart(part="all", reason="no disk"),)}
-    )
-    page = page_of(nothing)
-    assert "no disk" in page
-    assert "was not tried" in page
-
-
-def test_main_picture_is_a_small_png(tmp_path: Path) -> None:
-    path = tmp_path / "pictures" / "main.png"
-    write_main_picture(measured(), path)
-    content = path.read_bytes()
-    assert content.startswith(b"\x89PNG")
-    assert len(content) < 200_000
-
-
-def test_quick_extent_is_coarser_everywhere() -> None:
-    full = asked(quick=False).extent
-    assert QUICK.grid < full.grid
-    assert set(QUICK.heights) < set(full.heights)

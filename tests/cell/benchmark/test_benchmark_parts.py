@@ -3,17 +3,12 @@
 import numpy as np
 import pytest
 
-from cell.benchmark.figures import smooth
 from cell.benchmark.range_parts import FRICTION_EFFECT, EffectPart, RangePart
 from cell.benchmark.shape_parts import (
-    LEVEL_MOTION,
-    AdaptationPart,
     CriticalPart,
-    EvolutionPart,
-    LaidPart,
 )
 from cell.benchmark.side_views import table
-from cell.benchmark.summary import FOLDED_HEIGHT, misses_text
+from cell.benchmark.summary import misses_text
 from cell.report.words import NO_VALUE
 
 pytestmark = pytest.mark.slow
@@ -43,35 +38,6 @@ def test_circle_pulls_ten_times_as_hard_at_the_fixed_edge_as_the_triangle() -> N
     }
     assert forces["circular"] == pytest.approx(2.4, abs=0.3)
     assert forces["circular"] > 8 * forces["triangular"]
-
-
-def test_both_engines_fold_the_range_alike() -> None:
-    rod, chain = (RangePart("shifted", engine, 2, 0.1, "").measure() for engine in ("rod", "chain"))
-    np.testing.assert_allclose(rod.d, chain.d, atol=4e-3)
-
-
-def test_laid_strip_is_as_high_as_the_heavy_elastica() -> None:
-    laid = LaidPart(0.5, "").measure()
-    height = smooth(np.array(laid.shape))[:, 1].max()
-    assert height == pytest.approx(FOLDED_HEIGHT * laid.bending_length, rel=0.03)
-
-
-def test_shapes_of_a_level_motion_end_where_layers_touch() -> None:
-    seen = EvolutionPart(LEVEL_MOTION, 0.05, "").measure()
-    assert seen.touch_x is not None
-    last = np.array(seen.shapes[-1])
-    assert last[0] == pytest.approx([0, 0])
-    assert np.array([s[-1][1] for s in seen.shapes]) == pytest.approx(0.14, abs=1e-4)
-    near = np.abs(last[:, 0] - seen.touch_x) < 0.006
-    assert np.ptp(np.flatnonzero(near)) > 5  # both layers pass there
-    assert last[near, 1].max() < 0.004
-
-
-def test_learned_policy_leads_stiffer_strips_further_before_they_touch() -> None:
-    found = AdaptationPart("feedback", 0.1, "").measure()
-    ends = np.array([path[-1][0] for path in found.paths])
-    assert np.all(np.array(found.bending_lengths[1:]) > found.bending_lengths[:-1])
-    assert ends[-1] < ends[0] - 0.02
 
 
 def test_unknown_friction_spoils_a_plan_and_hardly_the_feedback_of_adaptive() -> None:

@@ -10,7 +10,6 @@ import cell.calibrating.calibrate
 from calibration.calibration import (
     Calibration,
     load_calibration,
-    save_calibration,
 )
 from cell.calibrating.calibrate import calibrate_anew, calibration_of, kept_calibration
 from cell.config.cell import CellFile
@@ -90,15 +89,6 @@ def test_it_is_made_once_and_then_kept(cache, count) -> None:
     assert first.id == second.id
 
 
-@pytest.mark.parametrize("content", [b"", b"garbage: [", b"\xff\xfe", b"schema: 1\nid: x\n"])
-def test_a_kept_one_that_is_broken_is_made_again(cache, count, content) -> None:
-    path = kept_calibration(SETTINGS)
-    path.parent.mkdir(parents=True)
-    path.write_bytes(content)
-    assert calibration_of(SETTINGS).id == load_calibration(path).id
-    assert len(count) == 1
-
-
 def test_calibration_that_cannot_be_kept_serves_once_with_a_remark(cache, count) -> None:
     cache.write_text("a file where a folder should be")
     remarks: list[str] = []
@@ -118,19 +108,6 @@ def test_while_one_process_makes_it_others_wait(cache, monkeypatch) -> None:
     assert calibration_of(SETTINGS).id == made().id
     with kept_calibration(SETTINGS).with_suffix(".lock").open("wb") as another:
         fcntl.flock(another, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-
-def test_two_that_are_saved_at_once_do_not_mix(tmp_path, monkeypatch) -> None:
-    """The scratch file is each process's own."""
-    path = tmp_path / "kept.yaml"
-    parts: list[str] = []
-    replace_path = Path.replace
-    monkeypatch.setattr(Path, "replace", lambda a, b: (parts.append(a.name), replace_path(a, b))[1])
-    for process in (11, 12):
-        monkeypatch.setattr("os.getpid", lambda process=process: process)
-        save_calibration(made(), path)
-    assert len(set(parts)) == 2
-    assert [entry.name for entry in tmp_path.iterdir()] == ["kept.yaml"]
 
 
 def test_one_of_another_camera_is_refused_before_anything_is_recorded(tmp_path) -> None:
@@ -159,14 +136,3 @@ def test_a_monitor_that_stops_a_calibration_is_a_fault(cache, monkeypatch) -> No
         calibration_of(SETTINGS.model_copy(update={"monitors": limits}))
     assert stopped.value.exit_code == 4
     assert not kept_calibration(SETTINGS).exists()
-
-
-def test_one_that_the_cell_file_names_lies_beside_it(tmp_path, monkeypatch, cache, count) -> None:
-    for name in ("configs", "elsewhere"):
-        (tmp_path / name).mkdir()
-    stated = (CHECKOUT_CONFIGS / "cell.yaml").read_text(encoding="utf-8")
-    (tmp_path / "configs" / "cell.yaml").write_text(f"{stated}\ncalibration: mine.yaml\n")
-    save_calibration(made(), tmp_path / "configs" / "mine.yaml")
-    monkeypatch.chdir(tmp_path / "elsewhere")
-    assert calibration_of(Configs(tmp_path / "configs").cell()).id == made().id
-    assert not count

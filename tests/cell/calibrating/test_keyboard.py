@@ -37,19 +37,6 @@ def test_keys_mean_go_leave_out_and_again() -> None:
     assert said[0].startswith("point 4: 3 of 24 points are touched  [Enter go on")
 
 
-def test_unknown_key_is_asked_for_again() -> None:
-    said: list[str] = []
-    with typing("w\n\n", said.append) as keyboard:
-        assert keyboard.answer(TOUCH) is Answer.GO
-    assert any("['w' is no key here; Enter go on" in line for line in said)
-
-
-def test_from_a_on_and_at_the_end_of_input_it_goes_on_alone() -> None:
-    for content in ("a\ns\n", ""):
-        with typing(content) as keyboard:
-            assert [keyboard.answer(TOUCH) for _ in range(3)] == 3 * [Answer.GO]
-
-
 def test_on_hardware_no_key_is_no_answer_and_nothing_waits() -> None:
     reader, writer = os.pipe()
     said: list[str] = []
@@ -125,12 +112,4 @@ def test_terminal_answers_by_single_keys_and_is_as_before_afterwards() -> None:
     typist.wait_for("answer skip")
     typist.type("\n")
     typist.wait_for("answer go")
-    assert typist.end() == typist.modes
-
-
-def test_ctrl_c_at_a_prompt_ends_the_waiting_without_enter() -> None:
-    typist = Typist()
-    typist.wait_for("point 0")
-    typist.type("\x03")
-    typist.wait_for("answer None")
     assert typist.end() == typist.modes

@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from calibration.calibration import save_calibration
@@ -14,13 +13,12 @@ from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
 from cell.calibrating.calibrate import NO_STRIP
 from cell.calibrating.calibration_in_use import use_calibration
-from cell.calibrating.wizard import LensSession, calibrate_lens, lens_again
+from cell.calibrating.wizard import LensSession, calibrate_lens
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import open_cell
 from cell.orchestrator.interrupt import Interrupted
 from cell.orchestrator.operator import Answer, Question, Unattended
-from cell.report.calibration_page import write_session_page
 from drivers.errors import ConfigurationError
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
@@ -77,36 +75,12 @@ def test_interrupted_session_goes_on_with_the_views_it_has(gone_on) -> None:
     assert all(row.number != 99 for row in read_rows(made.folder))
 
 
-def test_view_that_was_taken_back_is_left_out_when_the_session_is_solved_again(gone_on) -> None:
-    made, _, _ = gone_on
-    again = lens_again(made.folder, (), None).verdict
-    assert again.views == made.verdict.views
-    assert np.array_equal(again.fit.lens.matrix, made.verdict.fit.lens.matrix)
-
-
 def test_session_of_another_camera_does_not_go_on(gone_on) -> None:
     other = replace(_devices(), camera_identity="other camera")
     with pytest.raises(
         ConfigurationError, match=r"--resume: .*camera: is .*, here it is other camera; set it back"
     ):
         calibrate_lens(SETTINGS, other, gone_on[0].folder, Unattended(), lambda _: None, None)
-
-
-def test_wanted_board_is_drawn_where_the_twin_then_shows_it(gone_on) -> None:
-    _, _, news = gone_on
-    asked = [item for item in news if item.result is None and item.sketch is not None]
-    taken = [item for item in news if item.result is not None and item.result.taken]
-    assert len(taken) > 5
-    for wanted, seen in zip(asked, taken, strict=False):
-        ghost, board = wanted.sketch.wanted, seen.sketch.seen
-        assert np.hypot(*(ghost - board).T).max() < 40  # px; the lens is a guess at first
-
-
-def test_page_of_a_session_says_what_it_found(gone_on) -> None:
-    text = write_session_page(gone_on[0].folder).read_text()
-    assert "good: next, `cell calibrate homography`" in text
-    assert "focal length" in text
-    assert "data:image/jpeg" in text
 
 
 def test_touches_go_on_with_the_points_that_are_missing() -> None:

@@ -1,10 +1,8 @@
 """The wizards at the twin: unattended, kept, solved again from their folder to the last bit."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import yaml
@@ -13,8 +11,7 @@ from calibration.calibration import load_calibration
 from calibration.homography import Homography
 from calibration.lens import read_lens
 from calibration.wizard.news import News
-from calibration.wizard.session import read_rows, read_session
-from calibration.wizard.touched_points import Stage
+from calibration.wizard.session import read_rows
 from cell.calibrating.calibrate import NO_STRIP
 from cell.calibrating.keyboard import TwinOperator
 from cell.calibrating.wizard import (
@@ -26,7 +23,6 @@ from cell.calibrating.wizard import (
     homography_again,
     lens_again,
     newest_lens,
-    read_poses,
 )
 from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, Configs
@@ -125,14 +121,6 @@ def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
     assert rows[4:7] == [(5, True), (5, False), (5, True)], "taken, taken back, taken anew"
 
 
-def test_watchers_are_notified_of_every_stage(touched) -> None:
-    _, news, _ = touched
-    stages = dict.fromkeys(item.title.partition(": ")[2] for item in news)
-    assert [*stages] == [Stage.TOUCH, Stage.LATENCY, Stage.REMEMBER]
-    taken = [item for item in news if item.result is not None and item.result.taken]
-    assert len(taken) == 24  # 23 points, one of them twice
-
-
 def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(touched) -> None:
     session, _, _ = touched
     solved = homography_again(session.folder, (), None, 0.1)
@@ -154,19 +142,6 @@ def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, t
     assert load_calibration(tmp_path / "again" / "calibration.yaml").id == made.id
 
 
-def test_rows_that_come_in_another_order_change_nothing(touched, tmp_path) -> None:
-    session, _, _ = touched
-    again = _without(session.folder, "told.jsonl", tmp_path)
-    lines = (session.folder / "told.jsonl").read_text().splitlines(keepends=True)
-    taken = [line for line in lines if "image" in json.loads(line)]
-    (again / "told.jsonl").write_text("".join(taken[-1:0:-1]))  # point 0 is left out
-    one = homography_again(session.folder, (0, 5), None, 0.1)  # 5 is there twice
-    other = homography_again(again, (5,), None, 0.1)
-    assert one.touches.homography is not None
-    assert other.touches.homography is not None
-    assert np.array_equal(one.touches.homography.matrix, other.touches.homography.matrix)
-
-
 def test_too_few_points_are_refused_even_with_the_override(touched) -> None:
     session, _, _ = touched
     many = tuple(range(6, 24))
@@ -183,13 +158,6 @@ def test_override_names_the_reasons_in_the_calibration(touched, tmp_path) -> Non
     made = homography_again(again, (), None, 0.1, accept_anyway=True).calibration
     assert made is not None
     assert made.accepted_anyway == ("the latency was not measured",)
-
-
-def test_poses_of_a_session_can_be_edited_and_replayed(touched) -> None:
-    session, _, _ = touched
-    poses = read_poses(session.folder / "poses.yaml")
-    assert len(poses) == 24
-    assert poses[0].x == pytest.approx(0.02)
 
 
 def test_image_of_a_swapped_size_is_refused(touched, tmp_path) -> None:
@@ -219,21 +187,6 @@ def test_views_solved_again_from_their_folder_are_the_same_to_the_last_bit(shown
     assert verdict.fit is not None
     assert np.array_equal(verdict.fit.lens.matrix, session.verdict.fit.lens.matrix)
     assert verdict.per_view == session.verdict.per_view
-
-
-def test_session_says_with_what_it_was_made(shown) -> None:
-    session, news = shown
-    kept = read_session(session.folder, "camera")
-    assert kept.image == (1280, 720)
-    assert kept.length == pytest.approx(SETTINGS.boards.width)
-    assert kept.boards == SETTINGS.boards
-    rows = [*read_rows(session.folder)]
-    taken = [row for row in rows if row.image is not None]
-    assert len(taken) == session.verdict.views
-    assert all(len(row.corners) >= SETTINGS.boards.corners for row in taken)
-    assert news[-1].request == "nothing: all is covered"
-    with pytest.raises(ConfigurationError, match="is a session of `cell calibrate camera`, not of"):
-        read_session(session.folder, "homography")
 
 
 def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touched(
@@ -269,18 +222,6 @@ def test_calibration_is_checked_by_touching_five_points(touched, shift: float, h
     assert verdict.median_mm == pytest.approx(1e3 * shift, abs=0.15)
     assert verdict.lines()[-1].text.startswith("good" if holds else "refused")
     assert news[0].request.startswith("the arm goes to x ")
-
-
-def test_calibration_of_another_camera_is_not_checked(touched) -> None:
-    foreign = replace(touched[0].calibration, camera="another")
-    with pytest.raises(ConfigurationError, match="belongs to camera another"):
-        check_calibration(SETTINGS, _devices(), foreign, Unattended(), lambda _: None)
-
-
-def test_picture_of_the_session_is_drawn(shown, touched) -> None:
-    for folder in (shown[0].folder, touched[0].folder):
-        picture = cv2.imread(str(folder / "picture.png"))
-        assert picture.shape == (720, 1280, 3)
 
 
 def test_misprinted_board_is_refused_by_the_ruler(shown, tmp_path) -> None:

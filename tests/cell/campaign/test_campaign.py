@@ -56,22 +56,6 @@ def test_finished_parts_are_not_measured_again_and_failed_ones_are(tmp_path: Pat
     assert found["c"].state == "set_aside"
 
 
-@pytest.mark.slow
-def test_again_measures_anew(tmp_path: Path) -> None:
-    marks = tmp_path / "marks"
-    for _ in range(2):
-        run([Fine("a", marks)], tmp_path / "j", again=True)
-    assert marks.read_text().split() == ["a", "a"]
-
-
-@pytest.mark.slow
-def test_other_code_is_another_record_beside(tmp_path: Path) -> None:
-    run([Fine("a")], tmp_path)
-    _, watcher = run([Fine("a", of="second")], tmp_path)
-    assert watcher.known == []
-    assert {record.of for record in Journal(tmp_path).records()} == {"first", "second"}
-
-
 def test_journals_merge_by_copying_and_shards_are_the_whole(tmp_path: Path) -> None:
     keys = [f"part {number}" for number in range(10)]
     whole = Journal(tmp_path / "whole")
@@ -102,17 +86,6 @@ def test_a_folder_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path) 
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigurationError, match=r"--out: .*cannot be written"):
         run([Fine("a")], tmp_path / "file" / "journal")
-
-
-def test_three_thousand_records_are_read(tmp_path: Path) -> None:
-    journal = Journal(tmp_path)
-    text = record("x", outcome={"values": {"true": 0.1, "rows": [0.1] * 20}}).model_dump_json(
-        by_alias=True
-    )
-    for number in range(3000):
-        key = f"{number:05d}"
-        journal.path(key, "first").write_text(text.replace('"x"', f'"{key}"'))
-    assert len(journal.records()) == 3000
 
 
 KILLED = """

@@ -15,10 +15,9 @@ import pytest
 from cell.campaign import cluster
 from cell.campaign.cluster import Cluster
 from cell.campaign.journal import Journal
-from cell.campaign.local import Local
 from cell.campaign.run import carry_out
 from drivers.errors import ConfigurationError
-from tests.support.campaign_parts import Deadly, Fine, Impossible, Noted
+from tests.support.campaign_parts import Fine, Noted
 
 pytest.importorskip("distributed", reason="pip install '.[cluster]'")
 pytestmark = pytest.mark.long
@@ -79,13 +78,6 @@ def grid(monkeypatch: pytest.MonkeyPatch) -> Iterator[Grid]:
 def outcomes(parts, folder: Path, engine) -> dict[str, tuple[str, object]]:
     found = carry_out(parts, folder, engine, Noted())
     return {part.key: (record.state, record.outcome) for part, record in found}
-
-
-def test_the_same_records_as_in_local_processes(grid: Grid, tmp_path: Path) -> None:
-    parts = [Fine("a"), Impossible("b"), Deadly("c"), *(Fine(f"part {n}") for n in range(6))]
-    there = outcomes(parts, tmp_path / "there", Cluster(grid.address))
-    assert there == outcomes(parts, tmp_path / "here", Local(2))
-    assert there["c"][0] == "set_aside"
 
 
 def repeatedly(work, seconds: float, ended: Event) -> Thread:

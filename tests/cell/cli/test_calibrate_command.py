@@ -65,19 +65,6 @@ def test_folder_that_is_no_session_is_refused(monkeypatch, capsys, tmp_path, kin
     assert "session.yaml: cannot be read" in line
 
 
-def test_session_of_the_other_kind_is_refused(monkeypatch, capsys, session) -> None:
-    line = refused(monkeypatch, capsys, "calibrate", "camera", "--from", session, *CONFIGS)
-    assert "is a session of `cell calibrate homography`, not of `cell calibrate camera`" in line
-
-
-def test_folder_with_something_in_it_is_no_place_for_a_session(
-    monkeypatch, capsys, tmp_path
-) -> None:
-    (tmp_path / "mine").write_text("")
-    line = refused(monkeypatch, capsys, "calibrate", "camera", "--out", tmp_path, *CONFIGS)
-    assert "is there already; name a new folder" in line
-
-
 def test_refused_session_ends_with_one_and_its_reasons(monkeypatch, capsys, session) -> None:
     words = ("calibrate", "homography", "--from", session, "--json", *CONFIGS)
     assert run(monkeypatch, *words) == 1

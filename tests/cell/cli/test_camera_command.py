@@ -1,7 +1,6 @@
 """What `cell camera` says, without a camera and with one that a stand-in for the kernel has."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,14 +9,12 @@ from typer.testing import CliRunner
 import drivers.camera.device
 from cell.cli.app import app
 from cell.config.places import find_configs
-from cell.devices.camera_check import suggest_settings
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_calibrated, check_drivers, open_cell
-from cell.devices.real_camera import with_real_camera
-from drivers.camera.camera import UnusableDevice, V4l2Camera, device_links, list_cameras, report
+from drivers.camera.camera import UnusableDevice, V4l2Camera, list_cameras
 from drivers.camera.settings import V4l2Settings
 from drivers.errors import ConfigurationError
-from drivers.twin.clock import RealTimeClock, TwinClock
+from drivers.twin.clock import RealTimeClock
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 
 REAL = DeviceSelection(camera="v4l2")
@@ -38,29 +35,10 @@ def links(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_each_camera_is_listed_once_by_its_best_link(links: Path) -> None:
-    assert device_links(links) == [
-        str(links / "by-id" / "usb-Test"),
-        str(links / "by-path" / "pci-usb-2"),
-    ]
-
-
 def test_device_that_cannot_be_opened_is_listed_with_the_reason(links: Path) -> None:
     first, _ = list_cameras(FakeKernel(), links)
     assert isinstance(first, UnusableDevice)
     assert "No such file" in first.problem
-
-
-def test_suggested_settings_lock_exposure_where_it_stands() -> None:
-    settings = suggest_settings(report(FakeKernel(), LINK))
-    assert settings == V4l2Settings(
-        device=LINK,
-        format="YUYV",
-        width=64,
-        height=48,
-        rate=60.0,
-        controls={"exposure_time_absolute": 157},
-    )
 
 
 def test_no_camera_is_reported_and_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,12 +83,3 @@ def test_real_camera_opens_beside_the_arm_of_the_twin() -> None:
     assert devices.camera.rate == 30.0
     assert devices.camera_locks() == settings.camera.controls
     assert devices.plant is None
-
-
-def test_clock_that_keeps_step_with_a_robot_stays_the_cells() -> None:
-    configs = find_configs(None)
-    settings = configs.cell().model_copy(update={"camera": V4l2Settings(device=LINK)})
-    twin = open_cell(settings, configs.strip("denim"), DeviceSelection(), calibrating=False)
-    paced = RealTimeClock(TwinClock())
-    devices = with_real_camera(replace(twin, clock=paced), settings)
-    assert devices.clock is paced

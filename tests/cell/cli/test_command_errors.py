@@ -139,13 +139,6 @@ def test_real_camera_that_no_file_describes_is_refused(monkeypatch, capsys, tmp_
     assert not (tmp_path / "r").exists()
 
 
-@pytest.mark.parametrize("command", ["report", "viz", "replay"])
-def test_folder_that_is_no_run_is_refused(monkeypatch, capsys, tmp_path, command) -> None:
-    line = refused(monkeypatch, capsys, command, tmp_path)
-    assert str(tmp_path) in line
-    assert list(tmp_path.iterdir()) == []
-
-
 HEAVY = {"mujoco", "torch", "numba", "rerun", "matplotlib"}
 SOLVERS = {"scipy.spatial", "scipy.integrate", "scipy.optimize", "torch", "matplotlib"}
 RUN = """

@@ -79,12 +79,6 @@ def test_number_out_of_range_is_given_with_its_unit(key, value, said) -> None:
     assert said in str(error.value)
 
 
-def test_impossible_value_gets_no_other_unit() -> None:
-    with pytest.raises(ConfigurationError) as error:
-        parse(CONTENT | {"length": 6e6}, StripFile, "a.yaml")
-    assert "mm" not in str(error.value)
-
-
 def test_fit_takes_a_strip_by_name_as_plan_does(monkeypatch, capsys, tmp_path: Path) -> None:
     configs = ("--configs", ROOT / "configs")
     words = ("gap", "fit", tmp_path / "none", "--strip", "denim", "--out", tmp_path / "out")

@@ -74,16 +74,6 @@ def test_three_touched_points_give_the_mounting_and_keep_the_old_one(
     assert server.robot.ticks == 0  # it moved nothing by itself
 
 
-def test_one_point_touched_three_times_changes_nothing(
-    server: RobotServer, configs: Path, monkeypatch
-) -> None:
-    before = (configs / "cell.yaml").read_bytes()
-    monkeypatch.setattr("cell.cli.arm.ask", lambda _: guide(server, (0.3, 0.0)) or "\n")
-    result = CliRunner().invoke(app, ["register", "--configs", str(configs)])
-    assert "apart" in str(result.exception)
-    assert (configs / "cell.yaml").read_bytes() == before
-
-
 def test_input_that_ended_is_no_touch(server: RobotServer, configs: Path) -> None:
     before = (configs / "cell.yaml").read_bytes()
     result = CliRunner().invoke(app, ["register", "--configs", str(configs)], input="\n\n")

@@ -91,17 +91,6 @@ def test_numbers_may_be_written_as_people_write_them(path: Path) -> None:
     assert (strip.length, strip.retardation_time) == (1.0, 0.03)
 
 
-def test_an_id_of_digits_and_an_e_stays_text(path: Path) -> None:
-    path.write_text("id: 12345e678901\n")
-    assert read_yaml(path) == {"id": "12345e678901"}
-
-
 def test_an_unknown_key_is_answered_with_the_known_ones_as_files_spell_them(path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"allowed here: .*\bschema\b,"):
         load(path, TEXT + "colur: [1, 2, 3]\n")
-
-
-def test_text_that_is_not_utf8_is_refused(path: Path) -> None:
-    path.write_bytes(b"name: \xff\xfe")
-    with pytest.raises(ConfigurationError, match="UTF-8"):
-        load_strip(path)

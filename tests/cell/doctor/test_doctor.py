@@ -76,31 +76,10 @@ def test_calibration_that_has_expired_is_red(tmp_path: Path) -> None:
     assert (check.state, "400 days" in check.found) == (State.FAIL, True)
 
 
-def test_a_file_where_runs_are_to_be_recorded_is_red(tmp_path: Path) -> None:
-    (tmp_path / "runs").write_text("")
-    found = machine.disk(tmp_path / "runs")
-    assert found.state is State.FAIL
-    assert "is a file" in found.found
-
-
 def test_disk_without_room_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert machine.disk(tmp_path / "runs").state is not State.FAIL
     monkeypatch.setattr(machine, "RUN_GB", 1e9)
     assert machine.disk(tmp_path / "runs").state is State.FAIL
-
-
-@pytest.mark.parametrize(
-    ("allowed", "cores", "state"),
-    [("950000", 2, State.WARN), ("950000", 8, State.PASS), ("-1", 2, State.PASS)],
-)
-def test_real_time_threads_that_are_held_up_on_few_cores_are_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, allowed: str, cores: int, state: State
-) -> None:
-    throttle = tmp_path / "sched_rt_runtime_us"
-    throttle.write_text(f"{allowed}\n")
-    monkeypatch.setattr(machine, "THROTTLE", throttle)
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(cores)))
-    assert machine.throttling().state is state
 
 
 def test_cell_of_the_twin_needs_no_hardware(tmp_path: Path) -> None:

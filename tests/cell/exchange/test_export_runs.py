@@ -99,11 +99,6 @@ def test_a_file_whose_writer_was_killed_gives_its_whole_chunks(runs, tmp_path: P
     assert np.array_equal(read_run(folder).ticks.x, read_run(runs[0]).ticks.x)
 
 
-def test_a_run_of_the_cell_needs_no_import(runs, tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="is a run already"):
-        import_runs([runs[0]], None, tmp_path / "out")
-
-
 def test_a_data_set_of_others_is_read_by_a_mapping(runs, tmp_path: Path) -> None:
     [root] = export_runs(runs, "lerobot", tmp_path / "out")
     (root / "meta/mapping.yaml").unlink()
@@ -131,13 +126,6 @@ def test_a_spoilt_export_is_refused_in_one_line(runs, kind: Format, tmp_path: Pa
         import_runs(made, None, tmp_path / "back")
     assert "\n" not in str(error.value)
     assert not list((tmp_path / "back").glob("*"))
-
-
-def test_runs_of_two_strips_are_not_exported_together(runs, tmp_path: Path) -> None:
-    folder = foreign(tmp_path / "c")
-    [other] = import_runs([folder], mapping(tmp_path, strip="felt"), tmp_path / "runs")
-    with pytest.raises(ConfigurationError, match="differs from"):
-        export_runs([runs[0], other], "csv", tmp_path / "out")
 
 
 def test_command_exports_and_imports(runs, tmp_path: Path) -> None:

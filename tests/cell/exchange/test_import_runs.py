@@ -144,13 +144,6 @@ def test_column_that_cannot_be_used_is_refused_and_nothing_is_left(tmp_path, cha
     assert not list((tmp_path / "runs").glob("*"))
 
 
-def test_length_in_another_unit_than_stated_is_refused(tmp_path: Path) -> None:
-    columns = MAPPING["ticks"]["columns"] | {"z": {"column": "height", "unit": "m"}}
-    wrong = mapping(tmp_path, ticks=MAPPING["ticks"] | {"columns": columns})
-    with pytest.raises(ConfigurationError, match=r"z: reaches .*, must stay within 5 m"):
-        import_runs([foreign(tmp_path / "a")], wrong, tmp_path / "runs")
-
-
 def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     folder, how = foreign(tmp_path / "a"), mapping(tmp_path)
     words = ["import", str(folder), "--mapping", str(how), "--out", str(tmp_path / "runs")]
@@ -201,29 +194,6 @@ def test_table_that_cannot_be_used_is_refused_by_its_own_name(
         import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
     assert str(error.value).startswith(f"{folder / 'tip.csv'}: ")
     assert said in str(error.value)
-
-
-def test_table_with_a_mark_of_its_encoding_is_read(tmp_path: Path) -> None:
-    folder = plain(tmp_path / "a", encoding="utf-8-sig")
-    assert import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
-
-
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [("55,299,301", "t_layer_touch: is 55 s after the first row"), ("1,9,9\n2,9,9", "2 rows")],
-)
-def test_touch_that_cannot_be_of_this_run_is_refused(tmp_path: Path, row: str, said: str) -> None:
-    folder = plain(tmp_path / "a")
-    (folder / "touch.csv").write_text(f"t,upper,lower\n{row}\n")
-    with pytest.raises(ConfigurationError, match=said):
-        import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
-
-
-def test_touch_without_a_number_was_not_seen(tmp_path: Path) -> None:
-    folder = plain(tmp_path / "a")
-    (folder / "touch.csv").write_text("t,upper,lower\nNaN,,\n")
-    [made] = import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
-    assert read_run(made).result.outcome == "path_done"
 
 
 def test_folder_of_folders_is_imported_and_a_mapping_among_them_is_passed_over(tmp_path) -> None:

@@ -36,15 +36,6 @@ def repeated(runs: Path, count: int) -> tuple[Request, ...]:
     )
 
 
-def test_seeds_count_on_over_plants_and_repeats(tmp_path) -> None:
-    base = request_for("denim", "triangular", tmp_path, choice=DeviceSelection(seed=10))
-    plants = [base.strip.model_copy(update={"name": name}) for name in "ab"]
-    folds = repetitions(base, plants, repeat=2)
-    assert [fold.choice.plant.name for fold in folds] == ["a", "a", "b", "b"]
-    assert [fold.choice.seed for fold in folds] == [10, 11, 12, 13]
-    assert [fold.choice.index for fold in folds] == [0, 1, 0, 1]
-
-
 @pytest.mark.parametrize(
     "error",
     [
@@ -178,14 +169,6 @@ def fake(monkeypatch) -> type[Fake]:
 
 def attended(interrupted: Callable[[], bool]) -> Attendance:
     return Attendance(interrupt=lambda: nullcontext(interrupted))
-
-
-def test_results_come_in_the_order_of_the_requests_from_no_more_workers_than_folds(
-    fake, tmp_path
-) -> None:
-    results = [*fold_all(repeated(tmp_path, 5), jobs=50)]
-    assert [result.seed for result in results] == [0, 1, 2, 3, 4]
-    assert [word for word, _ in fake.log].count("release") == 5
 
 
 def test_ctrl_c_stops_the_folds_under_way_and_begins_no_other(fake, tmp_path) -> None:

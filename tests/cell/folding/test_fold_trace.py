@@ -102,21 +102,6 @@ def test_fold_of_another_law_is_flagged_in_event_result_and_final_line() -> None
     assert "does not behave like the model" in finished(outcome).sentence().splitlines()[-1]
 
 
-def test_fold_without_a_prediction_or_a_touch_claims_nothing() -> None:
-    trace, notes = traced(measured()), Notes()
-    for outcome in (replace(OUTCOME, predicted=None), replace(OUTCOME, touch=None)):
-        assert trace.review(outcome, notes).agreement is None
-    assert FoldTrace(STRIP).review(OUTCOME, notes).agreement is None
-    assert not notes.events
-
-
-def test_arm_that_reported_nonsense_claims_nothing() -> None:
-    fold = measured()
-    poses = fold.poses.copy()
-    poses[300:] = np.nan
-    assert traced(fold._replace(poses=poses)).review(OUTCOME, Notes()).agreement is None
-
-
 def test_printed_line_states_the_laid_edge_and_whether_the_strip_is_like_the_model() -> None:
     line = replace(DONE, like_model=False, edge_offset_true=-0.0312345678).line()
     assert (line["edge_offset"], line["edge_offset_true"]) == (-0.03, -0.031235)

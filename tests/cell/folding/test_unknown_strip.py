@@ -1,12 +1,11 @@
 """A fabric without a file: named by its length, and offered as a file after the fold."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from cell.config.places import CHECKOUT_CONFIGS, Configs
-from cell.folding.documents import LEARNED, learned_strip, offer_strip
+from cell.folding.documents import LEARNED, offer_strip
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
@@ -51,10 +50,3 @@ def test_offered_file_is_a_strip_file_that_says_where_its_numbers_are_from(tmp_p
     told = {entry.key: entry.source for entry in learned.provenance}
     assert tmp_path.name in told["bending_length"]
     assert told["width"] == "assumed"
-
-
-def test_friction_that_is_hardly_there_is_not_written_down() -> None:
-    strip = without_file("0.6")
-    little = Estimate(1.0, 0.0, 3.0)
-    smooth = replace(PREDICTED, yield_curvature=little)
-    assert not learned_strip(strip, smooth, "run").effects

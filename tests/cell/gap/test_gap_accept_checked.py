@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 import shutil
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from cell.config.places import find_configs
 from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.schema import read_verdict
 from drivers.errors import ConfigurationError
-from drivers.files import write_file
 
 EFFECT = {"bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0}}
 
@@ -101,30 +99,3 @@ def test_a_verdict_that_cannot_be_read_is_refused_in_own_words(fitted, content) 
         read_verdict(path)
     assert str(caught.value).startswith(str(path))
     assert "pydantic" not in str(caught.value)
-
-
-def test_a_folder_that_does_not_exist_is_told(tmp_path) -> None:
-    with pytest.raises(ConfigurationError, match="nope: no such folder"):
-        read_verdict(tmp_path / "nope" / "verdict.json")
-    with pytest.raises(ConfigurationError, match="nope: no such folder"):
-        accept(tmp_path / "nope", tmp_path / "denim.yaml")
-
-
-def test_a_place_that_cannot_be_written_is_told_before_the_first_file(fitted, monkeypatch) -> None:
-    monkeypatch.setattr(os, "access", lambda place, _: place != fitted.file)
-    before = fitted.file.read_bytes()
-    with pytest.raises(ConfigurationError, match=r"denim\.yaml: cannot be written"):
-        accept(fitted.out, fitted.file, fitted.cell)
-    assert not (fitted.out / "accepted.json").exists()
-    assert fitted.file.read_bytes() == before
-    with pytest.raises(ConfigurationError, match="cannot be written"):
-        write_file(fitted.file / "no" / "folder", "x")
-
-
-def test_a_folder_whose_name_is_not_utf8_serves_as_any_other(tmp_path) -> None:
-    root = tmp_path / os.fsdecode(b"\xff")
-    root.mkdir()
-    fitted = Fitted(root)
-    accept(fitted.out, fitted.file, fitted.cell)
-    undo(fitted.out, fitted.file, fitted.cell)
-    assert "yield_curvature" not in fitted.file.read_text()

@@ -10,12 +10,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from cell.gap.fit import fit
 from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.strip.simulation import Simulation
-from drivers.errors import ConfigurationError
-from drivers.strip.effects import registry
 from drivers.types import Array
 from tests.cell.cli.test_command_errors import refused
 from tests.cell.gap.subject.test_gap_strip_runs import drop_column, edit_column, edit_yaml, put
@@ -301,16 +298,6 @@ def test_the_grippers_path_alone_is_refused_with_what_would_show_the_strip(
 
 
 @pytest.mark.parametrize("subject", ["strip", "pendulum"])
-def test_an_empty_folder_is_refused(monkeypatch, capsys, bench, subject) -> None:
-    words = bench.words(subject)
-    words[2] = bench.root / "empty"
-    (bench.root / "empty").mkdir()
-    line = told(monkeypatch, capsys, bench, words)
-    assert str(bench.root / "empty") in line
-    assert "run.yaml" in line
-
-
-@pytest.mark.parametrize("subject", ["strip", "pendulum"])
 def test_runs_of_one_name_are_refused(monkeypatch, capsys, bench, subject) -> None:
     words = bench.words(subject)
     other = bench.root / "other" / subject / "runs"
@@ -336,18 +323,6 @@ def test_an_unknown_held_out_run_lists_the_known(monkeypatch, capsys, bench, sub
     assert bench.first(subject).name in line
 
 
-@pytest.mark.parametrize("subject", ["strip", "pendulum"])
-def test_a_place_that_cannot_be_written_is_refused(monkeypatch, capsys, bench, subject) -> None:
-    taken = bench.root / "taken"
-    taken.write_text("mine")
-    words = bench.words(subject)
-    words[words.index("--out") + 1] = taken / "out"
-    line = told(monkeypatch, capsys, bench, words)
-    assert str(taken) in line
-    assert "--out" in line
-    assert taken.read_text() == "mine"
-
-
 @pytest.mark.parametrize(("runs", "file"), [("strip", "pendulum"), ("pendulum", "strip")])
 def test_the_file_of_the_other_subject_is_refused(monkeypatch, capsys, bench, runs, file) -> None:
     words = bench.words(runs)
@@ -355,25 +330,6 @@ def test_the_file_of_the_other_subject_is_refused(monkeypatch, capsys, bench, ru
     line = told(monkeypatch, capsys, bench, words)
     assert str(bench.first(runs) / "run.yaml") in line
     assert f"its {runs} file" in line
-
-
-@pytest.mark.parametrize("kind", ["cloth", 3, None])
-def test_a_file_of_an_unknown_kind_is_refused(monkeypatch, capsys, bench, kind) -> None:
-    edit_yaml(bench.file["pendulum"], kind=kind)
-    line = told(monkeypatch, capsys, bench, bench.words("pendulum"))
-    assert "kind" in line
-    assert "strip, pendulum" in line
-
-
-def test_a_missing_strip_file_is_refused(monkeypatch, capsys, bench) -> None:
-    bench.file["strip"].unlink()
-    assert str(bench.file["strip"]) in told(monkeypatch, capsys, bench, bench.words("strip"))
-
-
-def test_a_library_of_which_all_is_withheld_is_refused(bench: Bench) -> None:
-    every = sorted(registry())
-    with pytest.raises(ConfigurationError, match="withholds every effect; leave one"):
-        fit([bench.runs("strip")], bench.file["strip"], bench.root / "out", without=every)
 
 
 def test_check_of_a_file_that_is_missing_or_a_folder_is_one_line(

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cell.cli.app import app
-from cell.gap.check import check, clock, complaints, identifiable, images, recordings, values
+from cell.gap.check import check, clock, identifiable, recordings, values
 from cell.gap.fit import fit
 from cell.gap.subject.run_folders import RunFolder, find_runs
 from drivers.errors import ConfigurationError
@@ -48,17 +48,6 @@ def test_lost_rows_are_counted(kept: slice, levels: list[str]) -> None:
     assert [c.level for c in clock(T[kept])] == levels
 
 
-def test_uneven_steps_are_a_matter_of_the_clock() -> None:
-    t = np.cumsum(np.tile([0.004, 0.016], 200))
-    assert [c.what for c in clock(t)] == ["clock"]
-
-
-def test_images_that_are_missing_are_counted_once_for_all_their_points() -> None:
-    stamps = np.repeat(np.delete(np.arange(0.0, 3.0, 0.1), [7, 8, 9, 11, 12, 13]), 12)
-    (found,) = images(stamps)
-    assert (found.what, found.words) == ("lost images", "20 % of the images are missing")
-
-
 def test_a_reading_that_stands_still_while_its_command_moves_is_stuck() -> None:
     x = 0.5 * T
     x[100:150] = x[100]
@@ -72,13 +61,6 @@ def test_a_reading_that_is_cut_off_is_said_and_one_that_rests_is_not() -> None:
     assert [c.what for c in values("a", T, np.minimum(wave, 0.8))] == ["saturation"]
     assert not list(values("a", T, wave))
     assert not list(values("a", T, np.clip(T - 1.0, 0.0, 2.0)))
-
-
-def test_columns_that_hold_numbers_in_some_rows_alone_are_not_blamed() -> None:
-    sparse = np.full_like(T, np.nan)
-    assert not list(complaints({"ticks.parquet": {"t": T, "contact_x": sparse}}))
-    (found,) = complaints({"signals.parquet": {"t": T, "elbow": sparse}})
-    assert (found.level, found.what) == ("fair", "lost samples")
 
 
 def test_runs_of_the_cell_are_in_order(runs: Path) -> None:

@@ -11,7 +11,6 @@ import yaml
 
 from cell.gap.fit import fit
 from cell.gap.subject.run_folders import counted_once, find_runs
-from drivers.errors import ConfigurationError
 
 SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"
 
@@ -55,26 +54,6 @@ def test_runs_that_differ_in_one_number_are_no_copies(tmp_path) -> None:
     x[3] = np.nextafter(x[3], 1.0)
     pq.write_table(pa.table({"t": table["t"], "x": x}), path)
     assert names(tmp_path) == (["a", "b"], {})
-
-
-def test_runs_of_nothing_are_no_copies(tmp_path) -> None:
-    for name in "abc":
-        path = a_run(tmp_path / name, 1) / "ticks.parquet"
-        pq.write_table(pq.read_table(path).slice(0, 0), path)
-    assert not names(tmp_path)[1]
-
-
-def test_a_run_that_cannot_be_read_is_no_copy(tmp_path) -> None:
-    for name in "ab":
-        (a_run(tmp_path / name, 1) / "ticks.parquet").write_bytes(b"nothing")
-    assert not names(tmp_path)[1]
-
-
-def test_copies_of_a_single_run_are_refused(tmp_path) -> None:
-    for k in range(10):
-        a_run(tmp_path / f"{k}", 1)
-    with pytest.raises(ConfigurationError, match="10 runs hold the same measurement"):
-        counted_once(find_runs([tmp_path]))
 
 
 @pytest.mark.long

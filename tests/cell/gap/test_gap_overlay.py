@@ -8,18 +8,15 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from cell.gap.diagnosis.held_out_gap import floor
 from cell.gap.fit import fit
-from cell.gap.fitting.model import evidence
 from cell.gap.report.figures import Replay
 from cell.gap.report.overlay import write_overlay, write_recording
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.scene import Scene
-from cell.gap.subject.strip.scenes import CONTACT_SIGNAL, DISTANCE_SIGNAL
+from cell.gap.subject.strip.scenes import DISTANCE_SIGNAL
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.subject import Request
 from cell.gap.verdict.schema import read_verdict
-from drivers.errors import ConfigurationError
 from drivers.types import Array
 from tests.cell.gap.test_gap_bad_input import PENDULUM
 from tests.support.gap_strip_cases import CELL, STRIP, folds, written
@@ -128,56 +125,6 @@ def test_the_right_model_lies_on_the_measured_midline(recording) -> None:
     points = np.array(rows["/00-normal/curve/measured"].values[-1])
     off = np.hypot(*(points[:, None] - line[None]).transpose(2, 0, 1)).min(axis=1)
     assert np.median(off) < 4.0
-
-
-def test_contact_is_drawn_where_it_is_plotted(recording) -> None:
-    rows = read(recording)
-    for word in ("measured", "before", "after"):
-        dots = np.array([value[0] for value in rows[f"/00-normal/tracks/contact/{word}"].values])
-        plotted = numbers(rows[f"/00-normal/signals/{CONTACT_SIGNAL}/{word}"])
-        np.testing.assert_allclose(dots[:, 0], plotted, atol=1e-3)
-        assert not dots[:, 1:].any()
-
-
-def test_a_touch_is_told_by_the_time_it_was_seen(recording, replays) -> None:
-    rows = read(recording)
-    (seen,) = replays[0].measured.events
-    event = rows["/00-normal/events/measured"]
-    assert event.t[0] == pytest.approx(seen[0], abs=1e-6)
-    assert "layer_touch" in str(event.values[0])
-    assert rows["/00-normal/events/after"].t[0] == pytest.approx(seen[0], abs=0.15)
-    assert "/01-taut-lift/events/measured" not in rows, "its layers never touch"
-
-
-def test_the_gripper_moves_along_its_path(recording) -> None:
-    rows = read(recording)["/01-taut-lift/tracks/gripper/measured"]
-    first = np.array(rows.values[0][0])
-    np.testing.assert_allclose(first, [600.0, 0.0], atol=1.0)
-
-
-def test_a_recording_carries_one_blueprint(recording) -> None:
-    assert len(RrdReader(recording).blueprints()) == 1
-
-
-def test_a_model_without_effects_has_no_after(replays, tmp_path) -> None:
-    run = replays[0]
-    alone = Replay(run.name, True, run.measured, run.before, None)
-    write_recording("denim", [alone], tmp_path / "o.rrd", "no gap")
-    rows = read(tmp_path / "o.rrd")
-    assert "/00-normal/curve/before" in rows
-    assert not [entity for entity in rows if entity.endswith("/after")]
-
-
-def test_a_place_that_cannot_be_written_is_named(replays, tmp_path) -> None:
-    path = tmp_path / "none" / "overlay.rrd"
-    with pytest.raises(ConfigurationError, match="cannot be written"):
-        write_recording("denim", replays, path, "named")
-
-
-def test_the_place_of_a_touch_is_fitted_but_no_key_of_the_verdict(strip) -> None:
-    assert "touch_x" in strip.runs[0].samples.quantity
-    shown = floor(evidence(strip.runs), strip.scope.quantities)
-    assert set(shown) == {"profile_mm", "contact_x_mm", "displacement_mm", "touch_ms"}
 
 
 @pytest.mark.slow

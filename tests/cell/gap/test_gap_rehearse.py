@@ -1,6 +1,5 @@
 """Copies of measured runs in which effects are hidden: what could these runs have shown?"""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +7,9 @@ import pytest
 
 from cell.campaign.journal import Record
 from cell.gap import rehearse
-from cell.gap.rehearse import Hidden, Plan, instruments, page, plan, right, write_copy
+from cell.gap.rehearse import Hidden, Plan, page, plan, right, write_copy
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
-from cell.gap.subject.strip.synthetic import Instruments
-from drivers.errors import ConfigurationError
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
 from tests.support.gap_strip_cases import STRIP, folds, written
@@ -44,13 +41,6 @@ def test_every_effect_is_hidden_in_its_size_or_said_to_be_beyond_these_runs(made
     assert made.base["bending_length"] == pytest.approx(0.017, rel=0.02)
 
 
-def test_a_plan_is_kept_and_belongs_to_its_inputs(made: Plan, runs: Path) -> None:
-    folder = runs.parent / "rehearsal"
-    assert plan([runs], STRIP, folder, 2.5, 2, 1) == made
-    with pytest.raises(ConfigurationError, match="holds another rehearsal"):
-        plan([runs], STRIP, folder, 1.0, 2, 1)
-
-
 def test_a_copy_follows_the_measured_paths_with_their_noise(
     made: Plan, runs: Path, tmp_path: Path
 ) -> None:
@@ -67,16 +57,6 @@ def test_a_copy_follows_the_measured_paths_with_their_noise(
         assert real.measured.touch is not None
         assert copy.measured.touch is not None
         assert copy.measured.touch.time == pytest.approx(real.measured.touch.time, abs=0.15)
-
-
-def test_a_copy_is_measured_with_the_instruments_of_its_run(runs: Path, tmp_path: Path) -> None:
-    written(tmp_path / "felt", folds(["fast", "normal"]), Instruments(force=0.004))
-    strip = load_strip(STRIP)
-    felt, blind = (read_runs(find_runs([p]), strip)[0].measured for p in (tmp_path / "felt", runs))
-    assert instruments(felt) == Instruments(force=0.004)
-    assert instruments(blind) == Instruments()
-    stated = blind.sigma.model_copy(update={"force": 0.004, "edge_offset": 0.0003})
-    assert instruments(replace(blind, sigma=stated)) == Instruments()
 
 
 def outcome(hidden: str, *named: str, classes: tuple[tuple[str, ...], ...] = ()) -> dict:

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.config.length import metres
 from cell.config.settings import LearningSettings
 from cell.learning.correction import (
     Correction,
@@ -14,12 +13,10 @@ from cell.learning.correction import (
     correction_of,
     experience_of,
     learned_correction,
-    subject_of,
 )
 from cell.learning.experience import Experience, Memory
 from cell.orchestrator.outcome import Outcome
 from cell.perception.measurement import SeenTouch
-from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from policies.planned import Planned
 from policies.prediction import Estimate, FoldPrediction
@@ -96,13 +93,6 @@ def test_a_line_that_holds_no_experience_is_skipped(tmp_path: Path, line: str) -
     assert memory.experiences() == ()
 
 
-def test_a_line_that_a_crash_cut_off_spoils_no_later_one(tmp_path: Path) -> None:
-    memory = Memory("cell", tmp_path)
-    memory.path.write_text('{"run": "r0", "pol')
-    memory.add(Experience("r1", "adaptive", "denim", "a", "camera"))
-    assert [one.run for one in memory.experiences()] == ["r1"]
-
-
 def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
     nothing = Correction(0.0, 0.0)
@@ -115,16 +105,6 @@ def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(tmp_path: P
     sentence = found.sentence()
     assert sentence is not None
     assert sentence.startswith("aimed -2.9 mm")
-
-
-def test_what_is_learned_does_not_depend_on_the_correction_in_use(tmp_path: Path) -> None:
-    corrected = Correction(0.003, 0.001)
-    shifted = replace(PREDICTED, displacement=PREDICTED.displacement + corrected.seen)
-    plain = experience_of("r0", SUBJECT, outcome(0.002), Correction(0.0, 0.0))
-    again = experience_of("r0", SUBJECT, outcome(0.002, shifted), corrected)
-    assert plain is not None
-    assert again is not None
-    assert again.displacement == pytest.approx(plain.displacement)
 
 
 def test_a_correction_is_never_larger_than_the_limit(tmp_path: Path) -> None:
@@ -183,30 +163,3 @@ def test_a_planned_fold_of_the_rod_comes_out_where_the_bias_is_corrected() -> No
 def test_only_policies_that_steer_by_a_model_are_corrected() -> None:
     assert Correction(0.001, 0.0).apply(make_policy("triangular")) is None
     assert Correction(0.001, 0.0).apply(make_policy("adaptive")) is not None
-
-
-def test_weights_belong_to_the_subject(tmp_path: Path) -> None:
-    weights = tmp_path / "other.npz"
-    weights.write_bytes(b"other")
-    shipped = subject_of("adaptive", None, "denim", None)
-    assert shipped.policy != subject_of("adaptive", weights, "denim", None).policy
-    assert shipped.specimen == "denim"
-
-
-def test_two_pieces_of_unknown_fabric_are_two_specimens() -> None:
-    subject = subject_of("adaptive", None, "unknown", None)
-    made = [experience_of(run, subject, outcome(0.0), Correction(0.0, 0.0)) for run in "ab"]
-    assert [one and one.specimen for one in made] == ["a", "b"]
-
-
-@pytest.mark.parametrize(
-    ("text", "value"), [("3.5mm", 0.0035), ("-1 mm", -0.001), ("0.002", 0.002)]
-)
-def test_lengths_are_read_with_their_unit(text: str, value: float) -> None:
-    assert metres("--edges", text, 0.1) == pytest.approx(value)
-
-
-@pytest.mark.parametrize("text", ["", "mm", "3.5 inch", "1e9", "nan", "200mm", "1.2.3mm"])
-def test_what_is_no_length_is_refused_in_one_line(text: str) -> None:
-    with pytest.raises(ConfigurationError, match=r"--edges: .* write one as 3\.5mm"):
-        metres("--edges", text, 0.1)

@@ -11,9 +11,8 @@ from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.orchestrator.context import FoldContext
-from cell.perception.laid import EDGE_TOLERANCE, TOP, LaidFold, Loop, edge_offset
+from cell.perception.laid import EDGE_TOLERANCE, TOP, LaidFold, Loop
 from cell.perception.measurement import StripMeasurement
-from cell.record.header import NOT_FOLDED, is_outcome
 from cell.record.run import read_run
 from tests.cell.folding.test_fold_trace import TOUCH
 from tests.support.made_results import DONE
@@ -29,18 +28,6 @@ def test_loop_is_read_from_its_tip_its_top_and_where_it_leaves_the_desk() -> Non
     loop = Loop.seen_in(SEEN)
     assert loop is not None
     assert loop == pytest.approx((0.291, 0.02, 0.011), abs=1e-4)
-
-
-def test_a_tip_farther_left_leaves_twice_as_much_for_the_upper_layer() -> None:
-    loop = Loop(0.291, 0.02, 0.011)
-    moved = loop._replace(tip_x=0.290)
-    gained = edge_offset(LENGTH, THICKNESS, moved) - edge_offset(LENGTH, THICKNESS, loop)
-    assert gained == pytest.approx(0.002)
-
-
-def test_higher_loop_holds_more_strip() -> None:
-    low, high = Loop(0.291, 0.015, 0.01), Loop(0.291, 0.025, 0.01)
-    assert edge_offset(LENGTH, THICKNESS, high) < edge_offset(LENGTH, THICKNESS, low)
 
 
 @pytest.mark.parametrize(
@@ -75,21 +62,11 @@ def test_fold_that_lies_where_it_was_laid_is_a_fold() -> None:
     )
 
 
-def test_fold_whose_edges_nobody_sees_is_none() -> None:
-    name, reason, code = ending(LaidFold(released=0.0, seen=None))
-    assert (name, code) == ("edges_not_seen", 1)
-    assert "sprang open" in reason
-
-
 @pytest.mark.parametrize("apart", [-0.0625, EDGE_TOLERANCE + 0.001, 0.2])
 def test_edge_far_from_where_it_was_laid_is_no_fold(apart: float) -> None:
     name, reason, code = ending(LaidFold(released=0.0, seen=apart))
     assert (name, code) == ("edges_apart", 1)
     assert f"{1e3 * apart:+.1f} mm" in reason
-
-
-def test_every_outcome_of_a_strip_that_is_not_folded_is_known_to_readers() -> None:
-    assert all(is_outcome(name) for name in NOT_FOLDED)
 
 
 def test_json_says_what_the_camera_sees_of_the_edges_and_whether_the_model_holds() -> None:

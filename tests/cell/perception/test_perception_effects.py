@@ -1,18 +1,16 @@
 """Images of a camera or a desk that moved: seen as stated, and right once the cell knows it."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from calibration.calibration import load_calibration, save_calibration
 from cell.devices.rig_correction import correct_calibration
 from drivers.strip.describe import describe, load_strip
-from drivers.strip.model import Observation, Rig, StripModel
-from drivers.strip.observation import seen_contact, seen_points, true_points
+from drivers.strip.model import StripModel
+from drivers.strip.observation import seen_contact, seen_points
 from drivers.twin.camera import displaced_optics
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
@@ -93,19 +91,3 @@ def test_hidden_effect_of_the_camera_is_seen_as_stated(name: str, values: Values
     np.testing.assert_allclose(hidden, seen_contact(affected.observation, true), atol=9e-4)
     for profile, k in zip(profiles, FRAMES, strict=True):
         assert _off(profile, seen_points(affected, _fold().shape(k / 60))) < 6e-4
-
-
-def test_corrected_calibration_inverts_the_law_and_keeps_in_a_file(tmp_path: Path) -> None:
-    observation = Observation(0.001, 0.02, 0.008, 0.004, -0.001, 0.003)
-    model = replace(describe(DENIM), observation=observation, rig=Rig(desk_height=0.002))
-    calibration = twin_calibration(CAMERA)
-    again = correct_calibration(calibration, model)
-    pixels = np.array([[200.0, 300.0], [900.0, 500.0]])
-    expected = true_points(model, calibration.to_plane(pixels))
-    np.testing.assert_allclose(again.to_plane(pixels), expected, atol=1e-9)
-    assert again.latency == pytest.approx(calibration.latency + 0.02)
-    assert again.id != calibration.id
-    save_calibration(again, tmp_path / "c.yaml")
-    read = load_calibration(tmp_path / "c.yaml")
-    assert (read.id, read.contact_bias) == (again.id, again.contact_bias)
-    assert correct_calibration(calibration, describe(DENIM)) is calibration

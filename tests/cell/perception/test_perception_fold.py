@@ -9,7 +9,6 @@ import pytest
 from cell.perception.perception import Perception
 from drivers.strip.describe import load_strip
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame, Pose
 from policies.path import Path, circular, triangular
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from tests.support.seen_folds import SPEED, STRIPS, Agreement, agreement, perception_of, rms
@@ -98,17 +97,6 @@ def test_layer_touch_is_within_50_ms_and_displacement_within_3_mm(name: str, kin
     assert found.touch.confidence > 0.5
 
 
-def test_profile_runs_from_the_contact_to_the_fingers() -> None:
-    perception, camera, fold = _ready()
-    frame, pose = camera.frame(fold, 200), fold.pose(200 / 60)
-    sight = perception.look(frame, pose)
-    assert 100 <= len(sight.profile) <= 200
-    assert abs(sight.profile[0, 0] - sight.contact_x) < 0.004
-    assert np.hypot(*(sight.profile[-1] - (pose.x, pose.z))) < 0.012
-    steps = np.hypot(*np.diff(sight.profile, axis=0).T)
-    assert steps.max() < 2 * np.median(steps)
-
-
 @pytest.mark.parametrize("slid", [0.002, 0.006, 0.015])
 def test_edge_that_slid_on_the_desk_takes_neither_contact_nor_profile_away(slid: float) -> None:
     perception, camera, fold = _ready()
@@ -120,13 +108,6 @@ def test_edge_that_slid_on_the_desk_takes_neither_contact_nor_profile_away(slid:
     assert abs(sight.profile[0, 0] - sight.contact_x) < 0.004
 
 
-def test_rightmost_point_of_the_lifted_strip_is_within_1_mm() -> None:
-    perception, camera, fold = _ready()
-    for sequence in (100, 160, 220):
-        sight = perception.look(camera.frame(fold, sequence), fold.pose(sequence / 60))
-        assert abs(sight.tip[0] - fold.shape(sequence / 60)[:, 0].max()) < 0.001
-
-
 def test_flat_strip_touches_the_desk_up_to_its_edge_and_shows_no_profile() -> None:
     perception, camera, fold = _ready()
     sight = perception.look(camera.frame(fold, 0), fold.pose(0.0))
@@ -136,14 +117,6 @@ def test_flat_strip_touches_the_desk_up_to_its_edge_and_shows_no_profile() -> No
     assert sight.confidence > 0.9
 
 
-def test_looking_twice_sees_the_same() -> None:
-    perception, camera, fold = _ready()
-    frame, pose = camera.frame(fold, 310), fold.pose(310 / 60)
-    one, other = perception.look(frame, pose), perception.look(frame, pose)
-    assert np.array_equal(one.profile, other.profile)
-    assert (one.contact_x, one.gap, one.tip) == (other.contact_x, other.gap, other.tip)
-
-
 @pytest.mark.parametrize("level", [0, 90, 255])
 def test_blank_image_is_no_sight_and_no_exception(level: int) -> None:
     perception, camera, fold = _ready()
@@ -151,21 +124,3 @@ def test_blank_image_is_no_sight_and_no_exception(level: int) -> None:
     blank = replace(frame, image=np.full_like(frame.image, level))
     sight = perception.look(blank, fold.pose(200 / 60))
     assert sight.confidence < 0.3
-
-
-def test_hidden_strip_lowers_confidence() -> None:
-    perception, camera, fold = _ready()
-    frame, pose = camera.frame(fold, 200), fold.pose(200 / 60)
-    image = frame.image.copy()
-    image[300:500, 500:800] = image[300:500, 100:400]  # a piece of backdrop before the strip
-    assert perception.look(frame, pose).confidence > 0.9
-    assert perception.look(replace(frame, image=image), pose).confidence < 0.3
-
-
-def test_noise_of_another_gripper_pose_is_no_exception() -> None:
-    perception, camera, fold = _ready()
-    frame: Frame = camera.frame(fold, 200)
-    rng = np.random.default_rng(5)
-    for x, z, pitch in rng.uniform((-0.1, -0.01, -1.0), (0.8, 0.45, 3.0), (20, 3)):
-        sight = perception.look(frame, Pose(x, z, pitch))
-        assert 0 <= sight.confidence <= 1

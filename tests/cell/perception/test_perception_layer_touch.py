@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cell.perception.layer_touch import Fall, LayerTouch
+from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
@@ -70,20 +70,6 @@ def test_one_image_that_is_misread_at_the_touch_moves_no_length() -> None:
     assert lengths[1] == pytest.approx(lengths[0], abs=2e-4)
 
 
-def test_place_that_is_misread_along_the_layers_moves_no_displacement(monkeypatch) -> None:
-    # of a fold 26.1 mm short through grainy images [mm]; the sixth is at the touch
-    x = (176.9, 168.5, 162.2, 156.5, 149.8, 148.7, 138.8, 140.8, 134.5)
-    upper = (129.4, 124.1, 121.5, 120.2, 118.1, 121.9, 114.8, 117.6, 114.8)
-    gap = (18.4, 16.0, 13.2, 9.8, 6.0, 1.3, 0.1, 0.3, 0.1)
-    rows = np.array([x, upper, gap]).T / 1e3
-    falls = [Fall(0.05 * k, gap, x, upper) for k, (x, upper, gap) in enumerate(rows)]
-    monkeypatch.setattr("cell.perception.layer_touch._fall", lambda fall, _: fall)
-    detector = LayerTouch(PerceptionSettings(), DENIM)
-    touch = [detector.update(fall, GRIPPER) for fall in falls][-1]
-    assert touch is not None
-    assert touch.displacement == pytest.approx(-0.0261, abs=1e-3)
-
-
 @pytest.mark.parametrize("speed", [0.01, 0.05, 0.3])
 def test_touch_is_told_at_its_time_with_its_lengths(speed: float) -> None:
     touch, told = _watch(_closing(speed, 0.6))
@@ -96,13 +82,6 @@ def test_touch_is_told_at_its_time_with_its_lengths(speed: float) -> None:
     length = np.hypot(*np.diff(np.vstack([[(PLACE, 0.001)], upper]), axis=0).T).sum()
     assert touch.to_grasped == pytest.approx(length, abs=0.001)
     assert touch.confidence > 0.7
-
-
-def test_touch_stays_as_it_was_first_seen() -> None:
-    detector = LayerTouch(PerceptionSettings(), DENIM)
-    closing = _closing(0.05, 0.5)
-    seen = [detector.update(_measured(k, closing(k / 60)), GRIPPER) for k in range(60)]
-    assert seen[-1] == next(touch for touch in seen if touch is not None)
 
 
 @pytest.mark.parametrize(
@@ -129,13 +108,6 @@ def test_layers_of_unknown_thickness_touch_where_their_gap_stays() -> None:
     assert _watch(_closing(0.05, 0.5, rest=0.005), unknown)[0] is None
 
 
-def test_a_fall_that_goes_on_is_no_touch_until_it_stops() -> None:
-    stops = 0.58
-    touch, told = _watch(lambda t: 0.001 + 0.01 * (0.5 - min(t, stops)))
-    assert touch is not None
-    assert told > stops
-
-
 def test_noise_of_a_tenth_of_a_millimetre_moves_the_touch_by_less_than_20_ms() -> None:
     rng = np.random.default_rng(0)
     for _ in range(10):
@@ -150,12 +122,3 @@ def test_lost_images_delay_the_telling_not_the_time() -> None:
     assert touch is not None
     assert touch.time == pytest.approx(0.6, abs=0.02)
     assert told > 0.65
-
-
-def test_a_touch_that_no_fold_can_have_is_none() -> None:
-    """As with a strip a metre wide: seen to touch 20 mm from the grip, with all the rest below."""
-    short = DENIM.model_copy(update={"length": 0.27 + 0.02})
-    detector, near = LayerTouch(PerceptionSettings(), short), Pose(PLACE - 0.01, 0.01, np.pi / 2)
-    for k in range(60):
-        height = _closing(0.05, 0.6)(k / 60)
-        assert detector.update(_measured(k, height, _profile(height)[:70]), near) is None

@@ -11,7 +11,7 @@ from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.perception.measurement import StripMeasurement
 from cell.record.run import Run, read_run
-from cell.record.stream import SIGHT_ROWS, TICK_ROWS, read_stream
+from cell.record.stream import TICK_ROWS, read_stream
 from cell.record.writer import RunWriter
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from tests.cell.conftest import HEADER, RESULT
@@ -74,30 +74,6 @@ def test_the_tables_begin_where_the_strip_hangs(run: Run) -> None:
     assert run.ticks.z[0] == pytest.approx(0.1)
     assert run.ticks.pitch[0] == pytest.approx(np.pi / 2)
     assert len(run.ticks.t) == round((END - HANGS) / 0.01) + 1
-
-
-def test_everything_is_shifted_alike(run: Run) -> None:
-    seen = np.isfinite(run.ticks.contact_x)
-    np.testing.assert_allclose(run.ticks.contact_t[seen], np.arange(26) / 10, atol=1e-9)
-    np.testing.assert_allclose(np.unique(run.profile.t), run.sights().stamp)
-    stamps = {note.sequence: note.stamp for note in run.frame_index()}
-    for stamp, sequence in zip(run.sights().stamp, run.sights().sequence, strict=True):
-        assert stamps[int(sequence)] == pytest.approx(float(stamp), abs=1e-9)
-    events = {event.kind: event.t for event in run.events()}
-    assert events["origin"] == 0.0
-    assert events["lift"] == pytest.approx(LIFT - HANGS)
-    assert run.origin() == HANGS
-    assert stamps[0] == pytest.approx(1.0 - HANGS)
-
-
-def test_the_lift_stays_in_the_streams(run: Run) -> None:
-    ticks = read_stream(run.folder / "ticks.arrows", TICK_ROWS)
-    assert ticks.num_rows == round((END - LIFT) / 0.01) + 1
-    assert ticks["state"][0].as_py() == "LIFT"
-    assert ticks["z"][0].as_py() == 0.0
-    sights = read_stream(run.folder / "sights.arrows", SIGHT_ROWS)
-    assert sights.num_rows == len(run.sights().stamp) + 25
-    assert len(list(run.frames())) == sights.num_rows + 1
 
 
 def test_a_run_that_ends_in_its_lift_has_no_rows_but_all_that_was_seen(tmp_path: Path) -> None:

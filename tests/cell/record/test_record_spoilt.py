@@ -1,15 +1,11 @@
 """A run folder in which something is not as it should be: nobody hangs, the rest is shown."""
 
-import errno
-import json
 import os
-import re
 import shutil
 import warnings
 from datetime import UTC, datetime
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -19,20 +15,15 @@ import yaml
 from calibration.calibration import save_calibration
 from cell.config.places import find_configs
 from cell.folding.replay import replay
-from cell.orchestrator.monitors import MONITORS
-from cell.record.columns import Profile
 from cell.record.documents import write_document
-from cell.record.files import REBUILT, RECORDING, REPORT, SIGHT_STREAM, is_under_way
-from cell.record.frames import INDEX, digest, read_index
-from cell.record.header import is_outcome
+from cell.record.files import REBUILT, RECORDING, REPORT
+from cell.record.frames import INDEX, read_index
 from cell.record.listing import list_runs, remove, to_prune
 from cell.record.run import read_broken_run, read_run
-from cell.record.stream import SIGHT_ROWS, StreamFile, read_stream
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file
 from drivers.readers import read_parquet
 from tests.cell.conftest import HEADER, RESULT, MadeFold
 
@@ -161,26 +152,6 @@ def test_replay_refuses_what_it_cannot_decide_on(folder, name) -> None:
         replay(folder)
 
 
-def test_images_of_another_size_are_no_picture_of_the_strip(folder) -> None:
-    lines = [json.loads(text) for text in (folder / INDEX).read_text().splitlines()]
-    image = np.zeros((3, 3, 3), dtype=np.uint8)
-    before = {**lines[0], "sequence": 0, "stamp": -1.0}
-    for note in (before, lines[0]):
-        note["sha256"] = digest(image)
-        cv2.imwrite(str(folder / "frames" / f"{note['sequence']:06d}.png"), image)
-    text = "".join(json.dumps(note) + "\n" for note in (before, *lines))
-    (folder / INDEX).write_text(text)
-    assert not replay(folder).same  # the picture before the grasp shows no strip
-    assert "3 x 3" not in write_report(folder).read_text(encoding="utf-8")
-
-
-def test_how_a_run_ended_is_not_said_where_that_cannot_be_read(folder) -> None:
-    (folder / "result.yaml").write_text("outcome: [")
-    page = write_report(folder).read_text(encoding="utf-8")
-    assert "How the run ended cannot be read" in page
-    assert "process died" not in page
-
-
 def test_a_table_that_states_gigabytes_is_not_unpacked(tmp_path) -> None:
     path = tmp_path / "ticks.parquet"
     pq.write_table(pa.table({"t": np.zeros(1_100_000)}), path)
@@ -202,29 +173,11 @@ def test_a_picture_that_states_gigabytes_is_not_decoded(folder) -> None:
         list(read_run(folder).frames())
 
 
-def test_a_few_wild_points_of_a_profile_are_kept() -> None:
-    x = np.linspace(0.0, 0.5, 40)
-    x[3] = 60.0
-    rows = {"t": np.zeros(40), "i": np.arange(40.0), "x": x, "z": np.zeros(40)}
-    assert Profile.of(pa.table(rows), "profile.parquet").x[3] == 60.0
-
-
 def test_the_recording_of_the_fold_itself_is_never_replaced(folder) -> None:
     (folder / "run.rrd").write_bytes(b"recorded during the fold")
     path = viz_from_run(folder)
     assert path == folder / "rebuilt.rrd"
     assert (folder / "run.rrd").read_bytes() == b"recorded during the fold"
-
-
-def test_what_is_learned_in_a_run_is_on_disk_once_it_has_ended(tmp_path) -> None:
-    writer = RunWriter.create(tmp_path, HEADER, "none")
-    before = (writer.folder / "run.yaml").read_bytes()
-    writer.describe(preflight=[{"name": "contrast", "passed": True}])
-    assert (writer.folder / "run.yaml").read_bytes() == before  # a tick waits for no disk
-    writer.close()
-    header = yaml.safe_load((writer.folder / "run.yaml").read_text())
-    assert header["preflight"] == [{"name": "contrast", "passed": True}]
-    assert {key: header[key] for key in HEADER} == HEADER
 
 
 def test_a_cells_run_that_died_at_birth_is_explained(tmp_path) -> None:
@@ -241,61 +194,12 @@ def test_a_laboratorys_run_without_its_tables_is_refused(tmp_path) -> None:
         read_run(tmp_path)
 
 
-def test_a_document_that_the_disk_refuses_leaves_nothing(tmp_path, monkeypatch) -> None:
-    path = tmp_path / "result.yaml"
-    path.write_text("old")
-
-    def full(handle: int) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OSError, match="No space"):
-        replace_file(path, b"new")
-    assert [entry.name for entry in tmp_path.iterdir()] == ["result.yaml"]
-    assert path.read_text() == "old"
-
-
-def test_columns_whose_names_are_no_text_are_refused_in_one_line(tmp_path) -> None:
-    empty = pa.Table.from_batches([], SIGHT_ROWS)
-    written = pa.BufferOutputStream()
-    with pa.ipc.new_stream(written, SIGHT_ROWS) as stream:
-        stream.write_table(empty)
-    path = tmp_path / SIGHT_STREAM
-    path.write_bytes(written.getvalue().to_pybytes().replace(b"profile_z", b"pro\xcfile_z"))
-    with pytest.raises(ConfigurationError, match=r"no text"):
-        read_stream(path, SIGHT_ROWS)
-    packed = tmp_path / "sights.parquet"
-    pq.write_table(empty, packed, store_schema=False)
-    packed.write_bytes(packed.read_bytes().replace(b"profile_z", b"pro\xcfile_z"))
-    with pytest.raises(ConfigurationError, match=r"not a whole Parquet file"):
-        read_parquet(packed)
-
-
 @pytest.mark.parametrize("line", ['{"stamp": 1.0}', '{"sequence": "x", "stamp": 1, "arrival": 2}'])
 def test_an_index_of_images_that_was_changed_is_refused_in_one_line(tmp_path, line) -> None:
     (tmp_path / "frames").mkdir()
     (tmp_path / INDEX).write_text(line + "\n")
     with pytest.raises(ConfigurationError, match=r"index\.jsonl"):
         read_index(tmp_path)
-
-
-def test_an_event_without_a_time_does_not_hide_the_others(finished, tmp_path) -> None:
-    copy = Path(shutil.copytree(finished, tmp_path / "run"))
-    with (copy / "events.jsonl").open("a") as file:
-        file.write('{"t": "noon", "kind": "lunch"}\n{"kind": "nap"}\n{"t": 9, "kind": "end"}\n')
-    assert [event.kind for event in read_run(copy).events()][-3:] == ["lunch", "nap", "end"]
-
-
-def test_a_run_under_way_writes_its_own_recording(tmp_path) -> None:
-    writer = RunWriter.create(tmp_path, HEADER, "none")
-    with pytest.raises(ConfigurationError, match="still under way"):
-        viz_from_run(writer.folder)
-    writer.close()
-
-
-def test_a_folder_named_by_no_moment_is_listed_all_the_same(finished, tmp_path) -> None:
-    shutil.copytree(finished, tmp_path / "99999999T999999Z-denim")
-    assert [row.name for row in list_runs(tmp_path)] == ["99999999T999999Z-denim"]
 
 
 @pytest.fixture
@@ -333,43 +237,3 @@ def test_linked_run_stays_and_does_not_keep_others(finished: Path, tmp_path: Pat
     assert (Path(elsewhere) / "run.yaml").exists()
     with pytest.raises(ConfigurationError, match="left alone"):
         remove(rows[:1])
-
-
-def test_run_is_under_way_until_all_is_in_its_folder(tmp_path: Path) -> None:
-    writer = RunWriter.create(tmp_path, HEADER, "none")
-    with writer.under_way():
-        writer.finish({"outcome": "path_done"})
-        writer.close()
-        assert is_under_way(writer.folder)
-        assert "Still under way" not in write_report(writer.folder, ended=True).read_text()
-        assert to_prune(list_runs(tmp_path), datetime.now(UTC), keep=0) == ()
-    assert not is_under_way(writer.folder)
-
-
-def test_every_fault_in_the_sources_is_an_outcome() -> None:
-    names = {monitor.name for monitor in MONITORS}
-    for folder in ("cell", "drivers", "calibration", "policies"):
-        for path in (ROOT / folder).rglob("*.py"):
-            names |= set(re.findall(r'\bFault\(\s*"(\w+)"', path.read_text(encoding="utf-8")))
-    assert len(names) > 20
-    assert [name for name in sorted(names) if not is_outcome(name)] == []
-    assert not is_outcome("banana")
-
-
-@pytest.mark.parametrize("z", [[0.0], None, [0.0, 0.1, 0.2]])
-def test_profiles_of_unequal_coordinates_are_refused_in_one_line(tmp_path, z) -> None:
-    write_document(tmp_path / "run.yaml", {"schema": 1, **HEADER, "config": {}})
-    row = dict.fromkeys(SIGHT_ROWS.names, 0) | {"profile_x": [0.1, 0.2], "profile_z": z}
-    with StreamFile(tmp_path / SIGHT_STREAM, SIGHT_ROWS) as stream:
-        stream.append(row)
-    with pytest.raises(ConfigurationError, match="a profile has no or unequal coordinates"):
-        read_run(tmp_path)
-
-
-def test_defect_of_the_program_is_not_taken_for_a_changed_record(killed, monkeypatch) -> None:
-    def defect(*_: object) -> None:
-        raise TypeError
-
-    monkeypatch.setattr("cell.record.tables.place_contacts", defect)
-    with pytest.raises(TypeError):
-        read_run(killed)

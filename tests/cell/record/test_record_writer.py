@@ -6,20 +6,15 @@ import threading
 from dataclasses import astuple
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
-import yaml
 
 from cell.perception.measurement import StripMeasurement
 from cell.record import frames
-from cell.record.files import is_under_way
-from cell.record.frames import KeyFrames
 from cell.record.run import read_run
 from cell.record.stream import Tick
-from cell.record.tables import place_contacts
 from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError, Fault
-from drivers.types import ArmState, Frame, Pose, Velocity
+from drivers.types import Frame
 from tests.cell.conftest import HEADER, RESULT
 
 
@@ -55,13 +50,6 @@ os.kill(os.getpid(), signal.SIGKILL)
     assert len(run.events()) == 200
 
 
-def test_stream_cut_inside_a_row_keeps_the_rows_before_it(killed):
-    run = read_run(killed)
-    assert run.died
-    assert run.ticks.t.size == 429
-    assert run.ticks.state[-1] == "FOLD"
-
-
 def test_any_cut_of_the_streams_can_still_be_read(killed, tmp_path):
     for name in ("ticks.arrows", "sights.arrows"):
         content = (killed / name).read_bytes()
@@ -83,16 +71,6 @@ def test_same_fold_gives_the_same_bytes(make_run, tmp_path):
     assert (first / "frames/index.jsonl").read_bytes() == (
         second / "frames/index.jsonl"
     ).read_bytes()
-
-
-def test_another_seed_gives_other_bytes(make_run, tmp_path):
-    first, second = make_run(tmp_path), make_run(tmp_path, seed=1)
-    assert (first / "ticks.parquet").read_bytes() != (second / "ticks.parquet").read_bytes()
-
-
-def test_wall_time_of_a_turn_stays_out_of_the_table(finished):
-    assert "cost" not in pq.read_schema(finished / "ticks.parquet").names
-    assert read_run(finished).costs().size == 940
 
 
 def test_a_killed_run_reads_as_one_that_lived(make_run, tmp_path):
@@ -126,54 +104,6 @@ def test_run_yaml_comes_first_and_result_yaml_last(tmp_path, monkeypatch):
     assert read_run(writer.folder).result.displacement == RESULT["displacement"]
 
 
-def test_parquet_states_its_schema(finished):
-    for name in ("ticks.parquet", "profile.parquet"):
-        assert pq.read_schema(finished / name).metadata[b"schema"] == b"1"
-
-
-@pytest.mark.parametrize(
-    ("stamps", "contacts", "rows"),
-    [((0.0149, 0.0349), (0.5, 0.4), {1: (0.5, 0.0149), 3: (0.4, 0.0349)}),
-     ((0.019, 0.0205, 0.024), (0.5, 0.4, 0.3), {2: (0.4, 0.0205)}),  # of several the nearest
-     ((-0.03, 0.25), (0.5, 0.4), {})],  # outside the rows
-)  # fmt: skip
-def test_contact_stands_in_the_row_nearest_to_its_stamp(stamps, contacts, rows):
-    t = np.arange(0, 0.1, 0.01)
-    x, stamp = place_contacts(t, np.array(stamps), np.array(contacts))
-    placed = np.flatnonzero(np.isfinite(x))
-    assert {int(k): (x[k], stamp[k]) for k in placed} == rows
-
-
-@pytest.mark.parametrize(
-    ("rows", "kept"),
-    [([(t, 0.6, 0.0) for t in (0.0, 0.01, 0.01, 0.01, 0.02, 0.015, 0.03)], [0, 0.01, 0.02, 0.03]),
-     ([(0.0, 0.6, 0.0), (0.01, np.nan, 0.0), (0.02, 0.6, np.nan), (0.03, 0.6, 0.0)], [0, 0.03])],
-    ids=["stamps that stand still", "an arm without finite numbers"],
-)  # fmt: skip
-def test_rows_that_hold_no_new_measurement_are_left_out(tmp_path, rows, kept):
-    writer = RunWriter.create(tmp_path, HEADER, "none")
-    for t, x, pitch in rows:
-        writer.tick(Tick(t, x, 0.0, pitch, 0.6, 0.0, "FOLD"))
-    writer.finish({"outcome": "arm_stale"})
-    assert read_run(writer.folder).ticks.t.tolist() == kept
-
-
-def test_row_of_an_arm_state_carries_the_moment_of_its_reading():
-    state = ArmState(
-        stamp=1.5,
-        arrival=1.502,
-        source="made",
-        pose=Pose(0.5, 0.1, 1.2),
-        velocity=Velocity(0, 0, 0),
-        commanded=Pose(0.49, 0.11, 1.3),
-        moving=True,
-        expired=False,
-    )
-    tick = Tick.of(state, "FOLD")
-    assert (tick.t, tick.x, tick.x_cmd, tick.state) == (1.5, 0.5, 0.49, "FOLD")
-    assert np.isnan(tick.f_x)
-
-
 def test_lines_of_events_are_plain_json_without_nan(tmp_path):
     writer = RunWriter.create(tmp_path, HEADER, "none")
     writer.event(0.1, "sight", gap=float("nan"), n=np.int64(3), at=np.array([1.0, 2.0]))
@@ -188,20 +118,6 @@ def test_folder_that_cannot_be_written_is_one_line_before_the_run(tmp_path):
     with pytest.raises(ConfigurationError, match="cannot be recorded here") as caught:
         RunWriter.create(blocked, HEADER)
     assert "\n" not in str(caught.value)
-
-
-def test_header_that_readers_would_refuse_is_refused_before_the_run(tmp_path):
-    with pytest.raises(ConfigurationError, match="sigma"):
-        RunWriter.create(tmp_path, {"strip": "denim"})
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_touch_without_its_lengths_is_refused_and_leaves_no_result(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none")
-    with pytest.raises(ConfigurationError, match="displacement"):
-        writer.finish({"outcome": "layer_touch", "t_layer_touch": 1.0})
-    assert not (writer.folder / "result.yaml").exists()
-    writer.close()
 
 
 def test_full_disk_is_a_fault_of_the_record(tmp_path, monkeypatch):
@@ -300,17 +216,6 @@ def test_every_image_is_in_the_index_and_few_are_kept(tmp_path, keep, fewest, mo
         assert {0, 100, 320, 499} <= set(kept)
 
 
-@pytest.mark.parametrize("count", [1, 2, 9, 64, 65, 1000])
-def test_key_frames_stay_spread_over_the_whole_run(count):
-    choice, kept = KeyFrames(), set()
-    for k in range(count):
-        keep, given_up = choice.choose(k, mark=False)
-        kept -= set(given_up)
-        kept |= {k} if keep else set()
-    assert len(kept) == min(count, len(kept)) <= 8
-    assert np.diff([*sorted(kept), count]).max() <= max(8, count / 4)
-
-
 def test_slow_disk_on_hardware_loses_images_but_not_their_place(tmp_path, monkeypatch):
     writer = RunWriter.create(tmp_path, HEADER, "all")
     encode, gate = frames.encode, threading.Event()
@@ -329,15 +234,6 @@ def test_slow_disk_on_hardware_loses_images_but_not_their_place(tmp_path, monkey
     assert 18 <= sum(not note.sha256 for note in notes) <= 20
 
 
-def test_run_is_under_way_until_it_is_closed(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none")
-    assert is_under_way(writer.folder)
-    assert not read_run(writer.folder).died
-    writer.close()
-    assert not is_under_way(writer.folder)
-    assert read_run(writer.folder).died
-
-
 def test_age_of_the_newest_image_stands_in_each_row(tmp_path):
     writer = RunWriter.create(tmp_path, HEADER, "none")
     curve = np.array([[0.3, 0.0], [0.4, 0.1]])
@@ -350,11 +246,3 @@ def test_age_of_the_newest_image_stands_in_each_row(tmp_path):
     writer.finish({"outcome": "path_done"})
     age = read_run(writer.folder).ticks.image_age
     np.testing.assert_allclose(age, [np.nan, 0.03, 0.04])
-
-
-def test_header_survives_with_its_additions(finished):
-    content = yaml.safe_load((finished / "run.yaml").read_text())
-    assert content["schema"] == 1
-    assert content["seed"] == 7
-    assert finished.name.split("-")[1:3] == ["denim", "fold"]
-    assert (finished / "calibration.yaml").exists()

@@ -53,25 +53,6 @@ def shown(root: Path) -> int:
         return 0
 
 
-def test_film_holds_every_image_at_its_own_time(tmp_path):
-    run = filmed(tmp_path)
-    notes = run.frame_index()
-    assert [note.film for note in notes] == list(range(IMAGES))
-    pictures = list(Film(run.folder / FILM).frames())
-    for note, picture in zip(notes, pictures, strict=True):
-        assert picture.stamp == pytest.approx(note.stamp - notes[0].stamp, abs=TICK)
-        assert abs(picture.image.mean() - image(note.sequence).mean()) < 4
-
-
-def test_film_has_no_images_that_wait_for_later_ones(tmp_path):
-    import av
-
-    with av.open(str(filmed(tmp_path).folder / FILM)) as film:
-        packets = [packet for packet in film.demux(video=0) if packet.dts is not None]
-        assert all(packet.pts == packet.dts for packet in packets)
-        assert float(film.duration / av.time_base) == pytest.approx(0.03 * IMAGES, abs=0.1)
-
-
 def filmed_well(root: Path) -> bool:
     """Whether the run in `root` has all its images, and its film all but the last of those that
     found room in it.
@@ -148,25 +129,6 @@ def test_film_of_another_process_holds_every_image_at_its_own_time(tmp_path):
         assert abs(picture.image.mean() - image(sequence).mean()) < 4
 
 
-def test_other_process_says_why_its_film_breaks_off(tmp_path):
-    with (
-        pytest.raises(OSError, match="no_such_encoder"),
-        FilmProcess(tmp_path / FILM, "no_such_encoder") as film,
-    ):
-        film.add(0.0, image(0))
-
-
-def test_film_whose_process_stands_still_breaks_off_in_time(tmp_path, monkeypatch):
-    def filmed_by_a_stopped_process() -> None:
-        with FilmProcess(tmp_path / FILM, "libx264") as film:
-            monkeypatch.setattr("cell.record.film_encoder.ENCODER_TIMEOUT", 0.2)
-            os.kill(*children("film"), signal.SIGSTOP)
-            film.add(0.0, image(0))
-
-    with pytest.raises(OSError, match="hangs"):
-        filmed_by_a_stopped_process()
-
-
 def test_film_whose_process_is_killed_breaks_off_and_not_the_run(tmp_path):
     writer = RunWriter.create(tmp_path, HEADER, "none", patient=False, film="libx264")
     (process,) = children("film")
@@ -178,17 +140,6 @@ def test_film_whose_process_is_killed_breaks_off_and_not_the_run(tmp_path):
     assert run.result.outcome == "path_done"
     assert len(run.frame_index()) == IMAGES
     assert "the film breaks off" in run.header.model_extra["film"]
-
-
-def test_encoder_that_fails_ends_the_film_and_not_the_run(tmp_path, monkeypatch):
-    def refuse(*_arguments) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(FilmWriter, "add", refuse)
-    run = filmed(tmp_path, count=40)
-    assert run.result.outcome == "path_done"
-    assert len(run.frame_index()) == 40
-    assert "the film breaks off: [Errno 28]" in run.header.model_extra["film"]
 
 
 def test_encoder_that_hangs_ends_the_film_and_not_the_run(tmp_path, monkeypatch):

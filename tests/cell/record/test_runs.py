@@ -9,7 +9,6 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-import cell
 from cell.cli.app import app
 from cell.record.listing import list_runs, remove, to_prune
 from cell.record.writer import RunWriter
@@ -48,18 +47,6 @@ def test_runs_are_listed_oldest_first_with_what_they_came_to(four):
     assert touched.duration == 9.4
     assert touched.size == sum(p.stat().st_size for p in touched.folder.iterdir())
     assert touched.began == NOW - timedelta(days=2)
-
-
-def test_finished_run_is_listed(finished):
-    (row,) = list_runs(finished.parent)
-    assert row.name == finished.name
-    assert row.outcome == "layer_touch"
-
-
-def test_listing_nothing_is_empty_and_a_missing_folder_is_refused(tmp_path):
-    assert cell.list_runs(tmp_path) == ()
-    with pytest.raises(ConfigurationError, match="is not a folder"):
-        cell.list_runs(tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize(
@@ -131,11 +118,6 @@ def test_filter_that_is_no_expression_is_refused_with_the_columns(thirty, where)
     with pytest.raises(ConfigurationError, match=r"--where: .*columns of runs: run, began, strip"):
         list_runs(thirty, where)
     assert len(list_runs(thirty)) == 30
-
-
-def test_unknown_column_to_sort_by_names_the_nearest(thirty):
-    with pytest.raises(ConfigurationError, match="did you mean 'displacement'"):
-        list_runs(thirty, sort="-displacment")
 
 
 def test_command_lists_as_table_csv_and_json(thirty, monkeypatch):

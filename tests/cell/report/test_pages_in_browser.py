@@ -3,7 +3,6 @@
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -11,14 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.calibration import load_calibration
 from cell.benchmark.page import page_of
 from cell.gap.report.page import write_report as write_gap_report
 from cell.record.listing import list_runs
 from cell.record.run import read_run
 from cell.record.stream import Tick
 from cell.record.writer import RunWriter
-from cell.report.calibration_page import calibration_report, write_calibration_report
+from cell.report.calibration_page import write_calibration_report
 from cell.report.page import write_report
 from cell.report.runs_page import write_comparison, write_runs_page
 from drivers.types import Frame
@@ -175,31 +173,6 @@ def test_zoom_is_shared_keeps_values_and_is_taken_back(signals: Chart) -> None:
     assert signals.shape() == before
 
 
-def test_name_in_the_legend_hides_its_curve(signals: Chart) -> None:
-    assert "contact x" in signals.at(0.3, 0.5, "mouseMoved")
-    press = (
-        f"[...{signals.svg}.querySelectorAll('.switch')].find(t => t.textContent === 'contact x')"
-    )
-    for shown in (False, True):
-        signals.reader.evaluate(f"{press}.dispatchEvent(new Event('click'))")
-        assert ("contact x" in signals.at(0.31, 0.5, "mouseMoved")) is shown
-
-
-def test_point_of_the_path_is_read_where_it_lies(reader: Browser, finished: Path) -> None:
-    page = write_report(finished)
-    axes = limits(page, 0)[0]
-    ticks = read_run(finished).ticks
-    k = len(ticks.t) // 4
-    (left, right), (low, high) = axes["x"]["limits"], axes["y"]["limits"]
-    across = (1e3 * ticks.x[k] - left) / (right - left)
-    chart = Chart(reader, page, "side view", 0)
-    said = chart.at(across, (1e3 * ticks.z[k] - low) / (high - low), "mouseMoved")
-    assert "gripper" in said
-    for name, value in (("x", ticks.x[k]), ("z", ticks.z[k])):
-        found = re.search(rf"; {name} (\S+) mm", said)
-        assert float(found[1].replace("−", "-")) == pytest.approx(1e3 * value, abs=6.0)
-
-
 def test_click_on_the_curves_leads_the_film_also_when_zoomed(reader: Browser, filmed: Path) -> None:
     chart = Chart(reader, write_report(filmed), "signals over time", 1)
     first, last = limits(filmed / "report.html", 1)[1]["x"]["limits"]
@@ -226,24 +199,6 @@ def test_figures_of_a_fold_fit_a_phone_without_scrolling(reader: Browser, finish
     t, ticks = first + 0.3 * (last - first), read_run(finished).ticks
     wanted = 1e3 * float(np.interp(t, ticks.t, ticks.x))
     assert float(re.search(r"gripper x (\S+) mm", said)[1]) == pytest.approx(wanted, abs=4.0)
-
-
-def test_curves_beyond_the_image_are_no_error_on_a_phone(
-    reader: Browser, finished: Path, tmp_path: Path
-) -> None:
-    whole, page = load_calibration(finished / "calibration.yaml"), tmp_path / "calibration.html"
-    half = replace(whole, lens=replace(whole.lens, width=whole.lens.width // 2))
-    page.write_text(calibration_report(half, "half"), "utf-8")
-    assert re.search(r"<path clip-path(?!.* d=)", page.read_text("utf-8"))
-    assert not reader.problems(page, LOOKS[0])
-
-
-def test_both_ends_of_a_band_are_read(reader: Browser, pages: list[Path]) -> None:
-    gap = next(page for page in pages if page.name == "gap.html")
-    said = Chart(reader, gap, "measured minus simulated", 0).at(0.5, 0.5, "mouseMoved")
-    low, high = re.search(r"2 sigma of the noise (\S+) to (\S+)", said).groups()
-    assert float(low.replace("−", "-")) == pytest.approx(-float(high), rel=0.05)
-    assert float(high) > 0
 
 
 def test_what_is_wrong_is_found(tmp_path: Path, reader: Browser) -> None:

@@ -3,39 +3,29 @@
 import json
 import re
 import shutil
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from html import unescape
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 import yaml
-from jinja2 import UndefinedError
 from typer.testing import CliRunner
 
 from calibration.calibration import save_calibration
 from cell.cli.app import app
-from cell.record.events import COLUMN_NAMES, Outlook, row_of
 from cell.record.files import EVENTS
 from cell.record.listing import read_row
-from cell.record.run import Event, Run, read_broken_run, read_run
+from cell.record.run import read_run
 from cell.record.stream import Tick
 from cell.record.writer import RunWriter
-from cell.report.calibration_page import calibration_report
-from cell.report.drawing import as_svg, canvas, page_svg
 from cell.report.facts import advice
-from cell.report.figures import outlook_figure, predictions, strip_figure, timing_figure
-from cell.report.kit import page as filled
-from cell.report.overlay import fold_tips, key_pictures, window_on
 from cell.report.page import report, write_report
 from cell.report.runs_page import write_comparison, write_runs_page
 from cell.report.verdict import verdict, verdict_of
-from cell.report.words import millimetres, outcome_title, seconds
-from drivers.errors import ConfigurationError
 from drivers.types import Frame
 from policies.prediction import Estimate, FoldPrediction
 from tests.cell.conftest import HEADER
-from tests.support.gap_strip_cases import STRIP
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 PREDICTED = asdict(
@@ -113,16 +103,6 @@ def test_page_is_well_formed_and_needs_nothing_else(page, dead_page):
         assert "url(http" not in text
 
 
-def test_tip_is_shown_only_of_a_fold(finished):
-    run = read_run(finished)
-    sights = run.sights()
-    gripper = np.interp(sights.stamp, run.ticks.t, run.ticks.x)
-    ahead = np.where(sights.stamp < 5.0, 0.001, 0.02)
-    tips = fold_tips(replace(sights, tip_x=gripper + ahead), run.ticks)
-    assert np.array_equal(np.isfinite(tips[:, 0]), sights.stamp >= 5.0)
-    assert tips[-1, 0] == pytest.approx(gripper[-1] + 0.02)
-
-
 def test_film_of_a_run_plays_in_step_with_its_curves(tmp_path):
     writer = RunWriter.create(tmp_path, HEADER, "none", patient=True, film="libx264")
     for k in range(12):
@@ -169,19 +149,6 @@ def test_dead_run_is_explained(dead_page):
     assert dead_page.count("<svg") == 3
 
 
-def test_costs_that_are_no_numbers_are_left_out(finished, monkeypatch):
-    signalling = np.array([0x7FF0000000000001], np.uint64).view(np.float64)  # of flipped bits
-    monkeypatch.setattr(Run, "costs", lambda _: np.append(signalling, [0.002, np.inf]))
-    assert "median 2" in timing_figure(read_broken_run(finished))
-
-
-def test_run_that_died_at_once_is_explained(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none")
-    writer.close()
-    text = words(write_report(writer.folder).read_text())
-    assert "The process died at the start" in text
-
-
 def test_after_death_at_a_real_arm_the_hand_is_opened_first(killed, tmp_path):
     folder = shutil.copytree(killed, tmp_path / killed.name)
     header = yaml.safe_load((folder / "run.yaml").read_text())
@@ -209,26 +176,6 @@ def test_fault_is_named_with_its_reason(finished):
     assert said.figure == ""
 
 
-def test_path_done_claims_no_displacement(make_run, tmp_path):
-    folder = make_run(
-        tmp_path, outcome="path_done", displacement=None, l1=None, l2=None, t_layer_touch=None
-    )
-    text = words(write_report(folder).read_text())
-    assert "no displacement is claimed" in text
-    assert "± 1.0 mm" not in text
-
-
-@pytest.mark.parametrize(("d", "tone"), [(0.012, "good"), (-0.0199, "good"), (-0.04, "fair")])
-def test_tone_follows_the_papers_bound(make_run, tmp_path, d, tone):
-    for changes in (
-        {"edge_offset": None, "displacement": d},
-        {"edge_offset": d, "displacement": 0},
-    ):
-        assert verdict_of(read_run(make_run(tmp_path, **changes)), None).tone == tone
-    run = read_run(make_run(tmp_path, displacement=d))
-    assert "true displacement" not in " ".join(verdict_of(run, None).sentences)
-
-
 def test_verdict_in_one_line_carries_its_errors(finished, killed):
     line = verdict(read_run(finished))
     assert line.startswith("denim: Folded: the edges lie 31.0 mm apart: −31.0 mm (± 1.0 mm")
@@ -245,16 +192,6 @@ def test_report_can_be_written_again_with_the_same_bytes(make_run, tmp_path):
     assert {**before, "report.html": first} == after
 
 
-def test_command_reads_a_record_once(finished, monkeypatch):
-    read, of = [], read_broken_run
-    monkeypatch.setattr(
-        "cell.record.run.read_broken_run", lambda folder: read.append(folder) or of(folder)
-    )
-    done = CliRunner().invoke(app, ["report", str(finished)])
-    assert done.exit_code == 0, done.output
-    assert read == [finished]
-
-
 def test_report_of_a_laboratorys_run_needs_only_the_four_files(make_run, tmp_path):
     folder = make_run(tmp_path)
     for name in ("events.jsonl", "ticks.arrows", "sights.arrows", "sights.parquet", "truth.yaml"):
@@ -267,39 +204,6 @@ def test_report_of_a_laboratorys_run_needs_only_the_four_files(make_run, tmp_pat
     text = words(write_report(folder).read_text())
     assert "calibration error not recorded" in text
     assert "not recorded" in text
-
-
-def test_folder_that_is_no_run_is_refused(tmp_path):
-    with pytest.raises(ConfigurationError, match="is not a run"):
-        write_report(tmp_path)
-
-
-def test_broken_key_frame_is_passed_over(finished, tmp_path):
-    folder = shutil.copytree(finished, tmp_path / finished.name)
-    kept = sorted((folder / "frames").glob("*.png"))
-    kept[0].write_bytes(b"broken")
-    assert len(key_pictures(read_run(folder))) == 5
-
-
-def test_window_holds_the_motion_and_stays_inside_the_image(finished):
-    run = read_run(finished)
-    calibration = run.calibration()
-    window = window_on(run.ticks, calibration)
-    assert 0 <= window.top < window.bottom <= 720
-    assert 0 <= window.left < window.right <= 1280
-    shown = calibration.to_image([[run.ticks.x.max(), 0.0], [0.0, run.ticks.z.max()]])
-    assert (shown[:, 0] > window.left).all()
-    assert (shown[:, 0] < window.right).all()
-    assert (shown[:, 1] > window.top).all()
-    assert (shown[:, 1] < window.bottom).all()
-
-
-def test_figures_take_their_colours_and_type_from_the_page(finished):
-    svg = strip_figure(read_run(finished))
-    assert svg == page_svg(svg)
-    assert "var(--ink)" in svg
-    assert "DejaVu" not in svg
-    assert not re.search(r"<svg[^>]* width=", svg)
 
 
 HOSTILE = "\"'><script>bad()</script>$_{[&"
@@ -323,22 +227,6 @@ def test_text_from_a_run_cannot_become_markup(make_run, tmp_path):
         assert (parsed.open, parsed.crossed) == ([], [])
 
 
-def test_fact_that_a_template_lacks_is_an_error():
-    with pytest.raises(UndefinedError, match="kicker"):
-        filled("report/templates/run.html", "title")
-
-
-def test_what_is_not_a_number_is_not_read():
-    with canvas(4, 3) as figure:
-        axes = figure.add_subplot()
-        axes.bar([0.0, 1.0], [2.0, float("nan")], label="bars")
-        axes.annotate("nowhere", (float("nan"), 1.0))
-        axes.text(0.5, 1.0, "here")
-        (found,) = json.loads(unescape(re.search(r'data-chart="([^"]*)"', as_svg(figure))[1]))
-    assert [cell[4] for cell in found["cells"]] == ["−0.4 to 0.4: bars 2"]
-    assert len(found["texts"]) == 1
-
-
 def test_figure_says_what_a_script_reads(page):
     axes = json.loads(unescape(re.findall(r'data-chart="([^"]*)"', page)[1]))
     assert [[curve["name"] for curve in each["curves"]] for each in axes[1:]] == [
@@ -350,14 +238,6 @@ def test_figure_says_what_a_script_reads(page):
     assert [each["y"]["unit"] for each in axes[1:]] == ["mm", "mm"]
     assert (axes[2]["x"]["name"], axes[2]["x"]["unit"]) == ("t", "s")
     assert page.count("d3js.org") == 1
-
-
-def test_numbers_read_as_a_technician_writes_them():
-    assert millimetres(-0.01234, signed=True) == "−12.3 mm"
-    assert millimetres(0.0005, signed=True) == "+0.5 mm"
-    assert millimetres(None) == "—"
-    assert seconds(float("nan")) == "—"
-    assert outcome_title("camera_frozen") == "Stopped by a fault: camera frozen"
 
 
 @pytest.fixture
@@ -382,29 +262,6 @@ def test_page_states_and_draws_what_was_predicted(predicting) -> None:
     assert page.count("<svg") == 4
 
 
-def test_page_of_a_policy_that_predicts_nothing_has_no_such_part(finished) -> None:
-    run = read_run(finished)
-    assert predictions(run.result) == []
-    assert len(Outlook.of(run.events()).t) == 0
-
-
-def test_rows_hold_the_interval_of_each_value() -> None:
-    outlook = Outlook.of([Event(3.0, "foretold", PREDICTED), Event(2.0, "foretold", PREDICTED)])
-    assert outlook.t.tolist() == [2.0, 3.0]
-    assert outlook.column("displacement_high") == pytest.approx([0.0013, 0.0013])
-    assert outlook.column("retardation_time_low") == pytest.approx([0.022, 0.022])
-
-
-@pytest.mark.parametrize(
-    "spoilt", [{}, {"displacement": "far", "sigma": True, "bending_length": 3.0}]
-)
-def test_spoilt_prediction_is_drawn_as_nothing(finished, spoilt) -> None:
-    assert not np.isfinite(row_of(spoilt)).any()
-    assert len(row_of(spoilt)) == len(COLUMN_NAMES)
-    outlook = Outlook.of([Event(float(t), "foretold", spoilt) for t in range(3)])
-    assert "<svg" in outlook_figure(read_run(finished), outlook)
-
-
 def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
     path = tmp_path / "calibration.yaml"
     save_calibration(calibration, path)
@@ -421,20 +278,3 @@ def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
     assert shown == pytest.approx(scale, abs=0.05)
     assert "verdict good" in text
     assert text.count("<svg") == 1
-
-
-def test_refusals_of_the_wizard_are_shown(calibration):
-    taken = replace(calibration, accepted_anyway=("two halves differ by 2.1 mm",))
-    text = calibration_report(taken, "calibration.yaml")
-    assert "verdict bad" in text
-    assert "The wizard refused it: two halves differ by 2.1 mm" in words(text)
-
-
-def test_a_file_of_another_kind_is_one_line(tmp_path):
-    for text in (STRIP.read_text(), "a: 1\n"):
-        (tmp_path / "other.yaml").write_text(text)
-        done = CliRunner().invoke(app, ["report", str(tmp_path / "other.yaml")])
-        assert isinstance(done.exception, ConfigurationError)
-        said = str(done.exception)
-        assert "other.yaml: is no calibration file: it holds none of id, camera" in said
-        assert "\n" not in said

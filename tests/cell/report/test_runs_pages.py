@@ -63,12 +63,6 @@ def test_comparison_has_every_run_and_what_differs(three: list[Path]) -> None:
     assert all(path.is_file() for path in links(page))
 
 
-def test_runs_that_are_alike_have_no_table_of_differences(three: list[Path]) -> None:
-    out = three[0].parent.parent / "pages" / "pair.html"
-    call("report", three[0], three[0], "--out", out)
-    assert "What was set otherwise" not in out.read_text("utf-8")
-
-
 def test_list_page_has_thumbnails_and_working_links(three: list[Path], tmp_path: Path) -> None:
     out = tmp_path / "pages" / "runs.html"
     call("runs", "--runs", three[0].parent, "--html", out)
@@ -97,12 +91,6 @@ def test_tags_and_notes_stay_in_the_run_and_are_found(three: list[Path]) -> None
     found = call("runs", "--runs", three[0].parent, "--where", "tags LIKE '%good%'", "--json")
     assert [json.loads(line)["tags"] for line in found.splitlines()] == [["first-day", "good"]]
     assert [row.tags for row in list_runs(three[0].parent)] == ["first-day", "first-day good", ""]
-
-
-def test_bad_tag_is_refused_and_nothing_is_written(three: list[Path]) -> None:
-    done = CliRunner().invoke(app, ["note", str(three[0]), "--tag", "two words"])
-    assert "is no tag" in str(done.exception)
-    assert not (three[0] / "notes.yaml").exists()
 
 
 @pytest.mark.parametrize("text", ["tags: [", "tags: {a: 1}", "- junk", "schema: 2"])

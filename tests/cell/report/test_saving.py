@@ -2,14 +2,12 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
-from cell.report.viz.saving import saving, send_blueprint
+from cell.report.viz.saving import saving
 
 FULL = """
 import resource, signal, sys
@@ -45,15 +43,3 @@ def test_what_was_logged_is_in_the_file(tmp_path):
     rows = [chunk.num_rows for chunk in RrdReader(path).stream().to_chunks()
             if str(chunk.entity_path) == "/value"]  # fmt: skip
     assert sum(rows) == 100
-
-
-def test_recordings_that_ended_leave_no_threads(tmp_path):
-    counts = []
-    for _ in range(6):
-        recording = rr.RecordingStream("cell")
-        with saving(recording, tmp_path / "run.rrd"):
-            send_blueprint(recording, rrb.Blueprint(rrb.Spatial2DView(name="flat")))
-            recording.log("value", rr.Scalars(1.0))
-        del recording
-        counts.append(len(list(Path("/proc/self/task").iterdir())))
-    assert counts[-1] == counts[1]

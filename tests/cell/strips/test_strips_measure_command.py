@@ -7,12 +7,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import yaml
 
 from cell.__main__ import main
 from cell.config.places import CHECKOUT_CONFIGS
 from drivers.strip.describe import load_strip
-from drivers.yaml_text import edit_yaml
 from tests.support.hanging_photographs import Scene, photograph
 
 
@@ -55,12 +53,6 @@ def refused(
     assert told.err.startswith("cell: ")
     assert len(told.err.splitlines()) == 1, told.err
     return told.err
-
-
-def test_bare_command_still_lists_the_strips(monkeypatch, capsys) -> None:
-    assert run(monkeypatch, "--json") == 0
-    names = [json.loads(line)["name"] for line in capsys.readouterr().out.splitlines()]
-    assert "denim" in names
 
 
 def test_measure_prints_pictures_and_leaves_strip_files_alone(
@@ -161,18 +153,6 @@ def test_writing_to_an_unknown_strip_is_refused_before_anything_is_measured(
     assert not (tmp_path / "out").exists()
 
 
-def test_folder_that_cannot_be_written_leaves_the_strip_file_as_it_was(
-    monkeypatch, capsys, configs, tmp_path, photo
-) -> None:
-    path = configs / "strips" / "denim.yaml"
-    before = path.read_bytes()
-    (tmp_path / "taken").write_text("")
-    words = ("--photo", photo, "--overhang", 0.06, "--out", tmp_path / "taken" / "out")
-    line = refused(monkeypatch, capsys, "measure", "denim", *words, "--configs", configs, "--write")
-    assert "--out" in line
-    assert path.read_bytes() == before
-
-
 def test_new_strip_says_what_was_assumed(monkeypatch, capsys, configs) -> None:
     words = ("--length", 0.5, "--width", 0.04, "--areal-density", 0.31, "--colour", 10, 20, 30)
     told = ("--source", "areal_density=scales, 2026")
@@ -201,27 +181,3 @@ def test_new_strip_that_cannot_be_is_refused(
     before = {path: path.read_bytes() for path in (configs / "strips").iterdir()}
     assert said in refused(monkeypatch, capsys, "new", name, *words, "--configs", configs)
     assert {path: path.read_bytes() for path in (configs / "strips").iterdir()} == before
-
-
-def test_strips_of_the_package_itself_are_not_written(monkeypatch, capsys, configs) -> None:
-    monkeypatch.setattr("cell.config.places.PACKAGED", configs)
-    words = ("new", "felt", "--length", 0.5, "--width", 0.04, "--configs", configs)
-    assert "copy it" in refused(monkeypatch, capsys, *words)
-    assert not (configs / "strips" / "felt.yaml").exists()
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "length: 1.0 # long\nbending_length: 0.017\nprovenance:\n  - key: a\n    source: b\n",
-        "length: 1.0\nprovenance: []\nbending_length: 0.017  # c\nname: x\n",
-        "{length: 1.0, bending_length: 0.017, provenance: []}\n",
-        "bending_length: 0.017\nlength: 1.0",
-    ],
-)
-def test_edited_file_says_the_new_content_whatever_its_style(text: str) -> None:
-    content = yaml.safe_load(text)
-    content |= {"bending_length": 0.0213, "provenance": [{"key": "bending_length", "source": "m"}]}
-    new = edit_yaml(text, content)
-    assert yaml.safe_load(new) == content
-    assert ("# long" in new) == ("# long" in text)

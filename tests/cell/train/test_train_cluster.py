@@ -90,25 +90,6 @@ def test_workers_of_another_version_are_refused(local, monkeypatch) -> None:
         pass
 
 
-def test_a_machine_that_stalls_while_dask_waits_for_its_loop_costs_time_alone(
-    local, monkeypatch
-) -> None:
-    from distributed import utils
-
-    tries, begin = [], utils._CollectErrorThread
-
-    def stalled(**arguments: object) -> object:
-        """A thread that the first time begins later than Dask waits."""
-        tries.append(arguments)
-        assert len(tries) > 1
-        return begin(**arguments)
-
-    monkeypatch.setattr(utils, "_CollectErrorThread", stalled)
-    with cluster(local.scheduler_address) as executor:
-        assert executor.submit(max, 1, 2).result(timeout=400) == 2
-    assert len(tries) == 2
-
-
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere at all"])
 def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> None:
     monkeypatch.setattr("cell.campaign.cluster.CONNECT_TIMEOUT", 0.2)

@@ -1,7 +1,6 @@
 """`cell train`: the same weights however often it is killed, an honest judgement, clear errors."""
 
 import fcntl
-import inspect
 import json
 import os
 import signal
@@ -15,8 +14,8 @@ import pytest
 
 from cell.__main__ import main
 from cell.parallel import workers
-from cell.train.evaluation import Engine, Evaluation, evaluate
-from cell.train.run import SUBSTEPS, alone_in
+from cell.train.evaluation import Engine, evaluate
+from cell.train.run import SUBSTEPS
 from drivers.errors import WorkersLost
 from policies.adaptive.bias import Bias
 from policies.adaptive.train.transfer import FitQuality
@@ -79,16 +78,6 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
     assert make_policy("feedback", Path(line["checkpoint"])).name == "feedback"
 
 
-def test_command_trains_by_default_as_the_settings_say() -> None:
-    from cell.cli.train import train
-
-    offered = inspect.signature(train).parameters
-    fields = TrainingSettings.model_fields
-    shared = set(offered) & set(fields)
-    assert shared == {"seed", "generations", "population", "strips"}
-    assert all(offered[name].default == fields[name].default for name in shared)
-
-
 def test_end_of_a_training_through_images_is_printed(monkeypatch, capsys, tmp_path) -> None:
     quality = FitQuality(folds=96, bias=7e-4, within=0.68)
     monkeypatch.setattr("cell.train.transfer.transfer", lambda *_: (Bias(), quality))
@@ -120,16 +109,6 @@ def test_committed_weights_keep_their_displacement_on_the_chain() -> None:
     assert heard == [(k, 6) for k in range(1, 7)]
 
 
-def test_fold_without_a_touch_is_counted_and_costs_half_a_strip() -> None:
-    found = Evaluation(
-        Engine.ROD, np.array([[0.001, np.nan], [-0.002, 0.0]]), np.array([[1e-3, 0.3], [2e-3, 0.0]])
-    )
-    line = found.line()
-    assert line["displacement"] == [0.001, None, -0.002, 0.0]
-    assert (line["untouched"], line["worst"]) == (1, 0.3)
-    assert found.mean == pytest.approx(0.303 / 4)
-
-
 def test_worker_that_dies_ends_the_training_in_one_line() -> None:
     with pytest.raises(WorkersLost, match="run the same command again"), workers(2) as pool:
         pool.submit(os._exit, 1).result()
@@ -157,13 +136,6 @@ def test_other_settings_in_the_same_folder_are_refused(monkeypatch, capsys, tmp_
     assert not (tmp_path / "feedback.json").exists()
 
 
-def test_folder_that_cannot_be_written_is_refused(monkeypatch, capsys, tmp_path) -> None:
-    taken = tmp_path / "taken"
-    taken.write_text("mine")
-    assert str(taken) in refused(monkeypatch, capsys, "--out", taken, *TINY)
-    assert taken.read_text() == "mine"
-
-
 def test_second_training_in_the_same_folder_is_refused(monkeypatch, capsys, tmp_path) -> None:
     place = os.open(tmp_path, os.O_RDONLY)
     try:
@@ -175,17 +147,7 @@ def test_second_training_in_the_same_folder_is_refused(monkeypatch, capsys, tmp_
     assert list(tmp_path.iterdir()) == []
 
 
-def test_cluster_has_its_own_workers(monkeypatch, capsys, tmp_path) -> None:
-    words = ["--out", tmp_path, "--cluster", "tcp://127.0.0.1:1", "--jobs", 2]
-    assert "--jobs" in refused(monkeypatch, capsys, *words)
-
-
 def test_cluster_without_the_extra_says_what_to_install(monkeypatch, capsys, tmp_path) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     said = refused(monkeypatch, capsys, "--out", tmp_path, "--cluster", "tcp://127.0.0.1:1")
     assert "-m pip install 'distributed" in said
-
-
-def test_other_blocked_writes_are_not_taken_for_another_training(tmp_path) -> None:
-    with pytest.raises(BlockingIOError), alone_in(tmp_path):
-        raise BlockingIOError(11, "a pipe is full")

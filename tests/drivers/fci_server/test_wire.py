@@ -7,11 +7,10 @@ import pytest
 
 from drivers.fci_server import wire
 from drivers.fci_server.hand import Hand
-from drivers.fci_server.robot import resting_robot
-from drivers.fci_server.state import PACKET, Publisher
-from drivers.fci_server.wire import ARM_FRAMING, HAND_FRAMING, Malformed, Reflex
+from drivers.fci_server.state import PACKET
+from drivers.fci_server.wire import ARM_FRAMING, HAND_FRAMING, Malformed
 from drivers.franka.hand_protocol import STATE_PACKET
-from tests.support.fci_wire import State, move_request, robot_command
+from tests.support.fci_wire import State, robot_command
 
 # Command id, bytes of payload.
 REQUESTS = [
@@ -55,14 +54,6 @@ def test_request_is_taken_at_its_size_and_at_no_other(number: int, size: int) ->
         ARM_FRAMING.take(frame(number, bytes(size + 1)))
 
 
-@pytest.mark.parametrize(
-    "content", [frame(12, b""), frame(2**32 - 1, b""), bytearray(12 * b"\xff")]
-)
-def test_unknown_request_is_malformed(content: bytearray) -> None:
-    with pytest.raises(Malformed):
-        ARM_FRAMING.take(content)
-
-
 def test_state_is_1377_bytes_with_every_field_in_its_place() -> None:
     offset = 8
     for text in FLOATS.split(", "):
@@ -74,27 +65,6 @@ def test_state_is_1377_bytes_with_every_field_in_its_place() -> None:
         offset += 4 * int(count)
     assert offset == 1288
     assert PACKET.itemsize == 1377
-
-
-def test_state_of_a_resting_robot_has_the_described_bytes() -> None:
-    robot = resting_robot()
-    robot.time = 77
-    robot.errors = frozenset({Reflex.JOINT_REFLEX})
-    robot.reasons = frozenset({Reflex.CARTESIAN_REFLEX, Reflex.BASE_ACCELERATION_INVALID_READING})
-    state = State(Publisher().datagram(robot, rate=0.25))
-    assert state.message_id == 77
-    assert state.place == pytest.approx((0.3069, 0.0, 0.4869), abs=1e-4)
-    assert state.q[3] == pytest.approx(-2.3562, abs=1e-4)
-    assert (state.generator, state.raw[1289], state.mode) == (0, 3, 1)
-    assert (state.errors, state.reasons) == ([6], [7, 40])
-    assert struct.unpack_from("<f", state.raw, 1373) == (0.25,)
-
-
-def test_force_on_the_tool_stands_at_byte_868() -> None:
-    robot = resting_robot()
-    robot.pushed = np.array([1.0, 2.0, 3.0])
-    robot.rest()
-    assert State(Publisher().datagram(robot)).floats(868, 3) == (1.0, 2.0, 3.0)
 
 
 def test_command_is_371_bytes_column_by_column() -> None:
@@ -109,19 +79,6 @@ def test_command_is_371_bytes_column_by_column() -> None:
     assert list(command.dq) == list(range(7, 14))
     assert list(command.pose[:3, 3]) == [0.1, 0.2, 0.3]
     assert list(command.twist) == list(range(6))
-
-
-@pytest.mark.parametrize("size", [0, 370, 372])
-def test_command_of_another_size_is_malformed(size: int) -> None:
-    with pytest.raises(Malformed):
-        wire.RobotCommand.read(bytes(size))
-
-
-def test_move_request_names_controller_before_generator() -> None:
-    request = wire.MoveRequest.read(move_request(generator=3, controller=1))
-    assert (request.controller, request.generator) == (1, 3)
-    assert request.deviations == (10.0, 3.12, 6.28, 10.0, 3.12, 6.28)
-    assert not request.use_async
 
 
 HAND_REQUESTS = [(0, 4), (1, 0), (2, 40), (3, 16), (4, 0)]

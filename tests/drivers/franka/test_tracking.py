@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from drivers.franka.kinematics import HOME, pose_and_jacobian
 from drivers.franka.tracking import (
@@ -12,23 +11,9 @@ from drivers.franka.tracking import (
     joint_rates,
     joint_step,
     rotation,
-    rotation_vector,
 )
 
 ANGLES = [0.0, 1e-12, 1e-8, 1e-5, 0.3, 1.6, np.pi - 1e-3, np.pi - 1e-9]
-AXIS = np.array([0.48, -0.6, 0.64])
-
-
-@pytest.mark.parametrize("angle", ANGLES)
-def test_rotation_and_its_vector_are_inverse_at_every_angle(angle: float) -> None:
-    turn = rotation(angle * AXIS)
-    assert turn == pytest.approx(Rotation.from_rotvec(angle * AXIS).as_matrix(), abs=1e-12)
-    assert rotation_vector(turn) == pytest.approx(angle * AXIS, abs=max(1e-7 * angle, 1e-16))
-
-
-def test_half_turn_has_a_vector_of_pi() -> None:
-    vector = rotation_vector(np.diag([1.0, -1.0, -1.0]))
-    assert np.abs(vector) == pytest.approx([np.pi, 0, 0])
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)

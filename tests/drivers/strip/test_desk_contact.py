@@ -13,28 +13,6 @@ from policies.path import triangular
 HEIGHT = 0.001
 
 
-def test_ripples_of_the_lying_strip_are_no_desk_contact() -> None:
-    s = np.linspace(0.0, 0.6, 121)
-    lying = np.clip((0.4 - s) / 0.4, 0, None)
-    z = np.where(s < 0.4, 0.0015 * np.sin(40 * s) ** 2 * (lying > 0.2), 2.0 * (s - 0.4) ** 2)
-    x = np.where(s < 0.4, s, 0.4 + 0.9 * (s - 0.4))
-    contact = desk_contact(np.column_stack([x, z]), HEIGHT)
-    assert contact == pytest.approx(0.4 + 0.9 * np.sqrt(HEIGHT / 2.0), abs=0.001)
-
-
-def test_strip_that_lies_flat_has_its_contact_at_the_grasped_edge() -> None:
-    points = np.column_stack([np.linspace(0, 0.6, 7), np.zeros(7)])
-    assert desk_contact(points, HEIGHT) == pytest.approx(0.6)
-
-
-def test_dip_behind_the_buckle_of_a_lift_is_no_desk_contact() -> None:
-    s = np.linspace(0.0, 0.6, 121)
-    buckle = 0.004 * np.sin(np.pi * np.clip((s - 0.5) / 0.08, 0, 1)) ** 2
-    z = buckle + np.clip(s - 0.59, 0, None)
-    contact = desk_contact(np.column_stack([s, z]), HEIGHT)
-    assert contact == pytest.approx(0.5 + 0.08 / 6, abs=0.002)
-
-
 def first_above(points: Array, height: float) -> float:
     """The contact as a search from the fixed end finds it."""
     return float(points[np.argmax(points[:, 1] > height), 0])

@@ -9,7 +9,7 @@ import yaml
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_plant, load_strip
 from drivers.strip.effects import apply_effects, check_effects, registry
-from drivers.strip.effects.effect import Effect, Parameter
+from drivers.strip.effects.effect import Effect
 from tests.support.effect_cases import (
     USUAL,
     affected,
@@ -68,10 +68,6 @@ def _middle(effect: Effect) -> dict[str, float]:
     return {p.name: usual(effect, p) for p in effect.parameters[1:]} | {switch.name: float(strong)}
 
 
-def _of(effect: Effect, values: dict[str, float]) -> list[tuple[Parameter, float]]:
-    return [(p, values[p.name]) for p in effect.parameters]
-
-
 def _nulls(effect: Effect) -> dict[str, float]:
     at = {p.name: p.null for p in effect.parameters if p.null is not None}
     return {p.name: USUAL.get(p.name, 1.0) for p in effect.parameters} | at
@@ -85,40 +81,6 @@ def test_registry_holds_the_names_and_parameters_of_the_contract() -> None:
 
 
 @of_effect
-def test_shape_parameters_come_last_and_default_to_no_change(effect: Effect) -> None:
-    finer = [p for p in effect.parameters if p.role == "shape"]
-    assert finer == list(effect.parameters[len(effect.parameters) - len(finer) :])
-    assert all(p.default == p.low == 0.0 for p in finer)
-    values = {p.name: v for p, v in _of(effect, _middle(effect)) if p.role != "shape"}
-    stated = values | {p.name: 0.0 for p in finer}
-    (plain, same) = folds([affected(effect.name, **values), affected(effect.name, **stated)])
-    np.testing.assert_array_equal(plain.contact_x, same.contact_x)
-    for p in finer:
-        (bent,) = folds([affected(effect.name, **(values | {p.name: usual(effect, p)}))])
-        assert np.abs(bent.shapes[-1] - plain.shapes[-1]).max() > 1e-6, p.name
-
-
-def test_effects_apply_strip_first_then_boundary_then_observation() -> None:
-    stages = [effect.stage for effect in EFFECTS]
-    assert stages == sorted(stages)
-    assert all((e.of == "strip") == (e.stage.name in ("SIZE", "LAW")) for e in EFFECTS)
-
-
-@of_effect
-def test_effect_describes_itself_its_signs_and_the_motion_that_reveals_it(effect: Effect) -> None:
-    assert effect.sentence
-    assert effect.revealed_by
-    sizes = effect.sizes(denim())
-    assert sizes
-    assert all(effect.parameters[0].low <= s <= effect.parameters[0].high for s in sizes)
-    assert all(effect.name in registry()[twin].looks_like for twin in effect.looks_like)
-    for parameter in effect.parameters:
-        assert parameter.low < parameter.high
-        if parameter.null is not None:
-            assert parameter.low <= parameter.null <= parameter.high
-
-
-@of_effect
 def test_effect_at_null_is_the_very_same_description(effect: Effect) -> None:
     model = bare()
     assert apply_effects(model, {}) is model
@@ -126,14 +88,6 @@ def test_effect_at_null_is_the_very_same_description(effect: Effect) -> None:
         assert effect.parameters[0].null is None
     else:
         assert apply_effects(model, {effect.name: _nulls(effect)}) is model
-
-
-@of_effect
-def test_second_switch_alone_switches_an_effect_on(effect: Effect) -> None:
-    switches = [p.name for p in effect.parameters if p.null is not None]
-    for name in switches:
-        values = _nulls(effect) | {name: _middle(effect)[name]}
-        assert apply_effects(bare(), {effect.name: values}) is not bare()
 
 
 EVERYWHERE = {"contact_x", "profile", "layer_touch"}

@@ -11,13 +11,10 @@ from drivers.strip.describe import describe
 from drivers.strip.model import StripModel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import flat_batch
-from drivers.strip.rod.bending import friction
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.layout import Block
-from drivers.strip.rod.motions import GripperPath, simulate_all
-from drivers.strip.rod.terms import air, gradual_element, gradual_friction, lagging, resist
+from drivers.strip.rod.terms import air, resist
 from drivers.types import Array
-from policies.experiments.standard import STANDARD
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
 from tests.support.rod_cases import for_all, overhang, paper_model
 
@@ -38,51 +35,6 @@ def _displacement(name: str, path: str = "triangular", **values: float) -> float
     assert with_it.touch is not None
     assert without.touch is not None
     return with_it.touch.displacement - without.touch.displacement
-
-
-@numba.njit(error_model="numpy")
-def _rubbed(block: Block, path: Array, out: Array) -> None:
-    for i in range(len(path)):
-        sharp, _ = friction(block, at.FIRST_FREE_NODE, path[i])
-        soft, _ = gradual_friction(block, at.FIRST_FREE_NODE, path[i])
-        block.state[at.FIRST_FREE_NODE, at.EPS] = path[i]
-        block.state[at.FIRST_FREE_NODE, at.FRICTION] = sharp
-        block.state[at.FIRST_FREE_NODE, at.GRADUAL] = soft
-        out[i] = sharp + soft
-
-
-def test_friction_sets_in_gradually_by_its_share_as_the_law_of_dahl_does() -> None:
-    gradual, limit, ratio = 0.5, 10.0, 8.0  # limit in 1/m
-    block = _block(affected("bending_hysteresis", yield_curvature=limit, stiffness_ratio=ratio,
-                            gradual=gradual))  # fmt: skip
-    row = block.nature[at.FIRST_FREE_NODE]
-    whole = row[at.SLIP] + row[at.GRADUAL_SLIP]
-    yields = row[at.SLIP] / row[at.STICK]  # strain at which a single element would slide
-    assert whole == pytest.approx(row[at.BEND] * ratio * yields)
-    path = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(3.9, -4.0, 80)])
-    moment = np.zeros(len(path))
-    _rubbed(block, yields * path, moment)
-    up, down = path[:41], path[40:]
-    peak = 1.0 - np.exp(-up[-1])
-    soft = np.concatenate([1.0 - np.exp(-up), (1.0 + peak) * np.exp(down - down[0])[1:] - 1.0])
-    sharp = np.concatenate([np.minimum(up, 1.0), np.maximum(down - 3.0, -1.0)[1:]])
-    expected = (1.0 - gradual) * sharp + gradual * soft
-    np.testing.assert_allclose(moment / whole, expected, atol=2e-4)
-
-
-@numba.njit(error_model="numpy")
-def _gradual(slip: float, pace: float, change: float, before: float) -> tuple[float, float]:
-    return gradual_element(slip, pace, change, before)
-
-
-def test_the_tangent_of_gradual_friction_is_the_slope_of_its_moment() -> None:
-    step = 1e-6
-    for before, change in [(0.0, 0.5), (0.6, -0.2), (-0.9, -2.0), (0.9, 0.0)]:
-        low, high = (_gradual(2.0, 30.0, change + d, before)[0] for d in (-step, step))
-        found = _gradual(2.0, 30.0, change, before)[1]
-        ahead = _gradual(2.0, 30.0, change + step, before)[0]
-        slope = (high - low) / (2 * step) if change else (ahead - before) / step
-        assert found == pytest.approx(slope, rel=1e-3)
 
 
 @numba.njit(error_model="numpy")
@@ -109,37 +61,12 @@ def test_drag_is_that_of_a_plate_and_only_of_its_motion_across(
     np.testing.assert_allclose(force.sum(axis=0), [0.0, plate], atol=1e-12)
 
 
-@numba.njit(error_model="numpy")
-def _lagging(block: Block, r: int, change: float) -> tuple[float, float]:
-    return lagging(block, r, change, RATE)
-
-
-@pytest.mark.parametrize("speed", [-3.0, 2.0])
-def test_quadratic_damping_is_its_coefficient_times_the_square_of_the_rate(speed: float) -> None:
-    coefficient, row = 1e-3, 12
-    block = _block(affected("quadratic_damping", coefficient=coefficient))
-    span = block.nature[row, at.SPAN]
-    moment, slope = _lagging(block, row, speed * span / RATE)
-    law = denim().rigidity * coefficient * abs(speed) * speed
-    assert moment == pytest.approx(law, rel=1e-9)
-    assert slope == pytest.approx(2 * abs(law / speed) / span * RATE, rel=1e-9)
-
-
 def test_relaxed_strip_hangs_as_one_of_the_remaining_rigidity() -> None:
     relaxed, straight = affected("relaxation", STIFF, ratio=0.4, time=0.5), describe(STIFF)
     left = replace(straight, mechanics=straight.mechanics.scale_rigidity(np.full(600, 0.6)))
     hung, expected, before = overhang([relaxed, left, straight])
     np.testing.assert_allclose(hung, expected, atol=1e-6)
     assert np.abs(hung - before).max() > 0.01
-
-
-def test_fast_relaxation_is_a_softer_strip_and_slow_relaxation_none() -> None:
-    fast, slow = (affected("relaxation", ratio=0.3, time=time) for time in (0.01, 100.0))
-    soft = replace(bare(), mechanics=replace(bare().mechanics.scale_rigidity(np.full(600, 0.7))))
-    moved = [m.touch.displacement for m in folds([fast, slow, soft, bare()]) if m.touch]
-    assert moved[1] == pytest.approx(moved[3], abs=1e-4)
-    assert moved[0] - moved[3] < -1e-3
-    assert moved[0] - moved[3] == pytest.approx(moved[2] - moved[3], abs=4e-3)
 
 
 def test_stretched_strip_pulls_with_its_stiffness_times_its_strain() -> None:
@@ -192,16 +119,6 @@ def test_grip_slips_above_its_force() -> None:
     assert 0.2 < pulls[0] < 0.3 + WEIGHT
 
 
-def test_grip_that_never_lets_go_moves_a_shaken_strip_as_a_firm_one_does() -> None:
-    shake = STANDARD["early-shake"].of(LENGTH)
-    t = np.arange(0.0, shake.duration, 0.01)
-    path = GripperPath(t, np.column_stack([shake.at(t), np.zeros_like(t)]))
-    loose, firm = simulate_all(Rod(100), [affected("grip_slip", force=2.0), bare()], [path] * 2)
-    assert -firm.holding_force.min() < 1.0
-    np.testing.assert_allclose(loose.contact_x, firm.contact_x, atol=1e-5)
-    np.testing.assert_allclose(loose.tip, firm.tip, atol=1e-5)
-
-
 def test_yielding_grip_turns_by_its_compliance_times_the_moment() -> None:
     compliance, pose = 500.0, np.array([[0.45, 0.12, np.pi / 2]])
     pitches, moments = [], []
@@ -219,22 +136,6 @@ def test_yielding_grip_turns_by_its_compliance_times_the_moment() -> None:
     assert pitches[1] - np.pi / 2 == pytest.approx(-compliance * moments[1], abs=2e-3)
 
 
-def test_higher_desk_is_a_lower_grip() -> None:
-    high, low = folds(
-        [affected("desk_height", height=0.004), affected("tcp_offset", x=0.0, z=-0.004)]
-    )
-    np.testing.assert_array_equal(high.contact_x, low.contact_x)
-    assert high.touch == low.touch
-
-
-def test_late_report_moves_the_fold_in_time_alone() -> None:
-    late, sharp = folds([affected("control_delay", time=0.04), bare()])
-    assert late.touch is not None
-    assert sharp.touch is not None
-    assert sharp.touch.time - late.touch.time == pytest.approx(0.04, abs=1e-9)
-    assert late.touch.displacement == pytest.approx(sharp.touch.displacement, abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("name", "values", "expected"),
     [
@@ -247,12 +148,6 @@ def test_effect_is_as_large_as_measured_elsewhere(
     name: str, values: Mapping[str, float], expected: float
 ) -> None:
     assert _displacement(name, **values) == pytest.approx(expected, rel=0.35)
-
-
-def test_even_curl_moves_nothing_between_clamped_ends() -> None:
-    assert abs(_displacement("pre_curl", curvature=10.0)) < 2e-4
-    straight, curled = overhang([describe(STIFF), affected("pre_curl", STIFF, curvature=2.0)])
-    assert curled[-1, 1] > straight[-1, 1] + 0.01
 
 
 def test_crease_up_lifts_and_crease_down_presses() -> None:
@@ -283,13 +178,6 @@ def test_effects_converge_in_elements_and_step(path: str) -> None:
         assert two.touch is not None
         assert one.touch.displacement == pytest.approx(two.touch.displacement, abs=6e-4), name
         assert one.touch.time == pytest.approx(two.touch.time, abs=0.02), name
-
-
-def test_effects_stay_finite_on_the_strips_of_the_paper() -> None:
-    effects = {"relaxation": {"ratio": 0.5, "time": 0.2}, "air_drag": {"coefficient": 3.0}}
-    models = [paper_model(k, b, effects) for k in (0.02, 0.3) for b in (1.0, 50.0)]
-    for path in PATHS:
-        assert all(motion.touch is not None for motion in folds(models, path))
 
 
 def test_friction_between_yarns_moves_the_displacement_as_measured() -> None:

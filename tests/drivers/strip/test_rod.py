@@ -62,64 +62,6 @@ def test_strip_moves_bit_for_bit_alike_alone_and_among_others() -> None:
         assert alone.touch[0] == together.touch[i]
 
 
-def test_order_and_call_lengths_change_nothing() -> None:
-    models = paper_grid()
-    poses = for_all(steady(PATH, DT), len(models))
-    once, often = Rod(40), Rod(40)
-    once.reset(models)
-    once.advance(poses, DT)
-    often.reset(models[::-1])
-    for start in range(0, len(poses), 7):
-        often.advance(poses[start : start + 7], DT)
-    there = [t.displacement for t in once.touch if t]
-    back = [t.displacement for t in often.touch[::-1] if t]
-    assert there == back
-    assert len(there) == len(models)
-
-
-def test_strip_that_touched_keeps_its_shape_and_observables() -> None:
-    rod = Rod(60)
-    models = [paper_model(0.02), paper_model(0.3)]
-    rod.reset(models)
-    poses = for_all(steady(PATH, DT), 2)
-    seen = rod.follow(poses, DT)
-    first, second = (touch.time for touch in rod.touch if touch)
-    ended = int(np.ceil(min(first, second) / DT))
-    i = int(first > second)
-    assert np.ptp(seen.contact_x[ended:, i]) == 0.0
-    shape = rod.shapes()[i]
-    rod.advance(poses[:3], DT)
-    np.testing.assert_array_equal(rod.shapes()[i], shape)
-    assert not rod.living.any()
-
-
-def test_batch_closes_up_without_changing_anything() -> None:
-    models = paper_grid()
-    poses = for_all(steady(PATH, DT), len(models))
-    plain, thinned = Rod(40), Rod(40)
-    kept = np.arange(len(models)) % 6 == 2
-    for rod in (plain, thinned):
-        rod.reset(models)
-        rod.advance(poses[:300], DT)
-    thinned.retire(~kept)
-    np.testing.assert_array_equal(thinned.living, kept)
-    for rod in (plain, thinned):
-        rod.advance(poses[300:700], DT)
-    np.testing.assert_array_equal(thinned.shapes()[kept], plain.shapes()[kept])
-    assert not np.array_equal(thinned.shapes()[~kept], plain.shapes()[~kept])
-
-
-def test_strip_hung_from_a_gripper_is_at_rest() -> None:
-    models = [paper_model(0.02, 50), paper_model(0.1), paper_model(0.3)]
-    start = np.array([[0.53, 0.10, np.pi / 2]] * 3)
-    rod = Rod(60)
-    rod.reset(models, start)
-    hung = rod.shapes()
-    rod.advance(np.repeat(start[None], 200, axis=0), DT)
-    np.testing.assert_allclose(rod.shapes(), hung, atol=1e-5)
-    assert (hung[:, :, 1].max(axis=1) < 0.11).all()
-
-
 def test_start_in_which_the_layers_touch_is_refused() -> None:
     rod = Rod(40)
     with pytest.raises(Unsupported, match="strip 0 at which its layers touch"):
@@ -169,22 +111,6 @@ def test_strip_torn_from_its_grip_is_a_named_fault() -> None:
     poses = np.array([[0.59, 0.01, 0.1], [5.0, 4.0, 9.0], [0.59, 0.01, 0.1]])
     with pytest.raises(SimulationNotConverged, match="strip 1"):
         rod.step(poses, DT)
-
-
-def test_lenient_rod_ends_only_the_strip_that_failed() -> None:
-    models = [paper_model(0.1)] * 3
-    poses = for_all(steady(PATH, DT), 3)
-    sound, lenient = Rod(40), Rod(40, strict=False)
-    for rod in (sound, lenient):
-        rod.reset(models)
-        rod.advance(poses[:200], DT)
-    broken = poses[200:].copy()
-    broken[0, 1] = np.nan
-    sound.advance(poses[200:], DT)
-    lenient.advance(broken, DT)
-    np.testing.assert_array_equal(lenient.failed, [False, True, False])
-    assert lenient.touch[1] is None
-    assert [lenient.touch[i] for i in (0, 2)] == [sound.touch[i] for i in (0, 2)]
 
 
 def test_settings_and_poses_that_cannot_be_are_refused() -> None:
@@ -249,11 +175,6 @@ STIFF_SLACK = StripFile(
         "length_error": {"error": 0.0006367313215551434},
     },
 )  # fmt: skip
-STRETCHABLE_SLACK = StripFile(
-    name="knit", length=0.6, width=0.05, areal_density=0.25, bending_length=0.0183,
-    retardation_time=0.045, thickness=0.001,
-    effects={"stretch": {"stiffness": 16.2}, "length_error": {"error": 0.003}},
-)  # fmt: skip
 
 
 def test_slack_strip_that_the_solver_loses_is_laid_more_slowly() -> None:
@@ -265,21 +186,3 @@ def test_slack_strip_that_the_solver_loses_is_laid_more_slowly() -> None:
     assert np.isfinite(rod.shapes()).all()
     longer = STIFF_SLACK.length + STIFF_SLACK.effects["length_error"]["error"]
     assert rod.arc()[0, -1] == pytest.approx(longer, abs=1e-6)
-
-
-def test_slack_of_a_strip_that_can_shorten_is_a_wave_all_the_same_on_every_grid() -> None:
-    tops = []
-    for segments in (60, 120, 240):
-        rod = Rod(segments)
-        rod.reset([describe(STRETCHABLE_SLACK)])
-        tops.append(rod.shapes()[0, :, 1].max())
-    assert tops[2] > 3e-3
-    assert tops == pytest.approx([tops[2]] * 3, rel=0.15)
-
-
-def test_slack_strip_is_laid_bit_for_bit_alike_alone_and_among_others() -> None:
-    slack = describe(STRETCHABLE_SLACK)
-    alone, among = Rod(60), Rod(60)
-    alone.reset([slack])
-    among.reset([paper_model(0.1), describe(STIFF_SLACK), slack])
-    np.testing.assert_array_equal(among.shapes()[2], alone.shapes()[0])

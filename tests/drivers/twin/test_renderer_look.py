@@ -9,15 +9,11 @@ from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
-from drivers.twin.renderer import kernels
 from drivers.twin.renderer.looks import (
-    DEFAULT_LOOK,
     LOOKS,
     PLAIN,
     Box,
-    Flicker,
     Look,
-    Pattern,
     StripLook,
 )
 from drivers.twin.renderer.optics import Optics
@@ -49,11 +45,6 @@ def test_frame_depends_on_seed_scenes_and_sequence_alone(renderer: Renderer) -> 
     assert not np.array_equal(first, Renderer(SETTINGS, DENIM, seed=4).render(exposure, 7))
 
 
-def test_frame_of_nothing_is_refused(renderer: Renderer) -> None:
-    with pytest.raises(ConfigurationError, match="scenes"):
-        renderer.render([], 0)
-
-
 def test_noise_has_the_stated_sigma_and_no_bias(renderer: Renderer) -> None:
     frames = np.stack([renderer.render([scene("flat")], k)[100:300, 200:900] for k in range(12)])
     frames = frames.astype(float)
@@ -73,15 +64,6 @@ def test_what_does_not_move_looks_alike_in_every_frame() -> None:
         assert same[660:].all()
         assert same.mean() > 0.75
     assert np.abs(one - other).max() > 50
-
-
-@pytest.mark.parametrize("outside", [(2.0, 0.2), (-2.0, 0.2), (0.3, 5.0), (0.3, -3.0)])
-def test_hand_outside_the_image_changes_nothing(
-    renderer: Renderer, outside: tuple[float, float]
-) -> None:
-    here = renderer.render([empty(*outside, pointer=True)], 0)
-    there = renderer.render([empty(0.3, 5.0)], 0)
-    assert np.array_equal(here, there)
 
 
 def looks() -> list[StripFile]:
@@ -109,20 +91,6 @@ def test_every_strip_stands_out_from_desk_and_backdrop(strip: StripFile) -> None
         assert np.linalg.norm(there - beside) > 40
 
 
-def test_identity_tells_any_two_settings_apart() -> None:
-    others = [{"exposure": 0.003}, {"roll": 0.0041}, {"distortion": (-0.18, 0.11)}, {"noise": 2.5}]
-    identities = {SETTINGS.model_copy(update=change).identity for change in others}
-    assert len(identities | {SETTINGS.identity}) == 5
-    assert CameraSettings().identity == SETTINGS.identity
-
-
-def test_exposure_longer_than_its_frame_or_its_delay_is_refused() -> None:
-    with pytest.raises(ValueError, match="longer than a frame"):
-        CameraSettings(exposure=0.018)
-    with pytest.raises(ValueError, match="before the exposure"):
-        CameraSettings(transport_delay=0.001)
-
-
 def _drawn(look: Look, at: Scene, settings: CameraSettings = SMALL) -> Array:
     strip = StripLook(DENIM.colour, DENIM.thickness, DENIM.width, look.pattern)
     return Renderer(settings, strip, 0, surround=look).render([at], 0).astype(float)
@@ -132,38 +100,6 @@ def test_unknown_look_is_refused_with_the_names_of_all() -> None:
     with pytest.raises(ConfigurationError, match="there is no look 'fog'") as told:
         parse({"look": "fog"}, TwinSettings, "cell.yaml: twin")
     assert all(name in str(told.value) for name in LOOKS)
-
-
-def test_plain_look_leaves_no_trace_in_what_is_kept_of_a_cell() -> None:
-    assert "look" not in TwinSettings().model_dump(mode="json")
-    assert "look" not in TwinSettings(look=DEFAULT_LOOK).model_dump_json()
-    assert TwinSettings(look="clutter").model_dump(mode="json")["look"] == "clutter"
-
-
-def test_camera_stays_itself_in_any_look() -> None:
-    assert TwinSettings(look="clutter").camera.identity == TwinSettings().camera.identity
-
-
-@pytest.mark.parametrize("name", [name for name in LOOKS if name != DEFAULT_LOOK])
-def test_every_look_shows_another_picture_than_the_plain_one(name: str) -> None:
-    plain, other = (_drawn(LOOKS[it], scene("lifted")) for it in (DEFAULT_LOOK, name))
-    assert np.abs(plain - other).mean() > 5
-
-
-def test_pattern_lies_where_it_should_along_the_strip() -> None:
-    strip = StripLook((200, 20, 20), 0.004, 0.05, Pattern("across", 0.1, ((20, 20, 200),)))
-    image = Renderer(QUIET, strip, 0).render([scene("flat")], 0).astype(float)
-    optics, x = Optics.of(QUIET), np.arange(0.05, 0.6, 0.1)
-    u, v = optics.plane(np.column_stack([x, 0 * x])).round().astype(int).T
-    reddish = image[v, u, 2] > image[v, u, 0]
-    assert reddish.tolist() == [True, False, True, False, True, False]
-
-
-def test_checks_alternate_over_the_width_as_well() -> None:
-    strip = StripLook((0, 0, 0), 0.001, 0.05, Pattern("checks", 0.01, ((255, 255, 255),)))
-    tint = strip.tint(np.array([0.005, 0.015, 0.005, 0.015]), np.array([0.0, 0.0, 0.015, 0.015]))
-    assert tint is not None
-    assert tint[:, 0].tolist() == [0, 255, 255, 0]
 
 
 def test_things_stand_still_behind_the_strip_and_never_before_it() -> None:
@@ -178,37 +114,6 @@ def test_things_stand_still_behind_the_strip_and_never_before_it() -> None:
     )
     assert np.abs(bare - covered)[there[1], there[0]].max() > 100
     assert np.abs(bare - covered)[elsewhere[1], elsewhere[0]].max() < 10
-
-
-def test_shadow_of_the_arm_moves_with_it() -> None:
-    look = LOOKS["arm-shadow"]
-    bare = Look(look.colours)
-    share = [
-        _drawn(look, at) / np.maximum(_drawn(bare, at), 1)
-        for at in (empty(0.15, 0.1), empty(0.45, 0.1))
-    ]
-    places = [np.argmin(one.mean(axis=(0, 2))) for one in share]
-    assert places[1] - places[0] == pytest.approx(0.3 / 0.75 * 640, rel=0.25)
-    assert all(0.6 < one.min() < 0.75 for one in share)
-
-
-def test_light_flickers_at_twice_the_mains_and_by_its_depth() -> None:
-    look = Look(flicker=Flicker(mains=50.0, depth=0.4, readout=0.0))
-    still = _drawn(PLAIN, empty(0.3, 5.0)).mean()
-    stamps = np.arange(0.0, 0.02, 0.001)
-    bright = [_drawn(look, _at(stamp)).mean() / still for stamp in stamps]
-    assert np.allclose(bright[:10], bright[10:], atol=0.01)  # a period is 10 ms
-    swing = 0.4 * np.sinc(100 * QUIET.exposure)
-    assert max(bright) - min(bright) == pytest.approx(swing, rel=0.1)
-    assert np.mean(bright) == pytest.approx(0.8, abs=0.02)
-
-
-def test_rolling_shutter_shows_flicker_as_bands() -> None:
-    look = Look(flicker=Flicker(mains=50.0, depth=0.4, readout=0.010))
-    share = _drawn(look, _at(0.0)) / np.maximum(_drawn(PLAIN, _at(0.0)), 1)
-    rows = share.mean(axis=(1, 2))
-    assert rows.max() - rows.min() > 0.25
-    assert np.ptp(share, axis=1).max() < 0.05
 
 
 @pytest.mark.parametrize("thickness", [0.004, 0.008])
@@ -233,12 +138,3 @@ def _at(stamp: float) -> Scene:
     points, arc = midline("flat", nodes=7)
     away = Pose(0.3, 5.0, np.pi / 2)
     return Scene(stamp, points, arc, away, 0.0, holds_strip=False, strip=False)
-
-
-def test_a_renderer_has_compiled_all_that_its_frames_need() -> None:
-    renderer = Renderer(CameraSettings(), StripLook((200, 40, 40), 0.001, 0.1), 1)
-    entries = [kernels.plane, kernels.interpolate, kernels.sow, kernels.splat]
-    before = [len(entry.signatures) for entry in entries]
-    renderer.render([scene("lifted"), scene("lifted", 0.001, (0.0, 0.001))], 0)
-    assert min(before) > 0
-    assert [len(entry.signatures) for entry in entries] == before

@@ -5,9 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.errors import ConfigurationError
 from drivers.installation import Installation, Mounting
-from drivers.settings import parse
 from drivers.strip.describe import load_strip
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
@@ -41,15 +39,6 @@ def lifted() -> Twin:
     return twin
 
 
-def test_twin_begins_at_rest_above_the_edge_with_a_flat_strip() -> None:
-    twin = twin_with()
-    wait(twin, 0.1)
-    assert twin.arm.state().pose.as_array() == pytest.approx([L, 0.15, 0.0], abs=5e-4)
-    scene = twin.world.scene(0.05)
-    assert np.abs(scene.points[:, 1]).max() < 1e-9
-    assert scene.points[-1, 0] == pytest.approx(L)
-
-
 def test_strip_tip_is_on_the_true_gripper_path_in_steady_motion(lifted: Twin) -> None:
     truth = lifted.truth()
     steady = truth.t > truth.t[-1] - 0.7
@@ -67,15 +56,6 @@ def test_strip_follows_the_true_pose_and_the_arm_measures_it_with_its_noise() ->
     spread = np.std(errors, axis=0)
     assert spread == pytest.approx([2e-4, 2e-4, 1e-3], rel=0.15)
     assert np.abs(np.mean(errors, axis=0)) == pytest.approx(np.zeros(3), abs=2e-4)
-
-
-def test_arm_without_noise_measures_the_truth_through_the_robots_frame() -> None:
-    for mounting in (Mounting(), Mounting(x=-0.4, y=0.2, z=0.35, yaw=-2.0)):
-        twin = twin_with(noise=0.0, pitch_noise=0.0, mounting=mounting)
-        drive(twin, Velocity(-0.1, 0.05, 0.4), 0.5)
-        measured = twin.arm.state().pose.as_array()
-        assert measured == pytest.approx(twin.world.gripper.as_array(), abs=1e-12)
-        assert measured[0] < L - 0.03
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.004, 0.03])
@@ -103,20 +83,6 @@ def test_arm_that_is_let_go_in_motion_brakes_in_the_world() -> None:
     wait(twin, 0.3)
     assert twin.world.gripper.as_array() == pytest.approx(rest.as_array(), abs=1e-9)
     assert rest.x > L - 0.08
-
-
-def test_desk_contact_moves_with_the_lift(lifted: Twin) -> None:
-    truth = lifted.truth()
-    assert truth.contact_x[0] > L - 0.02
-    assert 0.2 < truth.contact_x[-1] < truth.contact_x[0] - 0.1
-    assert truth.touch is None
-
-
-def test_scenes_of_a_fold_match_its_truth(lifted: Twin) -> None:
-    truth = lifted.truth()
-    assert np.array_equal(lifted.world.scene(truth.t[-20]).points, truth.shapes[-20])
-    middle = lifted.world.scene(0.5 * (truth.t[-20] + truth.t[-19])).points
-    assert middle == pytest.approx(0.5 * (truth.shapes[-20] + truth.shapes[-19]), abs=1e-9)
 
 
 def test_same_seed_gives_the_same_bytes_and_another_seed_others() -> None:
@@ -158,15 +124,6 @@ def test_size_of_the_waits_does_not_change_the_world() -> None:
     assert run(1) == run(137)
 
 
-def test_hand_with_a_pointer_finds_no_edge() -> None:
-    twin = twin_with()
-    twin.world.hold_pointer(True)
-    move(twin, EDGE)
-    twin.hand.grasp()
-    wait(twin, 1.0)
-    assert not twin.hand.state().grasped
-
-
 def test_hand_takes_half_a_second_to_close() -> None:
     twin = twin_with()
     twin.hand.grasp()
@@ -189,9 +146,3 @@ def test_untold_latency_of_the_camera_shows_the_world_that_much_earlier(monkeypa
     frame = twin.camera.read(0.0, 0.0)
     assert frame is not None
     assert np.mean(asked) == pytest.approx(frame.stamp - 0.04, abs=1e-6)
-
-
-def test_camera_faster_than_the_world_is_refused() -> None:
-    camera = {"transport_delay": 0.004, "exposure": 0.004}
-    with pytest.raises(ConfigurationError, match=r"at least exposure / 2 \+ world.step"):
-        parse({"camera": camera}, TwinSettings, "cell.yaml")

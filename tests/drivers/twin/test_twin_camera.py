@@ -94,14 +94,6 @@ def test_half_of_the_frames_never_arrive_and_those_that_do_are_whole(world, cloc
     assert np.array_equal(whole.image, got[-1].image)
 
 
-def test_frames_that_nobody_reads_are_not_rendered(world, clock) -> None:
-    camera = connected(world, clock)
-    clock.time = 2.0
-    first = camera.read(ALWAYS, 0.0)
-    assert camera.read(ALWAYS, 0.0) is first
-    assert len(world.asked) == SETTINGS.sub_shapes
-
-
 def test_stamp_is_the_middle_of_the_exposure(world, clock) -> None:
     camera = connected(world, clock)
     clock.time = 1.0
@@ -121,23 +113,6 @@ def test_latency_shows_an_earlier_world_under_the_same_stamp(world, clock) -> No
     assert (delayed.stamp, delayed.arrival) == (frame.stamp, frame.arrival)
     assert shown - np.mean(world.asked) == pytest.approx(0.05)
     assert not np.array_equal(frame.image, delayed.image)
-
-
-def test_negative_latency_never_asks_for_the_future(world, clock) -> None:
-    camera = connected(world, clock, latency=-0.1)
-    clock.time = 0.119
-    assert camera.read(ALWAYS, 0.0) is None
-    for clock.time in (0.12, 0.3, 0.777):
-        frame = camera.read(ALWAYS, 0.0)
-        assert max(world.asked) <= clock.time
-        assert np.mean(world.asked[-SETTINGS.sub_shapes :]) > frame.stamp
-
-
-def test_image_cannot_be_written_to(world, clock) -> None:
-    camera = connected(world, clock)
-    clock.time = 0.1
-    with pytest.raises(ValueError, match="read-only"):
-        camera.read(ALWAYS, 0.0).image[0, 0] = 0
 
 
 class Drawing:
@@ -201,19 +176,3 @@ def test_no_call_both_draws_and_delivers_an_image() -> None:
 def test_what_was_drawn_before_is_not_delivered_once_it_is_too_old() -> None:
     camera, _ = drawn()
     assert camera.read(1.0, timeout=0.0) is None
-
-
-def test_a_closed_camera_delivers_nothing_of_before() -> None:
-    camera, _ = drawn()
-    camera.close()
-    with pytest.raises(Fault, match="closed"):
-        camera.read(0.0, timeout=0.0)
-
-
-def test_one_who_comes_late_is_not_kept_waiting() -> None:
-    inner = Drawing()
-    camera = begun(inner)
-    inner.calls = 19
-    frame = camera.read(0.05, timeout=0.0)
-    assert frame is not None
-    assert frame.stamp == 0.2

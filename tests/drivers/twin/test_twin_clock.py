@@ -3,7 +3,7 @@
 import pytest
 
 import drivers.clock
-from drivers.errors import CellError, Fault
+from drivers.errors import Fault
 from drivers.twin.clock import RealTimeClock, Turn, TwinClock
 
 
@@ -31,55 +31,6 @@ def test_ticks_steps_and_frames_of_one_moment_run_in_their_turn() -> None:
     assert by_time[0.041] == ["servo"]
 
 
-def test_events_of_one_turn_run_in_the_order_of_asking() -> None:
-    clock, seen = TwinClock(), []
-    for name in "abc":
-        clock.at(0.5, lambda _, name=name: seen.append(name), Turn.JOB)
-    clock.wait_until(1.0)
-    assert seen == ["a", "b", "c"]
-
-
-def test_event_sees_its_own_time_and_the_clock_ends_where_asked() -> None:
-    clock, seen = TwinClock(), []
-    clock.at(0.3, lambda t: seen.append((t, clock.now())), Turn.JOB)
-    clock.wait_until(0.2999)
-    assert seen == []
-    clock.wait_until(1.0)
-    assert seen == [(0.3, 0.3)]
-    assert clock.now() == 1.0
-
-
-def test_event_can_ask_for_later_events_and_cancel_itself() -> None:
-    clock, seen = TwinClock(), []
-
-    def once(now: float) -> None:
-        seen.append(now)
-        clock.at(now + 0.1, seen.append, Turn.JOB)
-        event.cancel()
-
-    event = clock.every(0.25, once, Turn.JOB)
-    clock.wait_until(2.0)
-    assert seen == [0.25, 0.35]
-
-
-def test_event_asked_for_in_the_past_runs_as_soon_as_time_passes() -> None:
-    clock, seen = TwinClock(), []
-    clock.wait_until(1.0)
-    clock.at(0.5, seen.append, Turn.JOB)
-    assert seen == []
-    clock.wait_until(1.0)
-    assert seen == [1.0]
-
-
-def test_periodic_event_starts_from_when_it_was_asked_for() -> None:
-    clock, seen = TwinClock(), []
-    clock.wait_until(1.003)
-    clock.every(0.1, seen.append, Turn.WORLD)
-    clock.every(0.5, seen.append, Turn.CAMERA, start=1.0)
-    clock.wait_until(1.5)
-    assert seen == [1.103, 1.203, 1.303, 1.403, 1.5]
-
-
 def test_error_of_an_event_comes_out_at_its_time_and_the_clock_goes_on_after_it() -> None:
     clock, seen = TwinClock(), []
 
@@ -93,18 +44,6 @@ def test_error_of_an_event_comes_out_at_its_time_and_the_clock_goes_on_after_it(
     assert clock.now() == 0.5
     clock.wait_until(1.0)
     assert seen == [0.2, 0.4, 0.6, 0.8, 1.0]
-
-
-def test_event_cannot_wait() -> None:
-    clock = TwinClock()
-    clock.at(0.1, lambda _: clock.wait_until(0.5), Turn.JOB)
-    with pytest.raises(CellError, match="cannot wait"):
-        clock.wait_until(1.0)
-
-
-def test_period_of_nothing_is_refused() -> None:
-    with pytest.raises(CellError, match="too short"):
-        TwinClock().every(0.0, lambda _: None, Turn.JOB)
 
 
 class Wall:
@@ -139,22 +78,6 @@ def test_world_goes_on_only_when_the_wall_has(wall: Wall) -> None:
     assert clock.now() == twin.now() == pytest.approx(1.0)
 
 
-def test_time_before_the_first_use_does_not_count(wall: Wall) -> None:
-    clock = RealTimeClock(TwinClock())
-    wall.seconds += 30.0
-    assert clock.now() == 0.0
-
-
-def test_caller_that_comes_late_finds_the_world_at_the_present(wall: Wall) -> None:
-    twin = TwinClock()
-    clock = RealTimeClock(twin)
-    clock.now()
-    wall.seconds += 3.0
-    clock.wait_until(1.0)
-    assert wall.slept == []
-    assert twin.now() == clock.now() == 3.0
-
-
 def world_that_costs(twin: TwinClock, wall: Wall, share: float) -> None:
     """A world in which 0.1 s take `share` of that on the wall."""
 
@@ -181,34 +104,6 @@ def test_world_slower_than_the_wall_falls_behind(wall: Wall) -> None:
     clock = RealTimeClock(twin)
     clock.wait_until(1.0)
     assert clock.now() - twin.now() > 2.0
-
-
-def test_a_patient_caller_is_kept_no_longer_than_allowed(wall: Wall) -> None:
-    twin = TwinClock()
-    twin.every(0.005, lambda _: cost(wall, 0.001), Turn.WORLD)
-    clock = RealTimeClock(twin, patience=0.02)
-    for tick in range(101):
-        clock.wait_until(0.01 * tick)
-    wall.seconds += 0.5
-    begun = clock.now()
-    clock.wait_until(1.01)
-    assert clock.now() - begun <= 0.022
-    assert 1.05 < twin.now() < 1.2
-    for tick in range(150):
-        clock.wait_until(begun + 0.01 * tick)
-    assert clock.now() == pytest.approx(begun + 1.49, abs=0.01)
-    assert clock.now() - twin.now() < 0.01
-
-
-def test_a_patient_caller_who_is_early_finds_the_world_at_the_present(wall: Wall) -> None:
-    twin = TwinClock()
-    seen: list[float] = []
-    twin.every(0.005, seen.append, Turn.WORLD)
-    clock = RealTimeClock(twin, patience=0.02)
-    clock.wait_until(0.05)
-    assert twin.now() == pytest.approx(0.05)
-    assert clock.now() == pytest.approx(0.05)
-    assert len(seen) == 10
 
 
 def cost(wall: Wall, seconds: float) -> None:

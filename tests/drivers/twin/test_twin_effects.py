@@ -6,9 +6,8 @@ import pytest
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.grip_path import true_path
-from drivers.strip.model import Effects, Observation
+from drivers.strip.model import Effects
 from drivers.strip.observation import seen_points
-from drivers.twin.camera import displaced_optics
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.scene import Truth
@@ -79,18 +78,6 @@ def test_gripper_was_at_the_reported_place_a_delay_before(time: float) -> None:
     assert np.abs(at_once - moving[:, 1:])[:, 0].max() == pytest.approx(0.07 * abs(time), rel=0.2)
 
 
-def test_arm_comes_to_rest_only_when_it_reports_so() -> None:
-    cases: list[Effects] = [{}, {"control_delay": {"time": 0.1}}]
-    settled = [at_edge(effects).clock.now() for effects in cases]
-    assert settled[1] - settled[0] == pytest.approx(0.1, abs=0.011)
-
-
-def test_offsets_wait_for_the_grasp() -> None:
-    twin, reports = lift({"tcp_offset": OFFSETS["tcp_offset"]}, held=False)
-    last = twin.world.scene(float(reports[-1, 0])).gripper.as_array()
-    np.testing.assert_allclose(last, reports[-1, 1:], atol=1e-9)
-
-
 @pytest.mark.parametrize("error", [0.004, -0.004])
 def test_strip_lies_at_its_own_length_and_is_taken_at_the_stated_one(error: float) -> None:
     strip = denim(effects={"length_error": {"error": error}})
@@ -121,11 +108,3 @@ def test_camera_moved_since_its_calibration_shows_places_scaled_and_shifted() ->
     shift = {"scale": {"scale": 0.02}, "shift": {"x": 0.004, "z": -0.003}}
     model = describe(denim(), {f"homography_{name}": values for name, values in shift.items()})
     np.testing.assert_allclose(seen_points(model, points[:, ::2]), seen[:, ::2])
-
-
-def test_camera_sees_a_higher_desk_higher() -> None:
-    settings, place = CameraSettings(), np.array([[0.3, 0.1]])
-    now = displaced_optics(settings, Observation(scale=-0.01, shift_x=0.01), 0.006)
-    raised = np.array([[0.3, 0.106]])
-    seen = 0.99 * raised + (0.01, 0.0)
-    np.testing.assert_allclose(now.plane(place), Optics.of(settings).plane(seen), atol=1e-9)

@@ -9,7 +9,7 @@ from drivers.strip.engine import Observables
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Touch
 from drivers.twin.settings import WorldSettings
-from drivers.twin.world import Fingers, Grasp, World
+from drivers.twin.world import World
 from drivers.types import Pose
 
 STRIP = StripFile.model_validate(
@@ -80,17 +80,6 @@ def line(start: Pose, end: Pose, count: int) -> list[Pose]:
     return [Pose(*p) for p in np.linspace(start.as_array(), end.as_array(), count + 1)[1:]]
 
 
-def test_strip_lies_flat_until_it_is_grasped() -> None:
-    plant = Ruler()
-    world = world_with(plant)
-    carry(world, line(EDGE, Pose(0.5, 0.1, 0.0), 100), 0.0)
-    assert plant.steps == []
-    scene = world.scene(0.1)
-    assert np.array_equal(scene.points[:, 1], np.zeros(7))
-    assert not scene.holds_strip
-    assert world.truth().t.shape == (0,)
-
-
 def test_grasped_strip_steps_every_5_ms_to_where_the_gripper_was_then() -> None:
     plant = Ruler()
     world = world_with(plant)
@@ -98,40 +87,6 @@ def test_grasped_strip_steps_every_5_ms_to_where_the_gripper_was_then() -> None:
     carry(world, line(EDGE, Pose(0.5, 0.1, 1.0), 100), 0.0)
     expected = [[0.6 - 0.005 * k, 0.005 * k, 0.05 * k] for k in range(1, 21)]
     assert np.array(plant.steps) == pytest.approx(np.array(expected), abs=1e-12)
-
-
-def test_sparse_poses_are_interpolated_at_their_stamps_and_never_outrun() -> None:
-    plant = Ruler()
-    world = world_with(plant)
-    world.attach()
-    world.follow(0.008, Pose(0.592, 0.008, 0.0))
-    world.advance(1.0)
-    assert world.time == STEP
-    world.follow(0.021, Pose(0.579, 0.021, 0.0))
-    world.advance(1.0)
-    assert world.time == 0.02
-    assert np.array(plant.steps)[:, 0] == pytest.approx([0.595, 0.59, 0.585, 0.58])
-
-
-def test_pose_with_an_old_stamp_changes_nothing() -> None:
-    world = world_with(Ruler())
-    world.follow(0.01, Pose(0.5, 0.1, 0.0))
-    world.follow(0.01, Pose(0.1, 0.1, 0.0))
-    world.follow(0.004, Pose(0.1, 0.1, 0.0))
-    assert world.gripper == Pose(0.5, 0.1, 0.0)
-
-
-def test_scene_between_steps_is_interpolated() -> None:
-    world = world_with(Ruler())
-    world.attach()
-    carry(world, line(EDGE, Pose(0.5, 0.1, 1.0), 100), 0.0)
-    scene = world.scene(0.0425)
-    assert scene.stamp == 0.0425
-    assert scene.points[-1] == pytest.approx([0.5575, 0.0425])
-    assert scene.gripper.as_array() == pytest.approx([0.5575, 0.0425, 0.425])
-    assert scene.arc == pytest.approx(np.linspace(0.0, 0.6, 7))
-    assert world.scene(0.04).points[-1] == pytest.approx([0.56, 0.04])
-    assert scene.holds_strip
 
 
 def test_scene_outside_the_memory_is_a_fault() -> None:
@@ -142,18 +97,6 @@ def test_scene_outside_the_memory_is_a_fault() -> None:
         with pytest.raises(Fault, match="known are") as caught:
             world.scene(unknown)
         assert caught.value.name == "world_unknown"
-
-
-def test_scene_shows_fingers_pointer_and_absence_of_a_strip() -> None:
-    world = world_with(Ruler(), strip=False)
-    world.move_fingers(Fingers(0.04, 0.0, start=0.0, speed=0.1))
-    world.hold_pointer(True)
-    carry(world, line(EDGE, EDGE, 200), 0.0)
-    scene = world.scene(0.1)
-    assert scene.finger_width == pytest.approx(0.03)
-    assert scene.pointer
-    assert not scene.strip
-    assert not world.edge_within(0.005, 0.3)
 
 
 @pytest.mark.parametrize(
@@ -167,21 +110,6 @@ def test_scene_shows_fingers_pointer_and_absence_of_a_strip() -> None:
 )
 def test_edge_is_in_reach_within_a_few_millimetres_and_degrees(hand: Pose, within: bool) -> None:
     assert world_with(Ruler(), start=hand).edge_within(0.005, 0.3) is within
-
-
-def test_edge_keeps_its_place_between_the_fingers() -> None:
-    plant, hand = Ruler(), Pose(0.597, 0.002, 0.1)
-    world = world_with(plant, start=hand)
-    world.attach()
-    carry(world, line(hand, hand, 10), 0.0)
-    assert plant.steps[-1] == pytest.approx(EDGE.as_array(), abs=1e-12)
-    carry(world, line(hand, Pose(0.4, 0.2, 0.1 + np.pi / 2), 50), 0.01)
-    assert plant.steps[-1] == pytest.approx([0.4 + 0.002, 0.2 + 0.003, np.pi / 2], abs=1e-9)
-
-
-def test_grip_inverts_itself() -> None:
-    hand, edge = Pose(0.3, 0.2, 0.7), Pose(0.31, 0.19, 0.9)
-    assert Grasp.between(hand, edge).edge(hand).as_array() == pytest.approx(edge.as_array())
 
 
 def test_released_strip_stays_while_the_hand_goes() -> None:

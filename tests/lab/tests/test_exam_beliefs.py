@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ import pytest
 from cell.gap.selection.posterior import Posterior, SetProbability
 from cell.gap.selection.prior import BELIEFS_FILE, Beliefs, beliefs
 from tests.lab.exam.case import Case
-from tests.lab.exam.cases import FOREIGN, Draw
 from tests.lab.studies.catalogue.beliefs import (
     IMMATERIAL,
     LAPSE,
@@ -47,12 +45,6 @@ def test_the_score_is_the_probability_of_what_is_hidden() -> None:
     assert log_score(found, hiding("air_drag", "seam")) == pytest.approx(np.log(LAPSE + 0.99 * 0.1))
 
 
-def test_what_looks_alike_counts_as_the_effect() -> None:
-    found = sets(control_delay=0.3, camera_latency=0.5, seam=0.2)
-    assert log_score(found, hiding("control_delay")) == pytest.approx(np.log(LAPSE + 0.99 * 0.8))
-    assert log_score(found, hiding("seam")) == pytest.approx(np.log(LAPSE + 0.99 * 0.2))
-
-
 def test_the_fitted_beliefs_score_best_over_all_cases() -> None:
     small = outcome(lambda i, w: -i)
     middle = outcome(lambda i, w: -4.0 * abs(i - 0.09) - abs(w - 0.2))
@@ -67,13 +59,3 @@ def test_the_package_holds_beliefs_that_the_study_wrote() -> None:
     assert beliefs().belongs_to == STUDY.fits[0].path
     assert BELIEFS_FILE.as_posix().endswith(STUDY.fits[0].path)
     assert "python -m tests.lab study beliefs" in beliefs().source
-
-
-def test_cases_hide_nothing_or_effects_of_every_strength_in_every_plant() -> None:
-    drawn: list[dict[str, Any]] = [dict(case.values) for case in STUDY.cases(5, 16)]
-    assert [d["kind"] for d in drawn].count("nothing") == 4
-    assert [d["kind"] for d in drawn].count("pair") == 3
-    singles = [d["number"] for d in drawn if d["kind"] == "single"]
-    assert {(n % 3, n % FOREIGN) for n in singles} == set(product(range(3), range(FOREIGN)))
-    case = Draw("state", "single", 1, 1, drawn[2]["seed"]).case()
-    assert case.strength == "medium"

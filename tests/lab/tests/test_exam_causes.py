@@ -6,20 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.config.places import find_configs
-from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.model import Effects, StripModel
 from drivers.twin.chain.engine import Chain
 from drivers.twin.chain.forces import DahlFriction
-from drivers.twin.renderer.optics import Optics
 from drivers.twin.scene import Scene
 from drivers.types import Array, Pose
 from policies.path import triangular
 from tests.lab.exam.causes import cause_of, causes
 from tests.lab.exam.causes.cause import Cause
-from tests.lab.exam.from_state import LaggedView, Specimen
+from tests.lab.exam.from_state import Specimen
 from tests.support.effect_cases import LENGTH, denim, way
 
 LINKS, STEP = 40, 0.005
@@ -104,32 +101,6 @@ def test_friction_of_dahl_dissipates_over_a_cycle_and_stays_below_its_limit() ->
     assert moments[1] == pytest.approx(stiffness[0] * angles[1], rel=0.1)  # stuck at first
 
 
-def test_a_creeping_grip_lets_the_edge_leave_the_fingers_along_the_strip() -> None:
-    creeping = cause_of("creeping_grip", {"rate": 0.001})
-    held = np.array([0.5, 0.1, 0.6])
-    gone = held - creeping.true_pose(held, 4.0)
-    assert np.hypot(*gone[:2]) == pytest.approx(0.004)
-    assert np.arctan2(gone[1], gone[0]) == pytest.approx(0.6)
-    assert np.array_equal(creeping.true_pose(held, 0.0), held)
-
-
-def test_specimen_changes_from_run_to_run_but_not_in_the_first() -> None:
-    fresh = lifted(index=0)
-    softened = cause_of("softening", {"loss": 0.92})
-    broken = cause_of("broken_in", {"factor": 0.7, "first": 4})
-    assert np.array_equal(lifted(softened, index=0), fresh)
-    assert np.array_equal(lifted(broken, index=3), fresh)
-    assert np.abs(lifted(softened, index=1) - fresh).max() > 1e-6
-    assert np.abs(lifted(broken, index=4) - fresh).max() > 1e-4
-
-
-def test_humidity_is_another_in_each_run_and_the_same_when_it_is_made_again() -> None:
-    damp = cause_of("humidity", {"spread": 0.2})
-    shapes = [lifted(damp, index=i, seconds=2.0) for i in (0, 1, 1)]
-    assert np.abs(shapes[0] - shapes[1]).max() > 1e-4
-    assert np.array_equal(shapes[1], shapes[2])
-
-
 class Still:
     """A world that is grasped at 2 s and tells when it was looked at."""
 
@@ -140,33 +111,6 @@ class Still:
         self.asked.append(stamp)
         points = np.zeros((2, 2))
         return Scene(stamp, points, np.zeros(2), Pose(0, 0, 0), 0.01, holds_strip=stamp >= 2.0)
-
-
-def test_clock_that_drifts_shows_an_older_world_the_longer_the_run() -> None:
-    world = Still()
-    seen = LaggedView(world, [cause_of("clock_drift", {"drift": 0.01})])
-    stamps = [1.0, 2.0, 3.0, 12.0]
-    shown = [seen.scene(stamp).stamp for stamp in stamps]
-    assert shown == stamps  # nobody is told
-    age = np.array(stamps[1:]) - world.asked[-3:]
-    np.testing.assert_allclose(age, [0.0, 0.01 / 1.01, 0.1 / 1.01], atol=1e-9)
-
-
-def test_touched_lens_moves_the_edge_of_the_picture_by_pixels() -> None:
-    settings = find_configs(None).cell().twin.camera
-    lens = cause_of("lens", {"k1": 0.1})
-    now = settings.model_copy(update={"distortion": lens.distortion(settings.distortion)})
-    corner, middle = np.array([[0.62, 0.3]]), np.array([[settings.aim_x, settings.aim_z]])
-    before, after = Optics.of(settings), Optics.of(now)
-    assert 0.5 < np.linalg.norm(after.plane(corner) - before.plane(corner)) < 8.0
-    assert np.linalg.norm(after.plane(middle) - before.plane(middle)) < 0.05
-
-
-def test_unknown_causes_and_values_are_refused_in_a_line() -> None:
-    with pytest.raises(ConfigurationError, match=r"causes: dahll: is not known; known: .*dahl"):
-        cause_of("dahll", {})
-    with pytest.raises(ConfigurationError, match=r"causes: dahl: yield_curvature"):
-        cause_of("dahl", {"yield_curvature": -1.0})
 
 
 @pytest.mark.parametrize(

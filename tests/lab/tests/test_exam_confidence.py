@@ -11,10 +11,8 @@ from cell.gap.verdict.confidence import Calibration, Features, calibration
 from tests.lab.benchmarks.measure_confidence import verdicts_in
 from tests.lab.studies.catalogue.confidence import (
     OUTSIDE_SHARE,
-    SIGN_WEIGHTS,
     Name,
     calibrate,
-    count_verdicts,
     fit_calibration,
     fit_most_left,
     left_by_right,
@@ -53,19 +51,6 @@ def test_names_are_right_as_often_as_stated() -> None:
     assert f"{OUTSIDE_SHARE:.0%} of causes outside" in reliable(stated, shares(fresh, 0.4))
 
 
-def test_no_sign_speaks_against_its_sense() -> None:
-    contrary = [name._replace(right=name.signs.left > 1.0) for name in drawn(400)]
-    by = fit_calibration(contrary, np.ones(400), "drawn")
-    assert by.weights["left"].weight == 0.0
-    assert all(by.weights[sign].weight * w.weight >= 0.0 for sign, w in SIGN_WEIGHTS.items())
-
-
-def test_withheld_names_count_as_rarely_as_causes_outside() -> None:
-    found = [Name(Features(9.0, 1.0, 0.0, 2.0, 1.0), i > 3, i < 4, str(i)) for i in range(10)]
-    counts = shares(found, 0.4)
-    assert counts[:4].sum() / counts.sum() == pytest.approx(OUTSIDE_SHARE)
-
-
 def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
     signs = {
         "log_odds": 9.0,
@@ -95,43 +80,12 @@ def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
     assert Calibration.model_validate({**content, "belongs_to": "confidence.yaml"}).weights
 
 
-def test_verdicts_are_counted_by_what_is_hidden_and_withheld() -> None:
-    text = count_verdicts(verdicts_in([LEDGERS / "confidence-10321.jsonl"]))
-    rows = [line.strip("| ").split(" | ") for line in text.splitlines()[2:]]
-    cells = [[cell.split(",")[0] for cell in row] for row in rows]
-    assert ["yes", "one", "medium", "20 of 21", "17 of 21", "0 of 21", "3 of 21"] in [
-        row[:-1] for row in cells
-    ]
-    withheld = [row for row in cells if row[0] == "no"]
-    assert {row[3].split(" of ")[0] for row in withheld} == {"0"}
-    assert sum(int(row[5].split(" of ")[0]) for row in withheld) == 10
-    assert sum(int(row[3].split(" of ")[1]) for row in cells) == 120
-
-
 def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
     by = calibration()
     assert "verdicts that name" in by.source
     stated = [by.probability(Features(n, 0.6, 0.0, 2.0, 1.0)) for n in (1.0, 20.0, 150.0)]
     assert stated == sorted(stated)
     assert 0.0 < stated[0] < stated[2] < 1.0
-
-
-def test_correlated_residuals_count_by_their_size() -> None:
-    def lost(left: float) -> float:
-        white, correlated = (Features(20.0, left, c, 2.0, 1.0) for c in (-0.3, 0.7))
-        assert white.correlated == 0.0
-        return calibration().probability(white) - calibration().probability(correlated)
-
-    assert lost(0.9) > 0.1
-    assert 0.0 < lost(0.4) < 0.5 * lost(0.9)
-
-
-def test_without_a_name_the_calibration_is_its_prior() -> None:
-    facts = {"is_named": False, "signs": None, "without": ["seam"], "case": "a", "hidden": ["seam"]}
-    found = Calibration.model_validate(calibrate([Outcome(Case(0, 0, {}), facts)]))
-    assert {sign: w.weight for sign, w in found.weights.items()} == pytest.approx(
-        {sign: w.weight for sign, w in SIGN_WEIGHTS.items()}
-    )
 
 
 def test_the_package_holds_the_calibration_of_its_source() -> None:
@@ -143,12 +97,6 @@ def test_the_package_holds_the_calibration_of_its_source() -> None:
     assert found.intercept == pytest.approx(calibration().intercept, abs=1e-3)
     for sign, w in calibration().weights.items():
         assert found.weights[sign].weight == pytest.approx(w.weight, abs=1e-3)
-
-
-def test_verdicts_of_exams_count_as_those_of_the_study_do() -> None:
-    found, outside = names(verdicts_in([LEDGERS / "state-10319.jsonl"]))
-    assert len(found) == len({name.case for name in found}) == 148
-    assert (sum(name.right for name in found), outside) == (143, 0.0)
 
 
 def test_all_but_one_in_a_hundred_right_verdicts_leave_less_than_what_keeps_one_open() -> None:

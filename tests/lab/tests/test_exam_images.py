@@ -7,16 +7,14 @@ import pytest
 import yaml
 
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.record.run import read_run
-from drivers.errors import ConfigurationError, Fault
 from drivers.strip.describe import load_strip
 from policies.experiments.standard import STANDARD
 from tests.lab.exam import through_images
 from tests.lab.exam.case import Case
-from tests.lab.exam.through_images import ExamTwin, exam_cell, make_runs, plant_of, sealed_result
+from tests.lab.exam.through_images import exam_cell, make_runs, plant_of
 from tests.support.gap_strip_cases import denim
 
 FOUR = ["profile.parquet", "result.yaml", "run.yaml", "ticks.parquet"]
@@ -69,15 +67,6 @@ def test_a_run_says_nothing_of_its_plant(folded: Path) -> None:
         assert word not in told
 
 
-@pytest.mark.slow
-def test_a_finished_run_is_not_made_again(folded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    result = folded / "00-normal" / "result.yaml"
-    before = result.stat().st_mtime_ns
-    monkeypatch.setattr(through_images, "_fold", lambda *_, **__: pytest.fail("folded again"))
-    make_runs(case(), folded, 1)
-    assert result.stat().st_mtime_ns == before
-
-
 def test_the_plant_has_the_base_and_effects_of_its_case() -> None:
     plant = plant_of(case(), denim())
     assert plant.bending_length == pytest.approx(1.1 * denim().bending_length)
@@ -96,46 +85,6 @@ def test_the_exam_changes_nothing_of_a_cell_but_its_plant() -> None:
         assert changed.twin.camera == settings.twin.camera
 
 
-def test_an_exam_with_force_has_an_arm_that_reports_it() -> None:
-    settings = find_configs(None).cell()
-    changed = exam_cell(settings, "normal", 0.01)
-    assert changed.sigma.force == 0.01
-    assert changed.twin.arm.force is not None
-    assert (changed.twin.arm.force.noise, changed.twin.arm.force.bias) == (0.01, 0.01)
-    assert "force" not in settings.sigma.model_dump()
-    assert "force" not in settings.twin.arm.model_dump()
-
-
-def test_a_touched_lens_leaves_the_camera_its_identity() -> None:
-    settings = find_configs(None).cell()
-    opened = ExamTwin([through_images.cause_of("lens", {"k1": 0.1})], 1)
-    devices = opened(settings, denim(), DeviceSelection(), calibrating=False)
-    assert devices.camera_identity == settings.twin.camera.identity
-
-
-def test_only_a_touch_that_was_measured_counts_as_one() -> None:
-    whole = {"t_layer_touch": 5.0, "displacement": 0.0, "l1": 0.3, "l2": 0.3, "duration": 9.0}
-    assert sealed_result({"outcome": "interrupted", **whole})["outcome"] == "layer_touch"
-    assert sealed_result({"outcome": "interrupted", "reason": "x"}) == {"outcome": "interrupted"}
-    assert sealed_result({"outcome": "image_lost", **whole})["outcome"] == "image_lost"
-    assert "duration" not in sealed_result({"outcome": "layer_touch", **whole})
-
-
-def test_an_unknown_cause_is_refused_before_anything_is_folded(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="causes: ghosts: is not known"):
-        make_runs(case(causes={"ghosts": {}}), tmp_path)
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_picture_that_the_cell_refuses_is_no_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(through_images, "LINKS", 40)
-    with pytest.raises(Fault, match="motion:normal of denim"):
-        make_runs(case(causes={"lens": {"k1": 0.5}}), tmp_path, 1)
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.long
 def test_the_runs_of_a_fine_plant_are_made_and_read(tmp_path: Path) -> None:
     made = case(causes={"clock_drift": {"drift": 0.003}, "static_cling": {"pressure": 1.0}})
@@ -143,10 +92,3 @@ def test_the_runs_of_a_fine_plant_are_made_and_read(tmp_path: Path) -> None:
     runs = read_runs(find_runs([tmp_path]), load_strip(find_configs(None).strip_path("denim")))
     assert [run.measured.index for run in runs] == list(range(len(STANDARD) + 2))
     assert all(not run.notes for run in runs)
-
-
-def test_what_the_preflight_refuses_is_known_before_a_run() -> None:
-    assert through_images.refusal(case(effects={}, causes={})) is None
-    said = through_images.refusal(case(effects={"desk_height": {"height": 0.008}}, causes={}))
-    assert said is not None
-    assert "contrast" in said or "desk plane" in said

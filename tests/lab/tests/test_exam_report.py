@@ -9,11 +9,10 @@ from typer.testing import CliRunner
 from cell.gap.verdict.schema import Verdict
 from drivers.errors import ConfigurationError
 from tests.lab.__main__ import app
-from tests.lab.exam import cases as drawing
 from tests.lab.exam.case import Case
-from tests.lab.exam.cases import DRAWN_FILE, KEYS_FOLDER, Sources, case_hash, load_or_draw
+from tests.lab.exam.cases import DRAWN_FILE, KEYS_FOLDER, Sources, load_or_draw
 from tests.lab.exam.ledger import Entry, Ledger
-from tests.lab.exam.page import markdown, write_report
+from tests.lab.exam.page import markdown
 from tests.lab.exam.run import LEDGER, ExamPart
 from tests.lab.exam.score import Baselines, Oracle, score
 from tests.lab.exam.targets import targets
@@ -110,14 +109,6 @@ def test_the_page_lists_every_miss_and_nothing_else_as_one() -> None:
     assert "no verdict after 600 s" in misses[1]
 
 
-def test_the_report_has_a_figure_for_each_tier(tmp_path: Path) -> None:
-    written = write_report(entries(), tmp_path / "exam.md", "python -m tests.lab exam")
-    assert {p.name for p in written} == {"exam.md", "exam-state.png", "exam-images.png"}
-    assert all(p.read_bytes().startswith(b"\x89PNG") for p in written[1:])
-    page = written[0].read_text(encoding="utf-8")
-    assert all(p.name in page for p in written[1:])
-
-
 def by_these_sources(monkeypatch: pytest.MonkeyPatch) -> None:
     """Entries were made by the sources of today, and whoever makes one again fails."""
     monkeypatch.setattr(Sources, "entry", lambda *_: "engine-case-scorer")
@@ -138,36 +129,11 @@ def kept(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_cases_are_drawn_once(kept: Path) -> None:
-    assert load_or_draw(kept, "state", 2, 7) == tuple(e.case for e in entries()[:2])
-
-
-def test_a_folder_of_another_exam_is_refused(kept: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"holds another exam \(tier state count 2 seed 7"):
-        load_or_draw(kept, "state", 2, 8)
-
-
-def test_a_case_without_force_says_nothing_of_it() -> None:
-    case = entries()[0].case
-    assert "force" not in case.model_dump()
-    feeling = case.model_copy(update={"force": 0.005})
-    assert case_hash(feeling) != case_hash(case)
-
-
 def test_an_exam_of_one_kind_is_another_one_and_outside_needs_images(kept: Path) -> None:
     with pytest.raises(ConfigurationError, match="holds another exam"):
         load_or_draw(kept, "state", 2, 7, kind="single")
     with pytest.raises(ConfigurationError, match="--tier images"):
         load_or_draw(kept, "state", 2, 7, kind="outside")
-
-
-def test_the_digest_of_a_case_depends_on_the_runs_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    once = entries()[0].case
-    before = case_hash(once)
-    for other in ({"repeats": 2}, {"motions": "by_hand"}):
-        assert case_hash(once.model_copy(update=other)) != before
-    monkeypatch.setattr(drawing, "MOTIONS", ("normal", "fast"))
-    assert case_hash(once) != before
 
 
 def test_an_exam_that_is_finished_is_only_reported(
@@ -179,22 +145,3 @@ def test_an_exam_that_is_finished_is_only_reported(
     assert done.exit_code == 0, done.output
     assert done.stdout == f"2 of 2 right: {kept / 'exam.md'}\n"
     assert (kept / "exam-state.png").is_file()
-
-
-def test_an_exam_goes_on_by_the_ledger_that_it_is_given(
-    kept: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    by_these_sources(monkeypatch)
-    ledger = tmp_path_factory.mktemp("elsewhere") / "state-7.jsonl"
-    (kept / LEDGER).rename(ledger)
-    asked = ["exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
-    done = CliRunner().invoke(app, [*asked, "--ledger", str(ledger)])
-    assert done.exit_code == 0, done.output
-    assert done.stdout.startswith("2 of 2 right")
-    assert not (kept / LEDGER).exists()
-
-
-def test_steps_that_exclude_each_other_are_refused(tmp_path: Path) -> None:
-    asked = ["exam", "--out", str(tmp_path), "--only-make", "--only-judge"]
-    done = CliRunner().invoke(app, asked)
-    assert isinstance(done.exception, ConfigurationError)

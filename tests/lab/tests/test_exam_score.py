@@ -5,20 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from cell.gap.subject.run_folders import RunFolder, find_runs
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.case import Case
 from tests.lab.exam.ledger import Entry, Ledger
-from tests.lab.exam.run import baselines
-from tests.lab.exam.score import Outcome, oracle, result, same, score
+from tests.lab.exam.score import Outcome, oracle, result, score
 from tests.lab.exam.targets import (
-    Rate,
     brier,
     calibration_error,
-    confusion,
     reliability,
     wilson,
 )
@@ -73,11 +68,6 @@ def test_classes_are_right_where_they_hold_the_answer(
     assert result(verdict("ambiguous", classes=classes), of(kind, *answer)) == right
 
 
-def test_twins_are_one_in_the_answer() -> None:
-    assert same("camera_latency", ["seam", "control_delay"])
-    assert not same("camera_latency", ["seam"])
-
-
 def scored(said: Verdict, hidden: Case) -> Outcome:
     return score(said, hidden, denim())
 
@@ -103,27 +93,12 @@ def test_the_base_is_held_against_its_factors() -> None:
     assert not length.covered
 
 
-def test_an_open_end_of_an_interval_covers() -> None:
-    said = named("stretch", parameters={"stiffness": (40.0, 20.0, None)})
-    [found] = scored(said, case("a", "single", {"stretch": {"stiffness": 500.0}})).parameters
-    assert found.covered
-
-
 def test_wilson_agrees_with_its_published_values() -> None:
     """Newcombe 1998, Stat. Med. 17, table I, method 3."""
     assert wilson(81, 263) == pytest.approx((0.2553, 0.3662), abs=5e-5)
     assert wilson(15, 148) == pytest.approx((0.0624, 0.1605), abs=5e-5)
     assert wilson(0, 20) == pytest.approx((0.0, 0.1611), abs=5e-5)
     assert wilson(1, 29) == pytest.approx((0.0061, 0.1718), abs=5e-5)
-
-
-@given(st.integers(0, 200), st.integers(0, 200))
-def test_an_interval_holds_its_rate(hits: int, misses: int) -> None:
-    found = Rate(hits, hits + misses)
-    low, high = found.interval
-    assert 0.0 <= low <= high <= 1.0
-    if found.count:
-        assert low - 1e-12 <= found.value <= high + 1e-12
 
 
 def test_confidence_is_binned_and_judged() -> None:
@@ -137,14 +112,6 @@ def test_confidence_is_binned_and_judged() -> None:
         (0.6 + 3 * away) / 6
     )
     assert calibration_error([(1.0, True)]) == 0.0
-
-
-def test_confusion_counts_hidden_causes_by_stated_names() -> None:
-    table = confusion([("tilt", "tilt"), ("tilt", "drag"), ("seam", "none"), ("tilt", "tilt")])
-    assert table.rows == ("seam", "tilt")
-    assert table.columns == ("tilt", "drag", "none")
-    assert table.count("tilt", "tilt") == 2
-    assert table.count("seam", "drag") == 0
 
 
 def entry(name: str, of: str = "1", **changes: Any) -> Entry:
@@ -163,14 +130,6 @@ def test_a_ledger_goes_on_after_a_line_that_was_cut_off(tmp_path: Path) -> None:
     assert [e.case.name for e in opened.entries] == ["a"]
     assert opened.entries[0].outcome == outcome
     assert path.read_bytes() == whole
-
-
-def test_the_last_line_of_a_case_counts(tmp_path: Path) -> None:
-    ledger = Ledger(tmp_path / "ledger.jsonl")
-    ledger.put(entry("a", reason="first"))
-    ledger.put(entry("a", reason="second"))
-    assert [e.reason for e in Ledger(ledger.path).entries] == ["second"]
-    assert Ledger(ledger.path, again=True).entries == ()
 
 
 @pytest.fixture(scope="module")
@@ -194,20 +153,3 @@ def test_knowing_the_truth_closes_the_gap(tilted: Sequence[RunFolder]) -> None:
     assert first.shrink > 0.8
     assert second.after == pytest.approx(first.after, abs=0.2)
     assert wrong.shrink < 0.8
-
-
-def test_there_is_no_truth_to_know_outside_the_library(tilted: Sequence[RunFolder]) -> None:
-    outside = case("a", "outside", {}, causes={"draught": {"speed": 0.3}}, answer=())
-    assert oracle(outside, STRIP, tilted, [tilted[-1].name]) is None
-
-
-def test_the_least_in_sample_error_names_its_single_effect() -> None:
-    tried = [
-        {"name": "base", "effects": 0, "mean_square": 0.1},
-        {"name": "seam", "effects": 1, "mean_square": 0.5},
-        {"name": "air_drag", "effects": 1, "mean_square": 0.4},
-        {"name": "air_drag + seam", "effects": 2, "mean_square": 0.2},
-    ]
-    found = baselines(verdict("no_gap"), tried, of("single", "seam"))
-    assert (found.single, found.right) == ("air_drag", False)
-    assert baselines(verdict("no_gap"), tried[:1], of("single", "seam")).single is None

@@ -5,13 +5,11 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from cell.campaign.journal import Record
 from cell.campaign.progress import Quiet
 from cell.campaign.run import Part
 from drivers.errors import Fault
-from tests.lab.__main__ import app
 from tests.lab.exam.case import Case, Kind
 from tests.lab.exam.cases import Sources
 from tests.lab.exam.diagnosis import FILES, NoVerdict, diagnose, stage
@@ -20,7 +18,6 @@ from tests.lab.exam.run import (
     JOURNAL,
     LEDGER,
     VERDICTS_FOLDER,
-    keep_runs,
     run_exam,
     spread,
     summarise,
@@ -52,23 +49,6 @@ def test_a_process_that_takes_too_long_is_ended(tmp_path: Path) -> None:
         diagnose(STRIP, [], tmp_path / "out", limit=0.05)
 
 
-@pytest.mark.slow
-def test_a_refusal_is_reported_in_its_own_words(tmp_path: Path) -> None:
-    with pytest.raises(NoVerdict, match=r"ended with code 2: runs: no such folder"):
-        diagnose(STRIP, [], tmp_path / "out")
-
-
-def test_runs_are_kept_while_their_case_is_the_same(tmp_path: Path) -> None:
-    asked: list[float] = []
-
-    def make(which: Case, folder: Path) -> None:
-        asked.append(which.stiffness)
-
-    for stiffness in (1.0, 1.0, 1.2):
-        keep_runs(case("a", "nothing", {}, stiffness=stiffness), tmp_path / "a", make)
-    assert asked == [1.0, 1.2]
-
-
 def test_an_exam_that_ends_early_has_seen_every_kind_in_its_share() -> None:
     kinds: dict[str, Kind] = {"n": "nothing", "s": "single", "p": "pair"}
     drawn = "n" * 8 + "s" * 8 + "p" * 4
@@ -79,13 +59,6 @@ def test_an_exam_that_ends_early_has_seen_every_kind_in_its_share() -> None:
     for kind in kinds.values():
         own = [c.name for c in order if c.kind == kind]
         assert own == sorted(own)
-
-
-def test_what_depends_on_another_engine_is_not_the_same() -> None:
-    one = case("a", "nothing", {})
-    assert Sources("1", "x").verdict(one) == Sources("1", "y").verdict(one)
-    assert len({Sources(e, s).entry(one) for e in "12" for s in "xy"}) == 4
-    assert Sources("1", "x").entry(one) != Sources("1", "x").entry(case("b", "nothing", {}))
 
 
 @pytest.mark.slow
@@ -112,23 +85,6 @@ def refused(_: Case, __: Path) -> None:
     raise Fault("preflight_refused", "the desk is too high")
 
 
-@pytest.mark.slow
-def test_judging_without_runs_says_so(tmp_path: Path) -> None:
-    [entry] = run_exam([case("a", "nothing", {})], tmp_path, steps="judge")
-    assert entry.state == "failed"
-    assert "make them first" in entry.reason
-
-
-@pytest.mark.slow
-def test_judging_what_could_not_be_made_says_why(tmp_path: Path) -> None:
-    asked = [case("a", "nothing", {})]
-    run_exam(asked, tmp_path, steps="make", make=refused)
-    [entry] = run_exam(asked, tmp_path, steps="judge")
-    assert "preflight_refused: the desk is too high" in entry.reason
-    [other] = run_exam([case("a", "nothing", {}, seed=9)], tmp_path, steps="judge")
-    assert "make them first" in other.reason
-
-
 @pytest.mark.long
 def test_an_exam_is_carried_out_and_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -151,20 +107,3 @@ def test_an_exam_is_carried_out_and_goes_on(
     shutil.rmtree(tmp_path / JOURNAL)
     assert run_exam([hidden], tmp_path, make=few_runs) == (entry,)
     assert isinstance(entry, Entry)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--out", "file"], "--out: file is a file; name a folder"),
-        (["--report", "runs"], "--report: runs is a folder; name a file"),
-        (["--only-judge", "--out", "runs"], "--only-judge: runs holds no runs of an"),
-    ],
-)
-def test_places_are_checked_before_the_exam_begins(
-    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "runs").mkdir()
-    (tmp_path / "file").touch()
-    monkeypatch.chdir(tmp_path)
-    assert message in str(CliRunner().invoke(app, ["exam", *words]).exception)

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from drivers.errors import SimulationNotFinite
 from drivers.strip.rod.engine import Rod
 from policies.path import triangular
-from tests.lab.studies.catalogue.engines import DT, batch, steady, stepwise
+from tests.lab.studies.catalogue.engines import DT, steady
 from tests.lab.studies.kit.paper_formulation import PaperFormulation
 from tests.support.rod_cases import paper_model
 
@@ -33,23 +32,3 @@ def test_papers_formulation_lifts_the_strip_as_the_rod_does(lifted: dict) -> Non
 def test_grip_of_the_papers_formulation_is_soft_and_that_of_the_rod_is_not(lifted: dict) -> None:
     assert np.hypot(*lifted["rod"][1]) < 1e-9
     assert np.hypot(*lifted["paper"][1]) > 1e-3
-
-
-def test_same_fold_gives_the_same_displacement_side_by_side_and_step_by_step() -> None:
-    model, path = paper_model(0.0775, 7.0), triangular(0.6)
-    beside, _ = batch(Rod(40), model, steady(path, DT), DT, 3)
-    alone, _ = batch(Rod(40), model, steady(path, DT), DT)
-    each, cost = stepwise(Rod(40), model, path)
-    assert beside == alone
-    assert each == pytest.approx(alone, abs=1e-6)
-    assert cost > 0
-
-
-def test_an_engine_that_diverges_has_no_displacement() -> None:
-    class Diverging(PaperFormulation):
-        def step(self, poses, dt):
-            raise SimulationNotFinite("it", 0.1)
-
-    d, cost = stepwise(Diverging(), paper_model(0.0775, 7.0), triangular(0.6))
-    assert np.isnan(d)
-    assert np.isnan(cost)

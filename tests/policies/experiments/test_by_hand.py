@@ -22,12 +22,6 @@ def test_a_motion_goes_from_the_grasped_edge_over_the_fixed_one_and_rises_over_t
         assert motion.passing(TAKEOVER_HEIGHT) < motion.duration
 
 
-def test_equal_numbers_move_alike_and_others_do_not() -> None:
-    first, again, other = by_hand(LENGTH, 3, 1), by_hand(LENGTH, 3, 1), by_hand(LENGTH, 3, 2)
-    assert np.array_equal(first.travels, again.travels)
-    assert first.duration != other.duration
-
-
 def test_a_motion_by_hand_is_a_policy_by_its_name() -> None:
     assert make_policy("motion:by-hand-3-1").name == "motion:by-hand-3-1"
     for wrong in ("motion:by-hand", "motion:by-hand-3", "motion:by-hand-x-1"):

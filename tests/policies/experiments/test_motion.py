@@ -6,11 +6,11 @@ import pytest
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.rod.engine import Rod
-from policies.experiments.motion import Go, Rest, Shake, motion
+from policies.experiments.motion import Go, Rest, motion
 from policies.experiments.scripted import FASTEST_COMMAND
-from policies.experiments.standard import REFERENCE_RUN, REPEATED_RUN, STANDARD, standard_order
+from policies.experiments.standard import STANDARD
 from policies.path import triangular
-from policies.registry import make_policy, policy_names
+from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
 from policies.sensing import EXACT_SENSING
 from tests.support.gap_strip_cases import STRIP
@@ -27,32 +27,6 @@ def test_a_motion_goes_there_and_back_and_waits() -> None:
     back = (half + quarter) / SPEED
     np.testing.assert_allclose(made.at(np.array([back, back + 0.9])), path.at([quarter, quarter]))
     np.testing.assert_allclose(made.at(made.duration), path.points[-1])
-
-
-def test_a_shake_begins_and_ends_where_the_path_is() -> None:
-    shake = Shake(0.01, 2.0, 4)
-    made = motion(triangular(0.6), (Go(0.4), shake, Go(1.0)), SPEED)
-    begin, shaken = made.shakes[0]
-    time = begin + np.linspace(0.0, shaken.duration, 400)
-    off = made.at(time) - made.path.at(made.travel(time))
-    assert np.abs(off[[0, -1]]).max() < 1e-9
-    assert np.abs(off[:, 0]).max() == pytest.approx(0.01, rel=0.01)
-    assert np.abs(off[:, 1]).max() == 0.0
-
-
-def test_a_motion_knows_when_it_passes() -> None:
-    made = motion(triangular(0.6), (Go(0.6), Go(0.2), Go(1.0)), SPEED)
-    assert made.travel(made.passing(0.3)) == pytest.approx(0.3)
-    assert made.passing(0.3) == pytest.approx(3.0)
-
-
-def test_standard_runs_begin_and_end_alike_and_are_shuffled() -> None:
-    orders = [standard_order(np.random.default_rng(seed)) for seed in range(5)]
-    for order in orders:
-        assert order[0] == order[-1] == REFERENCE_RUN
-        assert sorted(order[1:-1]) == sorted([*(set(STANDARD) - {REFERENCE_RUN}), REPEATED_RUN])
-    assert len({tuple(order) for order in orders}) > 1
-    assert orders[0] == standard_order(np.random.default_rng(0))
 
 
 def test_standard_motions_cover_speeds_heights_and_kinds() -> None:
@@ -84,10 +58,6 @@ def test_the_policy_makes_its_motion(name: str) -> None:
     assert made.touched.all() == (name != "taut-lift")
     step = np.linalg.norm(np.diff(trace, axis=0), axis=1).max() * settings.rate
     assert step < 1.1 * FASTEST_COMMAND
-
-
-def test_motions_are_no_policies_to_choose_from() -> None:
-    assert not any(name.startswith("motion:") for name in policy_names())
 
 
 def test_an_unknown_motion_names_the_known_ones() -> None:

@@ -6,18 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
-from cell.gap.fit import fit
-from cell.gap.subject.mechanism.effects import registry
 from cell.gap.subject.mechanism.file import PendulumFile
 from cell.gap.subject.mechanism.pendulum import mechanism_of, open_recordings, recording
 from cell.gap.subject.mechanism.planar_chain import fields_of, levers
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request
-from drivers.errors import ConfigurationError
 from drivers.types import Array
-from tests.support.swings import Made, make_swings, write_swings
+from tests.support.swings import make_swings
 
 LINKS = (
     {"mass": 0.2, "length": 0.2, "com": 0.12, "inertia": 5e-4, "damping": 3e-4},
@@ -97,61 +93,4 @@ def test_energy_is_kept_without_losses() -> None:
     assert abs(last - first) < 1e-6 * 9.81 * moment.sum()
 
 
-def test_last_link_ends_where_it_is_stated_or_like_a_rod() -> None:
-    rod, stated = content(2), content(2)
-    stated["links"][-1]["length"] = 0.3
-    files = [PendulumFile.model_validate(c) for c in (rod, stated)]
-    ends = [levers(fields_of(mechanism_of(f, "here").model, 1))[2][0, -1] for f in files]
-    assert ends == [pytest.approx(0.1 + (3.0 * 3e-4 / 0.15) ** 0.5), 0.3]
-
-
-PLANAR = [e.name for e in registry().values() if e.applies(mechanism_of(pendulum(2), "here"))]
-
-
-def test_a_pendulum_can_have_what_its_contract_names() -> None:
-    assert PLANAR == ["air_drag", "dry_friction", "encoder_bias", "frame_tilt", "pivot_compliance",
-                      "quadratic_damping", "wire_spring"]  # fmt: skip
-
-
-@pytest.mark.parametrize("name", PLANAR)
-def test_effect_at_null_changes_no_bit_and_otherwise_does(name: str) -> None:
-    t = np.arange(0.0, 1.0, 0.01)
-    subject = subject_of(pendulum(2), t, np.full((2, 100), np.pi + 0.4))
-    (candidate,) = (c for c in subject.scope.candidates if c.name == name)
-    plain = residuals(subject, {})
-    assert np.array_equal(residuals(subject, {name: candidate.null}), plain)
-    for values in candidate.probes[0]:
-        assert not np.array_equal(residuals(subject, {name: np.array(values)}), plain)
-
-
-def test_a_pendulum_that_is_let_go_falls_and_returns() -> None:
-    (made,) = make_swings(pendulum(1), [np.array([0.5])], SIGMA, np.random.default_rng(0))
-    phase = subject_of(pendulum(1), made.t, made.angles).runs[0].samples.phase
-    assert phase[0] == "fall"
-    assert set(phase) == {"fall", "return"}
-
-
 # --- files -----------------------------------------------------------------------------------
-
-
-def cosines(count: int) -> list[Made]:
-    t = np.arange(0.0, 1.0, 0.01)
-    sizes = 0.3 + 0.01 * np.arange(count)
-    return [Made(t, np.pi + size * np.cos(10.0 * t)[None], "c") for size in sizes]
-
-
-@pytest.mark.parametrize(
-    ("change", "word"),
-    [
-        ({"colour": "red"}, "unknown key"), ({"gravity": -9.81}, "gravity"),
-        ({"links": []}, "links"), ({"effects": {"magnet": {"size": 1.0}}}, "unknown effect"),
-        ({"effects": {"air_drag": {"coefficient": -1.0}}}, "out of range"),
-        ({"links": [content(1)["links"][0] | {"mass": 1e-210}]}, r"links\.0\.mass: .* kg[^\n]*$"),
-        ({"schema": 2}, "this version reads 1"), ({"kind": "kite"}, "kind"),
-    ],
-)  # fmt: skip
-def test_bad_pendulum_file_is_refused(tmp_path: Path, change: dict[str, Any], word: str) -> None:
-    file, runs = write_swings(tmp_path, pendulum(1), cosines(3), SIGMA)
-    file.write_text(yaml.safe_dump(content(1) | change))
-    with pytest.raises(ConfigurationError, match=word):
-        fit([runs], file, tmp_path / "out")

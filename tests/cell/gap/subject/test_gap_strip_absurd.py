@@ -7,8 +7,7 @@ import pytest
 
 from cell.gap.subject.run_folders import counted_once, find_runs
 from cell.gap.subject.strip.runs import read_runs
-from drivers.errors import ConfigurationError
-from tests.cell.gap.subject.test_gap_strip_runs import edit_yaml, first
+from tests.cell.gap.subject.test_gap_strip_runs import edit_yaml
 from tests.support.gap_strip_cases import denim, folds, written
 
 
@@ -22,12 +21,6 @@ def made(tmp_path_factory) -> Path:
 @pytest.fixture
 def runs(made, tmp_path) -> Path:
     return Path(shutil.copytree(made, tmp_path / "runs"))
-
-
-def test_names_of_all_faults_are_outcomes(runs) -> None:
-    for name in ("tracking_error", "arm_reflex", "camera_stalled", "interrupted", "grip_lost"):
-        edit_yaml(first(runs) / "result.yaml", outcome=name)
-        assert len(read_runs(find_runs([runs]), denim())) == 2
 
 
 def cells_own(run: Path, seed: int, index: int, plant: str = "p") -> None:
@@ -52,11 +45,3 @@ def test_a_fold_made_twice_from_one_seed_counts_once(runs) -> None:
     kept, copies = counted_once(find_runs([runs]))
     assert [run.measured.index for run in read_runs(kept, denim())] == [0, 1]
     assert set(copies) == {"z-again-00-fast", "z-again-01-taut-lift"}
-
-
-def test_two_runs_of_one_index_by_a_laboratory_are_still_refused(runs) -> None:
-    name = first(runs).name
-    edit_yaml(runs / name / "run.yaml", index=0)
-    shutil.copytree(runs / name, runs / "again")
-    with pytest.raises(ConfigurationError, match="give each run of a specimen its own"):
-        read_runs(find_runs([runs]), denim())

@@ -14,7 +14,6 @@ from cell.folding.request import Recording, Request
 from cell.folding.standard_runs import standard_requests, went_as_planned
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
-from cell.record.files import check_empty
 from drivers.errors import ConfigurationError
 from policies.experiments.standard import STANDARD
 from tests.support.gap_strip_cases import denim
@@ -24,24 +23,6 @@ from tests.support.requests import request_for
 def base(runs: Path, seed: int = 3) -> Request:
     record = Recording("none", truth=False)
     return request_for("denim", "", runs, choice=DeviceSelection(seed=seed), record=record)
-
-
-def test_runs_count_on_from_the_first_and_have_their_own_speeds(tmp_path: Path) -> None:
-    wanted = standard_requests(base(tmp_path))
-    assert len(wanted) == len(STANDARD) + 2
-    assert [r.choice.index for r in wanted] == list(range(len(wanted)))
-    assert [r.choice.seed for r in wanted] == [3 + i for i in range(len(wanted))]
-    assert {r.policy: r.speed for r in wanted}["motion:slow-low"] == 0.05
-    assert wanted == standard_requests(base(tmp_path))
-
-
-def test_runs_of_two_specimens_are_kept_apart(tmp_path: Path) -> None:
-    check_empty(tmp_path)
-    check_empty(tmp_path / "new")
-    (tmp_path / "run").mkdir()
-    (tmp_path / "run" / "run.yaml").write_text("strip: denim\n")
-    with pytest.raises(ConfigurationError, match="holds runs already"):
-        check_empty(tmp_path)
 
 
 def test_a_speed_beyond_the_limits_is_refused() -> None:

@@ -77,14 +77,3 @@ def test_a_contact_seen_at_a_hump_belongs_to_the_hump_if_the_strip_has_one(strip
     np.testing.assert_array_equal(plain, right(model, flat).mean[contacts])
     assert np.isnan(lost).sum() > 3
     assert np.abs(found).max() < 0.01
-
-
-def test_a_response_along_the_path_of_a_replicate_is_that_along_its_own(strip: Strip) -> None:
-    for rough, exact in zip(
-        responses(strip, rough=True), responses(strip, rough=False), strict=True
-    ):
-        known = np.isfinite(rough) & np.isfinite(exact)
-        assert known.mean() > 0.95
-        size = np.sqrt((exact[known] ** 2).mean())
-        assert size > 1.0
-        assert np.sqrt(((rough - exact)[known] ** 2).mean()) < 0.1 * size

@@ -13,10 +13,7 @@ import yaml
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.subject.strip.subject import open_strip
-from drivers.errors import ConfigurationError
 from tests.support.gap_strip_cases import STRIP, denim, folds, written
-
-Change = Callable[[Path], None]
 
 
 @pytest.fixture(scope="module")
@@ -59,14 +56,6 @@ def put(row: int, value: float) -> Callable[[np.ndarray], np.ndarray]:
     return change
 
 
-def test_runs_are_read_in_the_order_in_which_they_were_taken(runs: Path) -> None:
-    edit_yaml(first(runs) / "run.yaml", index=7)
-    assert [run.name for run in read_runs(find_runs([runs]), denim())] == [
-        "01-taut-lift",
-        "00-fast",
-    ]
-
-
 def test_what_was_measured_comes_back(runs: Path) -> None:
     fast, taut = (run.measured for run in read_runs(find_runs([runs]), denim()))
     assert fast.touch is not None
@@ -75,11 +64,6 @@ def test_what_was_measured_comes_back(runs: Path) -> None:
     assert len(fast.contact_t) == pytest.approx(30 * fast.end, rel=0.15)
     np.testing.assert_allclose(fast.poses[0, :2], [0.6, 0.0], atol=1e-4)
     assert fast.poses[-1, 2] == pytest.approx(np.pi / 2, abs=1e-6)
-
-
-def test_a_single_run_is_refused(runs: Path) -> None:
-    with pytest.raises(ConfigurationError, match="a single run"):
-        read_runs(find_runs([first(runs)]), denim())
 
 
 def test_a_run_that_died_is_named_and_used(runs: Path) -> None:

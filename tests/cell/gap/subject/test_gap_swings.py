@@ -13,8 +13,7 @@ import yaml
 from cell.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import fit
 from cell.gap.subject.mechanism.file import PendulumFile
-from cell.gap.subject.mechanism.patch import patch_pendulum
-from cell.gap.subject.mechanism.pendulum import load_pendulum, mechanism_of, open_recordings
+from cell.gap.subject.mechanism.pendulum import load_pendulum
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.subject import Request, Residuals
 from cell.gap.verdict.accept import accept, undo
@@ -154,11 +153,6 @@ def test_report_is_one_page_that_needs_nothing_else(rubbing: Path) -> None:
     assert not re.findall(r"<(?:link|iframe|[a-z]+ [^<>]*\bsrc=)[^<>]*>", page)
 
 
-def test_nothing_half_written_is_left(rubbing: Path) -> None:
-    names = {path.name for path in (rubbing / "out").iterdir()}
-    assert names == {"verdict.json", "report.html", "patch.yaml", "fit.json"}
-
-
 def test_accepted_effect_leaves_no_gap(rubbing: Path, copied: tuple[Path, Path]) -> None:
     file, out = copied
     accepted = accept(out, file)
@@ -235,36 +229,3 @@ def test_drag_of_one_link_cannot_be_told_from_a_quadratic_hinge(tmp_path: Path) 
     assert verdict.verdict == "ambiguous"
     assert verdict.ambiguous == [["air_drag", "quadratic_damping"]]
     assert verdict.effects == []
-
-
-def test_effect_that_is_withheld_leaves_the_other_to_be_named(tmp_path: Path) -> None:
-    made = make_swings(PENDULUM, LIFTS, SIGMA, np.random.default_rng(3), drag)
-    file, runs = write_swings(tmp_path, PENDULUM, made, SIGMA)
-    verdict = fit([runs], file, tmp_path / "out", without=["air_drag"])
-    assert [e.name for e in verdict.effects] == ["quadratic_damping"]
-    assert verdict.effects[0].parameters["coefficient_1"].value == pytest.approx(1e-4, rel=0.1)
-
-
-def test_law_of_a_pendulum_is_accepted_by_the_names_of_its_file(tmp_path: Path) -> None:
-    file, _ = write_swings(tmp_path, PENDULUM, [], SIGMA)
-    mechanism = mechanism_of(PENDULUM, str(file))
-    opened = open_recordings(file, PENDULUM, mechanism, [])
-    patch = patch_pendulum(opened, PENDULUM, {}, {"term_cubic": {"amount": 1e-5}}, "a fit")
-    file.write_text(yaml.safe_dump(patch))
-    assert load_pendulum(file).effects == {"term_cubic": {"torque_1": 1e-5}}
-
-
-@pytest.mark.slow
-def test_magnet_under_the_pendulum_is_not_named(tmp_path: Path) -> None:
-    verdict, _, _ = fitted(tmp_path, magnet, 4)
-    assert verdict.verdict == "unexplained"
-    assert verdict.effects == []
-    assert verdict.unexplained is not None
-
-
-@pytest.mark.slow
-def test_damping_that_grows_from_run_to_run_is_not_named(tmp_path: Path) -> None:
-    verdict, _, _ = fitted(tmp_path, softening, 5)
-    assert verdict.verdict == "unexplained"
-    assert verdict.unexplained is not None
-    assert "damping_1 changes by" in verdict.unexplained.description

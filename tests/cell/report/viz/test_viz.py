@@ -1,10 +1,8 @@
 import shutil
-import socket
 import subprocess
 import sys
 import threading
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,14 +18,9 @@ from cell.perception.measurement import StripMeasurement
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
 from cell.report.viz.recording import Screen, Shadow, viz_from_run
-from cell.report.viz.watch import WAITING, Viz, watching
-from drivers.strip.describe import describe
-from drivers.strip.engine import simulate
+from cell.report.viz.watch import WAITING, Viz
 from drivers.strip.file import StripFile
-from drivers.strip.rod.engine import Rod
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
-from policies.path import triangular
-from policies.prediction import Estimate, FoldPrediction
 from tests.cell.conftest import HEADER
 
 STRIP = StripFile.model_validate(HEADER["strip_file"])
@@ -105,27 +98,11 @@ def test_strip_is_drawn_flat_and_in_millimetres_beside_the_verdict(rebuilt):
     assert said[0].startswith("# Folded: the edges lie 31.0 mm apart")
 
 
-def test_recording_carries_its_blueprint(rebuilt):
-    assert len(RrdReader(rebuilt).blueprints()) == 1
-    assert RrdReader(rebuilt).recordings()[0].recording_id == rebuilt.parent.name
-
-
 def test_dead_run_is_shown_as_far_as_it_goes(killed, tmp_path):
     folder = shutil.copytree(killed, tmp_path / killed.name)
     rows = entities(viz_from_run(folder))
     assert rows["/strip/measured"] == 43
     assert rows["/signals/along/gripper_x"] == 429 + 1
-
-
-def test_laboratorys_run_is_shown_without_images_and_model(make_run, tmp_path):
-    folder = make_run(tmp_path)
-    for name in ("calibration.yaml", "sights.parquet", "sights.arrows", "events.jsonl"):
-        (folder / name).unlink()
-    text = (folder / "run.yaml").read_text()
-    (folder / "run.yaml").write_text(text[: text.index("strip_file:")])
-    rows = entities(viz_from_run(folder))
-    assert rows["/strip/measured"] == 94
-    assert "/camera/image" not in rows
 
 
 def test_watched_fold_is_recorded(tmp_path):
@@ -142,30 +119,6 @@ def test_watched_fold_is_recorded(tmp_path):
     assert rows["/signals/along/contact_x"] == 100 + 1
 
 
-def test_what_was_predicted_is_a_signal_with_its_interval(tmp_path):
-    def belief(k: int) -> FoldPrediction:
-        about = Estimate(0.02, 0.01, 0.03)
-        return FoldPrediction(0.001 * k, 0.002, about, about, about, blind=False)
-
-    viz = Viz("save", tmp_path, STRIP)
-    watch(viz, 10)
-    for k in range(10, 100):
-        viz.see(replace(snapshot(k), predicted=belief(k // 30)))
-    viz.close(60)
-    rows = entities(tmp_path / "run.rrd")
-    assert rows["/signals/outlook/displacement"] >= 3 + 1
-    assert rows["/signals/outlook/retardation_time_high"] == rows["/signals/outlook/displacement"]
-
-
-def test_watchers_are_closed_with_the_folds_that_they_watch(tmp_path):
-    with watching("save") as watchers:
-        (viz,) = watchers(tmp_path, STRIP)
-        watch(viz, 20)
-    assert entities(tmp_path / "run.rrd")["/gripper"] == 5
-    with watching("off") as watchers:
-        assert watchers(tmp_path, STRIP) == ()
-
-
 def test_overlay_is_drawn_where_the_runs_calibration_puts_it(tmp_path, calibration):
     save_calibration(calibration, tmp_path / "calibration.yaml")
     viz = Viz("save", tmp_path, STRIP)
@@ -178,13 +131,6 @@ def test_overlay_is_drawn_where_the_runs_calibration_puts_it(tmp_path, calibrati
     viz = Viz("save", tmp_path, STRIP)
     viz.close(60)
     assert "changed by hand" in viz.failure
-
-
-def test_images_are_thinned_to_ten_a_second(tmp_path):
-    viz = Viz("save", tmp_path, STRIP)
-    watch(viz, 100)
-    viz.close(60)
-    assert 9 <= entities(tmp_path / "run.rrd")["/camera/image"] <= 11
 
 
 def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monkeypatch):
@@ -207,24 +153,6 @@ def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monke
     viz.close(60)
     assert [item.tick for item in drawn] == [1, *range(302, WAITING + 302)]
     assert sum(item.image is not None for item in drawn) <= 17
-
-
-def test_viewer_that_hangs_does_not_hold_up_the_fold(tmp_path):
-    clients, addresses = [], []
-
-    def hang(address: str) -> None:
-        port = int(address.split(":")[2].split("/")[0])
-        clients.append(socket.create_connection(("127.0.0.1", port)))
-        clients[0].sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0]))
-        addresses.append(address)
-
-    viz = Viz("live", tmp_path, STRIP, viewer=hang)
-    watch(viz, 200)
-    viz.close(60)
-    clients[0].close()
-    assert addresses[0].startswith("rerun+http://127.0.0.1:")
-    assert viz.failure == ""
-    assert entities(tmp_path / "run.rrd")["/signals/along/contact_x"] == 100 + 1
 
 
 def test_machine_without_a_viewer_still_writes_the_file(tmp_path):
@@ -280,34 +208,12 @@ def await_end_of_writing(path: Path, still: float = 1.0, poll: float = 0.05) -> 
         time.sleep(poll)
 
 
-def test_watching_imports_rerun_only_in_its_thread():
-    code = "import sys, cell.report.viz.watch; sys.exit('rerun' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
 @pytest.mark.parametrize("jump", [1e9, 10.0])
 def test_shadow_ends_where_a_stamp_jumps_by_years_or_is_in_milliseconds(jump: float):
     shadow, pose = Shadow(STRIP), np.array([STRIP.length, 0.0, 0.0])
     assert shadow.follow(1.0, pose).size
     assert not shadow.follow(1.0 + jump, pose).size
     assert not shadow.follow(1.02 + jump, pose).size
-
-
-def test_shadow_is_the_simulated_strip():
-    path, t = triangular(STRIP.length), np.arange(0.0, 3.0, 0.01)
-    poses = path.poses(0.1 * t)
-    shadow = Shadow(STRIP)
-    shapes = [shadow.follow(float(time), pose) for time, pose in zip(t, poses, strict=True)]
-    motion = simulate(Rod(60), describe(STRIP), t, poses, shapes=True)
-    at = np.searchsorted(motion.t, t[-1] - 1e-9)
-    np.testing.assert_allclose(shapes[-1], motion.shapes[at], atol=1e-6)
-
-
-def test_shadow_that_cannot_follow_shows_nothing():
-    shadow = Shadow(STRIP)
-    shadow.follow(0.0, np.array([0.6, 0.0, 0.0]))
-    shadow.follow(0.01, np.array([np.nan, 0.0, 0.0]))
-    assert shadow.follow(0.02, np.array([0.6, 0.0, 0.0])).size == 0
 
 
 def test_film_of_a_run_is_in_its_recording_at_the_cameras_own_times(tmp_path):

@@ -9,7 +9,7 @@ from drivers.strip.shape import Touch
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.path import Path, triangular
-from tests.support.chain_moves import LENGTH, SPEED, H, carry, middling, settle
+from tests.support.chain_moves import SPEED, H, settle
 
 
 class Laid:
@@ -56,21 +56,6 @@ def test_fold_at_rest_is_as_high_as_the_heavy_elastica(laid: Laid) -> None:
     assert laid.released[:, 1].max() == pytest.approx(0.9066 * c, rel=0.03)
 
 
-def test_laid_layers_rest_on_each_other_and_stay(laid: Laid) -> None:
-    upper = laid.released[laid.chain.arc()[0] > 0.4 - laid.touch.to_grasped + 0.02]
-    gap = laid.model.mechanics.touch_gap
-    assert np.abs(upper[:, 1] - gap).max() < 0.25 * gap
-    assert np.abs(laid.released - laid.held).max() < 0.5e-3
-
-
 def test_edge_is_laid_off_by_the_displacement(laid: Laid) -> None:
     offset = laid.released[0, 0] - laid.released[-1, 0]
     assert offset == pytest.approx(laid.touch.displacement, abs=1e-3)
-
-
-def test_released_edge_falls_to_the_desk() -> None:
-    chain = Chain(40)
-    chain.reset([describe(middling())])
-    pose = carry(chain, 0.15, triangular(LENGTH))
-    chain.release()
-    assert settle(chain, pose, 1.0)[-1, 1] == pytest.approx(0, abs=1e-4)

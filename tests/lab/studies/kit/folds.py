@@ -8,8 +8,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
 from calibration.calibration import Calibration
 from cell.calibrating.calibrate import calibration_of
 from cell.config.cell import CellFile
@@ -25,7 +23,7 @@ from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import DEFAULT_LOOK
 from drivers.twin.settings import TwinSettings
 from policies.adaptive.critic import YIELD_UNIT
-from tests.lab.studies.study import Quantity, Statistic, Values
+from tests.lab.studies.study import Quantity, Statistic
 
 SPECIMEN_NAME = "studied"
 UNRECORDED = Recording("none", page=False)
@@ -109,13 +107,6 @@ def fold_unknown(
     return fold_strip(
         name, "adaptive", seed, folder, plant=strip, checkpoint=checkpoint, memory=memory, cell=cell
     )
-
-
-def next_strip(number: int, _rng: np.random.Generator) -> Values:
-    """Draw case `number`; cases go through the cell's strips, then seeds of the noise."""
-    strips = find_configs(None).strip_names()
-    noise, strip = divmod(number, len(strips))
-    return {"strip": strips[strip], "noise": noise}
 
 
 def facts(result: FoldResult) -> Mapping[str, Any]:

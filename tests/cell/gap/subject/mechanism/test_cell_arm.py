@@ -10,7 +10,6 @@ import pytest
 import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
-from cell.gap.subject.mechanism.patch import cell_patch
 from cell.gap.subject.mechanism.subject import open_mechanism
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.subject import Request
@@ -68,11 +67,6 @@ def test_the_model_of_the_arm_is_the_published_one():
     text = ET.tostring(whole, encoding="unicode") + "\n"
     assert (FILE.parent / "model.xml").read_text() == text
     assert find_configs(None).mechanism_path("arm").samefile(FILE)
-
-
-def test_a_mechanism_that_no_configuration_has_is_refused_with_those_there_are():
-    with pytest.raises(ConfigurationError, match=r"--subject: .*'amr'.*known: arm, "):
-        find_configs(None).mechanism_path("amr")
 
 
 def left(subject, effects) -> dict[str, float]:
@@ -138,10 +132,6 @@ def test_load_and_delay_are_accepted_into_the_cell(soft, tmp_path):
     assert yaml.safe_load(file.read_text())["effects"]["control_delay"]["time"] == 0.006
     undo(out, file, cell)
     assert cell.read_text() == before
-
-
-def test_what_cell_yaml_cannot_say_makes_no_patch_of_it(soft):
-    assert cell_patch(soft.opened, {}, {"dry_friction": {"torque_joint1": 0.3}}) is None
 
 
 def test_a_fold_without_joints_is_refused_in_one_line(tmp_path):

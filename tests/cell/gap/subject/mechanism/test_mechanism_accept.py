@@ -13,7 +13,7 @@ from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
 from cell.gap.verdict.accept import MODEL_PATCH, PATCH, RECORD, accept, sha256, undo
 from drivers.yaml_text import dump_yaml
-from tests.support.mechanisms import FORWARD, make_arm
+from tests.support.mechanisms import make_arm
 
 NAMED = {
     "dry_friction": {"torque_shoulder": 0.08, "torque_elbow": 0.04},
@@ -101,7 +101,3 @@ def test_undo_brings_the_file_back_and_takes_the_model_away(tmp_path: Path) -> N
     undo(tmp_path / "out", file)
     assert file.read_text() == before
     assert not (file.parent / "arm-accepted.xml").exists()
-
-
-def test_the_contract_of_the_file_is_what_the_reader_takes() -> None:
-    assert {"signals", "inputs", "start", "uncertain", "hold", "step", "mode"} <= set(FORWARD)

@@ -60,12 +60,6 @@ def test_a_model_that_cannot_be_used_is_refused(tmp_path: Path, name: str) -> No
     assert "arm" in text
 
 
-def test_a_joint_without_a_name_is_named_by_its_body(tmp_path: Path) -> None:
-    extra = '<body><joint/><geom size="0.1"/></body></body>'
-    xml = ARM.replace("</body>\n  </worldbody>", extra + "</worldbody>")
-    assert "has no name; give it one" in line(tmp_path, xml=xml)
-
-
 FILES: dict[str, tuple[dict[str, Any], str]] = {
     "unknown key": ({"colour": 1}, "colour: unknown key"),
     "path": ({"model": "../arm.xml"}, "lies outside"),
@@ -119,24 +113,6 @@ def test_a_model_that_explodes_is_refused(tmp_path: Path) -> None:
     assert "explodes; make step smaller" in text
 
 
-@pytest.mark.slow
-def test_a_million_rows_are_thinned(tmp_path: Path) -> None:
-    path, runs = make_arm(tmp_path, 2, span=0.5, content=PRESCRIBED)
-    t = np.linspace(0.0, 20.0, 1_000_000)
-    columns = {"shoulder": 0.5 * np.sin(t), "elbow": 0.3 * np.sin(2 * t), "t1": 0 * t, "t2": 0 * t}
-    pq.write_table(pa.table({"t": t, **columns}), runs / "00" / "signals.parquet")
-    subject = open_mechanism(path, find_runs([runs]))
-    assert max(len(run.samples) for run in subject.runs) < 4000
-
-
-def test_units_of_gaps_are_written_as_the_field_does_and_keys_stay(tmp_path: Path) -> None:
-    spec = {"joint": "elbow", "is": "velocity", "sigma": 0.01}
-    signals = {"elbow": FORWARD["signals"]["elbow"], "a2_torque": spec}
-    path, runs = make_arm(tmp_path, 2, span=0.5, content={**FORWARD, "signals": signals})
-    gaps = open_mechanism(path, find_runs([runs])).scope.quantities.values()
-    assert {q.key.rsplit("_")[-1]: q.unit for q in gaps} == {"mrad": "mrad", "mrads": "mrad/s"}
-
-
 def test_a_table_of_others_is_imported_by_its_mapping(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("ms,deg\n" + "\n".join(f"{k},{k}" for k in range(40)))
     mapping = {"schema": 1, "t": {"column": "ms", "factor": 0.001},
@@ -146,11 +122,3 @@ def test_a_table_of_others_is_imported_by_its_mapping(tmp_path: Path) -> None:
     table = read_table(tmp_path / "run" / "signals.parquet")
     assert table["t"][10] == pytest.approx(0.01)
     assert table["elbow"][30] == pytest.approx(np.radians(30))
-
-
-def test_a_mapping_to_a_column_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "log.csv").write_text("ms,deg\n1,2\n")
-    mapping = {"schema": 1, "t": {"column": "s"}, "columns": {"elbow": {"column": "deg"}}}
-    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
-    with pytest.raises(ConfigurationError, match="no such column"):
-        import_table(tmp_path / "log.csv", tmp_path / "map.yaml", tmp_path / "run", {})

@@ -9,8 +9,7 @@ import yaml
 from cell.gap.fit import fit
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.importer import write_run
-from cell.gap.subject.mechanism.prescribed import motion_of
-from cell.gap.subject.mechanism.runs import Recording, average
+from cell.gap.subject.mechanism.runs import Recording
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
@@ -29,40 +28,6 @@ def recording(**columns: Array) -> Recording:
     return Recording("00", "a", 0, T, columns)
 
 
-def test_a_linear_law_holds_for_the_filtered_motion_as_for_the_measured():
-    tones = [(0.5, 2.0), (0.2, 7.0), (0.05, 20.0)]  # rad, rad/s
-    q = sum(a * np.sin(w * T) for a, w in tones)
-    v = sum(a * w * np.cos(w * T) for a, w in tones)
-    a = -sum(a * w**2 * np.sin(w * T) for a, w in tones)
-    motion = motion_of(
-        recording(j=q, tau=0.3 * a + 0.5 * v + 2.0 * q), ["j"], ["tau"], CUTOFF, WIDTH
-    )
-    predicted = (0.3 * motion.a + 0.5 * motion.v + 2.0 * motion.q)[:, 0]
-    off = (motion.torques[0] - predicted)[motion.known[0]]
-    assert np.abs(off).max() < 0.01 * np.std(predicted)
-
-
-def test_errors_of_rates_are_what_noise_of_the_encoder_makes_in_samples():
-    noise = np.random.default_rng(1).normal(0.0, 1e-3, len(T))
-    motion = motion_of(recording(j=noise, tau=0.0 * T), ["j"], ["tau"], CUTOFF, WIDTH)
-    inside = motion.known[0]
-    block = np.floor(motion.t[inside] / WIDTH).astype(int)
-    edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
-    for found, stated in zip((motion.v, motion.a), motion.shake[:, 0], strict=True):
-        means, _ = average(motion.below_cutoff(found.T, motion.t[inside]), edges)
-        assert stated == pytest.approx(means.std(), rel=0.3)
-
-
-def test_torques_near_an_end_or_a_reading_that_is_absent_are_absent():
-    tau = np.sin(T)
-    tau[750] = np.nan
-    motion = motion_of(recording(j=np.sin(T), tau=tau), ["j"], ["tau"], CUTOFF, WIDTH)
-    there = motion.known[0]
-    assert there[np.abs(motion.t - 2.0) < 0.5].all()
-    for near in (0.0, T[750], T[-1]):
-        assert not there[np.abs(motion.t - near) < 0.05].any()
-
-
 @pytest.mark.parametrize("hidden", HIDDEN)
 def test_hidden_effect_of_a_mechanism_has_the_librarys_values(tmp_path, monkeypatch, hidden):
     monkeypatch.setattr(synthetic, "RUNS", 2)
@@ -73,14 +38,6 @@ def test_hidden_effect_of_a_mechanism_has_the_librarys_values(tmp_path, monkeypa
     assert left(mechanism, hidden, truth) < 1.2
     if truth:
         assert left(mechanism, hidden, {}) > 1.5
-
-
-def test_vibrations_of_a_long_chain_leave_its_torques_as_they_are(tmp_path, monkeypatch):
-    for name, value in (("RUNS", 2), ("SPAN", 2.0), ("ANGLE", 1e-6)):
-        monkeypatch.setattr(synthetic, name, value)
-    file = synthetic.make_runs(tmp_path, "payload", 7, 1.0, 323542158)
-    mechanism = open_mechanism(file, find_runs([tmp_path / "runs"]))
-    assert left(mechanism, "payload", synthetic.amounts("payload", 7, 1.0)) < 0.9
 
 
 def left(mechanism: MechanismSubject, hidden: str, truth: Mapping[str, float]) -> float:
@@ -138,13 +95,6 @@ def test_friction_holds_a_joint_that_stands_up_to_its_limit(standing):
     assert np.abs(found.mean[(t > 3.5) & (t < 6.5)]).max() < 0.01
     assert found.mean[t > 7.5] == pytest.approx(0.2, abs=0.01)
     assert np.abs(found.mean[(t > 1.0) & (t < 2.0)]).max() < 0.02
-
-
-def test_friction_yields_like_a_spring_within_a_degree_alone(standing):
-    law = effect_of("presliding")
-    q = np.linspace(0.0, 1.0, 500)[:, None]
-    torque = law.path(standing.opened.mechanism, np.array([2.0, 0.3]), q, np.ones_like(q))
-    assert torque[-1] == pytest.approx(-2.0 * 0.02)
 
 
 def test_an_error_of_a_number_that_is_stated_as_uncertain_is_no_effect(standing):
