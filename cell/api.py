@@ -14,6 +14,7 @@ from calibration.calibration import Calibration, load_calibration
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold as run_fold
+from cell.folding.fold import write_pages
 from cell.folding.observe import observe as read_film
 from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
@@ -60,7 +61,8 @@ def fold(
     found, desk = find_configs(_path(configs)), None if plant is None else load_plant(Path(plant))
     choice = DeviceSelection(arm, camera, desk, seed)
     known = found.cell(), found.strip(strip), policy, Path(runs), choice
-    return run_fold(Request(*known, speed=speed, record=Recording(frames, truth=truth)))
+    request = Request(*known, speed=speed, record=Recording(frames, truth=truth))
+    return write_pages(request, run_fold(request))
 
 
 def read_run(folder: Place) -> Run:

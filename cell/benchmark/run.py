@@ -27,7 +27,7 @@ from cell.config.places import Configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.documents import PACKAGES
 from cell.folding.fold import fold
-from cell.folding.request import Recording, Request
+from cell.folding.request import Request
 from cell.report.words import millimetres
 
 LEVEL_SPEED = 0.02  # m/s, of the level motion
@@ -117,8 +117,8 @@ def _fold_request(
 ) -> ImagePart:
     """Part that folds a new `strip` by `policy`, with noise of the spec's seed plus `repeat`."""
     cell, lying = configs.cell(), configs.strip(strip)
-    choice, record = DeviceSelection(seed=spec.seed + repeat), Recording(page=False)
-    request = Request(cell, lying, policy, runs, choice, record=record)
+    choice = DeviceSelection(seed=spec.seed + repeat)
+    request = Request(cell, lying, policy, runs, choice)
     of = digest(
         code(),
         cell.model_dump_json(),

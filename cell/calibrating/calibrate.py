@@ -8,12 +8,6 @@ from pathlib import Path
 
 from calibration.calibration import Calibration, load_calibration, save_calibration
 from calibration.lens import Lens
-from calibration.wizard.board_views import BoardViews
-from calibration.wizard.news import nobody
-from calibration.wizard.touch_verdict import refusals
-from calibration.wizard.touched_points import TouchedPoints
-from cell.calibrating.keyboard import TwinOperator
-from cell.calibrating.wizard import assemble, show_board, touch
 from cell.config.cell import CellFile
 from cell.config.places import CHECKOUT_CONFIGS, PACKAGED, cache_folder
 from cell.devices.devices import CalibrationAids, DeviceSelection
@@ -100,6 +94,11 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
     Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
     Interrupted when the operator did.
     """
+    from calibration.wizard.touch_verdict import refusals
+    from calibration.wizard.touched_points import TouchedPoints
+    from cell.calibrating.keyboard import TwinOperator
+    from cell.calibrating.wizard import assemble, touch
+
     twin = DeviceSelection(arm="twin", camera="twin")
     devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
     if devices.aids is None:
@@ -117,6 +116,10 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
 
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
     """Fit the lens to as many board views as it takes; raises CellError for a poor result."""
+    from calibration.wizard.board_views import BoardViews
+    from calibration.wizard.news import nobody
+    from cell.calibrating.wizard import show_board
+
     views = BoardViews(settings.boards)
     show_board(views, aids.show_board, Unattended(), nobody)
     verdict = views.verdict(aids.measure_board())

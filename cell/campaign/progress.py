@@ -19,16 +19,6 @@ def briefly(record: Record) -> str:
     return f": {record.state.replace('_', ' ')}: {record.reason}"
 
 
-class Quiet:
-    """Observer of a campaign that shows nothing."""
-
-    def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
-        """Show nothing at the start."""
-
-    def finish(self, part: Part, record: Record) -> None:
-        """Show nothing after a part."""
-
-
 class Meter:
     """Progress bar weighted by the parts' cost; without a terminal, a line for each part.
 

@@ -5,6 +5,7 @@ import math
 import sys
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -217,12 +218,14 @@ def _fold_all(
         _print_remark(remark)
     attendance = Attendance(report=_print_remark, lay_again=lambda: await_strip(ask))
     if not as_json:
-        attendance = replace(attendance, observe=_progress)
+        tell = partial(_print_result, remark=remark, as_json=False)
+        attendance = replace(attendance, observe=_progress, tell=tell)
     try:
         results = fold_all(requests, jobs, until, attendance)
         for request, made in zip(requests, results, strict=False):  # an interrupt ends the folds
             result = made if isinstance(made, FoldResult) else FoldResult.refusal(request, made)
-            _print_result(result, remark, as_json=as_json)
+            if as_json or result is not made:
+                _print_result(result, remark, as_json=as_json)
             code = max(code, result.exit_code)
             if until is not None:
                 if result.ends(until):

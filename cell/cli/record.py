@@ -105,8 +105,7 @@ def note(
 
 
 def viz(run: Run) -> None:
-    """Build the Rerun recording of a run again from its record, and say how to open it."""
-    from cell.record.files import REBUILT, RECORDING
+    """Write the Rerun recording of a run from its record, and say how to open it."""
     from cell.record.run import read_broken_run
     from cell.report.viz.recording import viz_from_run
 
@@ -115,5 +114,3 @@ def viz(run: Run) -> None:
     for problem in read_broken_run(run).problems:
         sys.stderr.write(f"cell: {problem}\n")
     sys.stdout.write(f"{path}\n  open it with: rerun {path}\n")
-    if path.name == REBUILT:
-        sys.stdout.write(f"  kept beside it: {run / RECORDING}, recorded during the fold itself\n")

@@ -61,12 +61,6 @@ def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) ->
     return replace(devices, arm=CorrectedArm(devices.arm, devices.hand, rig))
 
 
-def as_recorded(settings: CellFile, strip: StripFile) -> StripModel:
-    """Model of the strip as this cell's records show it, without the compensated effects."""
-    model = describe(strip, settings.effects)
-    return replace(model, rig=Rig(), observation=Observation())
-
-
 MEMORY = 256  # reports kept to interpolate earlier poses of the gripper
 
 

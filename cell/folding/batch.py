@@ -13,7 +13,7 @@ from cell.campaign.worker import StopSignal, Worker
 from cell.devices.open import is_physical, is_real
 from cell.doctor.doctor import BRIEF, hardware_checks, refuse_red
 from cell.doctor.machine import versions
-from cell.folding.fold import fold
+from cell.folding.fold import fold, write_pages
 from cell.folding.request import Request, with_correction
 from cell.folding.result import FoldResult
 from cell.orchestrator.interrupt import Interrupt, Interrupted
@@ -37,14 +37,16 @@ class Attendance:
     """How the person at the cell takes part in its folds; by default nobody does.
 
     `interrupt` makes a context that asks for a controlled stop, `report` takes a remark,
-    `lay_again` waits until the strip lies for the next fold of a real robot, and `observe` makes a
-    context of the observers of a strip's fold.
+    `lay_again` waits until the strip lies for the next fold of a real robot, `observe` makes a
+    context of the observers of a strip's fold, and `tell` takes a result as soon as it is known,
+    before its page is written, and again where that fails.
     """
 
     interrupt: Callable[[], AbstractContextManager[Callable[[], bool]]] = Interrupt
     report: Callable[[str], None] = lambda _: None
     lay_again: Callable[[], None] = _nobody_lays
     observe: Callable[[str], AbstractContextManager[tuple[Observer, ...]]] = _no_observers
+    tell: Callable[[FoldResult], None] = lambda _: None
 
 
 def fold_all(
@@ -66,7 +68,10 @@ def fold_all(
         with attendance.interrupt() as interrupted:
             crew = FoldCrew(requests, jobs, attendance.report)
             try:
-                yield from map(_unless_interrupted, crew.results(interrupted))
+                for result in map(_unless_interrupted, crew.results(interrupted)):
+                    if isinstance(result, FoldResult):
+                        attendance.tell(result)
+                    yield result
             finally:
                 crew.close()
     else:
@@ -103,12 +108,16 @@ def _in_turn(
     for number, request in enumerate(requests):
         if request.choice.agreed and number > 0:
             attendance.lay_again()
-        observe = attendance.observe(request.strip.name)
-        with attendance.interrupt() as interrupted, observe as observers:
+        with attendance.interrupt() as interrupted:
             result: FoldResult | CellError
             try:
-                calibration = calibration_of(request.cell, attendance.report, interrupted)
-                result = fold(request, observers, interrupted, calibration)
+                with attendance.observe(request.strip.name) as observers:
+                    calibration = calibration_of(request.cell, attendance.report, interrupted)
+                    made = fold(request, observers, interrupted, calibration)
+                attendance.tell(made)
+                result = write_pages(request, made)
+                if result != made:
+                    attendance.tell(result)
             except CellError as error:
                 result = error
         yield _unless_interrupted(result)
@@ -207,7 +216,7 @@ def _fold_in_worker(
     request: Request, calibration: Calibration, stop: StopSignal
 ) -> FoldResult | CellError:
     try:
-        return fold(request, (), stop, calibration)
+        return write_pages(request, fold(request, (), stop, calibration))
     except KeyboardInterrupt:
         return Interrupted("stopped at once from the keyboard")
     except CellError as error:

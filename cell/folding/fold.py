@@ -50,9 +50,10 @@ def fold(
     interrupted: Callable[[], bool] = lambda: False,
     calibration: Calibration | None = None,
 ) -> FoldResult:
-    """Fold once, with `calibration` or the one that the cell uses.
+    """Fold once and record it, with `calibration` or the one that the cell uses.
 
-    Raises CellError for errors before the run; errors during the run are its outcome.
+    `write_pages` then draws the record. Raises CellError for errors before the run; errors during
+    the run are its outcome.
     """
     policy = make_policy(request.policy, request.checkpoint)
     devices = open_cell(request.settings, request.strip, request.choice, calibrating=False)
@@ -128,14 +129,20 @@ def _record_fold(
         replace_file(folder / CHECKPOINT, read_bytes(request.checkpoint, CHECKPOINT_BYTES))
     hanging = context.settings.fold.start == "hanging"
     recorder = Recorder(writer, hanging=hanging)
-    with watching(request.record.viz, hanging=hanging) as watch:
+    live = request.record.viz == "live"
+    with watching(folder, strip, live=live, hanging=hanging) as watch:
         trace = FoldTrace(strip)
-        watchers = (trace, *observers, *watch(folder, strip))
+        watchers = (trace, *observers, *watch)
         blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
         run = Run(blind, context, recorder, watchers, interrupted)
         outcome = conduct(run, devices, recorder, trace.review)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
-    outcome = _complete_folder(request, outcome, folder, truth)
+    if truth and request.record.truth:
+        try:
+            write_truth(folder, truth)
+        except OSError as error:
+            reason = f"{folder}: {error.strerror}; it is incomplete"
+            outcome = outcome.but(StopReason("record", reason, Fault.exit_code))
     if strip.name == UNKNOWN and outcome.touch is not None and outcome.predicted is not None:
         offer_strip(folder, strip, outcome.predicted)
     return outcome, truth
@@ -190,20 +197,23 @@ def conduct(
     return outcome
 
 
-def _complete_folder(request: Request, outcome: Outcome, folder: Path, truth: Truth) -> Outcome:
-    """Write the truth (on the twin) and the page; returns the outcome, with a failure to write."""
+def write_pages(request: Request, result: FoldResult) -> FoldResult:
+    """Write the page of a fold and, where its request says so, its recording for Rerun.
+
+    The record is complete before, so that a result can be told first. Returns the result, with a
+    failure to write.
+    """
+    folder = Path(result.run)
     try:
-        if truth and request.record.truth:
-            write_truth(folder, truth)
-        if request.record.page:
-            write_report(folder, ended=True)
-    except OSError as error:
-        return outcome.but(
-            StopReason("record", f"{folder}: {error.strerror}; it is incomplete", Fault.exit_code)
-        )
+        write_report(folder)
+        if request.record.viz == "save":
+            from cell.report.viz.recording import viz_from_run
+
+            viz_from_run(folder)
     except CellError as error:
-        return outcome.but(StopReason("record", str(error), Fault.exit_code))
-    return outcome
+        code = max(result.exit_code, Fault.exit_code)
+        return replace(result, outcome="record", reason=str(error), exit_code=code)
+    return result
 
 
 def _warning(outcome: Outcome, preflight: str) -> str | None:

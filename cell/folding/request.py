@@ -26,15 +26,14 @@ UNCORRECTED = Correction(0.0, 0.0)
 class Recording:
     """What is kept of a fold beside its tables.
 
-    Its `frames`, where None is the cell's own choice, a film by an encoder, the twin's truth, a
-    recording for Rerun, and a page.
+    Its `frames`, where None is the cell's own choice, a film by an encoder, the twin's truth, and a
+    recording for Rerun.
     """
 
     frames: Keep | None = None
     film: Encoder | None = None
     truth: bool = True
     viz: Literal["save", "live", "off"] = "off"
-    page: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,6 @@ TICKS, PROFILE, SIGHTS = "ticks.parquet", "profile.parquet", "sights.parquet"
 JOINTS = "joints.parquet"  # of a robot, tick by tick, from before the lift on
 TICK_STREAM, SIGHT_STREAM = "ticks.arrows", "sights.arrows"
 CALIBRATION, RECORDING, REPORT = "calibration.yaml", "run.rrd", "report.html"
-REBUILT = "rebuilt.rrd"  # by `cell viz`, beside the one of the fold itself
 FILM = "film.mp4"  # of the camera, for eyes; frames/index.jsonl states the time of each image
 OVERLAY = "overlay.mp4"  # of a film that was observed
 CHECKPOINT = "checkpoint.json"

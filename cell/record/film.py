@@ -15,7 +15,7 @@ Encoder = Literal["libx264"]  # of a fold's film; SVT-AV1 hangs in one of some h
 ENCODER = "libx264"  # which every player knows
 KEYFRAME_INTERVAL = 60  # images between two from which decoding can start
 QUALITY = {
-    "libx264": {"crf": "28", "preset": "veryfast", "bf": "0", "tune": "zerolatency"},
+    "libx264": {"crf": "28", "preset": "ultrafast", "bf": "0", "tune": "zerolatency"},
     "libx265": {"crf": "24", "preset": "veryfast", "x265-params": "bframes=0:log-level=error"},
 }
 # Of an .mp4: every image is on its way to the disk once the next one is encoded.
@@ -82,11 +82,13 @@ class FilmWriter:
     def add(self, stamp: float, image: Image) -> None:
         """Add an `image` (h, w, 3) of even sides, taken at `stamp` [s], later than the last one."""
         import av
+        import cv2
 
         if self._stream is None:
             self._begin = stamp
             self._stream = self._open_stream(image)
-        picture = av.VideoFrame.from_ndarray(image, format="bgr24")
+        planes = cv2.cvtColor(image, cv2.COLOR_BGR2YUV_I420)  # three times as fast as FFmpeg
+        picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
         picture.pts, picture.time_base = round((stamp - self._begin) / TIME_BASE), TIME_BASE
         self._container.mux(self._stream.encode(picture))
 

@@ -46,28 +46,26 @@ FILES = (
 RECENT = 8  # earlier runs that a page names
 
 
-def write_report(folder: Path, *, ended: bool = False) -> Path:
+def write_report(folder: Path) -> Path:
     """Write report.html into the run's folder and return its path.
-
-    `ended` says that the run is over although its writer still holds the folder.
 
     A run that died or is damaged is reported as far as it can be read. Raises ConfigurationError
     for a folder without a readable run.yaml, or one that cannot be written.
     """
-    return write_page(read_broken_run(folder), ended=ended)
+    return write_page(read_broken_run(folder))
 
 
-def write_page(run: Run, *, ended: bool = False) -> Path:
+def write_page(run: Run) -> Path:
     """Write report.html of the `run` into its folder and return its path, as `write_report`."""
     path = run.folder / REPORT
-    write_file(path, report(run, ended=ended))
+    write_file(path, report(run))
     return path
 
 
-def report(run: Run, *, ended: bool = False) -> str:
-    """HTML page of `run`; `ended` as for `write_report`."""
+def report(run: Run) -> str:
+    """HTML page of `run`."""
     policy = f", policy {run.header.policy}" if run.header.policy else ""
-    under_way = not ended and is_under_way(run.folder)
+    under_way = is_under_way(run.folder)
     truth, spoilt = _truth(run)
     said = verdict_of(run, truth, under_way)
     died = run.result is None and not under_way and not said.spoilt

@@ -58,7 +58,7 @@ class FoldPart:
                 Path(name),
                 DeviceSelection(plant=strip, seed=self.number),
                 self.checkpoint,
-                record=Recording("none", page=False),
+                record=Recording("none"),
             )
             result = fold(request)
             stored = read_run(Path(result.run)).result

@@ -39,9 +39,7 @@ def affected(effects: Effects, folder: Path, *, accepted: bool = True) -> Folded
     shutil.copytree(CONFIGS, configs)
     if accepted:
         written(configs / "cell.yaml", effects)
-    request = request_for(
-        "denim", "triangular", folder / "runs", configs, record=Recording("all", page=False)
-    )
+    request = request_for("denim", "triangular", folder / "runs", configs, record=Recording("all"))
     plant = request.strip.model_copy(update={"effects": dict(effects)})
     choice = DeviceSelection(seed=3, plant=plant)
     return fold_and_keep(replace(request, choice=choice))

@@ -114,7 +114,7 @@ def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> 
         return SimpleNamespace(execute=lambda: DONE)
 
     monkeypatch.setattr(cell.folding.fold, "Run", blind)
-    record = Recording("none", page=False)
+    record = Recording("none")
     request = request_for("denim", "triangular", tmp_path, CHECKOUT_CONFIGS, record=record)
     result = fold(request, calibration=made())
     assert (result.outcome, result.exit_code) == ("path_done", 1)

@@ -12,6 +12,7 @@ import yaml
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.batch import fold_all
+from cell.folding.fold import write_pages
 from cell.folding.replay import replay
 from cell.folding.request import Recording
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
@@ -152,10 +153,13 @@ def secret(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     weights = load_checkpoint(COMMITTED)
     scaled = tuple(0.95 * weight for weight in weights.weights)
     save_checkpoint(place / "own.json", weights.model_copy(update={"weights": scaled}))
-    kept = Recording(truth=False, viz="save", page=False)
+    kept = Recording(truth=False, viz="save")
     asked = {"record": kept, "choice": DeviceSelection(plant=plant)}
     asked |= {"checkpoint": place / "own.json"}
-    return fold_and_keep(request_for("denim", "feedback", place / "r", **asked))
+    request = request_for("denim", "feedback", place / "r", **asked)
+    folded = fold_and_keep(request)
+    write_pages(request, folded.result)
+    return folded
 
 
 def test_a_run_holds_nothing_of_the_plant_but_its_hash(secret: Folded) -> None:

@@ -201,7 +201,7 @@ def _next_time(fault: str, server: RobotServer) -> str:
 
 def _request(runs: Path, **fci: object) -> Request:
     """A fold by the arm fci, with other settings of `fci`."""
-    choice, record = DeviceSelection(arm="fci", seed=3), Recording("none", page=False)
+    choice, record = DeviceSelection(arm="fci", seed=3), Recording("none")
     request = request_for("denim", "triangular", runs, choice=choice, record=record)
     changed = request.cell.fci.model_copy(update=fci)
     return replace(request, cell=request.cell.model_copy(update={"fci": changed}))

@@ -4,13 +4,13 @@ from pathlib import Path
 
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.request import Recording, Request
+from cell.folding.request import Request
 
 
 def request_for(
     strip: str, policy: str, runs: Path, configs: Path | None = None, **changes
 ) -> Request:
-    """A fold of seed 3 without a page; `changes` are fields of the request."""
+    """A fold of seed 3; `changes` are fields of the request."""
     found = find_configs(configs)
-    facts = {"choice": DeviceSelection(seed=3), "record": Recording(page=False)} | changes
+    facts = {"choice": DeviceSelection(seed=3)} | changes
     return Request(found.cell(), found.strip(strip), policy, runs, **facts)

@@ -11,6 +11,7 @@ import numpy as np
 
 from cell.perception.measurement import StripMeasurement
 from cell.record.events import PREDICTED, Outlook
+from cell.record.files import FILM
 from cell.record.run import Run
 from drivers.types import Array, Image
 
@@ -55,7 +56,7 @@ def log_text(kind: str, facts: dict[str, object]) -> str:
 
 
 def moments_of(run: Run) -> Iterator[TickView | LogLine]:
-    """Ticks and log lines of a run in the order of time; ticks bring kept images and sights."""
+    """Ticks and log lines of a run in the order of time, with sights, and images if not filmed."""
     origin = run.origin()
     words: Iterator[TickView | LogLine] = (
         LogLine(
@@ -72,7 +73,7 @@ def moments_of(run: Run) -> Iterator[TickView | LogLine]:
 
 
 def _ticks(run: Run, origin: float) -> Iterator[TickView]:
-    frames = run.frames()
+    frames = iter(()) if (run.folder / FILM).is_file() else run.frames()
     frame = next(frames, None)
     no_pose = np.full(3, np.nan)
     while frame is not None and frame.stamp < 0:

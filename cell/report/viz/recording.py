@@ -20,7 +20,7 @@ import rerun.blueprint as rrb
 from calibration.calibration import Calibration
 from cell.perception.measurement import StripMeasurement
 from cell.record.events import COLUMN_NAMES, origin_of, read_events
-from cell.record.files import FILM, REBUILT, RECORDING, RESULT, RUN, is_under_way
+from cell.record.files import FILM, RECORDING, RESULT, RUN, is_under_way
 from cell.record.frames import read_index
 from cell.record.run import read_broken_run
 from cell.report.verdict import LINE_BREAK, verdict_of
@@ -79,30 +79,29 @@ NO_SHAPE = np.empty((0, 2))
 
 
 def viz_from_run(folder: Path) -> Path:
-    """Rebuild the Rerun recording of a run from its record, and return its path.
+    """Write the Rerun recording of a run from its record, and return its path.
 
-    An existing run.rrd stays: it was recorded during the fold, from every image, of which the
-    record keeps a few; the new one lies beside it. Broken parts of the record are left out. Raises
-    ConfigurationError for a folder that cannot be read as a run or cannot be written, and for a run
-    under way, which writes its own.
+    Broken parts of the record are left out. Raises ConfigurationError for a folder that cannot be
+    read as a run or cannot be written, and for a run under way.
     """
     run = read_broken_run(folder)
     if is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
-    name = REBUILT if (folder / RECORDING).exists() else RECORDING
+    path = folder / RECORDING
     stated = run.header.strip_file
     strip = None if stated is None else parse(stated, StripFile, f"{folder / RUN}: strip_file")
     try:
-        with replacing(folder / name) as scratch, open_recording(folder, scratch.name) as recording:
+        with replacing(path) as scratch, open_recording(folder, scratch.name) as recording:
             screen = Screen(recording, run.calibration(), strip)
             for item in moments_of(run):
                 screen.draw(item)
             screen.finish()
             screen.verdict(folder)
-            screen.film(folder)
+            with suppress(ValueError):  # a film that broke off
+                screen.film(folder)
     except (OSError, RuntimeError, ValueError) as error:
-        raise ConfigurationError(f"{folder / name}: cannot be written: {error}") from None
-    return folder / name
+        raise ConfigurationError(f"{path}: cannot be written: {error}") from None
+    return path
 
 
 @contextmanager
@@ -119,7 +118,7 @@ def open_recording(
     RuntimeError or ValueError when the file cannot be written.
     """
     with bare_recording("cell", folder / name, live=live, viewer=viewer) as recording:
-        send_blueprint(recording, blueprint())
+        send_blueprint(recording, blueprint(filmed=not live and (folder / FILM).is_file()))
         yield recording
 
 
@@ -193,7 +192,11 @@ class Screen:
             self._state = (tick.state, has_begun)
             self._to.log("cell/state", rr.StateChange(state=tick.state))
         if tick.image is not None:
-            self._draw_picture(tick.image, tick.measurement)
+            self._to.log("camera/image", jpeg(tick.image))
+        if tick.measurement is not None and self._calibration is not None:
+            self._draw_overlay(tick.measurement, self._calibration)
+        elif tick.image is not None:
+            self._to.log("camera/overlay", rr.Clear(recursive=True))
         if not has_begun:
             return
         if tick.measurement is not None:
@@ -277,14 +280,6 @@ class Screen:
         )
         self._to.log("strip/measured", _curve(measurement.profile, SEEN_RGBA, 2.0))
 
-    def _draw_picture(self, image: Image, measurement: StripMeasurement | None) -> None:
-        """Draw an image, and the measurement from it."""
-        self._to.log("camera/image", jpeg(image))
-        if measurement is None or self._calibration is None:
-            self._to.log("camera/overlay", rr.Clear(recursive=True))
-        else:
-            self._draw_overlay(measurement, self._calibration)
-
     def _draw_overlay(self, measurement: StripMeasurement, calibration: Calibration) -> None:
         pixels = calibration.to_image(measurement.profile)
         self._to.log(
@@ -332,8 +327,11 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def blueprint() -> Any:
-    """Layout: camera and side view on the left; states, signals and log on the right."""
+def blueprint(*, filmed: bool) -> Any:
+    """Layout: camera and side view on the left; states, signals and log on the right.
+
+    The camera's view is the film where the run was `filmed`.
+    """
     side = rrb.Spatial2DView(
         origin="/",
         contents=["/strip/**", "/gripper/**", "/desk/**"],
@@ -352,7 +350,7 @@ def blueprint() -> Any:
     camera = rrb.Tabs(
         rrb.Spatial2DView(origin="/camera", contents=["/camera/image", drawn], name="camera"),
         rrb.Spatial2DView(origin="/camera", contents=["/camera/film", drawn], name="film"),
-        active_tab=0,
+        active_tab=int(filmed),
     )
     return rrb.Blueprint(
         rrb.Horizontal(rrb.Vertical(camera, side), right),

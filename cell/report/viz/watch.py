@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from calibration.calibration import load_calibration
 from cell.orchestrator.snapshot import Snapshot
@@ -23,7 +23,6 @@ from policies.prediction import FoldPrediction
 if TYPE_CHECKING:
     from cell.report.viz.recording import Screen
 
-Mode = Literal["save", "live"]
 WAITING, IMAGES_WAITING = 1024, 16  # with 2.8 MB an image, at most 45 MB wait
 IMAGE_PERIOD = 0.1  # s
 CLOSING_TIMEOUT = 30.0  # s, for what still waits when the run is over
@@ -32,14 +31,13 @@ CLOSING_TIMEOUT = 30.0  # s, for what still waits when the run is over
 class Viz:
     """Observer that shows a run in Rerun without blocking it; drops the oldest ticks when it lags.
 
-    `save` writes run.rrd into the run's folder; `live` also serves it on loopback and opens a
-    viewer there. The viewer connects to us, so that one that hangs or dies cannot block anything.
+    It writes run.rrd into the run's folder, serves it on loopback and opens a viewer there. The
+    viewer connects to us, so that one that hangs or dies cannot block anything.
     `failure` is the reason why nothing is recorded any more, `dropped` counts what was skipped.
     """
 
     def __init__(
         self,
-        mode: Mode,
         folder: Path,
         strip: StripFile,
         viewer: Callable[[str], None] | None = None,
@@ -59,7 +57,7 @@ class Viz:
         self._origin, self._ticks = math.nan, 0
         self._next_image, self._sequence = -math.inf, -1
         self._predicted: FoldPrediction | None = None
-        arguments = (mode, folder, strip, viewer)
+        arguments = (folder, strip, viewer)
         self._thread = threading.Thread(
             target=self._draw_queue, args=arguments, name="viz", daemon=True
         )
@@ -123,7 +121,7 @@ class Viz:
         self._news.set()
 
     def _draw_queue(
-        self, mode: Mode, folder: Path, strip: StripFile, viewer: Callable[[str], None] | None
+        self, folder: Path, strip: StripFile, viewer: Callable[[str], None] | None
     ) -> None:
         """Draw the queue until the run is over; Rerun is imported here, while the run goes on."""
         from cell.report.viz.recording import Screen, open_recording
@@ -131,7 +129,7 @@ class Viz:
         path = folder / CALIBRATION
         try:
             calibration = load_calibration(path) if path.exists() else None
-            with open_recording(folder, live=mode == "live", viewer=viewer) as recording:
+            with open_recording(folder, live=True, viewer=viewer) as recording:
                 screen = Screen(recording, calibration, strip)
                 while self._waiting or not self._over.is_set():
                     self._draw(screen)
@@ -151,22 +149,17 @@ class Viz:
 
 @contextmanager
 def watching(
-    mode: Mode | Literal["off"], *, hanging: bool = False
-) -> Iterator[Callable[[Path, StripFile], tuple[Viz, ...]]]:
-    """Yield a function that makes a fold's Rerun observers, none if `off`; afterwards wait for all.
+    folder: Path, strip: StripFile, *, live: bool, hanging: bool = False
+) -> Iterator[tuple[Viz, ...]]:
+    """Observers that show the fold in `folder` within the block, none unless `live`.
 
-    `hanging` is where the measured time of the folds begins; see `Viz`.
+    `hanging` is where the measured time of the fold begins; see `Viz`.
     """
-    watchers: list[Viz] = []
-
-    def watch(folder: Path, strip: StripFile) -> tuple[Viz, ...]:
-        if mode == "off":
-            return ()
-        watchers.append(Viz(mode, folder, strip, hanging=hanging))
-        return (watchers[-1],)
-
+    if not live:
+        yield ()
+        return
+    viz = Viz(folder, strip, hanging=hanging)
     try:
-        yield watch
+        yield (viz,)
     finally:
-        for watcher in watchers:
-            watcher.close()
+        viz.close()

@@ -195,7 +195,7 @@ def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touc
     session, _, _ = touched
     shift = {"homography_shift": {"x": 0.005, "z": 0.0}}
     plant = Configs(CHECKOUT_CONFIGS).strip("denim").model_copy(update={"effects": shift})
-    choice, record = DeviceSelection(plant=plant), Recording("none", truth=False, page=False)
+    choice, record = DeviceSelection(plant=plant), Recording("none", truth=False)
     request = request_for(
         "denim", "triangular", tmp_path / "runs", CHECKOUT_CONFIGS, choice=choice, record=record
     )

@@ -33,6 +33,7 @@ def folds(monkeypatch, tmp_path) -> Callable[..., tuple[int, list[dict], list[Re
             return end
 
         monkeypatch.setattr("cell.folding.batch.fold", fold)
+        monkeypatch.setattr("cell.folding.batch.write_pages", lambda _, result: result)
         monkeypatch.setattr("cell.folding.batch.calibration_of", lambda *_: None)
         words = ("fold", "--strip", "denim", "--json", "--runs", tmp_path / "r", *words)
         monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])

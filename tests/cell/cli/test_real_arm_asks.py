@@ -122,7 +122,9 @@ def test_way_home_and_fold_of_an_emulated_robot_say_so(configs, monkeypatch, cap
     remark = "emulated robot at 127.0.0.5, on this machine"
     assert capsys.readouterr().out == f"the arm is parked ({remark})\n"
     made = FoldResult("runs/one", "denim", "adaptive", 0, "layer_touch", "", 0, 0.001)
-    monkeypatch.setattr("cell.folding.batch.fold_all", lambda *_, **__: iter([made]))
+    monkeypatch.setattr("cell.folding.batch.agreed", lambda requests, _: requests)
+    monkeypatch.setattr("cell.folding.batch.fold", lambda *_: made)
+    monkeypatch.setattr("cell.folding.batch.write_pages", lambda _, result: result)
     for words, out in (((), True), (("--json",), False)):
         run(monkeypatch, "fold", "--strip", "denim", *words, "--configs", configs)
         said = capsys.readouterr()
@@ -157,6 +159,7 @@ def test_next_run_waits_until_somebody_laid_the_strip(configs, monkeypatch, tmp_
     await_strip(lambda _: "\n")
     laid: list[int] = []
     monkeypatch.setattr("cell.folding.batch.fold", lambda *_, **__: "folded")
+    monkeypatch.setattr("cell.folding.batch.write_pages", lambda _, result: result)
     monkeypatch.setattr("cell.folding.batch.calibration_of", lambda *_: None)
     choice = DeviceSelection(agreed=True)
     wanted = standard_requests(request_for("denim", "", tmp_path, configs, choice=choice))

@@ -16,7 +16,7 @@ from calibration.calibration import save_calibration
 from cell.config.places import find_configs
 from cell.folding.replay import replay
 from cell.record.documents import write_document
-from cell.record.files import REBUILT, RECORDING, REPORT
+from cell.record.files import RECORDING, REPORT
 from cell.record.frames import INDEX, read_index
 from cell.record.listing import list_runs, remove, to_prune
 from cell.record.run import read_broken_run, read_run
@@ -173,13 +173,6 @@ def test_a_picture_that_states_gigabytes_is_not_decoded(folder) -> None:
         list(read_run(folder).frames())
 
 
-def test_the_recording_of_the_fold_itself_is_never_replaced(folder) -> None:
-    (folder / "run.rrd").write_bytes(b"recorded during the fold")
-    path = viz_from_run(folder)
-    assert path == folder / "rebuilt.rrd"
-    assert (folder / "run.rrd").read_bytes() == b"recorded during the fold"
-
-
 def test_a_cells_run_that_died_at_birth_is_explained(tmp_path) -> None:
     folder = tmp_path / "20261120T031500Z-denim-fold-7f3a"
     folder.mkdir()
@@ -206,10 +199,9 @@ def test_an_index_of_images_that_was_changed_is_refused_in_one_line(tmp_path, li
 def linked(finished: Path, tmp_path: Path) -> Path:
     """A run whose report and recording, and what they were made by, lead elsewhere."""
     run = Path(shutil.copytree(finished, tmp_path / "run"))
-    for name in (REPORT, f"{REPORT}.part", REBUILT):
+    for name in (REPORT, f"{REPORT}.part", RECORDING):
         (run / name).unlink(missing_ok=True)
         (run / name).symlink_to(tmp_path / "outside.txt")
-    (run / RECORDING).write_bytes(b"kept")
     (tmp_path / "outside.txt").write_text("mine")
     return run
 
@@ -219,9 +211,8 @@ def test_report_and_recording_replace_links(linked: Path) -> None:
     viz_from_run(linked)
     assert (linked.parent / "outside.txt").read_text() == "mine"
     assert not (linked / REPORT).is_symlink()
-    assert not (linked / REBUILT).is_symlink()
-    assert (linked / REBUILT).stat().st_size > 1000
-    assert (linked / RECORDING).read_bytes() == b"kept"
+    assert not (linked / RECORDING).is_symlink()
+    assert (linked / RECORDING).stat().st_size > 1000
 
 
 def test_linked_run_stays_and_does_not_keep_others(finished: Path, tmp_path: Path) -> None:

@@ -130,7 +130,7 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
         os.sched_setaffinity(0, PROCESSORS[:-1] or PROCESSORS)
         configs = configured(Path(place) / "configs", address, realtime)
         fci = find_configs(configs).cell().fci
-        record = Recording("none", truth=False, page=False)
+        record = Recording("none", truth=False)
         request = request_for(
             strip,
             "feedback",

@@ -12,8 +12,7 @@ from typing import Any, Literal
 
 from cell.campaign.journal import Journal, Record
 from cell.campaign.local import Local
-from cell.campaign.progress import Quiet
-from cell.campaign.run import Engine, Watcher, carry_out
+from cell.campaign.run import Engine, Part, Watcher, carry_out
 from cell.config.places import find_configs
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.schema import Verdict, read_verdict
@@ -191,6 +190,16 @@ def run_exam(
             if entry.state != "made" and kept.of([entry.case]) != (entry,):
                 kept.put(entry)
     return kept.of(cases)
+
+
+class Quiet:
+    """Observer of a campaign that shows nothing."""
+
+    def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
+        """Show nothing at the start."""
+
+    def finish(self, part: Part, record: Record) -> None:
+        """Show nothing after a part."""
 
 
 def entry_of(case: Case, now: Sources, record: Record) -> Entry:

@@ -95,7 +95,7 @@ def refusal(case: Case) -> str | None:
 
 def _requests(case: Case) -> list[tuple[str, Request]]:
     choice = DeviceSelection(seed=case.seed)
-    configs, record = find_configs(None), Recording("none", truth=False, page=False)
+    configs, record = find_configs(None), Recording("none", truth=False)
     known = configs.cell(), configs.strip(case.strip), "", Path(), choice
     base = Request(*known, record=record)
     requests = standard_requests(base)

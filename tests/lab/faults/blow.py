@@ -193,7 +193,7 @@ def _request(blow: Blow, runs: Path) -> Request:
     strip = usual.strip("denim").model_copy(update={"length": 0.36, "spread": {}})
     choice = DeviceSelection(arm=FAULTS[blow.fault].arm, seed=blow.seed)
     known = parse(content, CellFile, "cell"), strip, "triangular", runs, choice
-    return Request(*known, record=Recording("none", page=False))
+    return Request(*known, record=Recording("none"))
 
 
 def _pixels_of_two_mm(calibration: Calibration) -> tuple[float, float]:

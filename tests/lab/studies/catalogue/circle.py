@@ -15,7 +15,7 @@ import numpy as np
 from cell.config.places import Configs, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold, fold_with
-from cell.folding.request import Recording, Request
+from cell.folding.request import Request
 from cell.folding.result import FoldResult
 from cell.folding.standard_runs import standard_requests
 from cell.gap.fit import fit
@@ -84,7 +84,7 @@ class Circle:
         """Request by the files as they are now: accepted effects are in them."""
         configs, choice = Configs(self.configs), DeviceSelection(plant=self.plant, seed=seed)
         known = configs.cell(), configs.strip(self.strip), policy, self.work / when, choice
-        return Request(*known, record=Recording(page=False))
+        return Request(*known)
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:

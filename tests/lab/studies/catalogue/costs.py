@@ -15,7 +15,7 @@ from cell.config.places import find_configs
 from cell.config.unknown import unknown_strip
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
-from cell.folding.request import Recording, Request
+from cell.folding.request import Request
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
@@ -78,13 +78,12 @@ def decision(seed: int, _look: str) -> Mapping[str, list[float]]:
 
 
 def whole(seed: int, _look: str) -> Mapping[str, list[float]]:
-    """Wall time of a whole `cell fold` over its duration, and each turn of its loop [ms]."""
+    """Wall time of a fold and its record over its duration, and each turn of its loop [ms]."""
     calibration, choice = cached_calibration(), DeviceSelection(seed=seed)
     configs = find_configs(None)
     with TemporaryDirectory() as place:
         known = configs.cell(), configs.strip("denim"), "feedback", Path(place), choice
-        request = Request(*known, record=Recording(viz="save"))
-        result = fold(request, calibration=calibration)
+        result = fold(Request(*known), calibration=calibration)
         turns = 1e3 * read_run(Path(result.run)).costs()
     return {"turn": turns.tolist(), "fold": [result.wall / result.duration]}
 

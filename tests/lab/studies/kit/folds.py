@@ -26,7 +26,7 @@ from policies.adaptive.critic import YIELD_UNIT
 from tests.lab.studies.study import Quantity, Statistic
 
 SPECIMEN_NAME = "studied"
-UNRECORDED = Recording("none", page=False)
+UNRECORDED = Recording("none")
 
 
 @cache

@@ -1,19 +1,18 @@
 """Drives the model of a strip with the measured gripper path of a run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from cell.config.cell import CellFile
-from cell.devices.rig_correction import as_recorded
 from cell.record.run import Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel
+from drivers.strip.model import Observation, Rig, StripModel
 from drivers.strip.rod.engine import Rod
 
 STEP = 0.005  # s
@@ -53,11 +52,12 @@ def resimulate(folder: Path) -> Resimulation:
 
 
 def _model(run: Run) -> StripModel:
-    """Strip model of a run, in the rig of its cell where the run's header states one."""
+    """Strip model of a run as its record shows it, without the rig's compensated effects."""
     config = run.header.config
     if config is None:
         return describe(_strip(run))
-    return as_recorded(parse(config, CellFile, f"{run.folder}/run.yaml: config"), _strip(run))
+    settings = parse(config, CellFile, f"{run.folder}/run.yaml: config")
+    return replace(describe(_strip(run), settings.effects), rig=Rig(), observation=Observation())
 
 
 def _strip(run: Run) -> StripFile:
