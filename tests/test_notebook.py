@@ -7,9 +7,6 @@ from pathlib import Path
 
 import pytest
 
-nbclient = pytest.importorskip("nbclient", reason="notebooks cannot be run here")
-nbformat = pytest.importorskip("nbformat", reason="notebooks cannot be run here")
-
 ROOT = Path(__file__).parents[1]
 NOTEBOOK = ROOT / "runbooks" / "first-look.ipynb"
 PATIENCE = 600  # s for one cell
@@ -17,6 +14,9 @@ PATIENCE = 600  # s for one cell
 
 def executed():
     """The notebook with the outputs of a run in the checkout's folder."""
+    import nbclient
+    import nbformat
+
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     nbclient.NotebookClient(
         notebook, timeout=PATIENCE, resources={"metadata": {"path": str(ROOT)}}
@@ -38,10 +38,13 @@ def pictures(notebook) -> int:
 
 @pytest.mark.slow
 def test_notebook_runs_and_shows_what_it_holds() -> None:
+    nbformat = pytest.importorskip("nbformat", reason="notebooks cannot be run here")
     kept, now = nbformat.read(NOTEBOOK, as_version=4), executed()
     assert printed(now) == printed(kept)
     assert pictures(now) == pictures(kept) == 2
 
 
 if __name__ == "__main__":
+    import nbformat
+
     nbformat.write(executed(), NOTEBOOK)

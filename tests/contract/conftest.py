@@ -56,7 +56,7 @@ class StillTime:
 
 
 def _twin() -> Twin:
-    settings = TwinSettings(camera=CameraSettings(width=640, height=360))
+    settings = TwinSettings(camera=CameraSettings(width=320, height=240))
     return open_twin(settings, load_strip(DENIM), None, seed=0)
 
 
@@ -82,7 +82,7 @@ def _fci_bench() -> Bench:
     """The robot's own library in a process of its own, against the robot's protocol."""
     pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
     settings = find_configs(None).cell()
-    camera = CameraSettings(width=640, height=360)
+    camera = CameraSettings(width=320, height=240)
     settings = settings.model_copy(
         update={"twin": settings.twin.model_copy(update={"camera": camera})}
     )

@@ -24,9 +24,8 @@ def _dotted(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-@cache
 def tree(path: Path) -> ast.Module:
-    """The syntax tree of a module, parsed once for all rules of the house."""
+    """The syntax tree of a module."""
     return ast.parse(path.read_text(encoding="utf-8"))
 
 

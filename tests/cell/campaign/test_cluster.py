@@ -19,7 +19,6 @@ from cell.campaign.run import carry_out
 from drivers.errors import ConfigurationError
 from tests.support.campaign_parts import Fine, Noted
 
-pytest.importorskip("distributed", reason="pip install '.[cluster]'")
 pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[3]
@@ -38,6 +37,7 @@ class Grid:
 
     def begin(self) -> None:
         """Start all."""
+        pytest.importorskip("distributed", reason="pip install '.[cluster]'")
         self.scheduler = self._started(
             "scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard"
         )

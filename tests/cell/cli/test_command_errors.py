@@ -18,6 +18,7 @@ def configs(tmp_path: Path) -> Path:
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
     monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])
+    monkeypatch.setattr("__main__.__package__", None)  # else `python -m pytest` is named
     with pytest.raises(SystemExit) as ended:
         main()
     return int(ended.value.code or 0)

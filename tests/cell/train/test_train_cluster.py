@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 from threading import Event, Thread
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,15 +21,14 @@ from drivers.types import Array
 from policies.train.objective import TrainingSettings
 from policies.train.search import Search
 
-distributed = pytest.importorskip("distributed", reason="pip install '.[cluster]'")
-dask = pytest.importorskip("dask", reason="pip install '.[cluster]'")
-
+pytestmark = pytest.mark.slow
 TINY = TrainingSettings(generations=3, population=14, strips=1, segments=20, substeps=1)
 
 
 @pytest.fixture(scope="module")
-def local() -> Iterator[distributed.LocalCluster]:
+def local() -> Iterator[Any]:
     """Two worker processes on loopback, each started again when it dies."""
+    distributed = library()
     with (
         event_loop() as loop,
         distributed.LocalCluster(
@@ -42,6 +42,11 @@ def local() -> Iterator[distributed.LocalCluster]:
         yield started
 
 
+def library() -> Any:
+    """Dask, which takes 80 MB and is imported where a test needs it."""
+    return pytest.importorskip("distributed", reason="pip install '.[cluster]'")
+
+
 def trained(folder: Path, executor: Executor, between: object = None) -> Array:
     run = Search(TINY, folder)
     for step in run.run(executor):
@@ -50,11 +55,10 @@ def trained(folder: Path, executor: Executor, between: object = None) -> Array:
     return run.weights
 
 
-@pytest.mark.slow
 def test_worker_killed_in_mid_run_changes_nothing(local, tmp_path: Path) -> None:
     with ThreadPoolExecutor(1) as here:
         alone = trained(tmp_path / "here", here)
-    with distributed.Client(local, set_as_default=False) as watcher:
+    with library().Client(local, set_as_default=False) as watcher:
         pids = watcher.run(os.getpid)
         address, pid = next(iter(pids.items()))
         killed = Event()
@@ -96,7 +100,7 @@ def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> N
     with pytest.raises(ConfigurationError, match="no scheduler answers") as told, cluster(address):
         pass
     assert "\n" not in str(told.value)
-    clients = [each for each in gc.get_objects() if type(each) is distributed.Client]
+    clients = [each for each in gc.get_objects() if type(each) is library().Client]
     assert all(client.status == "closed" for client in clients)  # another waits 40 s at the end
 
 
@@ -110,7 +114,6 @@ def certificate(folder: Path) -> tuple[str, str]:
     return cert, key
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl")
 def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path, monkeypatch) -> None:
     cert, key = certificate(tmp_path)
@@ -120,7 +123,7 @@ def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path, m
             f"distributed.comm.tls.{role}.cert": cert,
             f"distributed.comm.tls.{role}.key": key,
         }
-    security = distributed.Security(
+    security = library().Security(
         tls_ca_file=cert,
         require_encryption=True,
         **{f"tls_{role}_{kind}": path for role in ("scheduler", "worker", "client")
@@ -129,7 +132,7 @@ def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path, m
     monkeypatch.setattr("cell.campaign.cluster.CONNECT_TIMEOUT", 400.0)
     with (
         event_loop() as loop,
-        distributed.LocalCluster(
+        library().LocalCluster(
             n_workers=1,
             threads_per_worker=1,
             processes=True,
@@ -143,5 +146,5 @@ def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path, m
         assert address.startswith("tls://")
         with pytest.raises(ConfigurationError, match="no scheduler answers"), cluster(address):
             pass
-        with dask.config.set(known), cluster(address) as executor:
+        with pytest.importorskip("dask").config.set(known), cluster(address) as executor:
             assert executor.submit(max, 1, 2).result(timeout=400) == 2

@@ -78,6 +78,7 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
     assert make_policy("feedback", Path(line["checkpoint"])).name == "feedback"
 
 
+@pytest.mark.slow  # PyTorch
 def test_end_of_a_training_through_images_is_printed(monkeypatch, capsys, tmp_path) -> None:
     quality = FitQuality(folds=96, bias=7e-4, within=0.68)
     monkeypatch.setattr("cell.train.transfer.transfer", lambda *_: (Bias(), quality))

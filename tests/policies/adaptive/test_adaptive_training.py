@@ -9,7 +9,6 @@ from cell.parallel import workers
 from drivers.errors import ConfigurationError
 from policies.adaptive.critic import ARRAY_NAMES, Critic
 from policies.adaptive.train.piece import CriticSettings
-from policies.adaptive.train.training import CriticTraining
 
 TINY = CriticSettings(
     pieces=(1,),
@@ -24,6 +23,8 @@ TINY = CriticSettings(
 
 def trained(folder: Path, settings: CriticSettings = TINY, stop_after: int = 99) -> Critic | None:
     """The critic of a training in `folder`; None where it is left after so many steps."""
+    from policies.adaptive.train.training import CriticTraining  # and PyTorch
+
     training = CriticTraining(settings, folder)
     with workers(1) as executor:
         for step in training.run(executor):
@@ -44,7 +45,10 @@ def test_same_seed_gives_the_same_weights_and_so_does_a_resumed_training(tmp_pat
     ).read_bytes()
 
 
+@pytest.mark.slow  # PyTorch
 def test_folder_of_another_training_is_refused(tmp_path: Path) -> None:
+    from policies.adaptive.train.training import CriticTraining
+
     CriticTraining(TINY, tmp_path)
     with pytest.raises(ConfigurationError, match="was begun with other settings"):
         CriticTraining(TINY.model_copy(update={"seed": 1}), tmp_path)
